@@ -1,0 +1,122 @@
+"""The compiled core. Private: users import `viscera`. Translation of the Rust crate `viscera-core`, SI units throughout.
+
+Arrays are C-contiguous: points (n, 3) float64 [m], cells (m, 4) uint32, node indices uint32.
+Every function raises `ValueError` on bad input (one sentence: the place, the value, what to do).
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.uint32]
+
+__version__: str
+
+def surface(points: Floats, cells: Indices) -> Indices:
+    """Boundary triangles (t, 3), oriented outward."""
+
+def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
+    """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],
+    `inverted`, `degenerate`, `duplicate` (cell indices), `loose_points` (point indices), `part` (n,) label of the
+    connected component of each point, `n_parts`."""
+
+class Law:
+    """A constitutive law by name with its parameters, one row for all cells or one row per cell.
+
+    name and parameter columns: "linear", "corotated", "saint_venant_kirchhoff", "neo_hookean" (mu, lam);
+    "mooney_rivlin J-1", "mooney_rivlin J^2-1", "mooney_rivlin ln J" (c1, c2, kappa) with kappa the small-strain bulk modulus.
+    """
+
+    def __init__(self, name: str, parameters: Floats) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def parameters(self) -> Floats: ...
+    def energy(self, F: Floats) -> Floats:
+        """psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), law of the first cell."""
+    def stress(self, F: Floats) -> Floats:
+        """First Piola-Kirchhoff stress P (k, 3, 3) [Pa]."""
+    def tangent(self, F: Floats) -> Floats:
+        """dP/dF (k, 3, 3, 3, 3) [Pa]."""
+
+class Patch:
+    """A weighted mean over surface nodes: sum_i w_i u_i."""
+
+    def __init__(self, nodes: Indices, weights: Floats) -> None: ...
+    nodes: Indices
+    weights: Floats
+
+class Body:
+    """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
+
+    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices) -> None: ...
+    def solve(
+        self,
+        *,
+        prescribed: Indices,  # (k,) degrees of freedom 3 * node + component
+        values: Floats,  # (k,) displacement there at full load [m]
+        force: Floats,  # (n, 3) nodal forces, scaled by the load [N]
+        body_force: Floats,  # (n, 3) nodal forces in full at every load level (gravity) [N]
+        patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
+        start: Floats | None,  # (n, 3) displacement to start from; None = rest
+        steps: int,
+        settings: dict[str, float],  # see `Newton` in core/src/equilibrium/newton.rs
+        on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
+    ) -> dict[str, Any]:
+        """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
+        status (str), is_converged, message, load (fraction reached), iterations, load_steps, residuals (list of
+        lists per load step, relative), seconds (dict)."""
+    def internal_force(self, displacement: Floats) -> Floats: ...
+    def energy(self, displacement: Floats) -> float: ...
+    def gravity(self, gravity: Floats, density: Floats) -> Floats:
+        """Nodal forces (n, 3) of a body force density * gravity; density (1,) or (m,) [kg/m^3]."""
+    def lumped_areas(self) -> Floats:
+        """(n,) a third of the area of the adjacent boundary triangles [m^2]."""
+    def path(
+        self,
+        *,
+        force: Floats,  # (n, 3) at load 1
+        order: int,
+        parameter: str,  # "load" | "arc length"
+        until: float,  # load factor to reach
+        tolerance: float,
+        max_expansions: int,
+    ) -> list[dict[str, Any]]:
+        """ANM continuation: one dict per expansion with `displacement` (order + 1, n, 3), `load` (order + 1,),
+        `range` (a_max of the Pade form), `taylor_range`, `residual` (relative, at the end of the range)."""
+    def patch(self, point: Floats, radius: float) -> Patch:
+        """The smooth contact patch of the given radius [m] around a surface point."""
+    def reduce(
+        self,
+        *,
+        touchable: Indices,  # nodes of the touchable surface
+        radius: float,
+        depth: float,
+        order: int,
+        tolerance: float,
+        metadata: str,  # JSON kept in the file under "user"
+        on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
+    ) -> "Model":
+        """The reduced model of all positions of a touchable surface."""
+
+class Model:
+    """A loaded reduced model and its evaluator."""
+
+    @staticmethod
+    def from_bytes(data: bytes) -> "Model": ...
+    def to_bytes(self) -> bytes: ...
+    @property
+    def metadata(self) -> str:
+        """JSON string: format_version, law, radius, depth, order, tolerance, errors, seconds, user, ..."""
+    def array(self, name: str) -> NDArray[Any]:
+        """A named array of the file (docs/model-file.md): points, cells, surface, touchable, positions, ..."""
+    def evaluate(self, point: Floats, displacement: Floats, field: bool) -> dict[str, Any]:
+        """force (3,) [N], stiffness (3, 3) [N/m], error_estimate, is_trusted, reason (str, empty when trusted),
+        contact_point (3,), and with `field` displacement (n, 3) [m]."""
+    def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
+        """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
+    def weights(self, point: Floats) -> Patch:
+        """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
