@@ -1,0 +1,40 @@
+"""What can go wrong, in one clear sentence: the place, the value, what to do.
+
+Bad input raises `VisceraError` before any work begins. Failure to converge is a status in the result;
+it becomes the exception `NotConverged` only where the caller asks for it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from viscera.state import State
+
+
+class VisceraError(ValueError):
+    """Bad input: what was wrong, with the value, and what to do."""
+
+
+class NotConverged(VisceraError):
+    """A solve that did not reach its load; `state` holds the last equilibrium found."""
+
+    def __init__(self, state: State) -> None:
+        super().__init__(f"the solve did not converge: {state.message or state.status}")
+        self.state = state
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The closing words of an error about an unknown name: the nearest known one, and all of them.
+
+    >>> did_you_mean("hillum", ["anterior", "hilum"])
+    "did you mean 'hilum'? Known: 'anterior', 'hilum'"
+    """
+    words = sorted(known)
+    if not words:
+        return "there are none to choose from"
+    near = difflib.get_close_matches(name.lower(), words, n=1, cutoff=0.4)
+    listing = "known: " + ", ".join(repr(word) for word in words)
+    return f"did you mean {near[0]!r}? {listing.capitalize()}" if near else listing
