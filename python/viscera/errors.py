@@ -30,11 +30,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """The closing words of an error about an unknown name: the nearest known one, and all of them.
 
     >>> did_you_mean("hillum", ["anterior", "hilum"])
-    "did you mean 'hilum'? Known: 'anterior', 'hilum'"
+    "did you mean 'hilum'? (known: 'anterior', 'hilum')"
     """
     words = sorted(known)
     if not words:
         return "there are none to choose from"
-    near = difflib.get_close_matches(name.lower(), words, n=1, cutoff=0.4)
-    listing = "known: " + ", ".join(repr(word) for word in words)
-    return f"did you mean {near[0]!r}? {listing.capitalize()}" if near else listing
+    listing = f"known: {', '.join(map(repr, words))}"
+    near = difflib.get_close_matches(name, words, n=1, cutoff=0.4)
+    return f"did you mean {near[0]!r}? ({listing})" if near else listing
