@@ -1,0 +1,247 @@
+//! Everything a direct solver knows before it sees a value: the elimination order, the supernodes of the
+//! factor, and where each of the caller's values goes. Computed once per pattern.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::linalg::SymbolicSupernodalParams;
+use faer::sparse::linalg::cholesky::simplicial::{
+    prefactorize_symbolic_cholesky, prefactorize_symbolic_cholesky_scratch,
+};
+use faer::sparse::linalg::cholesky::supernodal::{
+    SymbolicSupernodalCholesky, factorize_supernodal_symbolic_cholesky,
+    factorize_supernodal_symbolic_cholesky_scratch,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use faer::{MatMut, Par};
+
+use super::{FactorError, Pattern, ordering};
+
+/// Right-hand sides solved together: enough for the dense kernels, few enough to stay in cache.
+const PANEL: usize = 64;
+
+/// Symbolic factorisation of a pattern, with buffers for the permuted values.
+pub(super) struct Analysis {
+    /// The caller's row eliminated at each step.
+    order: Vec<u32>,
+    pub(super) supernodes: SymbolicSupernodalCholesky<u32>,
+    /// Lower triangle of the permuted matrix.
+    lower: SymbolicSparseColMat<u32>,
+    values: Vec<f64>,
+    /// Where the caller's values go in `values`.
+    target: Vec<u32>,
+}
+
+impl Analysis {
+    /// Orders the pattern and predicts its factor.
+    pub(super) fn new(pattern: &Pattern) -> Result<Self, FactorError> {
+        pattern.validate()?;
+        let order = ordering::elimination_order(pattern)?;
+        let (lower, target) = permuted_lower(pattern, &ordering::inverse(&order));
+        let supernodes = supernodes_of(&lower)?;
+        Ok(Self {
+            order,
+            supernodes,
+            values: vec![0.0; pattern.len()],
+            lower,
+            target,
+        })
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.order.len()
+    }
+
+    /// The caller's row of an elimination step.
+    pub(super) fn row(&self, step: usize) -> usize {
+        self.order[step] as usize
+    }
+
+    /// Takes new values over into elimination order.
+    pub(super) fn load(&mut self, values: &[f64]) -> Result<(), FactorError> {
+        expect_length("values", self.target.len(), values.len())?;
+        for (position, (&value, &target)) in values.iter().zip(&self.target).enumerate() {
+            if !value.is_finite() {
+                return Err(FactorError::NotFinite { position });
+            }
+            self.values[target as usize] = value;
+        }
+        Ok(())
+    }
+
+    /// The loaded matrix in elimination order, lower triangle.
+    pub(super) fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
+        SparseColMatRef::new(self.lower.as_ref(), &self.values)
+    }
+
+    /// The loaded diagonal value of an elimination step.
+    pub(super) fn diagonal(&self, step: usize) -> f64 {
+        self.values[self.lower.col_ptr()[step] as usize]
+    }
+
+    /// Room for the values of a factor.
+    pub(super) fn allocate_factor(&self) -> Result<Vec<f64>, FactorError> {
+        let mut factor = Vec::new();
+        factor
+            .try_reserve_exact(self.supernodes.len_val())
+            .map_err(|_| FactorError::OutOfMemory)?;
+        factor.resize(self.supernodes.len_val(), 0.0);
+        Ok(factor)
+    }
+
+    /// Every step with its pivot position in the values of a factor.
+    pub(super) fn pivots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let symbolic = &self.supernodes;
+        (0..symbolic.n_supernodes()).flat_map(move |s| {
+            let (begin, end) = (
+                symbolic.supernode_begin()[s] as usize,
+                symbolic.supernode_end()[s] as usize,
+            );
+            let first = symbolic.col_ptr_for_val()[s] as usize;
+            let rows = end - begin + symbolic.supernode(s).pattern().len();
+            (begin..end).map(move |step| (step, first + (step - begin) * (rows + 1)))
+        })
+    }
+
+    /// Runs `solve_panel` on the right-hand sides in elimination order, a panel of columns at a time.
+    pub(super) fn solve(
+        &self,
+        rhs: &mut [f64],
+        columns: usize,
+        solve_panel: impl Fn(MatMut<'_, f64>, &mut MemStack),
+    ) -> Result<(), FactorError> {
+        let n = self.n();
+        expect_length("rhs", n * columns, rhs.len())?;
+        if let Some(at) = rhs.iter().position(|value| !value.is_finite()) {
+            return Err(FactorError::RightHandSideNotFinite {
+                row: at % n,
+                column: at / n,
+            });
+        }
+        if n == 0 || columns == 0 {
+            return Ok(());
+        }
+        let width = columns.min(PANEL);
+        let mut panel = vec![0.0; n * width];
+        let request = self
+            .supernodes
+            .solve_in_place_scratch::<f64>(width, Par::Seq);
+        let mut memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
+        for (index, block) in rhs.chunks_mut(n * width).enumerate() {
+            let panel = &mut panel[..block.len()];
+            for (x, b) in panel.chunks_exact_mut(n).zip(block.chunks_exact(n)) {
+                for (x, &row) in x.iter_mut().zip(&self.order) {
+                    *x = b[row as usize];
+                }
+            }
+            let matrix = MatMut::from_column_major_slice_mut(panel, n, block.len() / n);
+            solve_panel(matrix, MemStack::new(&mut memory));
+            for (column, (x, b)) in panel
+                .chunks_exact(n)
+                .zip(block.chunks_exact_mut(n))
+                .enumerate()
+            {
+                for (&x, &row) in x.iter().zip(&self.order) {
+                    if !x.is_finite() {
+                        let column = index * width + column;
+                        return Err(FactorError::SolutionNotFinite {
+                            row: row as usize,
+                            column,
+                        });
+                    }
+                    b[row as usize] = x;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn expect_length(argument: &'static str, expected: usize, found: usize) -> Result<(), FactorError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(FactorError::Length {
+            argument,
+            expected,
+            found,
+        })
+    }
+}
+
+/// Lower triangle of the permuted pattern, and the place there of every entry of the caller's pattern.
+fn permuted_lower(pattern: &Pattern, position: &[u32]) -> (SymbolicSparseColMat<u32>, Vec<u32>) {
+    let n = pattern.n;
+    let permuted = |column: usize, entry: usize| {
+        let (a, b) = (position[pattern.row[entry] as usize], position[column]);
+        (a.min(b) as usize, a.max(b) as usize)
+    };
+    // Two bucket sorts, by row and then stably by column, leave every column ascending.
+    let mut by_row = vec![(0u32, 0u32); pattern.len()];
+    let mut next = vec![0usize; n + 1];
+    for_each_entry(pattern, |column, entry| {
+        next[permuted(column, entry).1 + 1] += 1
+    });
+    accumulate(&mut next);
+    for_each_entry(pattern, |column, entry| {
+        let (left, row) = permuted(column, entry);
+        by_row[next[row]] = (left as u32, entry as u32);
+        next[row] += 1;
+    });
+    let mut start = vec![0usize; n + 1];
+    by_row
+        .iter()
+        .for_each(|&(column, _)| start[column as usize + 1] += 1);
+    accumulate(&mut start);
+    let column_start: Vec<u32> = start.iter().map(|&offset| offset as u32).collect();
+    let (mut rows, mut target) = (vec![0u32; pattern.len()], vec![0u32; pattern.len()]);
+    let mut row = 0;
+    for (index, &(column, entry)) in by_row.iter().enumerate() {
+        while index >= next[row] {
+            row += 1;
+        }
+        let place = &mut start[column as usize];
+        rows[*place] = row as u32;
+        target[entry as usize] = *place as u32;
+        *place += 1;
+    }
+    (
+        SymbolicSparseColMat::new_checked(n, n, column_start, None, rows),
+        target,
+    )
+}
+
+fn for_each_entry(pattern: &Pattern, mut visit: impl FnMut(usize, usize)) {
+    for column in 0..pattern.n {
+        for entry in pattern.column(column) {
+            visit(column, entry);
+        }
+    }
+}
+
+fn accumulate(counts: &mut [usize]) {
+    for i in 1..counts.len() {
+        counts[i] += counts[i - 1];
+    }
+}
+
+/// Supernodes of the factor of a matrix given by its lower triangle.
+fn supernodes_of(
+    lower: &SymbolicSparseColMat<u32>,
+) -> Result<SymbolicSupernodalCholesky<u32>, FactorError> {
+    let n = lower.ncols();
+    let too_large = |_| FactorError::TooLarge { n };
+    // faer predicts from the upper triangle and factorises from the lower one.
+    let upper = lower
+        .as_ref()
+        .transpose()
+        .to_col_major()
+        .map_err(|_| FactorError::OutOfMemory)?;
+    let request = prefactorize_symbolic_cholesky_scratch::<u32>(n, upper.row_idx().len())
+        .or(factorize_supernodal_symbolic_cholesky_scratch::<u32>(n));
+    let mut memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
+    let stack = MemStack::new(&mut memory);
+    let (mut tree, mut counts) = (vec![0i32; n], vec![0u32; n]);
+    let tree = prefactorize_symbolic_cholesky(&mut tree, &mut counts, upper.as_ref(), stack);
+    let parameters = SymbolicSupernodalParams::default();
+    factorize_supernodal_symbolic_cholesky(upper.as_ref(), tree, &counts, stack, parameters)
+        .map_err(too_large)
+}

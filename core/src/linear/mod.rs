@@ -1,0 +1,36 @@
+//! Sparse symmetric linear systems: Cholesky for stable tangents, LDLᵀ for indefinite ones,
+//! conjugate gradients where a factor costs too much. The matrix is a [`Pattern`] that never changes and
+//! a slice of values that changes at every Newton iteration. The dense kernels underneath are faer's;
+//! nothing outside this module sees them.
+
+mod analysis;
+mod cholesky;
+mod error;
+mod ordering;
+mod pattern;
+#[cfg(test)]
+mod test_matrices;
+
+pub use cholesky::Cholesky;
+pub use error::FactorError;
+pub use pattern::Pattern;
+
+/// A direct solver for `A x = b`, `A` symmetric on a fixed [`Pattern`].
+pub trait Factorization: Send + Sync {
+    /// Number of rows of the matrix.
+    fn n(&self) -> usize;
+
+    /// Factorises the matrix whose upper triangle holds `values`, parallel to [`Pattern::row`].
+    ///
+    /// # Errors
+    /// [`FactorError`] names the offending value or pivot; until the next success every solve is refused.
+    fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError>;
+
+    /// Solves for `columns` right-hand sides in place; `rhs` is column-major, `n x columns`.
+    ///
+    /// Any number of threads may solve with one factor at once.
+    ///
+    /// # Errors
+    /// Refuses a right-hand side or a solution that is not finite, and a missing factor.
+    fn solve(&self, rhs: &mut [f64], columns: usize) -> Result<(), FactorError>;
+}
