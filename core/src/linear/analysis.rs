@@ -11,8 +11,8 @@ use faer::sparse::linalg::cholesky::supernodal::{
     factorize_supernodal_symbolic_cholesky_scratch,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
-use faer::{MatMut, Par};
 
+use super::substitution::Panel;
 use super::{FactorError, Pattern, ordering};
 
 /// Right-hand sides solved together: enough for the dense kernels, few enough to stay in cache.
@@ -77,16 +77,6 @@ impl Analysis {
         self.values[self.lower.col_ptr()[step] as usize]
     }
 
-    /// Room for the values of a factor.
-    pub(super) fn allocate_factor(&self) -> Result<Vec<f64>, FactorError> {
-        let mut factor = Vec::new();
-        factor
-            .try_reserve_exact(self.supernodes.len_val())
-            .map_err(|_| FactorError::OutOfMemory)?;
-        factor.resize(self.supernodes.len_val(), 0.0);
-        Ok(factor)
-    }
-
     /// Every step with its pivot position in the values of a factor.
     pub(super) fn pivots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let symbolic = &self.supernodes;
@@ -101,57 +91,36 @@ impl Analysis {
         })
     }
 
-    /// Runs `solve_panel` on the right-hand sides in elimination order, a panel of columns at a time.
+    /// Runs `substitute` on the right-hand sides in elimination order, a panel at a time.
     pub(super) fn solve(
         &self,
         rhs: &mut [f64],
         columns: usize,
-        solve_panel: impl Fn(MatMut<'_, f64>, &mut MemStack),
+        substitute: impl Fn(&mut Panel) -> Result<(), FactorError>,
     ) -> Result<(), FactorError> {
         let n = self.n();
         expect_length("rhs", n * columns, rhs.len())?;
         if let Some(at) = rhs.iter().position(|value| !value.is_finite()) {
-            return Err(FactorError::RightHandSideNotFinite {
-                row: at % n,
-                column: at / n,
-            });
+            let (row, column) = (at % n, at / n);
+            return Err(FactorError::RightHandSideNotFinite { row, column });
         }
-        if n == 0 || columns == 0 {
+        if rhs.is_empty() {
             return Ok(());
         }
         let width = columns.min(PANEL);
-        let mut panel = vec![0.0; n * width];
-        let request = self
-            .supernodes
-            .solve_in_place_scratch::<f64>(width, Par::Seq);
-        let mut memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
-        for (index, block) in rhs.chunks_mut(n * width).enumerate() {
-            let panel = &mut panel[..block.len()];
-            for (x, b) in panel.chunks_exact_mut(n).zip(block.chunks_exact(n)) {
-                for (x, &row) in x.iter_mut().zip(&self.order) {
-                    *x = b[row as usize];
-                }
-            }
-            let matrix = MatMut::from_column_major_slice_mut(panel, n, block.len() / n);
-            solve_panel(matrix, MemStack::new(&mut memory));
-            for (column, (x, b)) in panel
-                .chunks_exact(n)
-                .zip(block.chunks_exact_mut(n))
-                .enumerate()
-            {
-                for (&x, &row) in x.iter().zip(&self.order) {
-                    if !x.is_finite() {
-                        let column = index * width + column;
-                        return Err(FactorError::SolutionNotFinite {
-                            row: row as usize,
-                            column,
-                        });
-                    }
-                    b[row as usize] = x;
-                }
-            }
+        let mut panel = Panel::new(&self.supernodes, width)?;
+        for block in rhs.chunks_mut(n * width) {
+            panel.gather(block, &self.order);
+            substitute(&mut panel)?;
+            panel.scatter(block, &self.order);
         }
-        Ok(())
+        match rhs.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(FactorError::SolutionNotFinite {
+                row: at % n,
+                column: at / n,
+            }),
+            None => Ok(()),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ mod cholesky;
 mod error;
 mod ordering;
 mod pattern;
+mod substitution;
 #[cfg(test)]
 mod test_matrices;
 
