@@ -1,8 +1,22 @@
-//! The private module `viscera._core`.
+//! The private module `viscera._core`: translation between NumPy arrays and `viscera-core`.
+//!
+//! `python/viscera/_core.pyi` documents what is exported. No numerics here: every function
+//! converts its arguments, makes one call with the interpreter released, and converts the result.
+
+mod body;
+mod convert;
+mod law;
+mod mesh;
+
 use pyo3::prelude::*;
 
 #[pymodule]
 fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_function(wrap_pyfunction!(mesh::surface, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
+    m.add_class::<law::Law>()?;
+    m.add_class::<mesh::Patch>()?;
+    m.add_class::<body::Body>()?;
     Ok(())
 }

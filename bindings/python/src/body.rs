@@ -1,0 +1,232 @@
+//! The body and its statics.
+
+use crate::{convert, law::Law, mesh::Patch};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::collections::BTreeMap;
+use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
+use viscera_core::{body, mesh};
+
+/// Mesh + law + fixed nodes.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Body {
+    pub body: body::Body,
+    pub surface: mesh::Surface,
+    pub fixed: Vec<u32>,
+}
+
+#[pymethods]
+impl Body {
+    #[new]
+    fn new(
+        points: PyReadonlyArray2<f64>,
+        cells: PyReadonlyArray2<u32>,
+        law: &Law,
+        fixed: PyReadonlyArray1<u32>,
+    ) -> PyResult<Self> {
+        let (points, cells) = (convert::points("points", &points)?, convert::cells(&cells)?);
+        let body = body::Body::new(points, cells, law.material.clone()).map_err(convert::error)?;
+        let surface = mesh::surface(body.points(), body.cells());
+        let surface = mesh::Surface::new(body.points(), &surface);
+        let mut fixed = fixed.as_array().to_vec();
+        fixed.sort_unstable();
+        fixed.dedup();
+        if let Some(node) = fixed
+            .iter()
+            .find(|&&node| node as usize >= body.points().len())
+        {
+            return Err(PyValueError::new_err(format!(
+                "fixed point {node} does not exist; there are {} points",
+                body.points().len()
+            )));
+        }
+        Ok(Body {
+            body,
+            surface,
+            fixed,
+        })
+    }
+
+    #[pyo3(signature = (*, prescribed, values, force, body_force, patches, start, steps, settings, on_progress))]
+    #[allow(clippy::too_many_arguments)]
+    fn solve<'py>(
+        &self,
+        py: Python<'py>,
+        prescribed: PyReadonlyArray1<u32>,
+        values: PyReadonlyArray1<f64>,
+        force: PyReadonlyArray2<f64>,
+        body_force: PyReadonlyArray2<f64>,
+        patches: Vec<(PyRef<'py, Patch>, PyReadonlyArray1<'py, f64>)>,
+        start: Option<PyReadonlyArray2<f64>>,
+        steps: usize,
+        settings: BTreeMap<String, f64>,
+        on_progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let n = self.body.points().len();
+        let (dofs, values) = (prescribed.as_array(), values.as_array());
+        if dofs.len() != values.len() {
+            return Err(PyValueError::new_err(format!(
+                "{} prescribed degrees of freedom but {} values",
+                dofs.len(),
+                values.len()
+            )));
+        }
+        let fixed = self
+            .fixed
+            .iter()
+            .flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
+        let mut total = convert::dofs("force", &force, n)?;
+        let body_force = convert::dofs("body_force", &body_force, n)?;
+        total.iter_mut().zip(&body_force).for_each(|(f, b)| *f += b);
+        let patches = patches
+            .iter()
+            .map(|(patch, d)| {
+                let displacement = convert::vector("patch displacement", d)?;
+                Ok(PatchLoad {
+                    patch: patch.patch.clone(),
+                    displacement,
+                })
+            })
+            .collect::<PyResult<Vec<_>>>()?;
+        let problem = Problem {
+            body: &self.body,
+            prescribed: fixed
+                .chain(dofs.iter().copied().zip(values.iter().copied()))
+                .collect(),
+            force: total.clone(),
+            patches,
+            start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
+        };
+        let newton = newton_settings(steps, &settings)?;
+        let mut watch = Watch::new(on_progress);
+        let result = py.detach(|| newton.solve(&problem, &mut |load| watch.report((load,))));
+        let state = watch.outcome(result)?;
+        state_dict(py, &self.body, state, total)
+    }
+
+    fn internal_force<'py>(
+        &self,
+        py: Python<'py>,
+        displacement: PyReadonlyArray2<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
+        let mut force = vec![0.0; u.len()];
+        py.detach(|| self.body.internal_force(&u, &mut force));
+        convert::field(py, force)
+    }
+
+    fn energy(&self, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {
+        let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
+        Ok(self.body.energy(&u))
+    }
+
+    fn gravity<'py>(
+        &self,
+        py: Python<'py>,
+        gravity: PyReadonlyArray1<f64>,
+        density: PyReadonlyArray1<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let gravity = convert::vector("gravity", &gravity)?;
+        let force = self
+            .body
+            .gravity(gravity, &density.as_array().to_vec())
+            .map_err(convert::error)?;
+        convert::field(py, force)
+    }
+
+    fn lumped_areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.surface.lumped_areas())
+    }
+}
+
+fn newton_settings(steps: usize, settings: &BTreeMap<String, f64>) -> PyResult<Newton> {
+    let mut newton = Newton {
+        steps,
+        ..Newton::default()
+    };
+    for (name, &value) in settings {
+        match name.as_str() {
+            "tolerance" => newton.tolerance = value,
+            "max_iterations" => newton.max_iterations = value as usize,
+            "max_backtracks" => newton.max_backtracks = value as usize,
+            "smallest_step" => newton.smallest_step = value,
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "no setting is called {name:?}; there are tolerance, max_iterations, max_backtracks, smallest_step"
+                )));
+            }
+        }
+    }
+    Ok(newton)
+}
+
+fn state_dict<'py>(
+    py: Python<'py>,
+    body: &body::Body,
+    state: Equilibrium,
+    external_force: Vec<f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("volume", body.volume(&state.displacement))?;
+    dict.set_item("displacement", convert::field(py, state.displacement)?)?;
+    dict.set_item("internal_force", convert::field(py, state.internal_force)?)?;
+    dict.set_item("external_force", convert::field(py, external_force)?)?;
+    dict.set_item("patch_forces", convert::table(py, &state.patch_forces)?)?;
+    dict.set_item("energy", state.energy)?;
+    dict.set_item("status", state.status.name())?;
+    dict.set_item("is_converged", state.status.is_converged())?;
+    dict.set_item("message", state.message)?;
+    dict.set_item("load", state.load)?;
+    dict.set_item("iterations", state.iterations)?;
+    dict.set_item("load_steps", state.residuals.len())?;
+    dict.set_item("residuals", PyList::new(py, state.residuals)?)?;
+    let seconds = PyDict::new(py);
+    seconds.set_item("analysis", state.seconds.analysis)?;
+    seconds.set_item("assembly", state.seconds.assembly)?;
+    seconds.set_item("factorization", state.seconds.factorization)?;
+    seconds.set_item("solve", state.seconds.solve)?;
+    seconds.set_item("total", state.seconds.total)?;
+    dict.set_item("seconds", seconds)?;
+    Ok(dict)
+}
+
+/// A Python progress callback seen from the core: it may raise, and Ctrl-C counts as raising.
+pub struct Watch {
+    callback: Option<Py<PyAny>>,
+    raised: Option<PyErr>,
+}
+
+impl Watch {
+    pub fn new(callback: Option<Py<PyAny>>) -> Self {
+        Watch {
+            callback,
+            raised: None,
+        }
+    }
+
+    /// Calls back with the interpreter attached; false asks the core to stop.
+    pub fn report<A>(&mut self, arguments: A) -> bool
+    where
+        A: for<'py> pyo3::call::PyCallArgs<'py>,
+    {
+        let outcome = Python::attach(|py| {
+            py.check_signals()?;
+            if let Some(callback) = &self.callback {
+                callback.call1(py, arguments)?;
+            }
+            Ok(())
+        });
+        self.raised = outcome.err();
+        self.raised.is_none()
+    }
+
+    /// The result, or what the callback raised.
+    pub fn outcome<T>(self, result: Result<T, viscera_core::Error>) -> PyResult<T> {
+        match self.raised {
+            Some(raised) => Err(raised),
+            None => result.map_err(convert::error),
+        }
+    }
+}

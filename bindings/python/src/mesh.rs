@@ -1,0 +1,81 @@
+//! Mesh topology and contact patches.
+
+use crate::convert;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use viscera_core::mesh;
+
+/// Points and cells with every index in range.
+fn checked(
+    points: &PyReadonlyArray2<f64>,
+    cells: &PyReadonlyArray2<u32>,
+) -> PyResult<(Vec<[f64; 3]>, Vec<[u32; 4]>)> {
+    let (points, cells) = (convert::points("points", points)?, convert::cells(cells)?);
+    if let Some((cell, node)) = mesh::index_out_of_range(points.len(), &cells) {
+        return Err(PyValueError::new_err(format!(
+            "cell {cell} uses point {node}; there are {} points",
+            points.len()
+        )));
+    }
+    Ok((points, cells))
+}
+
+#[pyfunction]
+pub fn surface<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<Bound<'py, PyArray2<u32>>> {
+    let (points, cells) = checked(&points, &cells)?;
+    convert::table(py, &mesh::surface(&points, &cells))
+}
+
+#[pyfunction]
+pub fn inspect<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (points, cells) = checked(&points, &cells)?;
+    let report = py.detach(|| mesh::inspect(&points, &cells));
+    let facts = PyDict::new(py);
+    facts.set_item("volume", report.volume)?;
+    facts.set_item("cell_volumes", PyArray1::from_vec(py, report.cell_volumes))?;
+    facts.set_item("quality", PyArray1::from_vec(py, report.quality))?;
+    facts.set_item("inverted", PyArray1::from_vec(py, report.inverted))?;
+    facts.set_item("degenerate", PyArray1::from_vec(py, report.degenerate))?;
+    facts.set_item("duplicate", PyArray1::from_vec(py, report.duplicate))?;
+    facts.set_item("loose_points", PyArray1::from_vec(py, report.loose_points))?;
+    facts.set_item("part", PyArray1::from_vec(py, report.part))?;
+    facts.set_item("n_parts", report.n_parts)?;
+    Ok(facts)
+}
+
+/// A weighted mean over surface nodes.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Patch {
+    pub patch: mesh::Patch,
+}
+
+#[pymethods]
+impl Patch {
+    #[new]
+    fn new(nodes: PyReadonlyArray1<u32>, weights: PyReadonlyArray1<f64>) -> Self {
+        let (nodes, weights) = (nodes.as_array().to_vec(), weights.as_array().to_vec());
+        Patch {
+            patch: mesh::Patch { nodes, weights },
+        }
+    }
+
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.patch.nodes)
+    }
+
+    #[getter]
+    fn weights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.patch.weights)
+    }
+}

@@ -1,0 +1,505 @@
+//! Newton's method with an energy line search and adaptive load steps.
+//!
+//! A load step leads from an equilibrium to the target along a straight homotopy: the out-of-
+//! balance force of the start fades as `1 - load`, prescribed values move linearly. A step that
+//! fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
+//! descent direction, and said so.
+
+use super::problem::Problem;
+use super::system::{System, patch_mean};
+use crate::body::{Body, SymmetricBlocks};
+use crate::error::Error;
+use crate::linear::FactorError;
+use std::time::Instant;
+
+/// Settings.
+#[derive(Clone, Copy, Debug)]
+pub struct Newton {
+    /// Residual on the free degrees of freedom, relative to the norm of all nodal forces.
+    pub tolerance: f64,
+    /// Iterations in one load step before it is cut.
+    pub max_iterations: usize,
+    /// Halvings of a Newton step in the line search.
+    pub max_backtracks: usize,
+    /// Load steps to begin with.
+    pub steps: usize,
+    /// Smallest load step before the solver gives up.
+    pub smallest_step: f64,
+}
+
+impl Default for Newton {
+    fn default() -> Self {
+        Newton {
+            tolerance: 1e-9,
+            max_iterations: 30,
+            max_backtracks: 12,
+            steps: 1,
+            smallest_step: 1.0 / 1024.0,
+        }
+    }
+}
+
+/// How a solution ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// Equilibrium at the full load, stable.
+    Converged,
+    /// Equilibrium at the full load, reached through states whose tangent was not positive
+    /// definite: the path passed an instability and another equilibrium may exist.
+    ConvergedPastInstability,
+    /// The load step became too small; the result is the last equilibrium.
+    StepTooSmall,
+}
+
+impl Status {
+    /// Whether the full load was reached.
+    pub fn is_converged(self) -> bool {
+        self != Status::StepTooSmall
+    }
+
+    /// Its name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Converged => "converged",
+            Status::ConvergedPastInstability => "converged past an instability",
+            Status::StepTooSmall => "step too small",
+        }
+    }
+}
+
+/// Where the time went [s].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seconds {
+    /// Pattern, ordering, symbolic factorisation.
+    pub analysis: f64,
+    /// Element loops and assembly.
+    pub assembly: f64,
+    /// Numeric factorisation.
+    pub factorization: f64,
+    /// Triangular solves.
+    pub solve: f64,
+    /// Everything.
+    pub total: f64,
+}
+
+/// A solution with its history.
+pub struct Equilibrium {
+    /// Displacement [m].
+    pub displacement: Vec<f64>,
+    /// Internal force [N]; minus the external force, the reactions where something is prescribed.
+    pub internal_force: Vec<f64>,
+    /// Force of each patch's tool on the body [N].
+    pub patch_forces: Vec<[f64; 3]>,
+    /// Strain energy [J].
+    pub energy: f64,
+    /// How it ended.
+    pub status: Status,
+    /// One sentence for people: why it ended so, with numbers.
+    pub message: String,
+    /// Load fraction reached, 1 for the full load.
+    pub load: f64,
+    /// Newton iterations in all, failed load steps included.
+    pub iterations: usize,
+    /// Relative residuals of each load step that succeeded.
+    pub residuals: Vec<Vec<f64>>,
+    /// Timings.
+    pub seconds: Seconds,
+}
+
+/// Why a load step was given up.
+enum Cut {
+    Inverted { cell: usize, jacobian: f64 },
+    NoDescent { residual: f64 },
+    Iterations { residual: f64 },
+    Factor(FactorError),
+}
+
+impl Newton {
+    /// Solves a load case; `progress` receives the load fraction reached and may return false to
+    /// stop.
+    ///
+    /// # Errors
+    /// Bad input ([`Problem::check`]), bad settings, or a stop on request. Failure to converge is a
+    /// status, not an error.
+    pub fn solve(
+        &self,
+        problem: &Problem,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Equilibrium, Error> {
+        self.check()?;
+        problem.check()?;
+        let clock = Instant::now();
+        let mut run = Run::new(*self, problem)?;
+        run.seconds.analysis = clock.elapsed().as_secs_f64();
+        let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
+        while run.load < 1.0 {
+            let target = if run.load + 1.001 * step >= 1.0 {
+                1.0
+            } else {
+                run.load + step
+            };
+            match run.advance(target) {
+                Ok(iterations) => {
+                    if iterations <= 6 {
+                        step = (2.0 * step).min(1.0 / self.steps.max(1) as f64);
+                    }
+                    if !progress(run.load) {
+                        return Err(Error::Cancelled);
+                    }
+                }
+                Err(cut) => {
+                    step *= 0.5;
+                    last_cut = Some(cut);
+                    if step < self.smallest_step {
+                        break;
+                    }
+                    if !progress(run.load) {
+                        return Err(Error::Cancelled);
+                    }
+                }
+            }
+        }
+        run.seconds.total = clock.elapsed().as_secs_f64();
+        Ok(run.finish(last_cut))
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        let positive = |x: f64| x.is_finite() && x > 0.0;
+        if !positive(self.tolerance) || !positive(self.smallest_step) || self.max_iterations == 0 {
+            return Err(Error::input(format!(
+                "Newton settings: tolerance {}, smallest_step {}, max_iterations {}; all must be positive",
+                self.tolerance, self.smallest_step, self.max_iterations
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// The state of a solution in progress; `u`, `multipliers` and `load` always hold an equilibrium.
+struct Run<'a> {
+    settings: Newton,
+    problem: &'a Problem<'a>,
+    system: System,
+    tangent: SymmetricBlocks,
+    u: Vec<f64>,
+    multipliers: Vec<f64>,
+    load: f64,
+    start: Vec<f64>,
+    start_means: Vec<[f64; 3]>,
+    /// Out-of-balance force of the start state on the free degrees of freedom.
+    imbalance: Vec<f64>,
+    iterations: usize,
+    residuals: Vec<Vec<f64>>,
+    unstable: Option<(f64, usize)>,
+    seconds: Seconds,
+}
+
+impl<'a> Run<'a> {
+    fn new(settings: Newton, problem: &'a Problem<'a>) -> Result<Self, Error> {
+        let body = problem.body;
+        let tangent = body.zero_tangent();
+        let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
+        let patches = problem
+            .patches
+            .iter()
+            .map(|load| load.patch.clone())
+            .collect();
+        let system = System::new(&tangent, body.n_dofs(), prescribed, patches)?;
+        let start = problem
+            .start
+            .clone()
+            .unwrap_or_else(|| vec![0.0; body.n_dofs()]);
+        if !body.energy(&start).is_finite() {
+            let (jacobian, cell) = body.smallest_jacobian(&start);
+            return Err(Error::input(format!(
+                "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
+            )));
+        }
+        let mut imbalance = vec![0.0; body.n_dofs()];
+        body.internal_force(&start, &mut imbalance);
+        for (r, f) in imbalance.iter_mut().zip(&problem.force) {
+            *r -= f;
+        }
+        let start_means = system.patch_means(&start);
+        Ok(Run {
+            settings,
+            problem,
+            u: start.clone(),
+            multipliers: vec![0.0; 3 * problem.patches.len()],
+            load: 0.0,
+            start,
+            start_means,
+            imbalance,
+            system,
+            tangent,
+            iterations: 0,
+            residuals: Vec::new(),
+            unstable: None,
+            seconds: Seconds::default(),
+        })
+    }
+
+    fn body(&self) -> &'a Body {
+        self.problem.body
+    }
+
+    /// External force at a load: the target plus what is left of the start's imbalance.
+    fn external_force(&self, load: f64) -> Vec<f64> {
+        let left = 1.0 - load;
+        self.problem
+            .force
+            .iter()
+            .zip(&self.imbalance)
+            .map(|(f, r)| f + left * r)
+            .collect()
+    }
+
+    /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
+    fn advance(&mut self, load: f64) -> Result<usize, Cut> {
+        let external = self.external_force(load);
+        let mut u = self.u.clone();
+        let mut multipliers = self.multipliers.clone();
+        let mut force = vec![0.0; u.len()];
+        let mut history = Vec::new();
+        for iteration in 0..=self.settings.max_iterations {
+            let clock = Instant::now();
+            self.body()
+                .internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            self.seconds.assembly += clock.elapsed().as_secs_f64();
+            let (residual, norm) = self.residual(&force, &external, &multipliers);
+            let moving = iteration == 0;
+            if !moving {
+                history.push(norm);
+                if norm <= self.settings.tolerance {
+                    self.accept(u, multipliers, load, history);
+                    return Ok(iteration);
+                }
+            }
+            if iteration == self.settings.max_iterations {
+                return Err(Cut::Iterations { residual: norm });
+            }
+            self.iterations += 1;
+            self.factorize(load)?;
+            let clock = Instant::now();
+            let (step, change) = self.newton_step(&u, &residual, load, moving)?;
+            self.seconds.solve += clock.elapsed().as_secs_f64();
+            let length = if moving {
+                self.check_inversion(&u, &step)?;
+                1.0
+            } else {
+                self.line_search(&u, &step, &external, &residual, norm)?
+            };
+            u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
+            multipliers
+                .iter_mut()
+                .zip(&change)
+                .for_each(|(m, c)| *m += length * c);
+        }
+        unreachable!("the loop returns on its last iteration")
+    }
+
+    fn accept(&mut self, u: Vec<f64>, multipliers: Vec<f64>, load: f64, history: Vec<f64>) {
+        self.u = u;
+        self.multipliers = multipliers;
+        self.load = load;
+        self.residuals.push(history);
+    }
+
+    /// `f_int - f_ext - W^T F` on the free degrees of freedom, and its norm relative to that of
+    /// all nodal forces.
+    fn residual(&self, force: &[f64], external: &[f64], multipliers: &[f64]) -> (Vec<f64>, f64) {
+        let mut out: Vec<f64> = force.iter().zip(external).map(|(i, e)| i - e).collect();
+        for (load, m) in self.problem.patches.iter().zip(multipliers.chunks_exact(3)) {
+            for (&node, &w) in load.patch.nodes.iter().zip(&load.patch.weights) {
+                for i in 0..3 {
+                    out[3 * node as usize + i] -= w * m[i];
+                }
+            }
+        }
+        let free: Vec<f64> = self
+            .system
+            .free()
+            .iter()
+            .map(|&dof| out[dof as usize])
+            .collect();
+        let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+        let scale = square(force).max(square(external)).sqrt();
+        let norm = square(&free).sqrt();
+        (free, if scale > 0.0 { norm / scale } else { 0.0 })
+    }
+
+    /// Factorises the tangent, shifted where it is not positive definite.
+    fn factorize(&mut self, load: f64) -> Result<(), Cut> {
+        let clock = Instant::now();
+        let mut shift = 0.0;
+        loop {
+            match self.system.factorize(&self.tangent, shift) {
+                Ok(()) => break,
+                Err(FactorError::NotPositiveDefinite { row }) if shift < 10.0 => {
+                    self.unstable = Some((load, row));
+                    shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
+                }
+                Err(error) => return Err(Cut::Factor(error)),
+            }
+        }
+        self.seconds.factorization += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// The full-length step; the first one of a load step also moves what is prescribed.
+    fn newton_step(
+        &self,
+        u: &[f64],
+        residual: &[f64],
+        load: f64,
+        moving: bool,
+    ) -> Result<(Vec<f64>, Vec<f64>), Cut> {
+        let mut step = vec![0.0; u.len()];
+        let mut rhs: Vec<f64> = residual.iter().map(|r| -r).collect();
+        if moving {
+            for &(dof, value) in &self.problem.prescribed {
+                let dof = dof as usize;
+                step[dof] = self.start[dof] + load * (value - self.start[dof]) - u[dof];
+            }
+            let mut force = vec![0.0; u.len()];
+            self.tangent.multiply(&step, &mut force);
+            for (b, &dof) in rhs.iter_mut().zip(self.system.free()) {
+                *b -= force[dof as usize];
+            }
+        }
+        let gap: Vec<f64> = self
+            .problem
+            .patches
+            .iter()
+            .zip(&self.start_means)
+            .flat_map(|(patch, start)| {
+                let now = patch_mean(&patch.patch, u);
+                let held = patch_mean(&patch.patch, &step);
+                std::array::from_fn::<f64, 3, _>(|i| {
+                    start[i] + load * (patch.displacement[i] - start[i]) - now[i] - held[i]
+                })
+            })
+            .collect();
+        let change = self.system.solve(&mut rhs, &gap).map_err(Cut::Factor)?;
+        for (s, &dof) in rhs.iter().zip(self.system.free()) {
+            step[dof as usize] = *s;
+        }
+        Ok((step, change))
+    }
+
+    fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
+        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
+        if self.body().energy(&trial).is_finite() {
+            return Ok(());
+        }
+        let (jacobian, cell) = self.body().smallest_jacobian(&trial);
+        Err(Cut::Inverted { cell, jacobian })
+    }
+
+    /// Backtracks until the total potential falls (Armijo); it is infinite where a cell inverts.
+    fn line_search(
+        &self,
+        u: &[f64],
+        step: &[f64],
+        external: &[f64],
+        residual: &[f64],
+        norm: f64,
+    ) -> Result<f64, Cut> {
+        let potential = |length: f64| {
+            let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + length * s).collect();
+            let work: f64 = trial.iter().zip(external).map(|(u, f)| u * f).sum();
+            let energy = self.body().energy(&trial);
+            (energy - work, energy.abs() + work.abs())
+        };
+        let (start, magnitude) = potential(0.0);
+        let free = self.system.free();
+        let slope: f64 = residual
+            .iter()
+            .zip(free)
+            .map(|(r, &d)| r * step[d as usize])
+            .sum();
+        let rounding = 1e-13 * magnitude;
+        let mut length = 1.0;
+        for _ in 0..=self.settings.max_backtracks {
+            let (value, _) = potential(length);
+            if value <= start + 1e-4 * length * slope + rounding {
+                return Ok(length);
+            }
+            length *= 0.5;
+        }
+        Err(Cut::NoDescent { residual: norm })
+    }
+
+    fn finish(mut self, cut: Option<Cut>) -> Equilibrium {
+        let body = self.body();
+        let mut internal_force = vec![0.0; body.n_dofs()];
+        body.internal_force(&self.u, &mut internal_force);
+        let status = match (self.load >= 1.0, self.unstable) {
+            (false, _) => Status::StepTooSmall,
+            (true, None) => Status::Converged,
+            (true, Some(_)) => Status::ConvergedPastInstability,
+        };
+        let message = self.message(status, cut);
+        Equilibrium {
+            energy: body.energy(&self.u),
+            displacement: std::mem::take(&mut self.u),
+            internal_force,
+            patch_forces: self
+                .multipliers
+                .chunks_exact(3)
+                .map(|m| [m[0], m[1], m[2]])
+                .collect(),
+            status,
+            message,
+            load: self.load,
+            iterations: self.iterations,
+            residuals: self.residuals,
+            seconds: self.seconds,
+        }
+    }
+
+    fn message(&self, status: Status, cut: Option<Cut>) -> String {
+        let load = self.load;
+        let mut text = match status {
+            Status::Converged => format!("converged in {} iterations", self.iterations),
+            Status::ConvergedPastInstability | Status::StepTooSmall => match (status, cut) {
+                (Status::StepTooSmall, Some(cut)) => {
+                    format!("stopped at load {load:.4}: {}", cut.sentence())
+                }
+                _ => format!("converged in {} iterations", self.iterations),
+            },
+        };
+        if let Some((load, dof)) = self.unstable {
+            text += &format!(
+                "; the tangent was not positive definite at load {load:.4} (point {}): \
+                 the path passes an instability",
+                dof / 3
+            );
+        }
+        let law = self.body().material().name();
+        if status == Status::StepTooSmall && law == "saint_venant_kirchhoff" {
+            text += "; Saint Venant-Kirchhoff collapses in compression, a known flaw of the law: \
+                     use neo_hookean";
+        }
+        text
+    }
+}
+
+impl Cut {
+    fn sentence(&self) -> String {
+        match self {
+            Cut::Inverted { cell, jacobian } => {
+                format!(
+                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
+                )
+            }
+            Cut::NoDescent { residual } => {
+                format!("no step lowers the energy (relative residual {residual:.1e})")
+            }
+            Cut::Iterations { residual } => {
+                format!("too many iterations (relative residual {residual:.1e})")
+            }
+            Cut::Factor(error) => error.to_string(),
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! What is to be solved: the loads on a body, checked before any work starts.
+
+use crate::body::Body;
+use crate::error::Error;
+use crate::mesh::Patch;
+
+/// A tool that prescribes the weighted mean displacement of a patch, `sum_i w_i u_i = d`.
+#[derive(Clone, Debug)]
+pub struct PatchLoad {
+    /// Nodes and weights.
+    pub patch: Patch,
+    /// The mean displacement `d` [m].
+    pub displacement: [f64; 3],
+}
+
+/// One static load case.
+pub struct Problem<'a> {
+    /// The body.
+    pub body: &'a Body,
+    /// Prescribed degrees of freedom `3 node + component` and their displacements [m].
+    pub prescribed: Vec<(u32, f64)>,
+    /// Dead nodal forces [N], gravity included.
+    pub force: Vec<f64>,
+    /// Prescribed mean displacements.
+    pub patches: Vec<PatchLoad>,
+    /// Displacement to start from [m]; `None` is the rest state.
+    pub start: Option<Vec<f64>>,
+}
+
+impl Problem<'_> {
+    /// Checks lengths, index ranges and finiteness, and that enough is held.
+    ///
+    /// # Errors
+    /// Anything out of range, given twice or not finite; a connected part of the body on which
+    /// nothing is prescribed in some direction.
+    pub fn check(&self) -> Result<(), Error> {
+        let n = self.body.n_dofs();
+        for (name, values) in [
+            ("force", Some(&self.force)),
+            ("start displacement", self.start.as_ref()),
+        ] {
+            let Some(values) = values else { continue };
+            if values.len() != n {
+                return Err(Error::input(format!(
+                    "{name} has {} values; it needs {n}, three for each point",
+                    values.len()
+                )));
+            }
+            if let Some(dof) = values.iter().position(|v| !v.is_finite()) {
+                return Err(Error::input(format!(
+                    "{name} is {} at point {}; it must be finite",
+                    values[dof],
+                    dof / 3
+                )));
+            }
+        }
+        self.check_prescribed(n)?;
+        for (k, load) in self.patches.iter().enumerate() {
+            check_patch(k, load, self.body.points().len())?;
+        }
+        self.check_support()
+    }
+
+    fn check_prescribed(&self, n: usize) -> Result<(), Error> {
+        let mut seen = vec![false; n];
+        for &(dof, value) in &self.prescribed {
+            let (node, component) = (dof / 3, ["x", "y", "z"][dof as usize % 3]);
+            if dof as usize >= n {
+                return Err(Error::input(format!(
+                    "displacement is prescribed at point {node}; there are {} points",
+                    n / 3
+                )));
+            }
+            if !value.is_finite() {
+                return Err(Error::input(format!(
+                    "prescribed {component} displacement of point {node} is {value}; it must be finite"
+                )));
+            }
+            if std::mem::replace(&mut seen[dof as usize], true) {
+                return Err(Error::input(format!(
+                    "the {component} displacement of point {node} is prescribed twice; give it once"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Every connected part needs something to hold it in each direction.
+    fn check_support(&self) -> Result<(), Error> {
+        let labels = part_of_nodes(self.body);
+        let parts = labels.iter().max().map_or(0, |&l| l as usize + 1);
+        let mut held = vec![[false; 3]; parts];
+        for &(dof, _) in &self.prescribed {
+            held[labels[dof as usize / 3] as usize][dof as usize % 3] = true;
+        }
+        for load in &self.patches {
+            for &node in &load.patch.nodes {
+                held[labels[node as usize] as usize] = [true; 3];
+            }
+        }
+        for (part, held) in held.iter().enumerate() {
+            if let Some(component) = held.iter().position(|h| !h) {
+                let nodes = labels.iter().filter(|&&l| l as usize == part).count();
+                let first = labels.iter().position(|&l| l as usize == part).unwrap_or(0);
+                return Err(Error::input(format!(
+                    "nothing holds the part of {nodes} points around point {first} in {}; \
+                     fix some of its points",
+                    ["x", "y", "z"][component]
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn check_patch(k: usize, load: &PatchLoad, points: usize) -> Result<(), Error> {
+    let Patch { nodes, weights } = &load.patch;
+    let sum: f64 = weights.iter().sum();
+    if nodes.is_empty() || nodes.len() != weights.len() || !((sum - 1.0).abs() < 1e-9) {
+        return Err(Error::input(format!(
+            "patch {k} has {} nodes and {} weights with sum {sum}; weights must sum to 1",
+            nodes.len(),
+            weights.len()
+        )));
+    }
+    if let Some(node) = nodes.iter().find(|&&node| node as usize >= points) {
+        return Err(Error::input(format!(
+            "patch {k} uses point {node}; there are {points} points"
+        )));
+    }
+    if load.displacement.iter().any(|d| !d.is_finite()) {
+        return Err(Error::input(format!(
+            "patch {k} is displaced by {:?}; it must be finite",
+            load.displacement
+        )));
+    }
+    Ok(())
+}
+
+/// Label of the connected part of each node.
+fn part_of_nodes(body: &Body) -> Vec<u32> {
+    let n = body.points().len();
+    let mut parent: Vec<u32> = (0..n as u32).collect();
+    fn root(parent: &mut [u32], mut node: u32) -> u32 {
+        while parent[node as usize] != node {
+            parent[node as usize] = parent[parent[node as usize] as usize];
+            node = parent[node as usize];
+        }
+        node
+    }
+    for cell in body.cells() {
+        let first = root(&mut parent, cell[0]);
+        for &node in &cell[1..] {
+            let other = root(&mut parent, node);
+            parent[other as usize] = first;
+        }
+    }
+    let mut label = vec![u32::MAX; n];
+    let mut labels = Vec::with_capacity(n);
+    let mut parts = 0;
+    for node in 0..n as u32 {
+        let root = root(&mut parent, node) as usize;
+        if label[root] == u32::MAX {
+            label[root] = parts;
+            parts += 1;
+        }
+        labels.push(label[root]);
+    }
+    labels
+}

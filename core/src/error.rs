@@ -1,0 +1,55 @@
+//! The one error type of the core: bad input, said in a sentence with its place and value.
+//!
+//! Failure to converge is no error but a status in a result (`crate::equilibrium`).
+
+use crate::linear::FactorError;
+use std::fmt;
+
+/// What can be wrong with what a user gave.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Error {
+    /// A value outside its domain; the sentence names the place, the value and the remedy.
+    Input(String),
+    /// A law that does not exist.
+    UnknownLaw {
+        /// The name given.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// A model file that is cut short, inconsistent or holds values it may not.
+    ModelFile(String),
+    /// A linear system that could not be factorised or solved.
+    Factor(FactorError),
+    /// The caller's progress callback asked to stop.
+    Cancelled,
+}
+
+impl Error {
+    /// An [`Error::Input`] with this sentence.
+    pub fn input(sentence: impl Into<String>) -> Self {
+        Error::Input(sentence.into())
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Input(sentence) => f.write_str(sentence),
+            Error::UnknownLaw { name, known } => {
+                write!(f, "no law is called {name:?}; there are {known}")
+            }
+            Error::ModelFile(sentence) => write!(f, "not a usable model file: {sentence}"),
+            Error::Factor(error) => error.fmt(f),
+            Error::Cancelled => f.write_str("stopped on request"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+impl From<FactorError> for Error {
+    fn from(error: FactorError) -> Self {
+        Error::Factor(error)
+    }
+}

@@ -1,0 +1,100 @@
+use super::{Law, TangentBlocks};
+use crate::number::Scalar;
+use crate::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
+    trace, transpose_mul, transpose_mul_vector,
+};
+
+/// Corotated linear elasticity: Hooke's law in the frame of the rotation `R` of `F = R U`,
+/// `psi = mu |F - R|^2 + lam/2 (tr(R^T F) - 3)^2`.
+///
+/// For a linear tetrahedron this is exactly the stiffness-warping method (paper B), with the
+/// exact tangent: the variation of `R` is not neglected.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corotated {
+    /// Shear modulus [Pa].
+    pub mu: f64,
+    /// First Lame constant [Pa].
+    pub lam: f64,
+}
+
+#[allow(non_snake_case)]
+impl Law for Corotated {
+    const FORBIDS_INVERSION: bool = true;
+
+    #[inline(always)]
+    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
+        let R = rotation(F);
+        let stretch = tabulate(|i, j| F[i][j].clone() - R[i][j].clone());
+        let dilation = double_dot(&R, F) - 3.0;
+        double_dot(&stretch, &stretch) * self.mu + dilation.square() * (0.5 * self.lam)
+    }
+
+    /// `P = 2 mu (F - R) + lam (tr(R^T F) - 3) R`; the variation of `R` drops out.
+    #[inline(always)]
+    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
+        let R = rotation(F);
+        let pressure = (double_dot(&R, F) - 3.0) * self.lam;
+        tabulate(|i, j| {
+            (F[i][j].clone() - R[i][j].clone()) * (2.0 * self.mu)
+                + pressure.clone() * R[i][j].clone()
+        })
+    }
+
+    /// `dP = 2 mu dF + lam (R : dF) R + (lam (tr U - 3) - 2 mu) dR`, where `dR = R [w]_x` and
+    /// `(tr U I - U) w = axl(R^T dF - dF^T R)`.
+    #[inline(always)]
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+        let R = rotation(F);
+        let U = transpose_mul(&R, F);
+        let trace_U = trace(&U);
+        let diagonal = spherical(&trace_U);
+        let A = tabulate(|i, j| diagonal[i][j].clone() - U[i][j].clone());
+        let cof_A = cofactor(&A);
+        let det_A = determinant(&A, &cof_A);
+        // The cofactor of a symmetric tensor is its inverse times its determinant.
+        let factor = (trace_U - 3.0) * self.lam - 2.0 * self.mu;
+        let spin_factor = factor * det_A.recip();
+        let Rg: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&R, &g[a]));
+        let unit = |k: usize| std::array::from_fn(|i| det_A.constant((i == k) as u8 as f64));
+
+        let block = |a: usize, b: usize| -> Mat3<S> {
+            let gg = dot(&g[a], &g[b]) * (2.0 * self.mu);
+            let columns: [Vec3<S>; 3] = std::array::from_fn(|k| {
+                // dF = e_k (x) g_b: R^T dF = r (x) g_b with r = R^T e_k; its axial vector is g_b x r.
+                let r = transpose_mul_vector(&R, &unit(k));
+                let w = mul_vector(&cof_A, &cross(&g[b], &r));
+                // dR g_a = R (w x g_a).
+                let dR = mul_vector(&R, &cross(&w, &g[a]));
+                std::array::from_fn(|i| {
+                    let pressure = Rg[a][i].clone() * Rg[b][k].clone() * self.lam;
+                    let spin = spin_factor.clone() * dR[i].clone();
+                    let entry = pressure + spin;
+                    if i == k { entry + gg.clone() } else { entry }
+                })
+            });
+            tabulate(|i, k| columns[k][i].clone())
+        };
+        (
+            self.stress(F),
+            std::array::from_fn(|a| std::array::from_fn(|b| block(a, b))),
+        )
+    }
+}
+
+/// The rotation of the polar decomposition by Higham's Newton iteration `R <- (R + R^-T)/2`.
+///
+/// The only operations are products and a reciprocal, so it serves power series as well: each
+/// step doubles the number of correct orders. Twelve steps bring stretches between 1/30 and 30
+/// to round-off, far beyond the law's use.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn rotation<S: Scalar>(F: &Mat3<S>) -> Mat3<S> {
+    let mut R = F.clone();
+    for _ in 0..12 {
+        let Z = cofactor(&R);
+        let scale = determinant(&R, &Z).recip() * 0.5;
+        R = tabulate(|i, j| R[i][j].clone() * 0.5 + scale.clone() * Z[i][j].clone());
+    }
+    R
+}

@@ -1,0 +1,158 @@
+//! From `psi(I1, I2, J)` to stress and tangent: the geometry every strain energy shares.
+//!
+//! With `Z = cof F` and the tensor cross product `x` (`crate::tensor`), `I2 = |Z|^2` gives
+//!   dI1/dF = 2 F,   dI2/dF = 2 Z x F = 2 Y,   dJ/dF = Z,
+//!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
+//! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
+
+use super::{Law, StrainEnergy, TangentBlocks, series};
+use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
+use crate::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate, tensor_cross,
+};
+
+#[allow(non_snake_case)]
+impl<E: StrainEnergy + PartialEq + 'static> Law for E {
+    const FORBIDS_INVERSION: bool = true;
+
+    #[inline(always)]
+    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
+        let Z = cofactor(F);
+        let [I1, I2, J] = invariants::<Self, S>(F, &Z);
+        self.psi(I1, I2, J)
+    }
+
+    #[inline(always)]
+    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
+        let Z = cofactor(F);
+        let [I1, I2, J] = Gradient::variables(invariants::<Self, S>(F, &Z));
+        let [psi1, psi2, psiJ] = self.psi(I1, I2, J).first;
+        assemble::<Self, S>(F, &Z, &psi1, &psi2, &psiJ)
+    }
+
+    #[inline(always)]
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+        let Z = cofactor(F);
+        let [I1, I2, J] = Hessian::variables(invariants::<Self, S>(F, &Z));
+        let psi = self.psi(I1, I2, J);
+        let [psi1, psi2, psiJ] = psi.first.clone();
+        let P = assemble::<Self, S>(F, &Z, &psi1, &psi2, &psiJ);
+        let blocks = contract(self, F, &Z, &psi, g);
+        (P, blocks)
+    }
+
+    #[inline(always)]
+    fn stress_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        series::stress_series(self, table, deformation, out);
+    }
+}
+
+/// `I1, I2, J`; `I2` is left zero for laws that do not use it.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn invariants<E: StrainEnergy, S: Scalar>(F: &Mat3<S>, Z: &Mat3<S>) -> [S; 3] {
+    let I2 = if E::USES_I2 {
+        double_dot(Z, Z)
+    } else {
+        Z[0][0].constant(0.0)
+    };
+    [double_dot(F, F), I2, determinant(F, Z)]
+}
+
+/// `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn assemble<E: StrainEnergy, S: Scalar>(
+    F: &Mat3<S>,
+    Z: &Mat3<S>,
+    psi1: &S,
+    psi2: &S,
+    psiJ: &S,
+) -> Mat3<S> {
+    let P = tabulate(|i, j| psi1.clone() * F[i][j].clone() * 2.0 + psiJ.clone() * Z[i][j].clone());
+    if !E::USES_I2 {
+        return P;
+    }
+    let W = tabulate(|i, j| psi2.clone() * Z[i][j].clone() * 2.0);
+    let Y = tensor_cross(&W, F);
+    tabulate(|i, j| P[i][j].clone() + Y[i][j].clone())
+}
+
+/// Tangent blocks: second derivatives of `psi` on the three directions `2F, 2Y, Z`, plus first
+/// derivatives times the curvature of the invariants.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn contract<E: StrainEnergy, S: Scalar>(
+    _law: &E,
+    F: &Mat3<S>,
+    Z: &Mat3<S>,
+    psi: &Hessian<S>,
+    g: &[Vec3<S>; 4],
+) -> TangentBlocks<S> {
+    let Y = tensor_cross(Z, F);
+    let f: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(F, &g[a]));
+    let z: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
+    let y: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
+    let two_psi1 = psi.first[0].clone() * 2.0;
+    let two_psi2 = psi.first[1].clone() * 2.0;
+    let I1 = double_dot(F, F);
+    // B = F F^T, the left Cauchy-Green tensor.
+    let B = tabulate(|i, k| dot(&F[i], &F[k]));
+
+    let block = |a: usize, b: usize| -> Mat3<S> {
+        let gg = dot(&g[a], &g[b]);
+        // dZ/dF: e_ikq (F (g_a x g_b))_q.
+        let spin = mul_vector(F, &cross(&g[a], &g[b]));
+        let spin: Vec3<S> = std::array::from_fn(|q| spin[q].clone() * psi.first[2].clone());
+        let row = |i: usize| -> [S; 3] {
+            let (fi, yi, zi) = (
+                f[a][i].clone() * 2.0,
+                y[a][i].clone() * 2.0,
+                z[a][i].clone(),
+            );
+            let direction = |n: usize| {
+                let first = fi.clone() * psi.second(0, n) + zi.clone() * psi.second(2, n);
+                if E::USES_I2 {
+                    first + yi.clone() * psi.second(1, n)
+                } else {
+                    first
+                }
+            };
+            [direction(0), direction(1), direction(2)]
+        };
+        let rows: [[S; 3]; 3] = std::array::from_fn(row);
+        tabulate(|i, k| {
+            let [c0, c1, c2] = &rows[i];
+            let mut entry = c0.clone() * f[b][k].clone() * 2.0 + c2.clone() * z[b][k].clone();
+            if i == k {
+                entry = entry + two_psi1.clone() * gg.clone();
+            } else {
+                // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
+                let q = 3 - i - k;
+                let w = spin[q].clone();
+                entry = if (i + 1) % 3 == k {
+                    entry + w
+                } else {
+                    entry - w
+                };
+            }
+            if E::USES_I2 {
+                entry = entry + c1.clone() * y[b][k].clone() * 2.0;
+                // d(I1 F - F F^T F)/dF, the same tensor as Y.
+                let mut curvature = f[a][i].clone() * f[b][k].clone() * 2.0
+                    - f[b][i].clone() * f[a][k].clone()
+                    - B[i][k].clone() * gg.clone();
+                if i == k {
+                    curvature = curvature + I1.clone() * gg.clone() - dot(&f[a], &f[b]);
+                }
+                entry = entry + two_psi2.clone() * curvature;
+            }
+            entry
+        })
+    };
+    let zero = F[0][0].constant(0.0);
+    let zero = tabulate(|_, _| zero.clone());
+    std::array::from_fn(|a| {
+        std::array::from_fn(|b| if a <= b { block(a, b) } else { zero.clone() })
+    })
+}

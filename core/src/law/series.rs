@@ -1,0 +1,141 @@
+//! The stress of a strain energy as a power series, for the highest degree only.
+//!
+//! The asymptotic numerical method asks, order after order, for the degree-p coefficients of `P`
+//! given the lower ones of `F`. Geometry is done by hand on slices of coefficients, generic
+//! arithmetic on the three scalar series only (DESIGN section 2); nothing is kept between orders,
+//! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
+
+use super::StrainEnergy;
+use crate::number::{Gradient, Jet, Monomials, Real};
+use std::ops::Range;
+
+/// `out[c] (+)= sum_k sign_k sum over pairs a_k[i] b_k[j]` for the monomials `c` of a range.
+///
+/// `out` is indexed from the start of the range.
+#[inline(always)]
+fn products<T: Real, const K: usize>(
+    table: &Monomials,
+    monomials: Range<usize>,
+    terms: [(f64, &[T], &[T]); K],
+    out: &mut [T],
+) {
+    let n = table.len();
+    assert!(terms.iter().all(|(_, a, b)| a.len() == n && b.len() == n));
+    for (slot, c) in monomials.enumerate() {
+        let mut sums = [T::default(); K];
+        for &[i, j, _] in table.pairs_of(c) {
+            for k in 0..K {
+                // SAFETY: a table's indices are below its length, asserted above.
+                let (a, b) = unsafe {
+                    (
+                        *terms[k].1.get_unchecked(i as usize),
+                        *terms[k].2.get_unchecked(j as usize),
+                    )
+                };
+                sums[k].add_product(a, b);
+            }
+        }
+        for k in 0..K {
+            out[slot] = if terms[k].0 > 0.0 {
+                out[slot] + sums[k]
+            } else {
+                out[slot] - sums[k]
+            };
+        }
+    }
+}
+
+/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z`, p the order of `table`.
+///
+/// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each;
+/// `out` receives nine runs of the degree-p coefficients.
+#[inline(always)]
+#[allow(non_snake_case)]
+pub(super) fn stress_series<E: StrainEnergy, T: Real>(
+    law: &E,
+    table: &'static Monomials,
+    deformation: &[T],
+    out: &mut [T],
+) {
+    let (n, top) = (table.len(), table.of_degree(table.order()));
+    let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
+    let mut cofactors = vec![T::default(); 9 * n];
+    for (entry, z) in cofactors.chunks_exact_mut(n).enumerate() {
+        let (i, j) = (entry / 3, entry % 3);
+        let ((p, q), (r, s)) = (next(i), next(j));
+        products(
+            table,
+            0..n,
+            [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))],
+            z,
+        );
+    }
+    let Z = |i: usize, j: usize| &cofactors[(3 * i + j) * n..(3 * i + j + 1) * n];
+
+    let mut J = vec![T::default(); n];
+    products(
+        table,
+        0..n,
+        std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))),
+        &mut J,
+    );
+    let mut I1 = vec![T::default(); n];
+    for i in 0..3 {
+        products(
+            table,
+            0..n,
+            std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))),
+            &mut I1,
+        );
+    }
+    let mut I2 = vec![T::default(); if E::USES_I2 { n } else { 0 }];
+    if E::USES_I2 {
+        for i in 0..3 {
+            let squares = std::array::from_fn::<_, 3, _>(|j| (1.0, Z(i, j), Z(i, j)));
+            products(table, 0..n, squares, &mut I2);
+        }
+    }
+    let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
+    let [I1, I2, J] = Gradient::variables(invariants);
+    let [psi1, psi2, psiJ] = law.psi(I1, I2, J).first;
+    let (two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
+    let psiJ = padded(&psiJ, n);
+
+    for (entry, p) in out.chunks_exact_mut(top.len()).enumerate() {
+        let (i, j) = (entry / 3, entry % 3);
+        let terms = [(1.0, &two_psi1[..], F(i, j)), (1.0, &psiJ[..], Z(i, j))];
+        products(table, top.clone(), terms, p);
+    }
+    if E::USES_I2 {
+        let mut weighted = vec![T::default(); 9 * n];
+        for (entry, w) in weighted.chunks_exact_mut(n).enumerate() {
+            let z = Z(entry / 3, entry % 3);
+            products(table, 0..n, [(1.0, &two_psi2[..], z)], w);
+        }
+        let W = |i: usize, j: usize| &weighted[(3 * i + j) * n..(3 * i + j + 1) * n];
+        for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
+            let (i, j) = (entry / 3, entry % 3);
+            let ((p, q), (r, s)) = (next(i), next(j));
+            let cross = [
+                (1.0, W(p, r), F(q, s)),
+                (-1.0, W(p, s), F(q, r)),
+                (-1.0, W(q, r), F(p, s)),
+                (1.0, W(q, s), F(p, r)),
+            ];
+            products(table, top.clone(), cross, out);
+        }
+    }
+}
+
+/// The two indices that follow `i` cyclically.
+#[inline(always)]
+fn next(i: usize) -> (usize, usize) {
+    ((i + 1) % 3, (i + 2) % 3)
+}
+
+#[inline(always)]
+fn padded<T: Real>(series: &Jet<T>, n: usize) -> Vec<T> {
+    let mut coefficients = series.coefficients().to_vec();
+    coefficients.resize(n, T::default());
+    coefficients
+}

@@ -1,0 +1,309 @@
+//! Every law gets every test by one line of [`law_tests!`].
+
+use super::*;
+use crate::number::{Jet, Lanes, Monomials, Single};
+use crate::tensor::{add, mul_vector, sub, tabulate};
+
+const SHAPE_GRADIENTS: [[f64; 3]; 4] = [
+    [-0.7, -1.1, 0.4],
+    [1.0, 0.2, -0.3],
+    [0.1, 1.2, 0.5],
+    [-0.4, -0.3, -0.6],
+];
+
+/// A moderate stretch, shear and rotation with `J > 0`.
+const F0: Mat3<f64> = [[1.15, 0.22, -0.13], [-0.18, 0.92, 0.24], [0.09, -0.2, 1.05]];
+const DIRECTION: Mat3<f64> = [[0.3, -0.5, 0.2], [0.4, 0.1, -0.6], [-0.2, 0.7, 0.25]];
+const MU: f64 = 3.0;
+const LAM: f64 = 11.0;
+
+fn identity() -> Mat3<f64> {
+    tabulate(|i, j| (i == j) as u8 as f64)
+}
+
+fn axpy(t: f64, d: &Mat3<f64>, f: &Mat3<f64>) -> Mat3<f64> {
+    tabulate(|i, j| f[i][j] + t * d[i][j])
+}
+
+fn largest(m: &Mat3<f64>) -> f64 {
+    m.iter().flatten().fold(0.0, |max, x| max.max(x.abs()))
+}
+
+/// Rotation about (1, 2, 2)/3 by 0.7.
+fn turn() -> Mat3<f64> {
+    let (n, c, s) = (
+        [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0],
+        0.7f64.cos(),
+        0.7f64.sin(),
+    );
+    let spin = [[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]];
+    tabulate(|i, j| c * ((i == j) as u8 as f64) + s * spin[i][j] + (1.0 - c) * n[i] * n[j])
+}
+
+fn product(a: &Mat3<f64>, b: &Mat3<f64>) -> Mat3<f64> {
+    tabulate(|i, j| (0..3).map(|k| a[i][k] * b[k][j]).sum())
+}
+
+/// Central differences in `h`, exact to `h^2`.
+fn stress_is_the_derivative_of_the_energy(law: impl Law) {
+    let h = 1e-5;
+    let stress = law.stress(&F0);
+    let scale = largest(&stress);
+    for i in 0..3 {
+        for j in 0..3 {
+            let unit = tabulate(|p, q| (p == i && q == j) as u8 as f64);
+            let plus: f64 = law.energy(&axpy(h, &unit, &F0));
+            let minus: f64 = law.energy(&axpy(-h, &unit, &F0));
+            let difference = (plus - minus) / (2.0 * h);
+            assert!(
+                (difference - stress[i][j]).abs() < 1e-8 * scale,
+                "P[{i}][{j}]"
+            );
+        }
+    }
+}
+
+fn tangent_is_the_derivative_of_the_stress(law: impl Law) {
+    let h = 1e-5;
+    let (stress, blocks) = law.tangent(&F0, &SHAPE_GRADIENTS);
+    assert!(largest(&sub(&stress, &law.stress(&F0))) < 1e-13 * largest(&stress));
+    for b in 0..4 {
+        for k in 0..3 {
+            let step = tabulate(|i, j| if i == k { SHAPE_GRADIENTS[b][j] } else { 0.0 });
+            let (plus, minus) = (
+                law.stress(&axpy(h, &step, &F0)),
+                law.stress(&axpy(-h, &step, &F0)),
+            );
+            let difference = tabulate(|i, j| (plus[i][j] - minus[i][j]) / (2.0 * h));
+            for a in 0..=b {
+                let column = mul_vector(&difference, &SHAPE_GRADIENTS[a]);
+                for i in 0..3 {
+                    let error = (column[i] - blocks[a][b][i][k]).abs();
+                    assert!(
+                        error < 1e-7 * (MU + LAM),
+                        "K[{a}][{b}][{i}][{k}] off by {error}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+fn is_objective(law: impl Law) {
+    let (q, stress) = (turn(), law.stress(&F0));
+    let turned = law.stress(&product(&q, &F0));
+    assert!(largest(&sub(&turned, &product(&q, &stress))) < 1e-12 * largest(&stress));
+    let (a, b): (f64, f64) = (law.energy(&F0), law.energy(&product(&q, &F0)));
+    assert!((a - b).abs() < 1e-12 * a.abs());
+}
+
+fn is_at_rest_undeformed(law: impl Law) {
+    assert!(largest(&law.stress(&identity())) < 1e-13 * (MU + LAM));
+    let energy: f64 = law.energy(&identity());
+    assert!(energy.abs() < 1e-13 * (MU + LAM));
+}
+
+fn agrees_with_hooke_at_small_strain(law: impl Law) {
+    let h = 1e-6;
+    let hooke = Linear { mu: MU, lam: LAM };
+    let (small, linear) = (
+        axpy(h, &DIRECTION, &identity()),
+        axpy(h, &DIRECTION, &identity()),
+    );
+    let difference = sub(&law.stress(&small), &hooke.stress(&linear));
+    assert!(largest(&difference) < 1e-5 * largest(&hooke.stress(&linear)));
+    let (_, blocks) = law.tangent(&identity(), &SHAPE_GRADIENTS);
+    let (_, expected) = hooke.tangent(&identity(), &SHAPE_GRADIENTS);
+    for a in 0..4 {
+        for b in a..4 {
+            assert!(largest(&sub(&blocks[a][b], &expected[a][b])) < 1e-11 * (MU + LAM));
+        }
+    }
+}
+
+/// Coefficients of `P(F0 + t D + t^2 D^T)` against the series summed and differenced in `t`.
+fn taylor_series_is_the_stress_along_a_path(law: impl Law) {
+    const ORDER: usize = 10;
+    let table = Monomials::of(1, ORDER);
+    let path = tabulate(|i, j| Jet::new(table, vec![F0[i][j], DIRECTION[i][j], DIRECTION[j][i]]));
+    let series = law.stress(&path);
+    let at = |t: f64| {
+        law.stress(&tabulate(|i, j| {
+            F0[i][j] + t * DIRECTION[i][j] + t * t * DIRECTION[j][i]
+        }))
+    };
+    let scale = largest(&at(0.0));
+    // The value of the truncated series differs from the stress by order ORDER + 1 in t.
+    for t in [0.02, -0.03] {
+        let exact = at(t);
+        let sum = tabulate(|i, j| {
+            (0..=ORDER)
+                .rev()
+                .fold(0.0, |sum, p| sum * t + series[i][j].coefficient(p))
+        });
+        assert!(largest(&sub(&sum, &exact)) < 1e-9 * scale);
+    }
+    let h = 1e-4;
+    let (plus, minus, centre) = (at(h), at(-h), at(0.0));
+    for i in 0..3 {
+        for j in 0..3 {
+            let first = (plus[i][j] - minus[i][j]) / (2.0 * h);
+            let second = (plus[i][j] - 2.0 * centre[i][j] + minus[i][j]) / (2.0 * h * h);
+            assert!((first - series[i][j].coefficient(1)).abs() < 1e-5 * scale);
+            assert!((second - series[i][j].coefficient(2)).abs() < 1e-4 * scale);
+        }
+    }
+}
+
+/// A jet in three variables along a line is the jet in one variable.
+fn three_variables_restrict_to_one(law: impl Law) {
+    let (line, space) = (Monomials::of(1, 4), Monomials::of(3, 4));
+    let direction = [0.6, -0.3, 0.5];
+    let steps = [DIRECTION, tabulate(|i, j| DIRECTION[j][i]), F0];
+    let in_space = law.stress(&tabulate(|i, j| {
+        Jet::new(
+            space,
+            vec![F0[i][j], steps[0][i][j], steps[1][i][j], steps[2][i][j]],
+        )
+    }));
+    let on_line = law.stress(&tabulate(|i, j| {
+        let slope = (0..3).map(|v| direction[v] * steps[v][i][j]).sum();
+        Jet::new(line, vec![F0[i][j], slope])
+    }));
+    let mut monomials = vec![0.0; space.len()];
+    space.evaluate(direction, &mut monomials);
+    for p in 0..=4 {
+        let sum = tabulate(|i, j| {
+            space
+                .of_degree(p)
+                .map(|c| in_space[i][j].coefficient(c) * monomials[c])
+                .sum::<f64>()
+        });
+        let expected = tabulate(|i, j| on_line[i][j].coefficient(p));
+        let error = largest(&sub(&sum, &expected));
+        assert!(
+            error < 1e-11 * (1.0 + largest(&expected)),
+            "order {p}: {error}"
+        );
+    }
+}
+
+fn lanes_and_single_precision_agree(law: impl Law) {
+    let exact = law.stress(&F0);
+    let lanes = law.stress(&tabulate(|i, j| Lanes([F0[i][j], identity()[i][j]])));
+    let first = tabulate(|i, j| lanes[i][j].0[0]);
+    assert!(largest(&sub(&first, &exact)) < 1e-14 * largest(&exact));
+    let single = law.stress(&tabulate(|i, j| Single(F0[i][j] as f32)));
+    let single = tabulate(|i, j| single[i][j].0 as f64);
+    assert!(largest(&sub(&single, &exact)) < 1e-4 * largest(&exact));
+}
+
+/// The hand-written geometry on series against the generic stress of jets.
+fn series_agree_with_generic_jets(law: impl Law) {
+    for (variables, order) in [(1, 7), (3, 3), (3, 4)] {
+        let table = Monomials::of(variables, order);
+        let n = table.len();
+        let path: Vec<f64> = (0..9 * n)
+            .map(|k| {
+                if k % n == 0 {
+                    F0[k / n / 3][k / n % 3]
+                } else {
+                    0.2 * (k as f64).sin()
+                }
+            })
+            .collect();
+        let generic = law.stress(&tabulate(|i, j| {
+            Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec())
+        }));
+        let top = table.of_degree(order);
+        let mut series = vec![0.0; 9 * top.len()];
+        law.stress_series(table, &path, &mut series);
+        for entry in 0..9 {
+            for (k, c) in top.clone().enumerate() {
+                let expected = generic[entry / 3][entry % 3].coefficient(c);
+                let error = (series[entry * top.len() + k] - expected).abs();
+                assert!(
+                    error < 1e-11 * (1.0 + expected.abs()),
+                    "P{entry} x^{c}: {error}"
+                );
+            }
+        }
+    }
+}
+
+macro_rules! law_tests {
+    ($($name:ident: $law:expr $(, $objective:ident)?;)*) => {$(
+        mod $name {
+            use super::*;
+            #[test]
+            fn stress() { stress_is_the_derivative_of_the_energy($law) }
+            #[test]
+            fn tangent() { tangent_is_the_derivative_of_the_stress($law) }
+            $(#[test]
+            fn $objective() { is_objective($law) })?
+            #[test]
+            fn rest() { is_at_rest_undeformed($law) }
+            #[test]
+            fn small_strain() { agrees_with_hooke_at_small_strain($law) }
+            #[test]
+            fn taylor() { taylor_series_is_the_stress_along_a_path($law) }
+            #[test]
+            fn jet() { three_variables_restrict_to_one($law) }
+            #[test]
+            fn series() { series_agree_with_generic_jets($law) }
+            #[test]
+            fn lanes() { lanes_and_single_precision_agree($law) }
+        }
+    )*};
+}
+
+fn mooney(volumetric: Volumetric) -> MooneyRivlin {
+    MooneyRivlin {
+        c1: 0.4 * MU,
+        c2: 0.1 * MU,
+        kappa: LAM + 2.0 / 3.0 * MU,
+        volumetric,
+    }
+}
+
+// Linear elasticity is the one law that is not objective.
+law_tests! {
+    linear: Linear { mu: MU, lam: LAM };
+    corotated: Corotated { mu: MU, lam: LAM }, objective;
+    saint_venant_kirchhoff: SaintVenantKirchhoff { mu: MU, lam: LAM }, objective;
+    neo_hookean: NeoHookean { mu: MU, lam: LAM }, objective;
+    mooney_rivlin_jacobian: mooney(Volumetric::Jacobian), objective;
+    mooney_rivlin_jacobian_squared: mooney(Volumetric::JacobianSquared), objective;
+    mooney_rivlin_logarithm: mooney(Volumetric::Logarithm), objective;
+}
+
+#[test]
+fn linear_elasticity_is_not_objective_and_shows_it() {
+    let law = Linear { mu: MU, lam: LAM };
+    assert!(largest(&law.stress(&turn())) > 0.1 * MU);
+    assert!(largest(&add(&law.stress(&identity()), &identity())) > 0.0);
+}
+
+/// Small-strain oracle of the corotated law: stiffness warping `f = R K0 (R^T x - X)`.
+#[test]
+fn corotated_is_stiffness_warping() {
+    let stretch = [[1.1, 0.05, 0.0], [0.05, 0.95, 0.02], [0.0, 0.02, 1.0]];
+    let (law, hooke) = (Corotated { mu: MU, lam: LAM }, Linear { mu: MU, lam: LAM });
+    let warped = product(&turn(), &hooke.stress(&stretch));
+    let error = sub(&law.stress(&product(&turn(), &stretch)), &warped);
+    assert!(largest(&error) < 1e-13);
+}
+
+#[test]
+fn materials_are_checked() {
+    assert!(Material::new("neo_hookean", vec![vec![1.0, 2.0]]).is_ok());
+    for (name, row, word) in [
+        ("neohookean", vec![1.0, 2.0], "no law is called"),
+        ("neo_hookean", vec![1.0], "takes"),
+        ("neo_hookean", vec![-1.0, 2.0], "mu = -1"),
+        ("neo_hookean", vec![1.0, f64::NAN], "lam = NaN"),
+    ] {
+        let message = Material::new(name, vec![row]).unwrap_err().to_string();
+        assert!(message.contains(word), "{message}");
+    }
+}

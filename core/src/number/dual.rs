@@ -1,0 +1,254 @@
+//! Duals in the three invariants: a value with its gradient, or with gradient and Hessian.
+//!
+//! Three variables only, because a law is a function of `I1, I2, J` (DESIGN section 2); the
+//! geometry that turns these derivatives into stress and tangent is written by hand in
+//! `crate::law`.
+
+use super::Scalar;
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// `f` and `df/dx_i`, i = 0..3.
+#[derive(Clone, Debug)]
+pub struct Gradient<T> {
+    /// The value.
+    pub value: T,
+    /// First derivatives.
+    pub first: [T; 3],
+}
+
+/// `f`, `df/dx_i` and `d2f/dx_i dx_j`, the Hessian packed as 00, 01, 02, 11, 12, 22.
+#[derive(Clone, Debug)]
+pub struct Hessian<T> {
+    /// The value.
+    pub value: T,
+    /// First derivatives.
+    pub first: [T; 3],
+    /// Second derivatives, packed upper triangle.
+    pub second: [T; 6],
+}
+
+/// Rows and columns of the packed Hessian.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+
+impl<T: Scalar> Gradient<T> {
+    /// The independent variables `x_0, x_1, x_2` at the given values.
+    #[inline(always)]
+    pub fn variables(x: [T; 3]) -> [Self; 3] {
+        let (zero, one) = (x[0].constant(0.0), x[0].constant(1.0));
+        let mut index = 0;
+        x.map(|value| {
+            let mut first = [zero.clone(), zero.clone(), zero.clone()];
+            first[index] = one.clone();
+            index += 1;
+            Gradient { value, first }
+        })
+    }
+
+    /// Chain rule for a function of one variable with value `f` and derivative `df`.
+    #[inline(always)]
+    fn chain(&self, f: T, df: T) -> Self {
+        Gradient {
+            value: f,
+            first: std::array::from_fn(|i| self.first[i].clone() * df.clone()),
+        }
+    }
+}
+
+impl<T: Scalar> Hessian<T> {
+    /// The independent variables `x_0, x_1, x_2` at the given values.
+    #[inline(always)]
+    pub fn variables(x: [T; 3]) -> [Self; 3] {
+        let (zero, one) = (x[0].constant(0.0), x[0].constant(1.0));
+        let mut index = 0;
+        x.map(|value| {
+            let mut first = [zero.clone(), zero.clone(), zero.clone()];
+            first[index] = one.clone();
+            index += 1;
+            let second = std::array::from_fn(|_| zero.clone());
+            Hessian {
+                value,
+                first,
+                second,
+            }
+        })
+    }
+
+    /// `d2f/dx_i dx_j`.
+    #[inline(always)]
+    pub fn second(&self, i: usize, j: usize) -> T {
+        let (i, j) = if i <= j { (i, j) } else { (j, i) };
+        self.second[i * (5 - i) / 2 + j].clone()
+    }
+
+    /// Chain rule: value `f`, derivative `df`, second derivative `ddf`.
+    #[inline(always)]
+    fn chain(&self, f: T, df: T, ddf: T) -> Self {
+        Hessian {
+            value: f,
+            first: std::array::from_fn(|i| self.first[i].clone() * df.clone()),
+            second: std::array::from_fn(|k| {
+                let (i, j) = PAIRS[k];
+                self.second[k].clone() * df.clone()
+                    + self.first[i].clone() * self.first[j].clone() * ddf.clone()
+            }),
+        }
+    }
+}
+
+macro_rules! linear_operators {
+    ($dual:ident, $($part:ident),*) => {
+        impl<T: Scalar> Add for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                $dual {
+                    value: self.value + other.value,
+                    $($part: std::array::from_fn(|i| self.$part[i].clone() + other.$part[i].clone()),)*
+                }
+            }
+        }
+        impl<T: Scalar> Sub for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                $dual {
+                    value: self.value - other.value,
+                    $($part: std::array::from_fn(|i| self.$part[i].clone() - other.$part[i].clone()),)*
+                }
+            }
+        }
+        impl<T: Scalar> Neg for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                $dual { value: -self.value, $($part: self.$part.map(|d| -d),)* }
+            }
+        }
+        impl<T: Scalar> Add<f64> for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: f64) -> Self {
+                $dual { value: self.value + other, ..self }
+            }
+        }
+        impl<T: Scalar> Sub<f64> for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: f64) -> Self {
+                $dual { value: self.value - other, ..self }
+            }
+        }
+        impl<T: Scalar> Mul<f64> for $dual<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: f64) -> Self {
+                $dual { value: self.value * other, $($part: self.$part.map(|d| d * other),)* }
+            }
+        }
+    };
+}
+linear_operators!(Gradient, first);
+linear_operators!(Hessian, first, second);
+
+impl<T: Scalar> Mul for Gradient<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Gradient {
+            first: std::array::from_fn(|i| {
+                self.first[i].clone() * other.value.clone()
+                    + other.first[i].clone() * self.value.clone()
+            }),
+            value: self.value * other.value,
+        }
+    }
+}
+
+impl<T: Scalar> Mul for Hessian<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        Hessian {
+            second: std::array::from_fn(|k| {
+                let (i, j) = PAIRS[k];
+                self.second[k].clone() * other.value.clone()
+                    + other.second[k].clone() * self.value.clone()
+                    + self.first[i].clone() * other.first[j].clone()
+                    + self.first[j].clone() * other.first[i].clone()
+            }),
+            first: std::array::from_fn(|i| {
+                self.first[i].clone() * other.value.clone()
+                    + other.first[i].clone() * self.value.clone()
+            }),
+            value: self.value * other.value,
+        }
+    }
+}
+
+impl<T: Scalar> Scalar for Gradient<T> {
+    #[inline(always)]
+    fn constant(&self, value: f64) -> Self {
+        let zero = self.value.constant(0.0);
+        Gradient {
+            value: self.value.constant(value),
+            first: std::array::from_fn(|_| zero.clone()),
+        }
+    }
+    #[inline(always)]
+    fn recip(&self) -> Self {
+        let r = self.value.recip();
+        self.chain(r.clone(), -r.square())
+    }
+    #[inline(always)]
+    fn ln(&self) -> Self {
+        self.chain(self.value.ln(), self.value.recip())
+    }
+    #[inline(always)]
+    fn exp(&self) -> Self {
+        let e = self.value.exp();
+        self.chain(e.clone(), e)
+    }
+    #[inline(always)]
+    fn powf(&self, exponent: f64) -> Self {
+        let power = self.value.powf(exponent);
+        let slope = power.clone() * self.value.recip() * exponent;
+        self.chain(power, slope)
+    }
+}
+
+impl<T: Scalar> Scalar for Hessian<T> {
+    #[inline(always)]
+    fn constant(&self, value: f64) -> Self {
+        let zero = self.value.constant(0.0);
+        Hessian {
+            value: self.value.constant(value),
+            first: std::array::from_fn(|_| zero.clone()),
+            second: std::array::from_fn(|_| zero.clone()),
+        }
+    }
+    #[inline(always)]
+    fn recip(&self) -> Self {
+        let r = self.value.recip();
+        let slope = -r.square();
+        let curvature = r.clone() * r.square() * 2.0;
+        self.chain(r, slope, curvature)
+    }
+    #[inline(always)]
+    fn ln(&self) -> Self {
+        let r = self.value.recip();
+        self.chain(self.value.ln(), r.clone(), -r.square())
+    }
+    #[inline(always)]
+    fn exp(&self) -> Self {
+        let e = self.value.exp();
+        self.chain(e.clone(), e.clone(), e)
+    }
+    #[inline(always)]
+    fn powf(&self, exponent: f64) -> Self {
+        let r = self.value.recip();
+        let power = self.value.powf(exponent);
+        let slope = power.clone() * r.clone() * exponent;
+        let curvature = slope.clone() * r * (exponent - 1.0);
+        self.chain(power, slope, curvature)
+    }
+}

@@ -1,0 +1,514 @@
+//! Truncated power series in one or several variables, of an order chosen at run time.
+//!
+//! In one variable a jet is the Taylor series along a load path (paper A); in three it is the
+//! expansion in the components of a contact displacement (DESIGN section 4, Touch). Elementary
+//! functions use Euler's operator `D = sum_i x_i d/dx_i`, which multiplies the coefficient of
+//! every monomial by its degree: `D f = f'(g) D g` gives each new degree from the lower ones, and
+//! in one variable it is the recursion of SCIENCE 1.4 (eqs. 48-51 of paper A, to any order).
+
+use super::{Real, Scalar};
+use std::collections::HashMap;
+use std::fmt;
+use std::ops::{Add, Mul, Neg, Range, Sub};
+use std::sync::{Mutex, OnceLock};
+
+/// All monomials of a number of variables up to an order, sorted by degree, and the table of
+/// their products. Tables of lower order are prefixes of those of higher order.
+pub struct Monomials {
+    variables: usize,
+    order: usize,
+    exponents: Vec<[u8; 3]>,
+    degree_start: Vec<usize>,
+    /// `(a, b, c)` with `x^a x^b = x^c`, sorted by `c`.
+    pairs: Vec<[u16; 3]>,
+    /// Where the pairs of each monomial `c` start.
+    pair_start: Vec<usize>,
+}
+
+/// Highest order of a table: beyond it power series in double precision carry no information.
+pub const MAX_ORDER: usize = 64;
+
+impl Monomials {
+    /// The shared table for 1 to 3 variables and an order of at most [`MAX_ORDER`] (1 variable)
+    /// or 12 (several).
+    ///
+    /// # Panics
+    /// Outside these bounds; callers validate orders where users enter.
+    pub fn of(variables: usize, order: usize) -> &'static Monomials {
+        static TABLES: OnceLock<Mutex<HashMap<(usize, usize), &'static Monomials>>> =
+            OnceLock::new();
+        assert!((1..=3).contains(&variables));
+        assert!(order <= if variables == 1 { MAX_ORDER } else { 12 });
+        let tables = TABLES.get_or_init(Default::default);
+        let mut tables = tables
+            .lock()
+            .unwrap_or_else(|poisoned| poisoned.into_inner());
+        tables
+            .entry((variables, order))
+            .or_insert_with(|| Box::leak(Box::new(Monomials::build(variables, order))))
+    }
+
+    fn build(variables: usize, order: usize) -> Self {
+        let mut exponents = Vec::new();
+        let mut degree_start = vec![0];
+        for degree in 0..=order {
+            push_monomials(variables, degree, &mut exponents);
+            degree_start.push(exponents.len());
+        }
+        let index: HashMap<[u8; 3], usize> =
+            exponents.iter().enumerate().map(|(k, &e)| (e, k)).collect();
+        let mut pairs = Vec::new();
+        for (a, ea) in exponents.iter().enumerate() {
+            for (b, eb) in exponents.iter().enumerate() {
+                let sum = [ea[0] + eb[0], ea[1] + eb[1], ea[2] + eb[2]];
+                if let Some(&c) = index.get(&sum) {
+                    pairs.push([a as u16, b as u16, c as u16]);
+                }
+            }
+        }
+        pairs.sort_by_key(|&[a, b, c]| (c, a, b));
+        let pair_start = (0..=exponents.len())
+            .map(|c| pairs.partition_point(|p| (p[2] as usize) < c))
+            .collect();
+        Monomials {
+            variables,
+            order,
+            exponents,
+            degree_start,
+            pairs,
+            pair_start,
+        }
+    }
+
+    /// Number of variables.
+    pub fn variables(&self) -> usize {
+        self.variables
+    }
+
+    /// Highest total degree.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
+    /// Number of monomials, the constant included.
+    pub fn len(&self) -> usize {
+        self.exponents.len()
+    }
+
+    /// A table always holds the constant.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Exponents of each monomial; unused variables have exponent 0.
+    pub fn exponents(&self) -> &[[u8; 3]] {
+        &self.exponents
+    }
+
+    /// Indices of the monomials of one degree.
+    pub fn of_degree(&self, degree: usize) -> Range<usize> {
+        self.degree_start[degree]..self.degree_start[degree + 1]
+    }
+
+    /// Number of monomials of degree at most `degree`.
+    pub fn up_to(&self, degree: usize) -> usize {
+        self.degree_start[degree + 1]
+    }
+
+    /// `(a, b, c)` with `x^a x^b = x^c`, for all products of the given degrees.
+    #[inline(always)]
+    pub fn pairs(&self, degrees: Range<usize>) -> &[[u16; 3]] {
+        let monomials = self.degree_start[degrees.start]..self.degree_start[degrees.end];
+        &self.pairs[self.pair_start[monomials.start]..self.pair_start[monomials.end]]
+    }
+
+    /// The pairs `(a, b, c)` whose product is monomial `c`.
+    #[inline(always)]
+    pub fn pairs_of(&self, c: usize) -> &[[u16; 3]] {
+        &self.pairs[self.pair_start[c]..self.pair_start[c + 1]]
+    }
+
+    /// Values of all monomials at `x`, written to `out` (length at least `len()`).
+    ///
+    /// Allocation-free: the real-time evaluator calls it.
+    pub fn evaluate(&self, x: [f64; 3], out: &mut [f64]) {
+        evaluate_monomials(&self.exponents, x, out);
+    }
+}
+
+/// Values of the monomials with the given exponents at `x`.
+pub fn evaluate_monomials(exponents: &[[u8; 3]], x: [f64; 3], out: &mut [f64]) {
+    for (value, e) in out.iter_mut().zip(exponents) {
+        *value = power(x[0], e[0]) * power(x[1], e[1]) * power(x[2], e[2]);
+    }
+}
+
+fn power(x: f64, exponent: u8) -> f64 {
+    (0..exponent).fold(1.0, |product, _| product * x)
+}
+
+fn degree_of(exponents: &[u8; 3]) -> usize {
+    exponents.iter().map(|&e| e as usize).sum()
+}
+
+fn push_monomials(variables: usize, degree: usize, out: &mut Vec<[u8; 3]>) {
+    let d = degree as u8;
+    match variables {
+        1 => out.push([d, 0, 0]),
+        2 => out.extend((0..=d).rev().map(|i| [i, d - i, 0])),
+        _ => {
+            for i in (0..=d).rev() {
+                out.extend((0..=d - i).rev().map(|j| [i, j, d - i - j]));
+            }
+        }
+    }
+}
+
+/// A truncated power series `sum_c coefficients[c] x^c`.
+///
+/// Only the coefficients up to the highest degree present are stored (none for zero, one for a
+/// constant), so arithmetic with constants costs nothing.
+#[derive(Clone)]
+pub struct Jet<T> {
+    table: &'static Monomials,
+    coefficients: Vec<T>,
+}
+
+impl<T: Real> Jet<T> {
+    /// The jet with the given coefficients: a whole number of degrees of `table`.
+    pub fn new(table: &'static Monomials, coefficients: Vec<T>) -> Self {
+        Jet {
+            table,
+            coefficients,
+        }
+    }
+
+    /// The constant `value`.
+    pub fn of_constant(table: &'static Monomials, value: T) -> Self {
+        Jet {
+            table,
+            coefficients: vec![value],
+        }
+    }
+
+    /// Its table of monomials.
+    pub fn table(&self) -> &'static Monomials {
+        self.table
+    }
+
+    /// The coefficient of monomial `c` (zero beyond those stored).
+    pub fn coefficient(&self, c: usize) -> T {
+        self.coefficients.get(c).copied().unwrap_or_default()
+    }
+
+    /// The stored coefficients; those beyond are zero.
+    #[inline(always)]
+    pub fn coefficients(&self) -> &[T] {
+        &self.coefficients
+    }
+
+    /// Highest stored degree, or none for zero.
+    fn degree(&self) -> Option<usize> {
+        let n = self.coefficients.len();
+        (0..=self.table.order).find(|&d| self.table.up_to(d) >= n && n > 0)
+    }
+
+    #[inline(always)]
+    fn zip(mut self, other: Self, f: impl Fn(T, T) -> T) -> Self {
+        let n = self.coefficients.len().max(other.coefficients.len());
+        self.coefficients.resize(n, T::default());
+        for (a, &b) in self.coefficients.iter_mut().zip(&other.coefficients) {
+            *a = f(*a, b);
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn map(mut self, f: impl Fn(T) -> T) -> Self {
+        for c in &mut self.coefficients {
+            *c = f(*c);
+        }
+        self
+    }
+
+    #[inline(always)]
+    fn shift(mut self, value: f64) -> Self {
+        if self.coefficients.is_empty() {
+            self.coefficients.push(T::default());
+        }
+        self.coefficients[0] = self.coefficients[0] + value;
+        self
+    }
+
+    /// Solves `rhs_c = sum over pairs` degree by degree: `f` of degree d from lower degrees.
+    ///
+    /// `step(out, d)` must add to `out` of degree `d`, which starts at zero.
+    #[inline(always)]
+    fn by_degree(&self, constant: T, mut step: impl FnMut(&mut [T], usize)) -> Self {
+        let mut out = vec![T::default(); self.table.len()];
+        out[0] = constant;
+        for degree in 1..=self.table.order {
+            step(&mut out, degree);
+        }
+        Jet {
+            table: self.table,
+            coefficients: out,
+        }
+    }
+}
+
+impl<T: fmt::Debug> fmt::Debug for Jet<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(&self.coefficients).finish()
+    }
+}
+
+impl<T: Real> Add for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl<T: Real> Sub for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl<T: Real> Neg for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|a| -a)
+    }
+}
+
+impl<T: Real> Add<f64> for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: f64) -> Self {
+        self.shift(other)
+    }
+}
+
+impl<T: Real> Sub<f64> for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: f64) -> Self {
+        self.shift(-other)
+    }
+}
+
+impl<T: Real> Mul<f64> for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: f64) -> Self {
+        self.map(|a| a * other)
+    }
+}
+
+impl<T: Real> Mul for Jet<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let (Some(da), Some(db)) = (self.degree(), other.degree()) else {
+            return Jet {
+                table: self.table,
+                coefficients: Vec::new(),
+            };
+        };
+        if db == 0 {
+            let b = other.coefficients[0];
+            return self.map(|a| a * b);
+        }
+        if da == 0 {
+            let a = self.coefficients[0];
+            return other.map(|b| a * b);
+        }
+        let degree = (da + db).min(self.table.order);
+        let mut out = vec![T::default(); self.table.up_to(degree)];
+        let (a, b) = (&self.coefficients, &other.coefficients);
+        for &[i, j, k] in self.table.pairs(0..degree + 1) {
+            if let (Some(&a), Some(&b)) = (a.get(i as usize), b.get(j as usize)) {
+                out[k as usize].add_product(a, b);
+            }
+        }
+        Jet {
+            table: self.table,
+            coefficients: out,
+        }
+    }
+}
+
+impl<T: Real> Scalar for Jet<T> {
+    #[inline(always)]
+    fn constant(&self, value: f64) -> Self {
+        let coefficients = if value == 0.0 {
+            Vec::new()
+        } else {
+            vec![T::splat(value)]
+        };
+        Jet {
+            table: self.table,
+            coefficients,
+        }
+    }
+
+    /// `g f = 1`: `f_c = -(1/g_0) sum_{b /= 0} g_b f_{c-b}`.
+    #[inline(always)]
+    fn recip(&self) -> Self {
+        let table = self.table;
+        let r0 = self.coefficient(0).recip();
+        self.by_degree(r0, |out, degree| {
+            for &[b, a, c] in table.pairs(degree..degree + 1) {
+                if b != 0 {
+                    let (g, f) = (self.coefficient(b as usize), out[a as usize]);
+                    out[c as usize].add_product(g, f);
+                }
+            }
+            for c in table.of_degree(degree) {
+                out[c] = -(out[c] * r0);
+            }
+        })
+    }
+
+    /// `g D f = D g`: `|c| g_0 f_c = |c| g_c - sum_{a /= c} |a| f_a g_{c-a}` (eq. 51 of paper A).
+    #[inline(always)]
+    fn ln(&self) -> Self {
+        let table = self.table;
+        let r0 = self.coefficient(0).recip();
+        self.by_degree(self.coefficient(0).ln(), |out, degree| {
+            for &[a, b, c] in table.pairs(degree..degree + 1) {
+                if b != 0 && a != 0 {
+                    let weight = degree_of(&table.exponents[a as usize]) as f64;
+                    let f = out[a as usize] * weight;
+                    out[c as usize].add_product(f, self.coefficient(b as usize));
+                }
+            }
+            for c in table.of_degree(degree) {
+                out[c] = (self.coefficient(c) - out[c] * (1.0 / degree as f64)) * r0;
+            }
+        })
+    }
+
+    /// `D f = f D g`.
+    #[inline(always)]
+    fn exp(&self) -> Self {
+        let table = self.table;
+        self.by_degree(self.coefficient(0).exp(), |out, degree| {
+            for &[b, a, c] in table.pairs(degree..degree + 1) {
+                if b != 0 {
+                    let weight = degree_of(&table.exponents[b as usize]) as f64 / degree as f64;
+                    let f = out[a as usize] * weight;
+                    out[c as usize].add_product(self.coefficient(b as usize), f);
+                }
+            }
+        })
+    }
+
+    /// `g D f = r f D g`.
+    #[inline(always)]
+    fn powf(&self, exponent: f64) -> Self {
+        let table = self.table;
+        let r0 = self.coefficient(0).recip();
+        self.by_degree(self.coefficient(0).powf(exponent), |out, degree| {
+            for &[b, a, c] in table.pairs(degree..degree + 1) {
+                if b != 0 {
+                    let db = degree_of(&table.exponents[b as usize]) as f64;
+                    let weight = (exponent * db - (degree as f64 - db)) / degree as f64;
+                    let f = out[a as usize] * weight;
+                    out[c as usize].add_product(self.coefficient(b as usize), f);
+                }
+            }
+            for c in table.of_degree(degree) {
+                out[c] = out[c] * r0;
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(table: &'static Monomials) -> Jet<f64> {
+        let c = (0..table.len()).map(|i| {
+            if i == 0 {
+                1.7
+            } else {
+                (i as f64 * 0.7).sin() * 0.3
+            }
+        });
+        Jet::new(table, c.collect())
+    }
+
+    fn close(a: &Jet<f64>, b: &Jet<f64>) {
+        for c in 0..a.table.len() {
+            let (x, y) = (a.coefficient(c), b.coefficient(c));
+            assert!(
+                (x - y).abs() < 1e-12 * (1.0 + x.abs()),
+                "coefficient {c}: {x} {y}"
+            );
+        }
+    }
+
+    #[test]
+    fn counts_are_binomials() {
+        assert_eq!(Monomials::of(3, 4).len(), 35);
+        assert_eq!(Monomials::of(3, 6).len(), 84);
+        assert_eq!(Monomials::of(3, 4).pairs(0..5).len(), 210);
+        assert_eq!(Monomials::of(1, 15).len(), 16);
+    }
+
+    #[test]
+    fn elementary_functions_invert_each_other() {
+        for (variables, order) in [(1, 12), (2, 5), (3, 6)] {
+            let x = sample(Monomials::of(variables, order));
+            close(&(x.recip() * x.clone()), &x.constant(1.0));
+            close(&x.ln().exp(), &x);
+            close(&x.powf(0.4).powf(2.5), &x);
+            close(&x.powf(3.0), &(x.clone() * x.clone() * x.clone()));
+            close(&(x.powf(-1.0)), &x.recip());
+        }
+    }
+
+    #[test]
+    fn series_of_the_exponential() {
+        let table = Monomials::of(1, 6);
+        let e = Jet::new(table, vec![0.0, 1.0]).exp();
+        let factorials = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0];
+        for (p, factorial) in factorials.iter().enumerate() {
+            assert!((e.coefficient(p) - 1.0 / factorial).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn constants_and_zero_stay_short() {
+        let x = sample(Monomials::of(3, 4));
+        assert!((x.clone() * x.constant(0.0)).coefficients().is_empty());
+        assert_eq!((x.constant(2.0) * x.constant(3.0)).coefficients(), &[6.0]);
+        close(&(x.constant(2.0) * x.clone()), &(x * 2.0));
+    }
+
+    #[test]
+    fn a_product_of_polynomials_is_evaluated_pointwise() {
+        let table = Monomials::of(3, 6);
+        let degree_two: Vec<f64> = (0..10).map(|i| 0.1 * i as f64 - 0.4).collect();
+        let a = Jet::new(table, degree_two);
+        let product = a.clone() * a.square();
+        let mut monomials = vec![0.0; table.len()];
+        table.evaluate([0.3, -0.7, 1.1], &mut monomials);
+        let value = |j: &Jet<f64>| -> f64 {
+            j.coefficients()
+                .iter()
+                .zip(&monomials)
+                .map(|(c, m)| c * m)
+                .sum()
+        };
+        assert!((value(&product) - value(&a).powi(3)).abs() < 1e-12);
+    }
+}

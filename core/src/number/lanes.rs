@@ -1,0 +1,108 @@
+//! Several independent numbers side by side: cells of a batch, or load positions of a block.
+//!
+//! Plain arrays and element-wise loops; the compiler turns them into vector instructions inside
+//! the functions that are compiled for AVX2 or AVX-512 (see `crate::simd`).
+
+use super::{Real, Scalar};
+use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
+
+/// `L` numbers that go through the same arithmetic.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct Lanes<const L: usize>(pub [f64; L]);
+
+impl<const L: usize> Default for Lanes<L> {
+    fn default() -> Self {
+        Lanes([0.0; L])
+    }
+}
+
+impl<const L: usize> Lanes<L> {
+    #[inline(always)]
+    fn map(self, f: impl Fn(f64) -> f64) -> Self {
+        let mut out = self;
+        for lane in 0..L {
+            out.0[lane] = f(self.0[lane]);
+        }
+        out
+    }
+}
+
+impl<const L: usize> Index<usize> for Lanes<L> {
+    type Output = f64;
+    #[inline(always)]
+    fn index(&self, lane: usize) -> &f64 {
+        &self.0[lane]
+    }
+}
+
+impl<const L: usize> IndexMut<usize> for Lanes<L> {
+    #[inline(always)]
+    fn index_mut(&mut self, lane: usize) -> &mut f64 {
+        &mut self.0[lane]
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident) => {
+        impl<const L: usize> $trait for Lanes<L> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                let mut out = self;
+                for lane in 0..L {
+                    out.0[lane] = self.0[lane].$method(other.0[lane]);
+                }
+                out
+            }
+        }
+        impl<const L: usize> $trait<f64> for Lanes<L> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: f64) -> Self {
+                self.map(|x| x.$method(other))
+            }
+        }
+    };
+}
+operator!(Add, add);
+operator!(Sub, sub);
+operator!(Mul, mul);
+
+impl<const L: usize> Neg for Lanes<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.map(|x| -x)
+    }
+}
+
+impl<const L: usize> Scalar for Lanes<L> {
+    #[inline(always)]
+    fn constant(&self, value: f64) -> Self {
+        Lanes([value; L])
+    }
+    #[inline(always)]
+    fn recip(&self) -> Self {
+        self.map(f64::recip)
+    }
+    #[inline(always)]
+    fn ln(&self) -> Self {
+        self.map(f64::ln)
+    }
+    #[inline(always)]
+    fn exp(&self) -> Self {
+        self.map(f64::exp)
+    }
+    #[inline(always)]
+    fn powf(&self, exponent: f64) -> Self {
+        self.map(|x| x.powf(exponent))
+    }
+}
+
+impl<const L: usize> Real for Lanes<L> {
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Lanes([value; L])
+    }
+}

@@ -1,0 +1,96 @@
+//! Scalars: the arithmetic a strain energy is written in, and the number types that read
+//! different things out of the same text (DESIGN section 2).
+//!
+//! | type | reads out of `psi` |
+//! | --- | --- |
+//! | `f64`, [`Single`], [`Lanes`] | the energy of one cell, or of several at once |
+//! | [`Gradient`] | its first derivatives in the invariants: stress |
+//! | [`Hessian`] | its second derivatives: the consistent tangent |
+//! | [`Jet`] | its truncated power series: right-hand sides of the asymptotic numerical method |
+
+mod dual;
+mod jet;
+mod lanes;
+mod single;
+
+pub use dual::{Gradient, Hessian};
+pub use jet::{Jet, Monomials};
+pub use lanes::Lanes;
+pub use single::Single;
+
+use std::fmt::Debug;
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// A commutative algebra with the elementary functions that strain energies use.
+///
+/// Operators take values, so a law reads as its formula; `f64` operands stand for constants.
+pub trait Scalar:
+    Clone
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Neg<Output = Self>
+    + Add<f64, Output = Self>
+    + Sub<f64, Output = Self>
+    + Mul<f64, Output = Self>
+{
+    /// The constant `value`, of the same shape (order, variables) as `self`.
+    fn constant(&self, value: f64) -> Self;
+    /// `1 / self`.
+    fn recip(&self) -> Self;
+    /// Natural logarithm; defined for positive values.
+    fn ln(&self) -> Self;
+    /// Exponential.
+    fn exp(&self) -> Self;
+    /// `self^exponent` for positive values and a real exponent.
+    fn powf(&self, exponent: f64) -> Self;
+    /// `self * self`.
+    fn square(&self) -> Self {
+        self.clone() * self.clone()
+    }
+}
+
+/// A scalar that is plain data: what jets and duals are built over, and what kernels loop on.
+pub trait Real: Scalar + Copy + Send + Sync + Default + 'static {
+    /// All lanes equal to `value`.
+    fn splat(value: f64) -> Self;
+    /// `self += a * b`.
+    ///
+    /// Multiplied and added separately: a fused operation would be a library call on machines
+    /// without it and would make results differ between machines.
+    #[inline(always)]
+    fn add_product(&mut self, a: Self, b: Self) {
+        *self = *self + a * b;
+    }
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn constant(&self, value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn recip(&self) -> Self {
+        f64::recip(*self)
+    }
+    #[inline(always)]
+    fn ln(&self) -> Self {
+        f64::ln(*self)
+    }
+    #[inline(always)]
+    fn exp(&self) -> Self {
+        f64::exp(*self)
+    }
+    #[inline(always)]
+    fn powf(&self, exponent: f64) -> Self {
+        f64::powf(*self, exponent)
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        value
+    }
+}

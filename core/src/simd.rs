@@ -1,0 +1,31 @@
+//! Run-time choice of the vector instructions a kernel is compiled for.
+//!
+//! A kernel is compiled once for each instruction set and the widest one the processor has is
+//! called; without this the baseline build is many times slower (STACK section 2 measured it).
+
+/// Code to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
+/// must everything it calls in its inner loops.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// The code.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs the kernel compiled for the best instruction set of this processor.
+pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature the function is compiled for.
+            return unsafe { run_avx2(kernel) };
+        }
+    }
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
