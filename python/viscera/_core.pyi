@@ -1,4 +1,4 @@
-"""The compiled core. Private: users import `viscera`. Translation of the Rust crate `viscera-core`, SI units throughout.
+"""The compiled core. Private: users import `viscera`. Translation of the crate `viscera-core`, SI units throughout.
 
 Arrays are C-contiguous: points (n, 3) float64 [m], cells (m, 4) uint32, node indices uint32.
 Every function raises `ValueError` on bad input (one sentence: the place, the value, what to do).
@@ -27,7 +27,8 @@ class Law:
     """A constitutive law by name with its parameters, one row for all cells or one row per cell.
 
     name and parameter columns: "linear", "corotated", "saint_venant_kirchhoff", "neo_hookean" (mu, lam);
-    "mooney_rivlin J-1", "mooney_rivlin J^2-1", "mooney_rivlin ln J" (c1, c2, kappa) with kappa the small-strain bulk modulus.
+    "mooney_rivlin J-1", "mooney_rivlin J^2-1", "mooney_rivlin ln J" (c1, c2, kappa), kappa the bulk modulus at small
+    strain.
     """
 
     def __init__(self, name: str, parameters: Floats) -> None: ...
@@ -99,14 +100,14 @@ class Body:
         tolerance: float,
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
-    ) -> "Model":
+    ) -> Model:
         """The reduced model of all positions of a touchable surface."""
 
 class Model:
     """A loaded reduced model and its evaluator."""
 
     @staticmethod
-    def from_bytes(data: bytes) -> "Model": ...
+    def from_bytes(data: bytes) -> Model: ...
     def to_bytes(self) -> bytes: ...
     @property
     def metadata(self) -> str:

@@ -1,0 +1,69 @@
+# Viscera: every everyday command. `make` alone lists them.
+#
+# The extension and the Rust tests share one profile and one set of features, so the dependencies compile once.
+# Clippy has a folder of its own: the environment that maturin gives pyo3 would make the two undo each other's work.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+CARGO  := cargo
+
+core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
+extension    := python/viscera/_core.abi3.so
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format test-core test-python bench readme clean
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(extension) ## make .venv and build the package into it; quick when nothing changed
+
+demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
+	$(BIN)/viscera demo --no-view --output out
+
+test: lint test-core test-python ## everything that must be green
+
+lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --target-dir target/lint --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+format: $(VENV)/installed $(VENV)/rust-tools ## put every file in its standard form
+	$(CARGO) fmt --all
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+test-core: ## the Rust tests
+	$(CARGO) test --release --workspace --quiet
+
+test-python: $(extension) ## the Python tests and doctests
+	$(BIN)/pytest
+
+bench: $(extension) ## the benchmarks
+	$(BIN)/viscera bench
+
+readme: $(extension) ## run the README's marked programs and write their real output into it
+	$(BIN)/python scripts/readme.py
+
+clean: ## forget .venv, build products and results
+	$(CARGO) clean
+	rm -rf $(VENV) out dist $(extension)
+
+# The first installation brings the dependencies and the `viscera` command; afterwards only the compiled core is renewed.
+$(VENV)/installed: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip 'maturin>=1.9.4,<2'
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --extras dev
+	touch $@
+
+$(extension): $(VENV)/installed $(core_sources)
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --skip-install
+	touch $@
+
+$(VENV)/rust-tools: $(VENV)/installed
+	$(CARGO) fmt --version || rustup component add rustfmt
+	$(CARGO) clippy --version || rustup component add clippy
+	touch $@

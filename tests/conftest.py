@@ -1,0 +1,69 @@
+"""Fixtures that every test may use: small meshes, and the reference material where it is at hand."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+
+import hypothesis
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# The same examples on every machine, and no failure because a machine is busy.
+hypothesis.settings.register_profile("viscera", deadline=None, derandomize=True, max_examples=50)
+hypothesis.settings.load_profile("viscera")
+
+
+def block(
+    counts: tuple[int, int, int], size: tuple[float, float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Points (n, 3) and cells (m, 4) of a box at the origin, each brick cut into six tetrahedra around its diagonal."""
+    steps = np.array(counts)
+    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in counts), indexing="ij"), axis=-1)
+    points = grid.reshape(-1, 3) * (np.array(size) / steps)
+    stride = np.array([(counts[1] + 1) * (counts[2] + 1), counts[2] + 1, 1])
+    corners = grid[:-1, :-1, :-1].reshape(-1, 3) @ stride
+    cells = []
+    for path in itertools.permutations(range(3)):
+        tet = np.cumsum(np.concatenate([[0], stride[list(path)]]))
+        odd = np.linalg.det(np.eye(3)[list(path)]) < 0
+        cells.append(corners[:, None] + (tet[[0, 2, 1, 3]] if odd else tet))
+    return points, np.concatenate(cells).astype(np.uint32)
+
+
+@pytest.fixture(scope="session")
+def cube() -> vs.Mesh:
+    """A cube of side 0.1 m: 27 points, 48 cells, sets `bottom` (z = 0), `top` (z = 0.1) and `corner` (the far one)."""
+    points, cells = block((2, 2, 2), (0.1, 0.1, 0.1))
+    sets = {
+        "bottom": np.flatnonzero(points[:, 2] == 0),
+        "top": np.flatnonzero(points[:, 2] == 0.1),
+        "corner": np.flatnonzero((points == 0.1).all(axis=1)),
+    }
+    return vs.mesh(points, cells, sets)
+
+
+@pytest.fixture(scope="session")
+def bar() -> vs.Mesh:
+    """A bar 0.4 x 0.1 x 0.1 m along x: 81 points, 192 cells, sets `root` (x = 0) and `tip` (x = 0.4)."""
+    points, cells = block((8, 2, 2), (0.4, 0.1, 0.1))
+    ends = {"root": np.flatnonzero(points[:, 0] == 0), "tip": np.flatnonzero(np.isclose(points[:, 0], 0.4))}
+    return vs.mesh(points, cells, ends)
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of reference solutions and organ meshes, which is no part of the repository.
+
+    Named by VISCERA_SHARED; beside the repository without it. What needs it is skipped, loudly, where it is absent.
+    """
+    folder = Path(os.environ.get("VISCERA_SHARED", ROOT.parent / "shared"))
+    if not (folder / "reference").is_dir():
+        pytest.skip(f"no reference material in {folder}; name its folder in VISCERA_SHARED")
+    return folder
