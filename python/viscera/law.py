@@ -6,15 +6,14 @@ Invariants: I1 = tr C, I2 = (tr^2 C - tr C^2) / 2, J = det F, with C = F^T F and
 
 from __future__ import annotations
 
-from typing import ClassVar, TypeAlias
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core
 from viscera.errors import VisceraError, did_you_mean
-
-Floats: TypeAlias = NDArray[np.float64]
+from viscera.mesh import Floats
 
 __all__ = ["Corotated", "Law", "Linear", "MooneyRivlin", "NeoHookean", "SaintVenantKirchhoff"]
 

@@ -1,0 +1,40 @@
+"""Viscera: organs you can touch.
+
+Hyperelastic soft tissue on tetrahedral meshes, reduced off-line to a model that answers a touch in microseconds.
+SI units throughout: metres, newtons, pascals, joules.
+
+>>> import viscera as vs
+>>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed=lambda x: x[:, 0] < 1e-6)
+>>> touch = beam.reduce(radius=0.1, depth=0.05, order=2)
+"""
+
+from viscera import law as laws
+from viscera import organs
+from viscera._core import __version__
+from viscera.errors import NotConverged, VisceraError
+from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
+from viscera.mesh import Mesh, mesh, read
+from viscera.organ import Organ
+from viscera.state import State
+from viscera.touch import Answer, Touch, load
+
+__all__ = [
+    "Answer",
+    "Corotated",
+    "Linear",
+    "Mesh",
+    "MooneyRivlin",
+    "NeoHookean",
+    "NotConverged",
+    "Organ",
+    "SaintVenantKirchhoff",
+    "State",
+    "Touch",
+    "VisceraError",
+    "__version__",
+    "laws",
+    "load",
+    "mesh",
+    "organs",
+    "read",
+]

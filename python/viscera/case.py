@@ -1,0 +1,171 @@
+"""CASE.toml: one organ with its loads, settings and reduction, in the words of the Python API.
+
+    mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
+    units = "mm"
+    fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
+
+    [material]
+    law = "NeoHookean"
+    young = 0.17e6
+    poisson = 0.48
+
+    [loads]
+    gravity = [0, 0, -9.81]
+    density = 1060
+    displacement.lobe = [0, "free", -0.01]
+    force."z > 90%" = [0, 0, -2.0]
+
+    [settings]
+    steps = 4
+
+    [reduce]
+    touchable = "anterior"
+    radius = "12 mm"              # or a number in metres, or a percentage of the bounding-box diagonal
+    depth = "10%"
+
+Unknown keys are errors that name the nearest known one.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from viscera import law, organs
+from viscera.errors import VisceraError, did_you_mean
+from viscera.mesh import Mesh, read
+from viscera.organ import Organ
+from viscera.select import length, select
+from viscera.state import State
+from viscera.touch import Touch
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
+    "": ("mesh", "units", "fixed", "material", "loads", "settings", "reduce"),
+    "loads": ("displacement", "force", "gravity", "density"),
+    "loads.displacement": None,
+    "loads.force": None,
+    "settings": ("steps", "newton"),
+    "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
+    "material": ("law", "young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha", "volumetric"),
+}
+BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case as read: the words of the file, checked for their names; lengths and places still to be resolved."""
+
+    mesh: str
+    fixed: Any
+    material: Mapping[str, Any]
+    units: str | None = None
+    loads: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    reduction: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path = Path()
+
+    def organ(self) -> Organ:
+        """The organ: mesh read, law made, supports resolved; every place of the case becomes a named set of its mesh."""
+        plain = load_mesh(self.mesh, self.units, self.folder)
+        places = [self.fixed, *self.loads.get("displacement", {}), *self.loads.get("force", {})]
+        places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
+        named = {place: select(plain, place) for place in places if isinstance(place, str)}
+        return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed)
+
+    def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
+        """Static equilibrium of the organ under the case's loads."""
+        moved = self.loads.get("displacement", {})
+        return organ.solve(
+            displacement={place: _components(place, values) for place, values in moved.items()},
+            force=self.loads.get("force", {}),
+            gravity=self.loads.get("gravity"),
+            density=self.loads.get("density"),
+            steps=self.settings.get("steps", 1),
+            settings=self.settings.get("newton"),
+            progress=progress,
+        )
+
+    def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
+        """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""
+        moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
+        return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
+
+    def reduce(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> Touch:
+        """The reduced model of the organ with the case's [reduce] settings."""
+        options = dict(self.reduction)
+        for name in ("radius", "depth"):
+            if name in options:
+                options[name] = length(options[name], organ.mesh.diagonal, name)
+        return organ.reduce(**options, progress=progress)
+
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read a CASE.toml; raises `VisceraError` naming the file and the key that is wrong or missing."""
+    source = Path(path)
+    try:
+        words = tomllib.loads(source.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise VisceraError(f"{source}: no such case file") from None
+    except ValueError as error:  # wrong TOML, or bytes that are not UTF-8
+        raise VisceraError(f"{source}: not a TOML file ({error})") from error
+    _require_known(source, words)
+    for name in ("mesh", "fixed", "material"):
+        if name not in words:
+            raise VisceraError(f"{source}: the key {name!r} is missing")
+    words["reduction"] = words.pop("reduce", {})
+    return Case(**words, folder=source.parent)
+
+
+def load_mesh(name: str, units: str | None, folder: Path = Path()) -> Mesh:
+    """A mesh file in the given units, or a built-in organ as `organ:liver`."""
+    if name.startswith("organ:"):
+        organ = name.removeprefix("organ:")
+        if organ not in BUILT_IN:
+            raise VisceraError(f"unknown built-in organ {organ!r}; {did_you_mean(organ, BUILT_IN)}")
+        return BUILT_IN[organ]()
+    if units is None:
+        raise VisceraError(f"{name}: a mesh file needs its units, such as 'mm' or 'm'")
+    return read(folder / name, units=units)
+
+
+def material(words: Mapping[str, Any]) -> law.Law:
+    """The law that a [material] table or the command line's options describe."""
+    parameters = dict(words)
+    if "law" not in parameters:
+        raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
+    kind = law.named(parameters.pop("law"))
+    try:
+        return kind(**parameters)
+    except TypeError as error:
+        raise VisceraError(f"material {kind.__name__}: {str(error).split('__init__() ')[-1]}") from error
+
+
+def _components(name: str, values: Any) -> list[float | None]:
+    if not isinstance(values, list) or len(values) != 3:
+        raise VisceraError(f"displacement of {name!r}: give three numbers [m], 'free' for a free one, got {values!r}")
+    for value in values:
+        if isinstance(value, str) and value != "free":
+            raise VisceraError(f"displacement of {name!r}: {value!r} is neither a number [m] nor 'free'")
+    return [None if value == "free" else value for value in values]
+
+
+def _require_known(source: Path, words: Mapping[str, Any]) -> None:
+    for table, keys in KEYS.items():
+        inside: Any = words
+        for name in table.split(".") if table else []:
+            inside = inside.get(name, {})
+        if not isinstance(inside, Mapping):
+            raise VisceraError(f"{source}: {table!r} is a table, written as [{table}], got {inside!r}")
+        for key in inside:
+            if keys is not None and key not in keys:
+                where = f" in [{table}]" if table else ""
+                raise VisceraError(f"{source}: unknown key {key!r}{where}; {did_you_mean(key, keys)}")

@@ -1,0 +1,240 @@
+"""The reduced model against Newton, at random touches it was not built from.
+
+Contact points are drawn uniformly over the touchable surface (between nodes too), displacement directions uniformly
+over the sphere (pulls included), and each touch is compared at every depth. The full solution prescribes the same
+patch mean as the model. Errors are relative to the norm of the full displacement field and of the full force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from viscera import defaults
+from viscera.errors import VisceraError
+from viscera.mesh import Floats
+from viscera.touch import Touch
+
+
+@dataclass(frozen=True)
+class Row:
+    """One touch at one depth; the errors are None where Newton itself did not converge."""
+
+    point: list[float]
+    """Contact point (3,) at rest [m]."""
+    displacement: list[float]
+    """Contact displacement (3,) [m]."""
+    depth_fraction: float
+    """Its length in units of the bounding-box diagonal."""
+    displacement_error: float | None
+    """|u - u_full| / |u_full| over all nodes."""
+    force_error: float | None
+    """|F - F_full| / |F_full|."""
+    estimate: float
+    """The error the model itself expects."""
+    is_trusted: bool
+    is_converged: bool
+    """Whether the full solution converged, so that there is a truth to compare with."""
+    status: str
+    """Status of the full solution."""
+
+    @property
+    def is_within_limits(self) -> bool:
+        """False only where a trusted answer is further from the truth than its depth allows."""
+        if not self.is_trusted or self.displacement_error is None or self.force_error is None:
+            return True
+        return max(self.displacement_error, self.force_error) <= allowed_error(self.depth_fraction)
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The rows of one depth, or of all."""
+
+    depth_fraction: float | None
+    """None for all depths together."""
+    touches: int
+    converged: int
+    """Touches whose full solution converged: those the errors speak of."""
+    trusted: int
+    """Of these, the ones whose answer the model trusts."""
+    worst: dict[str, float | None]
+    median: dict[str, float | None]
+    worst_trusted: dict[str, float | None]
+
+
+@dataclass(frozen=True)
+class Check:
+    """All rows, and what they say by depth."""
+
+    rows: list[Row]
+    depths: list[Summary]
+    overall: Summary
+    microseconds_force: float
+    """Median wall time of one answer with force and stiffness, called from Python."""
+    microseconds_field: float
+    """The same with the displacement of every node."""
+    seconds: float
+
+    @property
+    def is_passed(self) -> bool:
+        """Every trusted answer is within its limit, and there was a full solution to compare with."""
+        return self.overall.converged > 0 and all(row.is_within_limits for row in self.rows)
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys of `viscera check --json`."""
+        return {
+            "touches": [asdict(row) for row in self.rows],
+            "worst": self.overall.worst,
+            "median": self.overall.median,
+            "depths": [asdict(summary) for summary in self.depths],
+            "microseconds_force": self.microseconds_force,
+            "microseconds_field": self.microseconds_field,
+        }
+
+    def table(self) -> str:
+        """The errors by depth as aligned text: median and worst in percent, of the converged touches."""
+        head = "depth   touches  converged  trusted | displacement error | force error        | estimate\n"
+        head += "                                     |   median     worst |   median     worst |   median     worst\n"
+        return head + "\n".join(_line(summary) for summary in self.depths)
+
+
+MEASURES = ("displacement_error", "force_error", "estimate")
+
+
+def check(
+    touch: Touch,
+    *,
+    touches: int = 50,
+    seed: int = 0,
+    depths: Sequence[float] | None = None,
+    progress: Callable[[int, int, str], None] | None = None,
+) -> Check:
+    """Compare the model with full solutions at `touches` random contacts, each at all `depths`.
+
+    depths: fractions of the bounding-box diagonal; 5 % and 10 % by default, cut at the depth the model was built for.
+    seed: of the random contacts; the same seed asks the same questions.
+    """
+    if touches < 1:
+        raise VisceraError(f"a check needs at least one touch, got {touches}")
+    began = perf_counter()
+    fractions = _depth_fractions(touch, depths)
+    organ = touch.organ()
+    random = np.random.default_rng(seed)
+    points, directions = surface_points(touch, touches, random), unit_vectors(touches, random)
+    rows: list[Row] = []
+    for point, direction in zip(points, directions, strict=True):
+        patch, state = touch.patch(point), None
+        for fraction in fractions:
+            push = fraction * touch.mesh.diagonal * direction
+            answer = touch(point, push)
+            state = organ.solve(displacement={patch: push}, start=state)
+            truth = (state.displacement, state.reaction(patch)) if state.is_converged else None
+            rows.append(
+                Row(
+                    point=point.tolist(),
+                    displacement=push.tolist(),
+                    depth_fraction=fraction,
+                    displacement_error=_relative(answer.displacement, truth[0]) if truth else None,
+                    force_error=_relative(answer.force, truth[1]) if truth else None,
+                    estimate=answer.error_estimate,
+                    is_trusted=answer.is_trusted,
+                    is_converged=state.is_converged,
+                    status=state.status,
+                )
+            )
+            state = state if state.is_converged else None
+            if progress:
+                progress(len(rows), touches * len(fractions), "check against Newton")
+    force, field = _microseconds(touch, points, directions * fractions[0] * touch.mesh.diagonal)
+    return Check(
+        rows=rows,
+        depths=[_summary([row for row in rows if row.depth_fraction == f], f) for f in fractions],
+        overall=_summary(rows, None),
+        microseconds_force=force,
+        microseconds_field=field,
+        seconds=perf_counter() - began,
+    )
+
+
+def surface_points(touch: Touch, count: int, random: np.random.Generator) -> Floats:
+    """Points (count, 3) [m], uniform over the area of the touchable surface."""
+    corners = touch.mesh.points[touch.touchable_triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    chosen = corners[random.choice(len(corners), size=count, p=areas / areas.sum())]
+    root, along = np.sqrt(random.random((count, 1))), random.random((count, 1))
+    a, b, c = chosen.transpose(1, 0, 2)
+    return np.asarray((1.0 - root) * a + root * (1.0 - along) * b + root * along * c)
+
+
+def unit_vectors(count: int, random: np.random.Generator) -> Floats:
+    """Directions (count, 3), uniform over the sphere."""
+    vectors = random.standard_normal((count, 3))
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def allowed_error(depth_fraction: float) -> float:
+    """The relative error a trusted answer may have at a depth."""
+    limits = sorted(defaults.ALLOWED_ERROR.items())
+    return next((limit for depth, limit in limits if depth_fraction <= depth * (1 + 1e-9)), limits[-1][1])
+
+
+def _depth_fractions(touch: Touch, depths: Iterable[float] | None) -> list[float]:
+    deepest = touch.depth / touch.mesh.diagonal
+    if depths is None:
+        return sorted({min(fraction, deepest) for fraction in defaults.CHECK_DEPTH_FRACTIONS})
+    wanted = sorted(set(depths))
+    if not wanted or not all(0.0 < fraction <= deepest * (1 + 1e-9) for fraction in wanted):
+        raise VisceraError(
+            f"depths {wanted} must be positive and at most {deepest:.4g} of the diagonal, the model's own depth"
+        )
+    return wanted
+
+
+def _relative(value: Floats, truth: Floats) -> float:
+    return float(np.linalg.norm(value - truth) / np.linalg.norm(truth))
+
+
+def _summary(rows: list[Row], depth_fraction: float | None) -> Summary:
+    converged = [row for row in rows if row.is_converged]
+    trusted = [row for row in converged if row.is_trusted]
+    return Summary(
+        depth_fraction=depth_fraction,
+        touches=len(rows),
+        converged=len(converged),
+        trusted=len(trusted),
+        worst={name: _of(np.max, converged, name) for name in MEASURES},
+        median={name: _of(np.median, converged, name) for name in MEASURES},
+        worst_trusted={name: _of(np.max, trusted, name) for name in MEASURES},
+    )
+
+
+def _of(statistic: Callable[[list[float]], Any], rows: list[Row], name: str) -> float | None:
+    return float(statistic([getattr(row, name) for row in rows])) if rows else None
+
+
+def _line(summary: Summary) -> str:
+    cells = [f"{100 * (summary.depth_fraction or 0.0):4.1f} %  {summary.touches:8d}  {summary.converged:9d}"]
+    cells[0] += f"  {summary.trusted:7d}"
+    cells += [f"{_percent(summary.median[name])} {_percent(summary.worst[name])}" for name in MEASURES]
+    return " | ".join(cells)
+
+
+def _percent(value: float | None) -> str:
+    return "       -" if value is None else f"{100 * value:7.3f}%"
+
+
+def _microseconds(touch: Touch, points: Floats, pushes: Floats) -> tuple[float, float]:
+    """Median wall time [us] of the force alone and of the whole field, over the checked touches."""
+    force, field = [], []
+    for point, push in zip(points, pushes, strict=True):
+        began = perf_counter()
+        answer = touch(point, push)
+        force.append(perf_counter() - began)
+        _ = answer.displacement
+        field.append(perf_counter() - began)
+    return 1e6 * float(np.median(force)), 1e6 * float(np.median(field))

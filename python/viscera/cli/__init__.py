@@ -1,0 +1,67 @@
+"""The `viscera` command: one file per verb here, each a thin reading of the Python API.
+
+Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input, one sentence on standard error; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Sequence
+from time import perf_counter
+from typing import NoReturn
+
+from viscera import _core
+from viscera.cli import check, demo, inspect, reduce, solve, touch
+from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
+
+VERBS = (demo, inspect, solve, reduce, check, touch)
+NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Like its parent, but a wrong command line is one sentence."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit code."""
+    words = sys.argv[1:] if argv is None else list(argv)
+    # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
+    args = _parser().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
+    output = Output(args.json, is_quiet=args.quiet)
+    began = perf_counter()
+    try:
+        outcome: Outcome = args.run(args, output)
+    except KeyboardInterrupt:
+        outcome = Outcome("interrupted", INTERRUPTED, {"message": "interrupted; nothing was left half-written"})
+    except (ValueError, OSError) as error:
+        outcome = Outcome("bad input", BAD_INPUT, {"message": " ".join(str(error).split())})
+    if outcome.code in {BAD_INPUT, INTERRUPTED}:
+        print(f"viscera {args.verb}: {outcome.facts['message']}", file=sys.stderr)
+    try:
+        output.write(outcome, perf_counter() - began)
+    except (ValueError, OSError) as error:
+        print(f"viscera {args.verb}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    return outcome.code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="viscera", description="Organs you can touch: hyperelastic soft tissue, reduced off-line.")
+    parser.add_argument("--version", action="version", version=f"viscera {_core.__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for verb in VERBS:
+        name = verb.__name__.rpartition(".")[2]
+        summary = (verb.__doc__ or "").strip().partition("\n")[0]
+        options = verbs.add_parser(
+            name, help=summary, description=verb.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        verb.add_arguments(options)
+        options.add_argument("--json", metavar="FILE", help="write the result there for machines; - is standard output")
+        options.add_argument("--quiet", action="store_true", help="no text and no progress bar")
+        options.set_defaults(run=verb.run)
+    return parser

@@ -1,0 +1,53 @@
+"""The reduced model against Newton at random unseen touches: errors by depth, and the model's own estimate beside them.
+
+Fails (exit 1) where a trusted answer is more than 1 % off at depths to 5 % of the diagonal, or 5 % beyond.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from viscera import progress
+from viscera.check import Check
+from viscera.cli.options import number_or_words
+from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.select import length
+from viscera.touch import Touch, load
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera check`."""
+    parser.add_argument("model", metavar="organ.viscera")
+    parser.add_argument("--touches", type=int, default=50, help="random contacts, each at every depth (default 50)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random contacts (default 0)")
+    parser.add_argument(
+        "--depths", nargs="+", type=number_or_words, metavar="DEPTH",
+        help="metres, '12 mm' or '5%%' of the bounding-box diagonal (default 5%% 10%%)",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Check, print the table."""
+    touch = load(args.model)
+    diagonal = touch.mesh.diagonal
+    depths = [length(depth, diagonal, "depth") / diagonal for depth in args.depths] if args.depths else None
+    with progress.bar(output.is_quiet) as bar:
+        result = touch.check(args.touches, args.seed, depths, bar)
+    say(result, touch, output)
+    return Outcome("passed" if result.is_passed else "failed", DONE if result.is_passed else FAILED, result.to_json())
+
+
+def say(result: Check, touch: Touch, output: Output) -> None:
+    """The table, the exceptions and the rates, in words."""
+    output.say(f"model against Newton, {touch!r}\n{result.table()}")
+    missing = result.overall.touches - result.overall.converged
+    if missing:
+        output.say(f"{missing} of {result.overall.touches} full solutions did not converge: no truth to compare with")
+    beyond = [row for row in result.rows if not row.is_within_limits]
+    for row in beyond[:5]:
+        output.say(f"beyond its limit though trusted: touch at {row.point}, {row.displacement} m")
+    output.say(
+        f"{result.microseconds_force:.1f} us per answer with force and stiffness, {result.microseconds_field:.0f} us "
+        f"with the whole field (called from Python); check took {result.seconds:.1f} s"
+    )
+    output.say("every trusted answer is within its limit" if result.is_passed else "the check FAILED")

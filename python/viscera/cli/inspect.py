@@ -1,0 +1,36 @@
+"""What a mesh file holds, good or bad: sizes, bounding box, volume, quality, problems and node sets."""
+
+from __future__ import annotations
+
+import argparse
+
+from viscera.case import BUILT_IN, load_mesh
+from viscera.cli.output import Outcome, Output
+from viscera.mesh import inspect, report
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera inspect`."""
+    parser.add_argument("mesh", metavar="MESH", help=f"a mesh file, or organ: and one of {', '.join(BUILT_IN)}")
+    parser.add_argument("--units", default="m", help="unit of the file's coordinates: m (default), cm, mm, um, inch")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Read, measure, print."""
+    is_built_in = args.mesh.startswith("organ:")
+    facts = report(load_mesh(args.mesh, None)) if is_built_in else inspect(args.mesh, units=args.units)
+    output.say(f"{args.mesh}: {facts['n_points']} points, {facts['n_cells']} cells")
+    if facts["volume"] is not None:
+        sides = [f"{1e3 * (high - low):.4g}" for low, high in zip(*facts["bounding_box"], strict=True)]
+        output.say(f"  bounding box  {' x '.join(sides)} mm")
+        output.say(f"  volume        {facts['volume_ml']:.4g} ml")
+        quality = facts["quality"]
+        output.say(f"  quality       min {quality['min']:.3g}, mean {quality['mean']:.3g} (1 is best)")
+        output.say(f"  parts         {facts['parts']}")
+    for name, size in facts["sets"].items():
+        output.say(f"  set           {name!r}: {size} nodes")
+    for message in facts["messages"]:
+        output.say(f"  repaired      {message}")
+    for problem in facts["problems"]:
+        output.say(f"  problem       {problem}")
+    return Outcome("problems" if facts["problems"] else "sound", facts=facts)

@@ -1,0 +1,91 @@
+"""Options that verbs share: lengths, and an organ described on the command line instead of in a case file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from viscera import defaults
+from viscera.case import Case, read_case
+from viscera.errors import VisceraError
+from viscera.select import length
+
+MATERIAL = ("law", "young", "poisson")
+MESH_ONLY = ("units", "fixed", *MATERIAL)
+
+
+def metres(text: str) -> float:
+    """A length [m]: a number, or a number with its unit."""
+    try:
+        return length(number_or_words(text), whole=0.0, name="length")
+    except VisceraError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def number_or_words(text: str) -> float | str:
+    """A number as a float, anything else as it stands ("12 mm", "10%")."""
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()
+
+
+def add_organ(parser: argparse.ArgumentParser) -> None:
+    """A case file, or a mesh with its material and supports."""
+    parser.add_argument(
+        "case", metavar="CASE.toml|MESH", help="a case file; or with options a mesh file or organ:liver"
+    )
+    organ = parser.add_argument_group("an organ without a case file")
+    organ.add_argument("--units", help="unit of the mesh file's coordinates: m, cm, mm")
+    organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
+    organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
+    organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
+    organ.add_argument("--poisson", type=float, help="Poisson's ratio, above -1 and below 0.5")
+
+
+def add_reduction(parser: argparse.ArgumentParser) -> None:
+    """The settings of a reduction; they take precedence over a case's."""
+    reduction = parser.add_argument_group("the reduction")
+    share = "of the bounding-box diagonal"
+    reduction.add_argument(
+        "--touchable",
+        metavar="SET",
+        help="where it may be touched (default: the surface, but for a radius around the fixed)",
+    )
+    reduction.add_argument(
+        "--radius", type=number_or_words, metavar="LENGTH",
+        help=f"of the contact patch: metres, '12 mm' or '10%%' {share} (default {defaults.RADIUS_FRACTION:.0%}%)",
+    )  # fmt: skip
+    reduction.add_argument(
+        "--depth", type=number_or_words, metavar="LENGTH",
+        help=f"largest touch (default {defaults.DEPTH_FRACTION:.0%}% {share})",
+    )  # fmt: skip
+    reduction.add_argument("--order", type=int, help=f"of the series (default {defaults.ORDER})")
+    reduction.add_argument("--tolerance", type=float, help=f"of the stored field (default {defaults.TOLERANCE:g})")
+
+
+def case_of(args: argparse.Namespace) -> Case:
+    """The case that a command line means."""
+    given = {name: getattr(args, name) for name in MESH_ONLY if getattr(args, name) is not None}
+    reduction = {
+        name: getattr(args, name)
+        for name in ("touchable", "radius", "depth", "order", "tolerance")
+        if getattr(args, name, None) is not None
+    }
+    if Path(args.case).suffix == ".toml":
+        if given:
+            raise VisceraError(f"{args.case} describes the organ; change it there instead of by --{next(iter(given))}")
+        case = read_case(args.case)
+        return _with_reduction(case, reduction)
+    for name in ("fixed", "young", "poisson"):
+        if name not in given:
+            raise VisceraError(f"{args.case} is a mesh: it needs --{name} as well (see --help), or write a case file")
+    material: dict[str, Any] = {"law": "NeoHookean"}
+    material.update({name: given[name] for name in MATERIAL if name in given})
+    case = Case(mesh=args.case, units=given.get("units"), fixed=given["fixed"], material=material)
+    return _with_reduction(case, reduction)
+
+
+def _with_reduction(case: Case, reduction: dict[str, Any]) -> Case:
+    return Case(**{**vars(case), "reduction": {**case.reduction, **reduction}})

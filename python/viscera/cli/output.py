@@ -1,0 +1,62 @@
+"""What a verb says: text for people, JSON for machines, and an exit code."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from viscera.atomic import replacing
+
+DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a verb ended: a word, the exit code, and the facts of its JSON."""
+
+    status: str
+    code: int = DONE
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+class Output:
+    """Text goes to standard output, or to standard error where that carries the JSON; nowhere when quiet."""
+
+    def __init__(self, json_path: str | None, *, is_quiet: bool) -> None:
+        self.json_path = json_path
+        self.is_quiet = is_quiet
+
+    def say(self, text: str) -> None:
+        """A line for people."""
+        if not self.is_quiet:
+            print(text, file=sys.stderr if self.json_path == "-" else sys.stdout, flush=True)
+
+    def write(self, outcome: Outcome, seconds: float) -> None:
+        """The JSON of an outcome, where it was asked for."""
+        if self.json_path is None:
+            return
+        facts = {"status": outcome.status, "seconds": round(seconds, 3), **outcome.facts}
+        text = json.dumps(_plain(facts), indent=1, allow_nan=False) + "\n"
+        if self.json_path == "-":
+            sys.stdout.write(text)
+            return
+        with replacing(self.json_path) as scratch:
+            scratch.write_text(text, encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    """NumPy values as JSON knows them; a number that is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

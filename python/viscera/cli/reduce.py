@@ -1,0 +1,40 @@
+"""The off-line stage: an organ becomes a model file that answers touches in microseconds.
+
+viscera reduce liver.toml -o liver.viscera
+viscera reduce kidney.vtu --units mm --fixed "z < 15%" --young 10e3 --poisson 0.45
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from time import perf_counter
+
+from viscera import progress
+from viscera.cli.options import add_organ, add_reduction, case_of
+from viscera.cli.output import Outcome, Output
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera reduce`."""
+    add_organ(parser)
+    add_reduction(parser)
+    parser.add_argument("-o", "--output", metavar="FILE", help="the model file (default: the case's name, .viscera)")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Reduce, save, print."""
+    target = Path(args.output or Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name)
+    case = case_of(args)
+    organ = case.organ()
+    began = perf_counter()
+    with progress.bar(output.is_quiet) as bar:
+        touch = case.reduce(organ, bar)
+    touch.save(target)
+    facts = {"file": str(target), "file_bytes": target.stat().st_size, **touch.summary()}
+    output.say(
+        f"{target}: {facts['positions']} positions, {facts['terms']} terms, {facts['modes']} modes, "
+        f"{facts['file_bytes'] / 1e6:.1f} MB, worst stored error {facts['worst_error']:.1e} of the depth, "
+        f"{perf_counter() - began:.1f} s"
+    )
+    return Outcome("reduced", facts=facts)

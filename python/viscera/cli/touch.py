@@ -1,0 +1,45 @@
+"""One on-line evaluation: a contact point and its displacement give the force and its stiffness.
+
+viscera touch liver.viscera --at 0.10 0.05 0.08 --push 0 0 -10mm
+"""
+
+from __future__ import annotations
+
+import argparse
+
+from viscera.cli.options import metres
+from viscera.cli.output import Outcome, Output
+from viscera.touch import load
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera touch`."""
+    parser.add_argument("model", metavar="organ.viscera")
+    axes = ("X", "Y", "Z")
+    parser.add_argument("--at", nargs=3, type=metres, required=True, metavar=axes, help="contact point: metres or 12mm")
+    parser.add_argument("--push", nargs=3, type=metres, required=True, metavar=axes, help="contact displacement")
+    parser.add_argument("--picture", metavar="FILE", help="write a PNG of the touched organ")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Touch once, print."""
+    touch = load(args.model)
+    answer = touch(args.at, args.push)
+    if args.picture:
+        touch.plot(args.at, args.push, args.picture)
+    output.say("force      " + "  ".join(f"{component:10.4g}" for component in answer.force) + "  N")
+    for name, row in zip(("stiffness", "", ""), answer.stiffness, strict=True):
+        output.say(f"{name:9s}  " + "  ".join(f"{entry:10.4g}" for entry in row) + "  N/m")
+    output.say(f"largest displacement {1e3 * answer.max_displacement:.4g} mm")
+    output.say(f"estimated error {100 * answer.error_estimate:.3g} % of the field")
+    output.say("trusted" if answer.is_trusted else f"not trusted: {answer.reason}")
+    facts = {
+        "force": answer.force,
+        "stiffness": answer.stiffness,
+        "error_estimate": answer.error_estimate,
+        "is_trusted": answer.is_trusted,
+        "reason": answer.reason,
+        "max_displacement": answer.max_displacement,
+        "contact_point": answer.contact_point,
+    }
+    return Outcome("answered", facts=facts)

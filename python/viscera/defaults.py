@@ -1,0 +1,19 @@
+"""The defaults of the reduction and its check, in one place: the API, case files and the command line all read them."""
+
+RADIUS_FRACTION = 0.10
+"""Radius of the contact patch, in units of the organ's bounding-box diagonal."""
+
+DEPTH_FRACTION = 0.10
+"""Largest contact displacement the model is built for, in units of the bounding-box diagonal."""
+
+ORDER = 4
+"""Total order of the series in the contact displacement: 34 terms."""
+
+TOLERANCE = 1e-3
+"""Error of the stored field at the worst position, in units of the depth."""
+
+CHECK_DEPTH_FRACTIONS = (0.05, 0.10)
+"""Depths at which a model is checked, in units of the bounding-box diagonal."""
+
+ALLOWED_ERROR = {0.05: 0.01, 0.10: 0.05}
+"""Relative error a trusted answer may have up to a depth fraction; the last entry holds beyond it."""

@@ -1,0 +1,148 @@
+"""From a user's words to the core's arrays: prescribed displacements, forces and gravity over sets of nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices, Mesh
+from viscera.mesh import Where as Nodes
+
+Where: TypeAlias = Nodes | _core.Patch
+"""A place: the name of a node set, a predicate on points, node indices, or a contact patch."""
+
+Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]]
+Forces: TypeAlias = Mapping[Any, ArrayLike] | ArrayLike
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Prescribed displacements: single components of nodes, and weighted means over patches."""
+
+    dofs: Indices
+    """(k,) degrees of freedom 3 * node + component; none of a fixed node."""
+    values: Floats
+    """(k,) their displacement [m]."""
+    patches: list[tuple[_core.Patch, Floats]]
+    """Contact patches with their mean displacement (3,) [m]."""
+
+
+def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Prescribed:
+    """Resolve `{where: (x, y, z)}`, `None` leaving a component free; refuses places that contradict each other."""
+    values = np.zeros((len(mesh.points), 3))
+    owner = np.full(values.shape, -1)  # which entry prescribes a component; 0 is the fixed set
+    owner[fixed] = 0
+    names = ["the fixed set"]
+    patches: list[tuple[_core.Patch, Floats]] = []
+    for where, target in displacement.items():
+        names.append(name_of(where))
+        if isinstance(where, _core.Patch):
+            patches.append((where, vector(target, "displacement of a patch (all three components)", "m")))
+            continue
+        nodes = mesh.nodes(where)
+        for axis, wanted in enumerate(_components(target, len(nodes), names[-1])):
+            if wanted is None:
+                continue
+            previous = owner[nodes, axis]
+            clash = (previous >= 0) & (values[nodes, axis] != wanted)
+            if clash.any():
+                node = nodes[clash][0]
+                raise VisceraError(
+                    f"node {node} is asked to move {values[node, axis]:g} m along {AXES[axis]} by "
+                    f"{names[owner[node, axis]]} and {np.broadcast_to(wanted, len(nodes))[clash][0]:g} m by "
+                    f"{names[-1]}; let each component be prescribed once"
+                )
+            values[nodes, axis] = wanted
+            owner[nodes, axis] = np.where(previous == 0, 0, len(names) - 1)
+    for patch, _ in patches:
+        if (owner[patch.nodes] >= 0).all():
+            raise VisceraError(f"all {len(patch.nodes)} nodes of a contact patch are prescribed already; move it")
+    dofs = np.flatnonzero(owner.ravel() > 0)
+    return Prescribed(dofs.astype(np.uint32), values.ravel()[dofs], patches)
+
+
+def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
+    """Nodal forces (n, 3) [N] of `{where: total}`, each total spread over its place, or of an (n, 3) array itself."""
+    if not isinstance(force, Mapping):
+        nodal = np.array(force, dtype=float)
+        if nodal.shape != mesh.points.shape:
+            raise VisceraError(f"nodal forces have shape {nodal.shape}; the mesh asks for {mesh.points.shape}")
+        if not np.isfinite(nodal).all():
+            raise VisceraError(f"the force on node {np.argwhere(~np.isfinite(nodal))[0][0]} is not finite")
+        return nodal
+    nodal = np.zeros_like(mesh.points)
+    for where, total in force.items():
+        nodes, shares = _shares(mesh, where)
+        if np.isin(nodes, fixed).all():
+            raise VisceraError(f"all nodes of {name_of(where)} are fixed: a force there would move nothing")
+        nodal[nodes] += shares[:, None] * vector(total, f"force on {name_of(where)}", "N")
+    return nodal
+
+
+def density_per_cell(mesh: Mesh, density: ArrayLike) -> Floats:
+    """Density (1,) or (m,) [kg/m^3], checked."""
+    values = np.atleast_1d(np.asarray(density, dtype=float))
+    if values.shape not in {(1,), (len(mesh.cells),)}:
+        raise VisceraError(f"density has shape {values.shape}; give one number or one per cell ({len(mesh.cells)})")
+    if not (values > 0.0).all():  # refuses NaN as well
+        raise VisceraError(f"density must be positive [kg/m^3], got {values[~(values > 0.0)][0]:g}")
+    return values
+
+
+def vector(value: ArrayLike | Sequence[float | None], what: str, unit: str) -> Floats:
+    """Three finite numbers, or an error that names what they are."""
+    try:
+        numbers = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.shape != (3,):
+        raise VisceraError(f"the {what} must be three numbers [{unit}], got {value!r}")
+    if not np.isfinite(numbers).all():
+        raise VisceraError(f"the {what} must be finite [{unit}], got {numbers.tolist()}")
+    return numbers
+
+
+def name_of(where: Where) -> str:
+    """A place as errors name it."""
+    if isinstance(where, str):
+        return repr(where)
+    if isinstance(where, _core.Patch):
+        return "a contact patch"
+    return "a predicate" if callable(where) else f"a set of {np.size(where)} nodes"
+
+
+def _components(target: Any, count: int, name: str) -> list[Floats | None]:
+    """The three components of a displacement: None where free, else one value for the set or one per node."""
+    if isinstance(target, np.ndarray) and target.ndim == 2:
+        if target.shape != (count, 3) or not np.isfinite(target).all():
+            raise VisceraError(f"displacements of {name}: expected finite values of shape ({count}, 3) [m]")
+        return list(np.asarray(target, dtype=float).T)
+    if len(target) != 3:
+        raise VisceraError(f"the displacement of {name} has three components (None = free), got {target!r}")
+    if all(component is None for component in target):
+        raise VisceraError(f"the displacement of {name} leaves all components free; remove it")
+    filled = vector([0.0 if c is None else c for c in target], f"displacement of {name}", "m")
+    return [None if c is None else filled[axis] for axis, c in enumerate(target)]
+
+
+def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
+    """The nodes of a place and the share of each in a total force: a uniform traction over the set's own surface
+    triangles, equal shares where it has none, the weights of a patch."""
+    if isinstance(where, _core.Patch):
+        return where.nodes, where.weights
+    nodes = mesh.nodes(where)
+    inside = mesh.surface[np.isin(mesh.surface, nodes).all(axis=1)]
+    a, b, c = (mesh.points[inside[:, corner]] for corner in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    lumped = np.zeros(len(mesh.points))
+    np.add.at(lumped, inside, areas[:, None] / 3.0)
+    shares = lumped[nodes] if areas.sum() > 0.0 else np.ones(len(nodes))
+    return nodes, shares / shares.sum()

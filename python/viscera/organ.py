@@ -1,0 +1,205 @@
+"""An organ: a mesh, a law and what holds it. From here to equilibrium (`solve`, `path`) and to touch (`reduce`)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core, defaults
+from viscera.errors import NotConverged, VisceraError
+from viscera.law import Law
+from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
+from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.path import Expansion, Path
+from viscera.state import State
+from viscera.support import fixed_nodes, require_held
+from viscera.touch import Touch
+
+Progress = Callable[[int, int, str], None]
+"""Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
+
+
+class Organ:
+    """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
+
+    mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
+    Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed=lambda x: x[:, 0] < 1e-6)
+    >>> state = beam.solve(gravity=(0, 0, -9.81), density=1000)
+    >>> state.is_converged
+    True
+    """
+
+    def __init__(self, mesh: Mesh, law: Law, fixed: Where) -> None:
+        if not isinstance(law, Law):
+            raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
+        rows = len(law.parameters)
+        if rows not in {1, len(mesh.cells)}:
+            raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
+        self.mesh = mesh
+        self.law = law
+        self.fixed = fixed_nodes(mesh, fixed)
+        """Indices (k,) of the fixed nodes."""
+        self._body = _core.Body(mesh.points, mesh.cells, law.core(), self.fixed)
+
+    def solve(
+        self,
+        *,
+        displacement: Displacements | None = None,
+        force: Forces | None = None,
+        gravity: ArrayLike | None = None,
+        density: ArrayLike | None = None,
+        steps: int = 1,
+        start: State | None = None,
+        settings: Mapping[str, float] | None = None,
+        throw: bool = False,
+        progress: Progress | None = None,
+    ) -> State:
+        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces and gravity.
+
+        displacement: `{where: (x, y, z)}` [m], None leaving a component free; an array (k, 3) moves each node of a set
+            on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
+        force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
+            shares where it has none), or an array (n, 3) of nodal forces.
+        gravity: acceleration (3,) [m/s^2], in full at every load level, with `density` [kg/m^3], one or per cell.
+        steps: at least this many load steps; more are taken where needed.
+        start: a state to continue from; rest otherwise.
+        settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
+        throw: raise `NotConverged` instead of returning the state with its status.
+        """
+        if gravity is not None and density is None:
+            raise VisceraError("gravity needs a density [kg/m^3]")
+        if not isinstance(steps, int | np.integer) or steps < 1:
+            raise VisceraError(f"steps must be a whole number of at least 1, got {steps!r}")
+        if start is not None and start.displacement.shape != self.mesh.points.shape:
+            raise VisceraError("the state to start from belongs to another mesh")
+        moved = prescribed(self.mesh, self.fixed, displacement or {})
+        require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
+        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        weight = np.zeros_like(applied)
+        if gravity is not None and density is not None:
+            acceleration = vector(gravity, "gravity", "m/s^2")
+            weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
+        began = perf_counter()
+        result = self._body.solve(
+            prescribed=moved.dofs,
+            values=moved.values,
+            force=applied,
+            body_force=weight,
+            patches=moved.patches,
+            start=None if start is None else start.displacement,
+            steps=int(steps),
+            settings=dict(settings or {}),
+            on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
+        )
+        state = State(self.mesh, result, [patch for patch, _ in moved.patches], perf_counter() - began)
+        if throw and not state.is_converged:
+            raise NotConverged(state)
+        return state
+
+    def path(
+        self,
+        *,
+        force: Forces,
+        order: int = 15,
+        parameter: str = "load",
+        until: float = 1.0,
+        tolerance: float = 1e-6,
+        max_expansions: int = 50,
+    ) -> Path:
+        """The equilibrium path under `until` times a force, by the asymptotic numerical method.
+
+        u(a) = sum_p a^p u_p, all orders sharing one tangent; continued from the end of each expansion's range. The
+        parameter a is the "load" or the "arc length", which passes limit points.
+        Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
+        """
+        if parameter not in {"load", "arc length"}:
+            raise VisceraError(f"the path parameter is 'load' or 'arc length', got {parameter!r}")
+        if order < 2:
+            raise VisceraError(f"a path needs at least order 2, got {order}")
+        expansions = self._body.path(
+            force=nodal_forces(self.mesh, self.fixed, force),
+            order=order,
+            parameter=parameter,
+            until=until,
+            tolerance=tolerance,
+            max_expansions=max_expansions,
+        )
+        return Path([Expansion(**expansion) for expansion in expansions])
+
+    def patch(self, point: ArrayLike, radius: float) -> _core.Patch:
+        """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
+
+        A place for `solve`: its mean displacement may be prescribed, a force spread over it.
+        """
+        return self._body.patch(vector(point, "contact point", "m"), self._length("radius", radius))
+
+    def touchable(self, where: Where | None = None, radius: float | None = None) -> Indices:
+        """The free surface nodes of a place; without one, all those farther than `radius` [m] from fixed nodes."""
+        surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
+        if where is not None:
+            nodes = np.intersect1d(surface, self.mesh.nodes(where))
+            if len(nodes) == 0:
+                raise VisceraError("the touchable set holds no free node of the surface; choose another")
+            return nodes
+        reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
+        nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
+        if len(nodes) == 0:
+            raise VisceraError(f"no surface node is farther than {reach:g} m from the fixed nodes; lower the radius")
+        return nodes
+
+    def reduce(
+        self,
+        touchable: Where | None = None,
+        *,
+        radius: float | None = None,
+        depth: float | None = None,
+        order: int = defaults.ORDER,
+        tolerance: float = defaults.TOLERANCE,
+        progress: Progress | None = None,
+    ) -> Touch:
+        """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
+
+        touchable: where the organ may be touched, its free surface nodes being taken; by default all surface nodes
+            farther than `radius` from fixed ones.
+        radius [m] of the contact patch and largest `depth` [m] of a touch: by default a tenth of the bounding-box
+            diagonal each.
+        order: total order of the series in the three components of the contact displacement d.
+        tolerance: error of the stored field at the worst position, in units of the depth.
+        """
+        radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
+        depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
+        if not isinstance(order, int | np.integer) or order < 1:
+            raise VisceraError(f"order must be a whole number of at least 1, got {order!r}")
+        if not 0.0 < tolerance < 1.0:
+            raise VisceraError(f"tolerance must lie between 0 and 1, got {tolerance!r}")
+        nodes = self.touchable(touchable, radius)
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        model = self._body.reduce(
+            touchable=nodes,
+            radius=radius,
+            depth=depth,
+            order=int(order),
+            tolerance=float(tolerance),
+            metadata=json.dumps({"viscera": _core.__version__}),
+            on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
+        )
+        return Touch(model)
+
+    def _length(self, name: str, value: float) -> float:
+        if not 0.0 < value <= self.mesh.diagonal:
+            raise VisceraError(
+                f"{name} is {value:g} m; it must be positive and at most the organ's diagonal, {self.mesh.diagonal:g} m"
+            )
+        return float(value)
+
+
+def _distances(points: Floats, others: Floats) -> Floats:
+    """Distance of each point (k, 3) to the nearest of `others` (l, 3)."""
+    return np.array([np.sqrt(((others - point) ** 2).sum(axis=1).min()) for point in points])

@@ -1,0 +1,148 @@
+"""A picture of a deformed organ: shaded and coloured by displacement, over the wireframe of its rest shape.
+
+Projection, hidden surface and shading are done here in a few lines of NumPy: the front-facing triangles, drawn from
+back to front, look better in matplotlib and draw faster than its own three-dimensional axes.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+
+from viscera.atomic import replacing
+from viscera.mesh import Floats, Indices
+
+INK, PAPER, ACCENT = "#22262e", "#ffffff", "#0b4f6c"
+TISSUE = LinearSegmentedColormap.from_list("tissue", ["#f3e3d7", "#eab08f", "#d9654f", "#a31f3a", "#4f0f2b"])
+LIGHT = np.array([-0.35, 0.55, 0.76])  # in view axes: right, up, towards the eye
+PIECES = 30_000  # small triangles of one picture: enough for smooth shading, a second or two to draw
+
+
+def draw(
+    points: Floats,
+    surface: Indices,
+    displacement: Floats,
+    *,
+    force: tuple[Floats, Floats] | None = None,
+    view: tuple[float, float] = (20.0, -60.0),
+    title: str = "",
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw the deformed organ, and save it as a PNG where a path is given.
+
+    points (n, 3) at rest [m]; surface (t, 3) triangles, outward; displacement (n, 3) [m]; force: where it acts (3,) [m]
+    and the force (3,) [N]; view: elevation and azimuth of the eye [degrees].
+    """
+    axes = view_axes(*view)
+    rest, shape = 1e3 * points @ axes.T, 1e3 * (points + displacement) @ axes.T
+    length = 1e3 * np.linalg.norm(displacement, axis=1)
+    figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
+    FigureCanvasAgg(figure)
+    plot = figure.add_subplot()
+    scale = Normalize(0.0, max(length.max(), 1e-9))
+    plot.add_collection(_wireframe(rest, surface, width=0.5, alpha=0.55))
+    plot.add_collection(_shaded(shape, surface, length, scale))
+    plot.add_collection(_wireframe(rest, surface, width=0.25, alpha=0.10))
+    if force is not None:
+        _arrow(plot, 1e3 * force[0] @ axes.T, force[1], axes, reach=0.22 * float(np.ptp(rest[:, :2], axis=0).max()))
+    _scale_bar(plot, np.concatenate([rest, shape]))
+    bar = figure.colorbar(ScalarMappable(scale, TISSUE), ax=plot, shrink=0.6, pad=0.02, aspect=28)
+    bar.set_label("displacement [mm]", color=INK)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    plot.set_title(title, color=INK, loc="left", fontsize=11)
+    plot.set_aspect("equal")
+    plot.set_axis_off()
+    plot.autoscale_view()
+    if path is not None:
+        with replacing(path) as scratch:
+            figure.savefig(scratch, format="png", facecolor=PAPER)
+    return figure
+
+
+def view_axes(elevation: float, azimuth: float) -> Floats:
+    """Rows: the directions to the right, up and towards the eye; z is up in space."""
+    e, a = np.radians([elevation, azimuth])
+    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.array([right, np.cross(towards, right), towards])
+
+
+def _shaded(shape: Floats, surface: Indices, values: Floats, scale: Normalize) -> PolyCollection:
+    """The visible side of a surface, in small triangles whose colour and light vary as the corners' do."""
+    normals = np.cross(shape[surface[:, 1]] - shape[surface[:, 0]], shape[surface[:, 2]] - shape[surface[:, 0]])
+    smooth = np.zeros_like(shape)
+    for corner in range(3):
+        np.add.at(smooth, surface[:, corner], normals)
+    smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
+    front = surface[normals[:, 2] > 0.0]
+    split = int(np.clip(np.sqrt(PIECES / max(len(front), 1)), 1, 6))
+    weights = _subdivision(split)
+    polygons = np.einsum("pkc,tcx->tpkx", weights, shape[front]).reshape(-1, 3, 3)
+    middle = weights.mean(axis=1)
+    colours = TISSUE(scale((middle @ values[front].T).T.ravel()))[:, :3]
+    facing = np.einsum("pc,tcx->tpx", middle, smooth[front]).reshape(-1, 3)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
+    light = LIGHT / np.linalg.norm(LIGHT)
+    diffuse = np.clip(facing @ light, 0.0, 1.0)[:, None]
+    half = light + np.array([0.0, 0.0, 1.0])
+    shine = np.clip(facing @ half / np.linalg.norm(half), 0.0, 1.0)[:, None] ** 40
+    lit = np.clip(colours * (0.45 + 0.6 * diffuse) + 0.18 * shine, 0.0, 1.0)
+    order = np.argsort(polygons[:, :, 2].mean(axis=1))
+    return PolyCollection(
+        list(polygons[order, :, :2]), facecolors=lit[order], edgecolors=lit[order], linewidths=0.25, zorder=2
+    )
+
+
+def _subdivision(split: int) -> Floats:
+    """Barycentric weights (split^2, 3, 3) of the small triangles of a triangle whose edges are cut in `split`."""
+    pieces = []
+    for i in range(split):
+        for j in range(split - i):
+            pieces.append([(i, j), (i + 1, j), (i, j + 1)])
+            if i + j < split - 1:
+                pieces.append([(i + 1, j), (i + 1, j + 1), (i, j + 1)])
+    corners = np.array(pieces, dtype=float) / split
+    return np.concatenate([1.0 - corners.sum(axis=2, keepdims=True), corners], axis=2)
+
+
+def _wireframe(shape: Floats, surface: Indices, width: float, alpha: float) -> LineCollection:
+    """The edges of the visible side of a surface; the faint one lies over the body, the strong one behind it."""
+    a, b, c = shape[surface].transpose(1, 0, 2)
+    front = surface[np.cross(b - a, c - a)[:, 2] > 0.0]
+    edges = np.unique(np.sort(np.concatenate([front[:, [0, 1]], front[:, [1, 2]], front[:, [2, 0]]]), axis=1), axis=0)
+    above = 1 if alpha > 0.3 else 3
+    return LineCollection(list(shape[edges][:, :, :2]), colors=ACCENT, linewidths=width, alpha=alpha, zorder=above)
+
+
+def _arrow(plot: Axes, tip: Floats, force: Floats, axes: Floats, reach: float) -> None:
+    """The force by which the tool holds the organ: towards the surface where it pushes, away where it pulls."""
+    size = float(np.linalg.norm(force))
+    if size == 0.0:
+        return
+    direction = (axes @ force / size)[:2] * reach
+    ends = (tip[:2] - direction, tip[:2])
+    plot.annotate(
+        "", xy=ends[1], xytext=ends[0], zorder=5,
+        arrowprops={"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": INK, "linewidth": 2.0},
+    )  # fmt: skip
+    plot.annotate(
+        f"{size:.3g} N", xy=ends[0], xytext=(6, 6), textcoords="offset points", color=INK, fontsize=11, zorder=5
+    )
+    plot.update_datalim(np.array(ends))
+
+
+def _scale_bar(plot: Axes, shape: Floats) -> None:
+    """A bar of a round length [mm] below the organ, on the left."""
+    low, extent = shape[:, :2].min(axis=0), np.ptp(shape[:, :2], axis=0)
+    decade = 10.0 ** np.floor(np.log10(extent[0] / 3.0))
+    bar = decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= extent[0] / 3.0)
+    y = low[1] - 0.06 * extent[1]
+    plot.plot([low[0], low[0] + bar], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt")
+    plot.text(low[0] + bar / 2, y - 0.015 * extent[1], f"{bar:g} mm", color=INK, ha="center", va="top", fontsize=9)

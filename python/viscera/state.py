@@ -1,0 +1,84 @@
+"""The result of a solve: the equilibrium, how it was reached, and whether it was."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import meshio
+import numpy as np
+
+from viscera import _core
+from viscera.atomic import replacing
+from viscera.errors import VisceraError
+from viscera.loads import Where
+from viscera.mesh import Floats, Mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class State:
+    """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
+
+    def __init__(self, mesh: Mesh, result: Mapping[str, Any], patches: list[_core.Patch], seconds: float) -> None:
+        self.mesh = mesh
+        self.displacement: Floats = result["displacement"]
+        """Displacement (n, 3) [m]."""
+        self.energy: float = result["energy"]
+        """Strain energy [J]."""
+        self.volume_ratio: float = result["volume"] / mesh.volume
+        """Deformed over rest volume."""
+        self.status: str = result["status"]
+        self.is_converged: bool = result["is_converged"]
+        self.message: str = result["message"]
+        """What happened, in words; empty where all went well."""
+        self.load: float = result["load"]
+        """Fraction of the load reached, 1 where converged."""
+        self.iterations: int = result["iterations"]
+        self.residuals: list[list[float]] = result["residuals"]
+        """Relative force residual of each iteration, one list per load step."""
+        self.seconds = seconds
+        """Wall time of the solve."""
+        self.timings: dict[str, float] = result["seconds"]
+        """Wall time [s] by stage."""
+        self._held: Floats = result["internal_force"] - result["external_force"]
+        self._patches = patches
+        self._patch_forces: Floats = result["patch_forces"]
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement of a node [m]."""
+        return float(np.linalg.norm(self.displacement, axis=1).max())
+
+    def reaction(self, where: Where) -> Floats:
+        """Total force (3,) [N] by which the support at a place holds the organ: internal minus applied nodal force.
+
+        For a contact patch that the solve prescribed, the contact force.
+        """
+        if isinstance(where, _core.Patch):
+            for patch, force in zip(self._patches, self._patch_forces, strict=True):
+                if patch is where:
+                    return np.array(force)
+            raise VisceraError("this contact patch was not prescribed in the solve, so it has no reaction")
+        return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write rest points [m], cells, `displacement` [m] and `reaction` [N] to a file; VTU by its suffix `.vtu`."""
+        fields = {"displacement": self.displacement, "reaction": self._held}
+        grid = meshio.Mesh(self.mesh.points, [("tetra", self.mesh.cells)], point_data=fields)
+        with replacing(path) as scratch:
+            try:
+                grid.write(scratch)
+            except meshio.WriteError as error:
+                raise VisceraError(f"{os.fspath(path)}: cannot write this format ({error}); use .vtu") from error
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The deformed organ over its rest shape, coloured by displacement; a PNG where a path is given."""
+        from viscera.picture import draw
+
+        return draw(self.mesh.points, self.mesh.surface, self.displacement, path=path)
+
+    def __repr__(self) -> str:
+        return f"State({self.status}, load={self.load:g}, max_displacement={self.max_displacement:g} m)"

@@ -1,0 +1,182 @@
+"""A reduced model on-line: where it is touched and by how much, in; the force, its stiffness and the field, out."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core, law
+from viscera.atomic import replacing
+from viscera.errors import VisceraError
+from viscera.loads import vector
+from viscera.mesh import Floats, Indices, Mesh, mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from viscera.check import Check
+    from viscera.organ import Organ
+
+
+class Answer:
+    """What a touch gives back."""
+
+    def __init__(self, model: _core.Model, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
+        self._model, self._touch = model, (point, displacement)
+        self.force: Floats = result["force"]
+        """Contact force (3,) [N] by which the tool holds the organ."""
+        self.stiffness: Floats = result["stiffness"]
+        """Derivative of the force by the contact displacement (3, 3) [N/m]."""
+        self.error_estimate: float = result["error_estimate"]
+        """Estimated error of the field, relative to its norm."""
+        self.is_trusted: bool = result["is_trusted"]
+        self.reason: str = result["reason"]
+        """Why the answer is not trusted; empty where it is."""
+        self.contact_point: Floats = result["contact_point"]
+        """The point (3,) [m] of the touchable surface that is touched."""
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of all nodes (n, 3) [m], evaluated when first asked for: a haptic loop needs the force alone."""
+        return np.asarray(self._model.evaluate(*self._touch, True)["displacement"])
+
+    @property
+    def max_displacement(self) -> float:
+        """Largest displacement of a node [m]."""
+        return float(np.linalg.norm(self.displacement, axis=1).max())
+
+    def __repr__(self) -> str:
+        trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
+        return f"Answer(force={np.round(self.force, 4).tolist()} N, {trust})"
+
+
+class Touch:
+    """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
+
+    Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] at rest and
+    the displacement (3,) [m] of the contact gives an `Answer`.
+    """
+
+    def __init__(self, model: _core.Model) -> None:
+        self._model = model
+        self.metadata: dict[str, Any] = json.loads(model.metadata)
+
+    def __call__(self, point: ArrayLike, displacement: ArrayLike) -> Answer:
+        """The organ's answer to a touch; raises `VisceraError` where the point is off the touchable surface.
+
+        point (3,): contact point on the surface at rest [m]; displacement (3,): mean displacement of the patch [m].
+        """
+        at = vector(point, "contact point", "m")
+        push = vector(displacement, "contact displacement", "m")
+        result = self._model.evaluate(at, push, False)
+        distance = float(np.linalg.norm(result["contact_point"] - at))
+        if distance > self.edge_length:
+            raise VisceraError(
+                f"the point {at.tolist()} is {distance:.3g} m off the touchable surface; "
+                f"the nearest point on it is {np.round(result['contact_point'], 6).tolist()}"
+            )
+        return Answer(self._model, at, push, result)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
+        with replacing(path) as scratch:
+            scratch.write_bytes(self._model.to_bytes())
+
+    def check(
+        self,
+        touches: int = 50,
+        seed: int = 0,
+        depths: Sequence[float] | None = None,
+        progress: Callable[[int, int, str], None] | None = None,
+    ) -> Check:
+        """The model against Newton at random unseen touches; see `viscera.check`."""
+        from viscera.check import check
+
+        return check(self, touches=touches, seed=seed, depths=depths, progress=progress)
+
+    def organ(self) -> Organ:
+        """The full organ this model was reduced from: mesh, law and supports are in the file."""
+        from viscera.organ import Organ
+
+        full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
+        return Organ(self.mesh, full, fixed=self._model.array("fixed"))
+
+    def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
+        """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
+        return self._model.surface_displacement(
+            vector(point, "contact point", "m"), vector(displacement, "contact displacement", "m")
+        )
+
+    def patch(self, point: ArrayLike) -> _core.Patch:
+        """The contact patch at a point: what a full solution prescribes to be comparable."""
+        return self._model.weights(vector(point, "contact point", "m"))
+
+    def plot(self, point: ArrayLike, displacement: ArrayLike, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The touched organ over its rest shape, with the contact force; a PNG where a path is given."""
+        from viscera.picture import draw
+
+        answer = self(point, displacement)
+        arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
+        return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, path=path)
+
+    def summary(self) -> dict[str, Any]:
+        """Size and quality of the model: positions, terms, modes, worst_error (of the field, in units of the depth)."""
+        return {name: self.metadata[name] for name in ("positions", "terms", "modes", "worst_error")}
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The mesh at rest, without its named sets."""
+        return mesh(self._model.array("points"), self._model.array("cells"))
+
+    @cached_property
+    def surface_nodes(self) -> Indices:
+        """Indices (k,) of the surface nodes."""
+        return np.asarray(self._model.array("surface_nodes"), dtype=np.uint32)
+
+    @cached_property
+    def touchable_triangles(self) -> Indices:
+        """Surface triangles (t, 3) whose three corners may be touched."""
+        is_touchable = np.isin(self.mesh.surface, self._model.array("touchable"))
+        return self.mesh.surface[is_touchable.all(axis=1)]
+
+    @cached_property
+    def edge_length(self) -> float:
+        """Mean edge length [m] of the touchable surface, the distance within which a point counts as on it."""
+        corners = self.mesh.points[self.touchable_triangles]
+        return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+
+    @property
+    def radius(self) -> float:
+        """Radius of the contact patch [m]."""
+        return float(self.metadata["radius"])
+
+    @property
+    def depth(self) -> float:
+        """Largest contact displacement the model was built for [m]."""
+        return float(self.metadata["depth"])
+
+    @property
+    def order(self) -> int:
+        """Total order of the series in the contact displacement."""
+        return int(self.metadata["order"])
+
+    def __repr__(self) -> str:
+        return f"Touch({len(self.mesh.points)} points, order {self.order}, depth {self.depth:g} m)"
+
+
+def load(path: str | os.PathLike[str]) -> Touch:
+    """Read a model file written by `Touch.save`; raises `VisceraError` where it is cut short or inconsistent."""
+    name = os.fspath(path)
+    if not Path(name).is_file():
+        raise VisceraError(f"{name}: no such model file")
+    try:
+        return Touch(_core.Model.from_bytes(Path(name).read_bytes()))
+    except ValueError as error:
+        raise VisceraError(f"{name}: {error}") from error
