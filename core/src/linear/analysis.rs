@@ -77,6 +77,46 @@ impl Analysis {
         self.values[self.lower.col_ptr()[step] as usize]
     }
 
+    /// Largest row sum of the absolute values of the loaded matrix.
+    pub(super) fn norm(&self) -> f64 {
+        let mut sums = vec![0.0; self.n()];
+        self.for_each_loaded(|row, column, value| {
+            sums[column] += value.abs();
+            if row != column {
+                sums[row] += value.abs();
+            }
+        });
+        sums.into_iter().fold(0.0, f64::max)
+    }
+
+    /// `panel -= A x` with the loaded matrix, `x` laid out like the panel.
+    pub(super) fn subtract_product(&self, x: &[f64], panel: &mut Panel) {
+        let width = panel.width;
+        let mut subtract = |row: usize, column: usize, value: f64| {
+            let y = &mut panel.values[row * width..][..width];
+            let x = &x[column * width..][..width];
+            y.iter_mut().zip(x).for_each(|(y, x)| *y -= value * x);
+        };
+        self.for_each_loaded(|row, column, value| {
+            subtract(row, column, value);
+            if row != column {
+                subtract(column, row, value);
+            }
+        });
+    }
+
+    fn for_each_loaded(&self, mut visit: impl FnMut(usize, usize, f64)) {
+        for column in 0..self.n() {
+            for entry in self.lower.col_range(column) {
+                visit(
+                    self.lower.row_idx()[entry] as usize,
+                    column,
+                    self.values[entry],
+                );
+            }
+        }
+    }
+
     /// Every step with its pivot position in the values of a factor.
     pub(super) fn pivots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let symbolic = &self.supernodes;

@@ -10,10 +10,7 @@ use faer::sparse::linalg::cholesky::supernodal::{
 
 use super::analysis::Analysis;
 use super::substitution::{Factor, zeros};
-use super::{FactorError, Factorization, Pattern};
-
-/// A pivot below this fraction of its diagonal value has no correct digit left.
-const LOST: f64 = 64.0 * f64::EPSILON;
+use super::{FactorError, Factorization, LOST, Pattern};
 
 /// Entries of the factor from which sharing the dense kernels between threads pays: on two cores it takes a
 /// quarter off 2e7 entries and adds to 4e6.

@@ -57,6 +57,18 @@ pub enum FactorError {
         /// Row of the pivot.
         row: usize,
     },
+    /// Elimination without pivoting broke down: the entries of the factor outgrew those of the matrix.
+    Unstable {
+        /// Row of the outgrown pivot.
+        row: usize,
+        /// Size of the factor beside that of the matrix.
+        growth: f64,
+    },
+    /// The residual stayed large after refinement.
+    Inaccurate {
+        /// Largest residual over the largest entries of `|A| |x| + |b|`.
+        backward_error: f64,
+    },
     /// No successful factorisation precedes the solve.
     NotFactorized,
 }
@@ -115,6 +127,14 @@ impl fmt::Display for FactorError {
                     "matrix is singular at row {row} to working precision; hold the free part"
                 )
             }
+            Self::Unstable { row, growth } => write!(
+                f,
+                "elimination broke down at row {row} (growth {growth:.1e}); perturb the load or the matrix"
+            ),
+            Self::Inaccurate { backward_error } => write!(
+                f,
+                "solution has a backward error of {backward_error:.1e} after refinement; the matrix is close to singular"
+            ),
             Self::NotFactorized => write!(f, "no factor to solve with; factorize the matrix first"),
         }
     }

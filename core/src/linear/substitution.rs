@@ -43,6 +43,7 @@ impl Panel {
     pub fn gather(&mut self, rhs: &[f64], order: &[u32]) {
         let n = order.len();
         self.width = rhs.len() / n;
+        self.values.truncate(rhs.len());
         for (x, &row) in self.values.chunks_exact_mut(self.width).zip(order) {
             for (x, b) in x.iter_mut().zip(rhs.chunks_exact(n)) {
                 *x = b[row as usize];
@@ -56,6 +57,43 @@ impl Panel {
             for (x, b) in x.iter().zip(rhs.chunks_exact_mut(order.len())) {
                 b[row as usize] = *x;
             }
+        }
+    }
+
+    /// Largest entry of this panel, taken as a residual, over that of `|A| |x| + |b|`, for the worst column.
+    pub fn backward_error(&self, solution: &[f64], rhs: &[f64], norm: f64) -> f64 {
+        let largest = |values: &[f64], column: usize| {
+            values
+                .iter()
+                .skip(column)
+                .step_by(self.width)
+                .fold(0.0, |largest: f64, value| {
+                    if value.is_nan() {
+                        f64::INFINITY
+                    } else {
+                        largest.max(value.abs())
+                    }
+                })
+        };
+        let error_of = |column| match largest(&self.values, column) {
+            0.0 => 0.0,
+            residual => residual / (norm * largest(solution, column) + largest(rhs, column)),
+        };
+        (0..self.width)
+            .map(error_of)
+            .fold(0.0, |worst: f64, error| {
+                if error.is_nan() {
+                    f64::INFINITY
+                } else {
+                    worst.max(error)
+                }
+            })
+    }
+
+    /// Divides every row by its own divisor.
+    pub fn divide_rows(&mut self, divisors: &[f64]) {
+        for (x, divisor) in self.values.chunks_exact_mut(self.width).zip(divisors) {
+            x.iter_mut().for_each(|x| *x /= divisor);
         }
     }
 
@@ -153,6 +191,29 @@ impl<'a> Factor<'a> {
             }
             panel.update = update;
         }
+    }
+
+    /// `sum_k L_ik² |d_k|` over `k < i` for every row `i`: the diagonal of `|L| |D| |Lᵀ|` less the pivot.
+    pub fn weighted_row_squares(&self, weights: &[f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; weights.len()];
+        for s in 0..self.symbolic.n_supernodes() {
+            let Supernode {
+                first,
+                top,
+                below,
+                rows_below,
+            } = self.supernode(s);
+            for column in 0..top.ncols() {
+                let weight = weights[first + column].abs();
+                for row in column + 1..top.nrows() {
+                    sums[first + row] += top[(row, column)].powi(2) * weight;
+                }
+                for (i, &row) in rows_below.iter().enumerate() {
+                    sums[row as usize] += below[(i, column)].powi(2) * weight;
+                }
+            }
+        }
+        sums
     }
 
     fn supernode(&self, s: usize) -> Supernode<'a> {

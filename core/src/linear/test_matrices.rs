@@ -89,6 +89,15 @@ impl Matrix {
 /// An elastic block of `nx x ny x nz` free nodes, three dofs each, numbered node by node and clamped beyond
 /// the face `x = 0`: springs along the edges of the six-tetrahedra split of every cell, with some shear stiffness.
 pub(super) fn elastic_block(nx: usize, ny: usize, nz: usize) -> Matrix {
+    block(nx, ny, nz, true)
+}
+
+/// The same block, held by nothing.
+pub(super) fn floating_block(nx: usize, ny: usize, nz: usize) -> Matrix {
+    block(nx, ny, nz, false)
+}
+
+fn block(nx: usize, ny: usize, nz: usize, is_held: bool) -> Matrix {
     const DIRECTIONS: [[usize; 3]; 7] = [
         [1, 0, 0],
         [0, 1, 0],
@@ -123,7 +132,7 @@ pub(super) fn elastic_block(nx: usize, ny: usize, nz: usize) -> Matrix {
                     if end[0] < nx && end[1] < ny && end[2] < nz {
                         spring(Some(node([x, y, z])), node(end), direction, stiffness);
                     }
-                    if x == 0 && direction[0] == 1 {
+                    if is_held && x == 0 && direction[0] == 1 {
                         spring(None, node([x, y, z]), direction, stiffness);
                     }
                 }
