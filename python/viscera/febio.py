@@ -1,0 +1,82 @@
+"""FEBio's XML meshes: `<Mesh>` of versions 3 and 4, `<Geometry>` of the older ones. Geometry and node sets only."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.errors import VisceraError
+
+KINDS = {
+    "tet4": "tetra",
+    "tet10": "tetra10",
+    "hex8": "hexahedron",
+    "penta6": "wedge",
+    "tri3": "triangle",
+    "quad4": "quad",
+}
+
+
+def read(data: bytes) -> tuple[NDArray[Any], dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """Points (n, 3) in the file's unit, node indices of the elements by kind (m, nodes of the kind), node sets."""
+    root = ET.fromstring(data)
+    mesh = root.find("Mesh") if root.find("Mesh") is not None else root.find("Geometry")
+    if root.tag != "febio_spec" or mesh is None:
+        raise VisceraError("not a FEBio model: it has no <febio_spec> with a <Mesh> or <Geometry>")
+    nodes = [node for block in mesh.iter("Nodes") for node in block.iter("node")]
+    if not nodes:
+        raise VisceraError("its <Mesh> holds no <Nodes>")
+    points = np.array([_numbers(node, float) for node in nodes])
+    number = {int(node.attrib["id"]): i for i, node in enumerate(nodes)}
+
+    elements: dict[str, list[list[int]]] = {}
+    for block in mesh.iter("Elements"):
+        for element in block:
+            kind = block.get("type", element.tag).lower()
+            elements.setdefault(KINDS.get(kind, kind), []).append(_nodes(element, number))
+
+    sets: dict[str, NDArray[Any]] = {}
+    for group in [*mesh.iter("NodeSet"), *mesh.iter("Surface")]:
+        members = [i for element in (group, *group) for i in _nodes(element, number)]
+        if members and group.get("name"):
+            sets[group.attrib["name"]] = np.unique(members)
+    return points, {kind: np.array(listed) for kind, listed in elements.items()}, sets
+
+
+def write(points: NDArray[np.float64], cells: NDArray[np.uint32], sets: Mapping[str, NDArray[Any]]) -> bytes:
+    """The mesh as a FEBio 4 model without material or steps, numbered from 1."""
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<febio_spec version="4.0">', "<Mesh>", '<Nodes name="nodes">']
+    lines += [f'<node id="{i}">{x!r},{y!r},{z!r}</node>' for i, (x, y, z) in enumerate(points.tolist(), start=1)]
+    lines += ["</Nodes>", '<Elements type="tet4" name="organ">']
+    lines += [f'<elem id="{i}">{_joined(cell)}</elem>' for i, cell in enumerate((cells + 1).tolist(), start=1)]
+    lines.append("</Elements>")
+    for name, nodes in sets.items():
+        lines.append(f"<NodeSet name={quoteattr(name)}>{_joined((nodes + 1).tolist())}</NodeSet>")
+    lines += ["</Mesh>", "</febio_spec>", ""]
+    return "\n".join(lines).encode()
+
+
+def _joined(numbers: list[int]) -> str:
+    return ",".join(map(str, numbers))
+
+
+def _numbers(element: ET.Element, kind: type) -> list[Any]:
+    return [kind(word) for word in re.split(r"[\s,]+", (element.text or "").strip()) if word]
+
+
+def _nodes(element: ET.Element, number: dict[int, int]) -> list[int]:
+    """The nodes an element's text lists, or the one its `id` names where it has no text."""
+    listed = _numbers(element, int)
+    if not listed and element.tag in ("node", "n"):
+        listed = [int(element.attrib["id"])]
+    unknown = [i for i in listed if i not in number]
+    if unknown:
+        place = f"<{element.tag} id={element.get('id', '?')!r}>"
+        raise VisceraError(f"{place} names node {unknown[0]}, which is not in <Nodes>")
+    return [number[i] for i in listed]

@@ -1,0 +1,309 @@
+"""A tetrahedral mesh with named node sets: made from arrays or files, checked once, immutable after.
+
+The files themselves are read and written by `meshfile`; topology and quality come from the compiled core.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core, meshfile
+from viscera.errors import VisceraError, did_you_mean
+from viscera.meshfile import RawMesh
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.uint32]
+Where = str | ArrayLike | Callable[[Floats], ArrayLike]
+
+log = logging.getLogger("viscera")
+
+# An organ outside this range of bounding-box diagonals [m] was most likely read in the wrong unit.
+PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Linear tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
+
+    >>> import viscera as vs
+    >>> corner = vs.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]], sets={"floor": [0, 1, 2]})
+    >>> round(corner.volume, 6), corner.nodes("floor").tolist(), corner.nodes(lambda x: x[:, 2] > 0.5).tolist()
+    (0.166667, [0, 1, 2], [3])
+    """
+
+    points: Floats
+    """Rest positions (n, 3) [m]."""
+    cells: Indices
+    """Node indices (m, 4); `(x1 - x0) x (x2 - x0) . (x3 - x0) > 0` in every cell."""
+    sets: Mapping[str, Indices] = field(default_factory=dict)
+    """Named node sets, ascending indices."""
+    messages: tuple[str, ...] = ()
+    """What was repaired or dropped on the way in."""
+
+    @cached_property
+    def surface(self) -> Indices:
+        """Boundary triangles (t, 3), oriented outward."""
+        return _read_only(_core.surface(self.points, self.cells))
+
+    @cached_property
+    def surface_nodes(self) -> Indices:
+        """Nodes of the boundary, ascending."""
+        return _read_only(np.unique(self.surface))
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return float(_core.inspect(self.points, self.cells)["volume"])
+
+    @property
+    def bounding_box(self) -> Floats:
+        """Lowest and highest coordinates (2, 3) [m]."""
+        return np.stack([self.points.min(axis=0), self.points.max(axis=0)])
+
+    @property
+    def diagonal(self) -> float:
+        """Diagonal of the bounding box [m], the size that touch depths are compared with."""
+        low, high = self.bounding_box
+        return float(np.linalg.norm(high - low))
+
+    def nodes(self, where: Where) -> Indices:
+        """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
+
+        Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
+        mesh, and a set without nodes.
+        """
+        if isinstance(where, str):
+            if where not in self.sets:
+                raise VisceraError(f"the mesh has no node set {where!r}; {did_you_mean(where, self.sets)}")
+            return self.sets[where]
+        if callable(where):
+            mask = np.asarray(where(self.points))
+            if mask.shape != (len(self.points),) or mask.dtype != np.bool_:
+                raise VisceraError(
+                    f"a predicate takes points ({len(self.points)}, 3) and returns bool ({len(self.points)},), "
+                    f"but this one returned {mask.dtype} {mask.shape}"
+                )
+            found = np.flatnonzero(mask)
+            if len(found) == 0:
+                low, high = self.bounding_box
+                raise VisceraError(f"the predicate selects no node; the points lie between {low} and {high} m")
+            return found.astype(np.uint32)
+        return _indices(where, len(self.points), "the node set")
+
+    def near(self, point: ArrayLike, radius: float) -> Indices:
+        """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""
+        center = np.asarray(point, dtype=np.float64)
+        distance = np.linalg.norm(self.points[self.surface_nodes] - center, axis=1)
+        if not (distance <= radius).any():
+            raise VisceraError(
+                f"no surface node lies within {radius:g} m of {center.tolist()}; "
+                f"the nearest is {distance.min():.3g} m away"
+            )
+        return self.surface_nodes[distance <= radius]
+
+    def with_sets(self, **sets: Where) -> Mesh:
+        """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`."""
+        added = {name: _read_only(self.nodes(where)) for name, where in sets.items()}
+        return Mesh(self.points, self.cells, {**self.sets, **added}, self.messages)
+
+    def write(self, path: str | Path) -> None:
+        """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
+
+        Node sets go along, except in `.mesh`, which cannot hold them.
+        """
+        meshfile.write(Path(path), self.points, self.cells, self.sets)
+
+    def __repr__(self) -> str:
+        sets = ", ".join(f"{name} ({len(nodes)})" for name, nodes in self.sets.items()) or "no node sets"
+        return f"Mesh: {len(self.points)} points, {len(self.cells)} cells, {1e6 * self.volume:.4g} ml, {sets}"
+
+
+def mesh(points: ArrayLike, cells: ArrayLike, sets: Mapping[str, ArrayLike] | None = None) -> Mesh:
+    """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets by name.
+
+    Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
+    coordinates that are not finite, indices out of range, cells of zero volume or given twice, points without a cell.
+    """
+    return _checked(RawMesh(np.asarray(points), np.asarray(cells), {k: np.asarray(v) for k, v in (sets or {}).items()}))
+
+
+def read(path: str | Path, *, units: str | float = "m") -> Mesh:
+    """Reads a mesh file: VTU, legacy VTK, Gmsh (2.2, 4.1), Medit, Abaqus, FEBio.
+
+    `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit. Node sets come from point sets and integer
+    point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio). Points that
+    belong to no cell are dropped with a message; otherwise as `mesh`.
+    """
+    raw = meshfile.read(Path(path), units)
+    try:
+        found = _checked(_without_loose_points(raw))
+    except VisceraError as error:
+        raise VisceraError(f"{path}: {error}") from None
+    for problem in _implausible_size(found.points):
+        log.warning("%s: %s", path, problem)
+    return found
+
+
+def inspect(path: str | Path, *, units: str | float = "m") -> dict[str, Any]:
+    """The sanity report of a mesh file, good or bad; see `report`."""
+    return report(meshfile.read(Path(path), units))
+
+
+def report(raw: RawMesh | Mesh) -> dict[str, Any]:
+    """Facts and problems of a mesh, without repairing or refusing anything.
+
+    n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
+    regular tetrahedron), problems (sentences), sets {name: number of nodes}, parts (number of connected parts),
+    messages. Numbers that a broken mesh does not have are None.
+    """
+    result: dict[str, Any] = {
+        "n_points": len(raw.points),
+        "n_cells": len(raw.cells),
+        "bounding_box": None,
+        "volume": None,
+        "volume_ml": None,
+        "quality": None,
+        "parts": None,
+        "sets": {name: len(nodes) for name, nodes in raw.sets.items()},
+        "messages": list(raw.messages),
+    }
+    try:
+        points, cells = _arrays(raw)
+    except VisceraError as error:
+        return result | {"problems": [str(error)]}
+    facts = _core.inspect(points, cells)
+    volume = float(np.abs(facts["cell_volumes"]).sum())
+    return result | {
+        "bounding_box": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
+        "volume": volume,
+        "volume_ml": 1e6 * volume,
+        "quality": {"min": float(facts["quality"].min()), "mean": float(facts["quality"].mean())},
+        "parts": int(facts["n_parts"]),
+        "problems": _problems(points, facts),
+    }
+
+
+def _problems(points: Floats, facts: dict[str, Any]) -> list[str]:
+    problems = _faults(facts)
+    if len(facts["inverted"]):
+        problems.append(f"{_listed('cell', facts['inverted'])} inverted; reading the mesh turns them round")
+    if len(facts["loose_points"]):
+        problems.append(f"{_listed('point', facts['loose_points'])} in no cell; reading a file drops them")
+    if facts["n_parts"] > 1:
+        sizes = np.sort(np.bincount(facts["part"][facts["part"] >= 0]))[::-1]
+        problems.append(
+            f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
+            f"{', ...' if len(sizes) > 5 else ''} points); each needs its own fixed nodes"
+        )
+    return problems + _implausible_size(points)
+
+
+def _faults(facts: dict[str, Any]) -> list[str]:
+    """What no reader can repair."""
+    faults = []
+    if len(facts["degenerate"]):
+        faults.append(f"{_listed('cell', facts['degenerate'])} of zero volume; remove or remesh them")
+    if len(facts["duplicate"]):
+        faults.append(f"{_listed('cell', facts['duplicate'])} on the same four points as an earlier cell; remove them")
+    return faults
+
+
+def _implausible_size(points: Floats) -> list[str]:
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    low, high = PLAUSIBLE_DIAGONAL
+    if low <= diagonal <= high:
+        return []
+    return [f"the bounding box has a diagonal of {diagonal:.3g} m, implausible for an organ; check `units`"]
+
+
+def _checked(raw: RawMesh) -> Mesh:
+    points, cells = _arrays(raw)
+    facts = _core.inspect(points, cells)
+    faults = _faults(facts)
+    if len(facts["loose_points"]):
+        faults.append(f"{_listed('point', facts['loose_points'])} in no cell; remove them")
+    if faults:
+        raise VisceraError("; ".join(faults))
+    messages = list(raw.messages)
+    if len(inverted := facts["inverted"]):
+        cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
+        messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
+        log.info(messages[-1])
+    sets = {name: _read_only(_indices(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
+    return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages))
+
+
+def _arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
+    """Points and cells as the core wants them (a copy), or the sentence that says why they are none."""
+    try:
+        points = np.array(raw.points, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise VisceraError(f"points must be numbers (n, 3), not {raw.points.dtype} {raw.points.shape}") from None
+    cells = raw.cells
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise VisceraError(f"points must have the shape (n, 3) with n > 0, not {points.shape}")
+    if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0:
+        raise VisceraError(f"cells must have the shape (m, 4) with m > 0, not {cells.shape}")
+    if not np.issubdtype(cells.dtype, np.integer):
+        raise VisceraError(f"cells must hold integers, not {cells.dtype}")
+    bad_points = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad_points):
+        first = bad_points[0]
+        more = f" ({len(bad_points)} such points)" if len(bad_points) > 1 else ""
+        raise VisceraError(f"point {first} has a coordinate that is not finite: {points[first].tolist()}{more}")
+    bad_cells = np.flatnonzero(((cells < 0) | (cells >= len(points))).any(axis=1))
+    if len(bad_cells):
+        first = bad_cells[0]
+        more = f" ({len(bad_cells)} such cells)" if len(bad_cells) > 1 else ""
+        raise VisceraError(f"cell {first} {cells[first].tolist()} names a point that is not one of {len(points)}{more}")
+    return points, np.array(cells, dtype=np.uint32, order="C")
+
+
+def _without_loose_points(raw: RawMesh) -> RawMesh:
+    is_used = np.zeros(len(raw.points), dtype=bool)
+    is_valid = (raw.cells >= 0) & (raw.cells < len(raw.points))
+    is_used[raw.cells[is_valid]] = True
+    if is_used.all() or not is_valid.all():
+        return raw
+    number = np.cumsum(is_used) - 1
+    kept = {name: nodes[is_used[nodes]] for name, nodes in raw.sets.items()}
+    sets = {name: number[nodes] for name, nodes in kept.items() if len(nodes)}
+    message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
+    log.info(message)
+    return RawMesh(raw.points[is_used], number[raw.cells], sets, (*raw.messages, message))
+
+
+def _indices(where: ArrayLike, n_points: int, what: str) -> Indices:
+    """Ascending, unique node indices from integers or a mask (n,)."""
+    nodes = np.atleast_1d(np.asarray(where))
+    if nodes.dtype == np.bool_ and nodes.shape == (n_points,):
+        nodes = np.flatnonzero(nodes)
+    if nodes.size == 0:
+        raise VisceraError(f"{what} has no nodes")
+    if nodes.ndim != 1 or not np.issubdtype(nodes.dtype, np.integer):
+        raise VisceraError(f"{what} must be integers (k,) or a mask ({n_points},), not {nodes.dtype} {nodes.shape}")
+    outside = nodes[(nodes < 0) | (nodes >= n_points)]
+    if len(outside):
+        raise VisceraError(f"{what} names node {outside[0]}, but the mesh has {n_points} nodes, numbered from 0")
+    return np.unique(nodes).astype(np.uint32)
+
+
+def _listed(noun: str, indices: Indices) -> str:
+    """`cell 7 is`, or `12 cells (first: 7, 9, 11, 12, 30) are`."""
+    if len(indices) == 1:
+        return f"{noun} {indices[0]} is"
+    return f"{len(indices)} {noun}s (first: {', '.join(map(str, indices[:5]))}) are"
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    array = array.view()
+    array.flags.writeable = False
+    return array

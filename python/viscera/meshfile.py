@@ -1,0 +1,175 @@
+"""Mesh files in and out, through meshio, and FEBio through `febio`. Nothing is judged here: that is `mesh`'s part.
+
+Node sets are found where each format keeps them; sets without a name in the file are called after where they were
+found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit).
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera import febio
+from viscera.errors import VisceraError, did_you_mean
+
+if TYPE_CHECKING:
+    import meshio
+
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "inch": 0.0254}
+MESHIO_MODULES = {
+    ".vtu": "vtu",
+    ".vtk": "vtk",
+    ".msh": "gmsh",
+    ".mesh": "medit",
+    ".meshb": "medit",
+    ".inp": "abaqus",
+}
+FORMATS = (*MESHIO_MODULES, ".feb")
+SET_PREFIX = "set:"
+# An integer array with more values than this numbers things; it does not name sets.
+MAX_SETS_PER_ARRAY = 64
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """What a file says, unchecked: points (n, 3) [m], cells (m, 4), node sets by name."""
+
+    points: NDArray[Any]
+    cells: NDArray[Any]
+    sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    messages: tuple[str, ...] = ()
+
+
+def read(path: Path, units: str | float = "m") -> RawMesh:
+    """Reads a file as it is, in metres. Raises `VisceraError` when it is missing, of no known format or damaged."""
+    scale = metres_per_unit(units)
+    if path.is_dir() or not path.exists():
+        raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
+    ending = _known_ending(path)
+    try:
+        points, blocks, sets = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
+        return RawMesh(scale * points, _tetrahedra(blocks), sets)
+    except VisceraError as error:
+        raise VisceraError(f"{path}: {error}") from None
+    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
+        reason = f"{type(error).__name__}: {error}".rstrip(": ").splitlines()[0]
+        raise VisceraError(f"{path}: not a readable {ending} file, or cut short ({reason})") from error
+
+
+def write(path: Path, points: NDArray[np.float64], cells: NDArray[np.uint32], sets: Mapping[str, Any]) -> None:
+    """Writes points, cells and node sets in the format of the file's ending."""
+    ending = _known_ending(path)
+    if not path.parent.is_dir():
+        raise VisceraError(f"{path}: there is no folder {path.parent}")
+    if ending == ".feb":
+        path.write_bytes(febio.write(points, cells, sets))
+        return
+    import meshio
+
+    blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
+    extra: dict[str, Any] = {}
+    if ending in (".vtu", ".vtk"):
+        extra["point_data"] = {SET_PREFIX + name: _mask(nodes, len(points)) for name, nodes in sets.items()}
+    elif ending == ".inp":
+        extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
+    elif ending == ".msh" and sets:  # a node set is a physical group of dimension 0
+        blocks += [("vertex", np.asarray(nodes, dtype=np.int64)[:, None]) for nodes in sets.values()]
+        groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
+        extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
+        extra["field_data"] = {name: np.array([tag, 0]) for tag, name in enumerate(sets, start=1)}
+    options = {".msh": {"fmt_version": "2.2", "binary": False}, ".vtk": {"fmt_version": "4.2"}}
+    module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
+    module.write(str(path), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+
+
+def metres_per_unit(units: str | float) -> float:
+    """The factor from a unit's name, or the factor itself, to metres."""
+    if isinstance(units, str):
+        if units not in METRES:
+            raise VisceraError(f"unknown unit {units!r}; {did_you_mean(units, METRES)}, or give metres per unit")
+        return METRES[units]
+    if not (math.isfinite(units) and units > 0):
+        raise VisceraError(f"units = {units!r}: metres per unit must be a positive number")
+    return float(units)
+
+
+def _known_ending(path: Path) -> str:
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise VisceraError(f"{path}: unknown mesh format {ending!r}; the formats are {', '.join(FORMATS)}")
+    return ending
+
+
+def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+    """Points, node indices of the cells by kind, and node sets."""
+    # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
+    found = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}").read(str(path))
+    kinds = dict.fromkeys(block.type for block in found.cells)
+    blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
+    sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
+    sets |= _sets_of_point_arrays(found) | _sets_of_cell_groups(found)
+    return np.asarray(found.points, dtype=np.float64), blocks, sets
+
+
+def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    """The linear tetrahedra; surfaces, edges and vertices are passed over, other solids are refused."""
+    flat = ("vertex", "line", "triangle", "quad", "polygon")
+    solids = [kind for kind in blocks if kind != "tetra" and not kind.startswith(flat)]
+    if solids:
+        kind = solids[0]
+        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only linear tetrahedra are read, remesh it")
+    if "tetra" not in blocks:
+        held = ", ".join(f"{len(cells)} {kind}" for kind, cells in blocks.items()) or "no cells at all"
+        raise VisceraError(f"it has no tetrahedra ({held})")
+    return blocks["tetra"]
+
+
+def _sets_of_point_arrays(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
+    """Integer arrays over the points: a mask names one set, a few labels name one set each (`ARRAY:LABEL`)."""
+    sets = {}
+    for name, values in found.point_data.items():
+        if values.ndim > 1 and values.shape[1:] == (1,):
+            values = values[:, 0]
+        if values.ndim != 1 or values.dtype.kind not in "iub":
+            continue
+        name = name.removeprefix(SET_PREFIX)
+        labels = np.unique(values)
+        labels = labels[labels != 0]
+        if labels.tolist() == [1] and name != "medit:ref":
+            sets[name] = np.flatnonzero(values)
+        elif len(labels) <= MAX_SETS_PER_ARRAY:
+            prefix = "ref:0" if name == "medit:ref" else name
+            sets |= {f"{prefix}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
+    return sets
+
+
+def _sets_of_cell_groups(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
+    """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references."""
+    names = {(int(dim), int(tag)): name for name, (tag, dim) in found.field_data.items()}
+    members: dict[str, list[NDArray[Any]]] = {}
+    for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
+        for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
+            for tag in np.unique(groups).tolist():
+                if tag != 0:
+                    name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
+                    members.setdefault(name, []).append(block.data[groups == tag].ravel())
+    # Gmsh 4 and Abaqus name groups of cells outright; an entity of Gmsh may be in several.
+    for name, per_block in found.cell_sets.items():
+        if ":" not in name:
+            for block, chosen in zip(found.cells, per_block, strict=False):
+                if chosen is not None and len(chosen):
+                    members.setdefault(name, []).append(block.data[np.asarray(chosen, dtype=np.int64)].ravel())
+    return {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
+
+
+def _mask(nodes: NDArray[Any], n_points: int) -> NDArray[np.uint8]:
+    mask = np.zeros(n_points, dtype=np.uint8)
+    mask[nodes] = 1
+    return mask
