@@ -118,13 +118,15 @@ class Touch:
         """The contact patch at a point: what a full solution prescribes to be comparable."""
         return self._model.weights(vector(point, "contact point", "m"))
 
-    def plot(self, point: ArrayLike, displacement: ArrayLike, path: str | os.PathLike[str] | None = None) -> Figure:
+    def plot(
+        self, point: ArrayLike, displacement: ArrayLike, path: str | os.PathLike[str] | None = None, title: str = ""
+    ) -> Figure:
         """The touched organ over its rest shape, with the contact force; a PNG where a path is given."""
         from viscera.picture import draw
 
         answer = self(point, displacement)
         arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
-        return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, path=path)
+        return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
     def summary(self) -> dict[str, Any]:
         """Size and quality of the model: positions, terms, modes, worst_error (of the field, in units of the depth)."""
