@@ -4,7 +4,7 @@ Hyperelastic soft tissue on tetrahedral meshes, reduced off-line to a model that
 SI units throughout: metres, newtons, pascals, joules.
 
 >>> import viscera as vs
->>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed=lambda x: x[:, 0] < 1e-6)
+>>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
 >>> touch = beam.reduce(radius=0.1, depth=0.05, order=2)
 """
 

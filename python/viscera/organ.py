@@ -30,10 +30,10 @@ class Organ:
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
     >>> import viscera as vs
-    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed=lambda x: x[:, 0] < 1e-6)
-    >>> state = beam.solve(gravity=(0, 0, -9.81), density=1000)
-    >>> state.is_converged
-    True
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> state.is_converged, state.reaction("clamp").round(3).tolist()[2]
+    (True, 10.0)
     """
 
     def __init__(self, mesh: Mesh, law: Law, fixed: Where) -> None:
@@ -67,7 +67,7 @@ class Organ:
             on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
-        gravity: acceleration (3,) [m/s^2], in full at every load level, with `density` [kg/m^3], one or per cell.
+        gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
