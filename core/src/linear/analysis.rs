@@ -57,7 +57,7 @@ impl Analysis {
 
     /// Takes new values over into elimination order.
     pub(super) fn load(&mut self, values: &[f64]) -> Result<(), FactorError> {
-        expect_length("values", self.target.len(), values.len())?;
+        FactorError::expect_length("values", self.target.len(), values.len())?;
         for (position, (&value, &target)) in values.iter().zip(&self.target).enumerate() {
             if !value.is_finite() {
                 return Err(FactorError::NotFinite { position });
@@ -139,7 +139,7 @@ impl Analysis {
         substitute: impl Fn(&mut Panel) -> Result<(), FactorError>,
     ) -> Result<(), FactorError> {
         let n = self.n();
-        expect_length("rhs", n * columns, rhs.len())?;
+        FactorError::expect_length("rhs", n * columns, rhs.len())?;
         if let Some(at) = rhs.iter().position(|value| !value.is_finite()) {
             let (row, column) = (at % n, at / n);
             return Err(FactorError::RightHandSideNotFinite { row, column });
@@ -161,18 +161,6 @@ impl Analysis {
             }),
             None => Ok(()),
         }
-    }
-}
-
-fn expect_length(argument: &'static str, expected: usize, found: usize) -> Result<(), FactorError> {
-    if expected == found {
-        Ok(())
-    } else {
-        Err(FactorError::Length {
-            argument,
-            expected,
-            found,
-        })
     }
 }
 

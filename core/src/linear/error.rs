@@ -73,6 +73,24 @@ pub enum FactorError {
     NotFactorized,
 }
 
+impl FactorError {
+    pub(super) fn expect_length(
+        argument: &'static str,
+        expected: usize,
+        found: usize,
+    ) -> Result<(), Self> {
+        if expected == found {
+            Ok(())
+        } else {
+            Err(Self::Length {
+                argument,
+                expected,
+                found,
+            })
+        }
+    }
+}
+
 impl fmt::Display for FactorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

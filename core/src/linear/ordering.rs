@@ -159,3 +159,91 @@ fn postorder(parent: &[u32]) -> Vec<u32> {
     }
     order
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_matrices::{Matrix, elastic_block};
+    use super::*;
+
+    /// Entries of the factor in this elimination order, by merging the patterns of the children in the tree.
+    fn fill(pattern: &Pattern, order: &[u32]) -> usize {
+        let (start, neighbour) = adjacency(pattern);
+        let position = inverse(order);
+        let parent = elimination_tree(pattern, order);
+        let mut below = vec![std::collections::BTreeSet::new(); pattern.n];
+        for k in 0..pattern.n {
+            let row = order[k] as usize;
+            let neighbours = &neighbour[start[row] as usize..start[row + 1] as usize];
+            below[k].extend(
+                neighbours
+                    .iter()
+                    .map(|&other| position[other as usize])
+                    .filter(|&other| other > k as u32),
+            );
+            if parent[k] != NONE {
+                assert_eq!(below[k].first(), Some(&parent[k]));
+                let passed_on: Vec<u32> = below[k].iter().copied().skip(1).collect();
+                below[parent[k] as usize].extend(passed_on);
+            }
+        }
+        pattern.n + below.iter().map(|rows| rows.len()).sum::<usize>()
+    }
+
+    #[test]
+    fn nested_dissection_fills_less_than_the_natural_order() {
+        let pattern = elastic_block(12, 12, 12).pattern;
+        let natural: Vec<u32> = (0..pattern.n as u32).collect();
+        let dissected = elimination_order(&pattern).unwrap();
+        assert!(is_permutation(&dissected, pattern.n));
+        assert!(3 * fill(&pattern, &dissected) < 2 * fill(&pattern, &natural));
+    }
+
+    #[test]
+    fn subtrees_are_contiguous_and_keep_the_fill() {
+        let pattern = elastic_block(7, 6, 5).pattern;
+        let raw = nested_dissection(&pattern).unwrap();
+        let order = elimination_order(&pattern).unwrap();
+        assert_eq!(fill(&pattern, &order), fill(&pattern, &raw));
+        let parent = elimination_tree(&pattern, &order);
+        let mut first_below: Vec<usize> = (0..pattern.n).collect();
+        let mut size = vec![1; pattern.n];
+        for k in 0..pattern.n {
+            assert_eq!(k + 1 - first_below[k], size[k]);
+            if parent[k] != NONE {
+                let up = parent[k] as usize;
+                first_below[up] = first_below[up].min(first_below[k]);
+                size[up] += size[k];
+            }
+        }
+    }
+
+    #[test]
+    fn minimum_degree_stands_in() {
+        let pattern = elastic_block(7, 6, 5).pattern;
+        let order = minimum_degree(&pattern).unwrap();
+        let natural: Vec<u32> = (0..pattern.n as u32).collect();
+        assert!(is_permutation(&order, pattern.n));
+        assert!(fill(&pattern, &order) < fill(&pattern, &natural));
+    }
+
+    #[test]
+    fn orders_any_graph() {
+        let star: Vec<_> = (1..3000).map(|i| (0, i, 1.0)).collect();
+        let path: Vec<_> = (1..3000).map(|i| (i - 1, i, 1.0)).collect();
+        let clique: Vec<_> = (0..300)
+            .flat_map(|i| (0..i).map(move |j| (i, j, 1.0)))
+            .collect();
+        for entries in [vec![], star, path, clique] {
+            let pattern = Matrix::from_entries(3000, &entries).pattern;
+            assert!(is_permutation(&elimination_order(&pattern).unwrap(), 3000));
+        }
+    }
+
+    #[test]
+    fn tells_a_permutation() {
+        assert!(is_permutation(&[2, 0, 1], 3));
+        assert!(!is_permutation(&[2, 0, 2], 3));
+        assert!(!is_permutation(&[0, 1], 3));
+        assert!(!is_permutation(&[0, 1, 3], 3));
+    }
+}

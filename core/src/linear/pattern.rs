@@ -85,3 +85,40 @@ impl Pattern {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_matrices::{elastic_block, load, relative_difference};
+    use super::*;
+
+    #[test]
+    fn multiplies_like_the_dense_matrix() {
+        let matrix = elastic_block(3, 4, 2);
+        let x = load(matrix.pattern.n, 0);
+        let dense = &matrix.dense() * faer::Mat::from_fn(x.len(), 1, |i, _| x[i]);
+        assert!(relative_difference(&matrix.multiply(&x), dense.col_as_slice(0)) < 1e-14);
+    }
+
+    #[test]
+    fn names_the_column_that_breaks_a_promise() {
+        let broken = |column_start: &[u32], row: &[u32]| {
+            let pattern = Pattern {
+                n: 3,
+                column_start: column_start.to_vec(),
+                row: row.to_vec(),
+            };
+            match pattern.validate() {
+                Err(FactorError::InvalidPattern { column, .. }) => Some(column),
+                _ => None,
+            }
+        };
+        assert_eq!(broken(&[0, 1, 3, 5], &[0, 0, 1, 0, 2]), None);
+        assert_eq!(broken(&[0, 1, 3], &[0, 0, 1]), Some(0)); // an offset is missing
+        assert_eq!(broken(&[0, 1, 2, 4], &[0, 0, 1, 2]), Some(1)); // no diagonal
+        assert_eq!(broken(&[0, 1, 3, 6], &[0, 0, 1, 1, 0, 2]), Some(2)); // unsorted
+        assert_eq!(broken(&[0, 1, 3, 6], &[0, 0, 1, 0, 0, 2]), Some(2)); // repeated
+        assert_eq!(broken(&[0, 1, 3, 6], &[0, 0, 1, 0, 2]), Some(2)); // past the end
+        assert_eq!(broken(&[0, 2, 1, 5], &[0, 0, 1, 0, 2]), Some(0)); // offsets descend
+        assert_eq!(broken(&[0, 1, 3, 4], &[0, 0, 1, 2, 2]), Some(3)); // entries left over
+    }
+}
