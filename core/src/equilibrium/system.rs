@@ -105,8 +105,8 @@ impl System {
             for i in 0..3 {
                 let column = &mut influence[(3 * p + i) * n..(3 * p + i + 1) * n];
                 for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
-                    if let Some(&row) = self.row_of(3 * node as usize + i) {
-                        column[row as usize] = w;
+                    if let Some(row) = self.row_of(3 * node as usize + i) {
+                        column[row] = w;
                     }
                 }
             }
@@ -123,8 +123,9 @@ impl System {
         Ok(())
     }
 
-    fn row_of(&self, dof: usize) -> Option<&u32> {
-        Some(&self.index[dof]).filter(|&&row| row != u32::MAX)
+    /// The row of a degree of freedom, if it is free.
+    pub fn row_of(&self, dof: usize) -> Option<usize> {
+        Some(self.index[dof] as usize).filter(|&row| row != u32::MAX as usize)
     }
 
     /// `W s` of a vector on the free degrees of freedom.
@@ -133,8 +134,8 @@ impl System {
         for (p, patch) in self.patches.iter().enumerate() {
             for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
                 for i in 0..3 {
-                    if let Some(&row) = self.row_of(3 * node as usize + i) {
-                        mean[3 * p + i] += w * s[row as usize];
+                    if let Some(row) = self.row_of(3 * node as usize + i) {
+                        mean[3 * p + i] += w * s[row];
                     }
                 }
             }

@@ -1,0 +1,8 @@
+//! The asymptotic numerical method: equilibrium as power series that share one tangent operator.
+//!
+//! Along a load path ([`Path`], paper A with its vector Pade form) and in the displacement of a
+//! contact ([`TouchExpansion`], DESIGN section 4).
+
+mod touch;
+
+pub use touch::{TouchExpansion, TouchSeries};

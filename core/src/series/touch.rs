@@ -1,0 +1,243 @@
+//! Series in the three components of a contact displacement.
+//!
+//! A tool prescribes the weighted mean `sum_i w_i u_i = d` of a patch. With `K` the tangent of the
+//! base state, `G = K^-1 W^T` and `C = W G`, every coefficient of
+//!   u(d) = sum_a d^a u_a,   F(d) = sum_a d^a F_a      (1 <= |a| <= order)
+//! follows from lower ones and one factorisation:
+//!   v = -K^-1 N_a,   F_a = C^-1 (e_a - W v),   u_a = v + G F_a,
+//! where `N_a` is the coefficient of the internal force with `u_a = 0`, and `e_a` is the unit
+//! vector of a first-order term and zero otherwise. Load positions go through side by side.
+
+use crate::body::Body;
+use crate::equilibrium::System;
+use crate::error::Error;
+use crate::mesh::Patch;
+use crate::number::{Lanes, Monomials};
+use crate::tensor::{Mat3, cofactor, determinant, tabulate};
+
+/// Load positions per block.
+const WIDTH: usize = 8;
+type Wide = Lanes<WIDTH>;
+
+/// The series of one load position.
+pub struct TouchSeries {
+    /// `u_a` for each monomial but the constant: runs of all degrees of freedom.
+    pub displacement: Vec<Vec<f64>>,
+    /// `F_a`, the force of the tool on the body, for the same monomials [N / m^|a|].
+    pub force: Vec<[f64; 3]>,
+    /// Compliance `C = W K^-1 W^T` [m/N].
+    pub compliance: Mat3<f64>,
+}
+
+/// One base state with its factorised tangent, from which any load position is expanded.
+pub struct TouchExpansion<'a> {
+    body: &'a Body,
+    system: System,
+    base: Vec<f64>,
+    order: usize,
+}
+
+impl<'a> TouchExpansion<'a> {
+    /// Expansions of the given order about the equilibrium `base` with `fixed` nodes held.
+    ///
+    /// # Errors
+    /// An order outside 1..=8; a base state that is not stable.
+    pub fn new(
+        body: &'a Body,
+        fixed: &[u32],
+        base: Vec<f64>,
+        order: usize,
+    ) -> Result<Self, Error> {
+        if !(1..=8).contains(&order) {
+            return Err(Error::input(format!("order {order}; it must be between 1 and 8")));
+        }
+        let mut tangent = body.zero_tangent();
+        let mut force = vec![0.0; body.n_dofs()];
+        body.internal_force_and_tangent(&base, &mut force, &mut tangent);
+        let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
+        let mut system = System::new(&tangent, body.n_dofs(), dofs, Vec::new())?;
+        system.factorize(&tangent, 0.0)?;
+        Ok(TouchExpansion { body, system, base, order })
+    }
+
+    /// Highest order.
+    pub fn order(&self) -> usize {
+        self.order
+    }
+
+    /// The monomials of a series; the constant comes first and is not part of the series.
+    pub fn monomials(&self) -> &'static Monomials {
+        Monomials::of(3, self.order)
+    }
+
+    /// The series of some load positions.
+    ///
+    /// # Errors
+    /// A patch that lies on fixed nodes only, or values that overflow.
+    pub fn expand(&self, patches: &[&Patch]) -> Result<Vec<TouchSeries>, Error> {
+        let mut series = Vec::with_capacity(patches.len());
+        for block in patches.chunks(WIDTH) {
+            series.extend(Block::new(self, block)?.series()?);
+        }
+        Ok(series)
+    }
+}
+
+/// Up to [`WIDTH`] load positions in progress.
+struct Block<'a> {
+    expansion: &'a TouchExpansion<'a>,
+    patches: &'a [&'a Patch],
+    /// Coefficients of each degree of freedom, the base state first.
+    displacement: Vec<Wide>,
+    forces: Vec<Vec<[f64; 3]>>,
+    compliance: Vec<Mat3<f64>>,
+    stiffness: Vec<Mat3<f64>>,
+    /// Columns of `G` on the free degrees of freedom, three for each position.
+    influence: Vec<f64>,
+}
+
+impl<'a> Block<'a> {
+    fn new(expansion: &'a TouchExpansion, patches: &'a [&'a Patch]) -> Result<Self, Error> {
+        let terms = expansion.monomials().len();
+        let mut displacement = vec![Wide::default(); expansion.body.n_dofs() * terms];
+        for (dof, &u) in expansion.base.iter().enumerate() {
+            displacement[dof * terms] = Lanes([u; WIDTH]);
+        }
+        let mut block = Block {
+            expansion,
+            patches,
+            displacement,
+            forces: vec![Vec::with_capacity(terms - 1); patches.len()],
+            compliance: Vec::new(),
+            stiffness: Vec::new(),
+            influence: Vec::new(),
+        };
+        block.solve_first_order()?;
+        Ok(block)
+    }
+
+    /// `G`, `C`, and the first-order terms `u = G C^-1`, `F = C^-1`.
+    fn solve_first_order(&mut self) -> Result<(), Error> {
+        let system = &self.expansion.system;
+        let n = system.n_free();
+        let mut influence = vec![0.0; 3 * n * self.patches.len()];
+        for (lane, patch) in self.patches.iter().enumerate() {
+            for i in 0..3 {
+                let column = &mut influence[(3 * lane + i) * n..(3 * lane + i + 1) * n];
+                for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
+                    if let Some(row) = system.row_of(3 * node as usize + i) {
+                        column[row] = w;
+                    }
+                }
+            }
+        }
+        system.solve_free(&mut influence, 3 * self.patches.len())?;
+        self.influence = influence;
+        for lane in 0..self.patches.len() {
+            let columns: [[f64; 3]; 3] = std::array::from_fn(|k| {
+                self.mean(lane, &self.influence[(3 * lane + k) * n..(3 * lane + k + 1) * n])
+            });
+            let compliance = tabulate(|i, k| columns[k][i]);
+            let stiffness = inverse(&compliance).ok_or_else(|| {
+                Error::input(format!(
+                    "the patch around point {} does not move: it lies on fixed points only",
+                    self.patches[lane].nodes[0]
+                ))
+            })?;
+            self.compliance.push(compliance);
+            self.stiffness.push(stiffness);
+            for k in 0..3 {
+                let force: [f64; 3] = std::array::from_fn(|i| stiffness[i][k]);
+                self.forces[lane].push(force);
+                self.add_influence(lane, 1 + k, force);
+            }
+        }
+        Ok(())
+    }
+
+    /// `W s` of a vector on the free degrees of freedom.
+    fn mean(&self, lane: usize, s: &[f64]) -> [f64; 3] {
+        let mut mean = [0.0; 3];
+        let patch = self.patches[lane];
+        for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
+            for i in 0..3 {
+                if let Some(row) = self.expansion.system.row_of(3 * node as usize + i) {
+                    mean[i] += w * s[row];
+                }
+            }
+        }
+        mean
+    }
+
+    /// Adds `G force` to a coefficient.
+    fn add_influence(&mut self, lane: usize, term: usize, force: [f64; 3]) {
+        let n = self.expansion.system.n_free();
+        let terms = self.expansion.monomials().len();
+        for (row, &dof) in self.expansion.system.free().iter().enumerate() {
+            let value: f64 =
+                (0..3).map(|k| self.influence[(3 * lane + k) * n + row] * force[k]).sum();
+            self.displacement[dof as usize * terms + term][lane] += value;
+        }
+    }
+
+    /// All higher orders, then the coefficients position by position.
+    fn series(mut self) -> Result<Vec<TouchSeries>, Error> {
+        for degree in 2..=self.expansion.order {
+            self.solve_degree(degree)?;
+        }
+        let (terms, n_dofs) = (self.expansion.monomials().len(), self.expansion.body.n_dofs());
+        let series = self.forces.iter_mut().enumerate().map(|(lane, forces)| TouchSeries {
+            displacement: (1..terms)
+                .map(|c| (0..n_dofs).map(|dof| self.displacement[dof * terms + c][lane]).collect())
+                .collect(),
+            force: std::mem::take(forces),
+            compliance: self.compliance[lane],
+        });
+        Ok(series.collect())
+    }
+
+    fn solve_degree(&mut self, degree: usize) -> Result<(), Error> {
+        let (system, body) = (&self.expansion.system, self.expansion.body);
+        let (terms, n) = (self.expansion.monomials().len(), system.n_free());
+        let table = Monomials::of(3, degree);
+        let top = table.of_degree(degree);
+        let mut nonlinear = vec![Wide::default(); body.n_dofs() * top.len()];
+        body.force_series(table, &self.displacement, terms, &mut nonlinear);
+
+        let columns = top.len() * self.patches.len();
+        let mut rhs = vec![0.0; n * columns];
+        for (row, &dof) in system.free().iter().enumerate() {
+            for c in 0..top.len() {
+                let value = &nonlinear[dof as usize * top.len() + c];
+                for lane in 0..self.patches.len() {
+                    rhs[(lane * top.len() + c) * n + row] = -value[lane];
+                }
+            }
+        }
+        drop(nonlinear);
+        system.solve_free(&mut rhs, columns)?;
+        for lane in 0..self.patches.len() {
+            for (c, term) in top.clone().enumerate() {
+                let v = &rhs[(lane * top.len() + c) * n..(lane * top.len() + c + 1) * n];
+                for (&value, &dof) in v.iter().zip(self.expansion.system.free()) {
+                    self.displacement[dof as usize * terms + term][lane] = value;
+                }
+                let (mean, stiffness) = (self.mean(lane, v), self.stiffness[lane]);
+                let force = std::array::from_fn(|i| {
+                    -(0..3).map(|k| stiffness[i][k] * mean[k]).sum::<f64>()
+                });
+                self.forces[lane].push(force);
+                self.add_influence(lane, term, force);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Inverse of a tensor, or none when it is singular to rounding.
+pub(crate) fn inverse(a: &Mat3<f64>) -> Option<Mat3<f64>> {
+    let z = cofactor(a);
+    let det = determinant(a, &z);
+    let size = a.iter().flatten().fold(0.0f64, |max, x| max.max(x.abs()));
+    (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate(|i, j| z[j][i] / det))
+}
