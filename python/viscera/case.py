@@ -74,7 +74,7 @@ class Case:
     folder: Path = Path()
 
     def organ(self) -> Organ:
-        """The organ: mesh read, law made, supports resolved; every place of the case becomes a named set of its mesh."""
+        """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
         plain = load_mesh(self.mesh, self.units, self.folder)
         places = [self.fixed, *self.loads.get("displacement", {}), *self.loads.get("force", {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []

@@ -51,12 +51,14 @@ def vector_pade(series: Floats, a: float) -> Floats:
 
     Gram-Schmidt gives u_n = sum_j A_nj q_j; d_0 = 1, d_i = - sum_{j<i} d_j A_{N-j,N-i} / A_{N-i,N-i}; then
     u(a) = u_0 + sum_{i=1}^{N-1} a^i u_i D_{N-1-i}(a) / D_{N-1}(a) with D_k = sum_{j<=k} d_j a^j.
-    Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981. Where the u_p are dependent the polynomial is returned.
+    Where u_1..u_{N-1} are dependent the polynomial is returned.
+    Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981.
     """
     N = len(series) - 1
-    A = np.linalg.qr(series[1:].T, mode="r").T  # A[n - 1, j - 1]: u_n in the orthonormal basis
+    A = np.asarray(np.linalg.qr(series[1:].T, mode="r")).T  # A[n - 1, j - 1]: u_n in the orthonormal basis
     powers = float(a) ** np.arange(N + 1)
-    if len(A.T) < N or np.abs(np.diag(A)).min() <= 1e-13 * np.linalg.norm(A, axis=1).max():
+    divisors = np.abs(np.diag(A))[: N - 1] / np.linalg.norm(A, axis=1)[: N - 1].clip(1e-300)
+    if len(divisors) < N - 1 or (divisors < 1e-13).any():
         return np.asarray(powers @ series)
     d = np.zeros(N)
     d[0] = 1.0

@@ -55,7 +55,7 @@ def draw(
     _scale_bar(plot, np.concatenate([rest, shape]))
     bar = figure.colorbar(ScalarMappable(scale, TISSUE), ax=plot, shrink=0.6, pad=0.02, aspect=28)
     bar.set_label("displacement [mm]", color=INK)
-    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.outline.set_visible(False)
     plot.set_title(title, color=INK, loc="left", fontsize=11)
     plot.set_aspect("equal")
     plot.set_axis_off()
@@ -127,15 +127,15 @@ def _arrow(plot: Axes, tip: Floats, force: Floats, axes: Floats, reach: float) -
     if size == 0.0:
         return
     direction = (axes @ force / size)[:2] * reach
-    ends = (tip[:2] - direction, tip[:2])
+    (x0, y0), (x1, y1) = tip[:2] - direction, tip[:2]
     plot.annotate(
-        "", xy=ends[1], xytext=ends[0], zorder=5,
+        "", xy=(x1, y1), xytext=(x0, y0), zorder=5,
         arrowprops={"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": INK, "linewidth": 2.0},
     )  # fmt: skip
     plot.annotate(
-        f"{size:.3g} N", xy=ends[0], xytext=(6, 6), textcoords="offset points", color=INK, fontsize=11, zorder=5
+        f"{size:.3g} N", xy=(x0, y0), xytext=(6, 6), textcoords="offset points", color=INK, fontsize=11, zorder=5
     )
-    plot.update_datalim(np.array(ends))
+    plot.update_datalim(np.array([(x0, y0), (x1, y1)]))
 
 
 def _scale_bar(plot: Axes, shape: Floats) -> None:

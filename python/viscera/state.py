@@ -71,7 +71,7 @@ class State:
         with replacing(path) as scratch:
             try:
                 grid.write(scratch)
-            except meshio.WriteError as error:
+            except (meshio.ReadError, meshio.WriteError) as error:
                 raise VisceraError(f"{os.fspath(path)}: cannot write this format ({error}); use .vtu") from error
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:

@@ -1,7 +1,7 @@
 """The off-line stage: an organ becomes a model file that answers touches in microseconds. For instance
 
-    viscera reduce liver.toml -o liver.viscera
-    viscera reduce kidney.vtu --units mm --fixed "z < 15%" --young 10e3 --poisson 0.45
+viscera reduce liver.toml -o liver.viscera
+viscera reduce kidney.vtu --units mm --fixed "z < 15%" --young 10e3 --poisson 0.45
 """
 
 from __future__ import annotations

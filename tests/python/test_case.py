@@ -1,0 +1,122 @@
+"""CASE.toml: the API's words, their errors, and the same numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import viscera as vs
+from viscera.case import read_case
+
+GOOD = """
+mesh = "bar.vtu"
+units = "m"
+fixed = "x <= 0%"
+[material]
+law = "NeoHookean"
+young = 1e5
+poisson = 0.3
+[loads]
+gravity = [0, 0, -9.81]
+density = 100
+displacement."x >= 100%" = [0.02, "free", -0.01]
+force."z >= 100%" = [0, 0, -0.5]
+[settings]
+steps = 2
+newton.tolerance = 1e-10
+[reduce]
+touchable = "z >= 100%"
+radius = "60 mm"
+depth = "5%"
+order = 2
+"""
+
+
+@pytest.fixture
+def folder(bar: vs.Mesh, tmp_path: Path) -> Path:
+    bar.write(tmp_path / "bar.vtu")
+    return tmp_path
+
+
+def case_with(folder: Path, old: str, new: str) -> Path:
+    assert old in GOOD
+    (folder / "case.toml").write_text(GOOD.replace(old, new))
+    return folder / "case.toml"
+
+
+def test_a_case_gives_what_the_api_gives(bar: vs.Mesh, folder: Path) -> None:
+    case = read_case(case_with(folder, "", ""))
+    organ = case.organ()
+    state = case.solve(organ)
+    by_hand = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root").solve(
+        displacement={"tip": (0.02, None, -0.01)},
+        force={lambda x: x[:, 2] >= 0.1: (0, 0, -0.5)},
+        gravity=(0, 0, -9.81),
+        density=100,
+    )
+    assert state.displacement == pytest.approx(by_hand.displacement, abs=1e-9)
+    reactions = case.reactions(organ, state)
+    assert list(reactions) == ["x <= 0%", "x >= 100%"]
+    assert reactions["x >= 100%"] == pytest.approx(by_hand.reaction("tip"), rel=1e-6, abs=1e-8)
+
+
+def test_a_built_in_organ_needs_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text('mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n')
+    assert read_case(path).organ().mesh.points.tolist() == vs.organs.beam().points.tolist()
+    path.write_text('mesh = "organ:lever"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n')
+    with pytest.raises(vs.VisceraError, match="did you mean 'liver'"):
+        read_case(path).organ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("fixed =", "fixd =", "unknown key 'fixd'; did you mean 'fixed'"),
+        ("young", "yuong", r"unknown key 'yuong' in \[material\]; did you mean 'young'"),
+        ("gravity", "gravty", r"unknown key 'gravty' in \[loads\]; did you mean 'gravity'"),
+        ("steps", "step", r"unknown key 'step' in \[settings\]; did you mean 'steps'"),
+        ("order", "ordr", r"unknown key 'ordr' in \[reduce\]; did you mean 'order'"),
+        ('fixed = "x <= 0%"', "", "the key 'fixed' is missing"),
+        ('mesh = "bar.vtu"', 'mesh = "bar.vtu', "not a TOML file"),
+        ("[settings]\nsteps = 2\nnewton.tolerance = 1e-10", "[settings.newton]\nsteps", "not a TOML file"),
+        ('displacement."x >= 100%" = [0.02, "free", -0.01]', "displacement = 1", "'loads.displacement' is a table"),
+    ],
+)
+def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=f"case.toml: .*{words}"):
+        read_case(case_with(folder, old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"NeoHookean"', '"NeoHokean"', "unknown law 'NeoHokean'; did you mean 'NeoHookean'"),
+        ("poisson = 0.3", "c1 = 0.3", "material NeoHookean: .*c1"),
+        ("poisson = 0.3", "poisson = 0.5", "poisson is 0.5"),
+        ('law = "NeoHookean"', "", "the material names no law"),
+        ('fixed = "x <= 0%"', 'fixed = "rot"', "no node set 'rot'"),
+        ('units = "m"', "", "needs its units"),
+        ('units = "m"', 'units = "mn"', "mn"),
+        ('mesh = "bar.vtu"', 'mesh = "car.vtu"', "car.vtu: no such file"),
+        ('[0.02, "free", -0.01]', '[0.02, "fre", -0.01]', "'fre' is neither a number"),
+        ('[0.02, "free", -0.01]', "[0.02]", "give three numbers"),
+        ("tolerance = 1e-10", "tolerence = 1e-10", "tolerence"),
+    ],
+)
+def test_wrong_values_are_named_on_solving(folder: Path, old: str, new: str, words: str) -> None:
+    case = read_case(case_with(folder, old, new))
+    with pytest.raises(ValueError, match=words):
+        case.solve(case.organ())
+
+
+def test_the_same_place_in_other_words_may_not_contradict(folder: Path) -> None:
+    case = read_case(case_with(folder, "force.", 'displacement."x > 99%" = ["free", "free", 0]\nforce.'))
+    with pytest.raises(vs.VisceraError, match="let each component be prescribed once"):
+        case.solve(case.organ())
+
+
+def test_a_missing_case_file(tmp_path: Path) -> None:
+    with pytest.raises(vs.VisceraError, match=r"none\.toml: no such case file"):
+        read_case(tmp_path / "none.toml")

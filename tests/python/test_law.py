@@ -1,0 +1,134 @@
+"""Parameters of laws at the boundary: conversions, per-cell values, refusals; and the formulas of the docstrings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera import laws
+
+F = np.eye(3) + 0.1 * np.random.default_rng(3).standard_normal((4, 3, 3))
+
+
+def invariants(F: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    C = F.transpose(0, 2, 1) @ F
+    trace = np.trace(C, axis1=1, axis2=2)
+    return trace, 0.5 * (trace**2 - np.trace(C @ C, axis1=1, axis2=2)), np.linalg.det(F)
+
+
+def test_young_and_poisson_are_the_lame_constants() -> None:
+    law = vs.NeoHookean(young=2.6e5, poisson=0.3)
+    assert law.mu == pytest.approx(1e5)
+    assert law.lam == pytest.approx(1.5e5)
+    assert vs.Linear(mu=law.mu, lam=law.lam).parameters.tolist() == law.parameters.tolist()
+
+
+@pytest.mark.parametrize("kind", [vs.Linear, vs.Corotated, vs.SaintVenantKirchhoff, vs.NeoHookean])
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"young": 0.0, "poisson": 0.3}, "young is 0"),
+        ({"young": -1.0, "poisson": 0.3}, "young is -1"),
+        ({"young": np.nan, "poisson": 0.3}, "young is nan; it must be finite"),
+        ({"young": 1e5, "poisson": 0.5}, "poisson is 0.5; it must lie above -1 and below 0.5"),
+        ({"young": 1e5, "poisson": -1.0}, "poisson is -1"),
+        ({"young": [1e5, 1e5, -2.0], "poisson": 0.3}, "young of cell 2 is -2"),
+        ({"young": [1e5, 1e5], "poisson": [0.3, 0.3, 0.3]}, "different lengths"),
+        ({"mu": 0.0, "lam": 1.0}, "mu is 0"),
+        ({"mu": 3.0, "lam": -2.0}, "lam is -2"),
+        ({"young": 1e5}, "either young and poisson, or mu and lam"),
+        ({"young": 1e5, "poisson": 0.3, "mu": 1.0}, "either young and poisson, or mu and lam"),
+    ],
+)
+def test_impossible_parameters_are_refused(kind: type, parameters: dict[str, Any], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        kind(**parameters)
+
+
+def test_mooney_rivlin_bulk_modulus_by_volumetric_form() -> None:
+    for form, factor in {"J^2-1": 4.0, "J-1": 1.0, "ln J": 1.0}.items():
+        assert vs.MooneyRivlin(1.0, 0.5, alpha=2.0, volumetric=form).parameters.tolist() == [[1.0, 0.5, 2.0 * factor]]
+        assert vs.MooneyRivlin(1.0, 0.5, 7.0, volumetric=form).parameters.tolist() == [[1.0, 0.5, 7.0]]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"c1": 1.0, "c2": 0.0}, "either kappa or alpha"),
+        ({"c1": 1.0, "c2": 0.0, "kappa": 1.0, "alpha": 1.0}, "either kappa or alpha"),
+        ({"c1": 1.0, "c2": -1.0, "kappa": 1.0}, r"c1 \+ c2 is 0"),
+        ({"c1": 1.0, "c2": 0.0, "kappa": 0.0}, "bulk modulus is 0"),
+        ({"c1": 1.0, "c2": 0.0, "kappa": 1.0, "volumetric": "lnJ"}, "did you mean 'ln J'"),
+    ],
+)
+def test_mooney_rivlin_refusals(parameters: dict[str, Any], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        vs.MooneyRivlin(**parameters)
+
+
+def test_neo_hookean_energy_is_its_formula() -> None:
+    law = vs.NeoHookean(mu=3.0, lam=5.0)
+    I1, _, J = invariants(F)
+    assert law.energy(F) == pytest.approx(1.5 * (I1 - 3) - 3 * np.log(J) + 2.5 * np.log(J) ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("form", ["J^2-1", "J-1", "ln J"])
+def test_mooney_rivlin_energy_is_its_formula(form: str) -> None:
+    law = vs.MooneyRivlin(c1=3.0, c2=2.0, alpha=5.0, volumetric=form)
+    I1, I2, J = invariants(F)
+    W = {"J^2-1": J**2 - 1, "J-1": J - 1, "ln J": np.log(J)}[form]
+    formula = 3 * (I1 * J ** (-2 / 3) - 3) + 2 * (I2 * J ** (-4 / 3) - 3) + 2.5 * W**2
+    assert law.energy(F) == pytest.approx(formula, rel=1e-12)
+
+
+def test_corotated_energy_is_its_formula() -> None:
+    law = vs.Corotated(mu=3.0, lam=5.0)
+    singular = np.linalg.svd(F, compute_uv=False)
+    formula = 3 * ((singular - 1) ** 2).sum(axis=1) + 2.5 * (singular - 1).sum(axis=1) ** 2
+    assert law.energy(F) == pytest.approx(formula, rel=1e-12)
+
+
+ALL = [
+    vs.Linear(young=2.0, poisson=0.3),
+    vs.Corotated(young=2.0, poisson=0.3),
+    vs.SaintVenantKirchhoff(young=2.0, poisson=0.3),
+    vs.NeoHookean(young=2.0, poisson=0.3),
+    vs.MooneyRivlin(0.3, 0.1, 2.0),
+]
+
+
+@pytest.mark.parametrize("law", ALL, ids=lambda law: law.name)
+def test_stress_and_tangent_are_derivatives(law: laws.Law) -> None:
+    step, direction = 1e-6, np.random.default_rng(5).standard_normal((1, 3, 3))
+    ahead, behind = F + step * direction, F - step * direction
+    slope = (law.energy(ahead) - law.energy(behind)) / (2 * step)
+    assert np.einsum("kij,kij->k", law.stress(F), np.broadcast_to(direction, F.shape)) == pytest.approx(slope, rel=1e-7)
+    change = (law.stress(ahead) - law.stress(behind)) / (2 * step)
+    assert np.einsum("kijlm,lm->kij", law.tangent(F), direction[0]) == pytest.approx(change, rel=1e-6, abs=1e-8)
+
+
+def test_each_cell_answers_with_its_own_parameters() -> None:
+    law = vs.NeoHookean(young=[1e3, 2e3], poisson=0.3)
+    assert law.stress(F, cell=1) == pytest.approx(2 * law.stress(F, cell=0), rel=1e-12)
+    with pytest.raises(vs.VisceraError, match="cell 2 has no parameters"):
+        law.stress(F, cell=2)
+    with pytest.raises(vs.VisceraError, match=r"shape \(k, 3, 3\), got \(3, 3\)"):
+        law.stress(np.eye(3))
+
+
+@pytest.mark.parametrize("law", ALL, ids=lambda law: law.name)
+def test_a_law_returns_from_its_core_name(law: laws.Law) -> None:
+    again = laws.from_core(law.name, law.parameters)
+    assert type(again) is type(law)
+    assert again.parameters == pytest.approx(law.parameters, rel=1e-15)
+
+
+def test_unknown_laws_are_named() -> None:
+    with pytest.raises(vs.VisceraError, match="did you mean 'NeoHookean'"):
+        laws.named("NeoHokean")
+    with pytest.raises(vs.VisceraError, match="'ogden' with 2 parameters is not known"):
+        laws.from_core("ogden", [[1.0, 2.0]])

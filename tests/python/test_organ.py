@@ -1,0 +1,230 @@
+"""Statics through the API: supports, loads, and what is refused before any work."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+SOFT = vs.NeoHookean(young=1e5, poisson=0.3)
+Organ = vs.Organ
+
+
+@pytest.fixture(scope="module")
+def clamped(bar: vs.Mesh) -> Organ:
+    return Organ(bar, SOFT, fixed="root")
+
+
+def test_reactions_balance_the_applied_force(clamped: Organ) -> None:
+    state = clamped.solve(force={"tip": (1.0, 2.0, -3.0)})
+    assert state.is_converged
+    assert state.reaction("root") == pytest.approx([-1.0, -2.0, 3.0], rel=1e-7)
+
+
+def test_gravity_weighs_volume_times_density(clamped: Organ) -> None:
+    state = clamped.solve(gravity=(0, 0, -9.81), density=1060)
+    weight = 9.81 * 1060 * clamped.mesh.volume
+    assert state.reaction("root") == pytest.approx([0, 0, weight], rel=1e-7, abs=1e-7 * weight)
+    per_cell = clamped.solve(gravity=(0, 0, -9.81), density=np.full(len(clamped.mesh.cells), 1060.0))
+    assert per_cell.displacement == pytest.approx(state.displacement, abs=1e-12)
+
+
+def test_free_components_stay_free(clamped: Organ) -> None:
+    state = clamped.solve(displacement={"tip": (0.02, None, None)})
+    tip = state.displacement[clamped.mesh.nodes("tip")]
+    assert tip[:, 0] == pytest.approx(0.02, abs=1e-15)
+    assert np.abs(tip[:, 1]).max() > 1e-4, "the tip contracts sideways"
+    assert state.reaction("tip")[1:] == pytest.approx(0.0, abs=1e-6)
+    assert state.reaction("tip")[0] > 1.0
+
+
+def test_an_affine_displacement_of_the_surface_is_an_equilibrium(cube: vs.Mesh) -> None:
+    gradient = np.array([[0.1, 0.2, 0.0], [0.0, -0.05, 0.1], [0.05, 0.0, 0.1]])
+    organ = Organ(cube, SOFT, fixed=np.flatnonzero((cube.points == 0).all(axis=1)))
+    boundary = np.setdiff1d(cube.surface_nodes, organ.fixed)
+    state = organ.solve(displacement={tuple(boundary.tolist()): cube.points[boundary] @ gradient.T})
+    assert state.displacement == pytest.approx(cube.points @ gradient.T, abs=1e-12)
+
+
+def test_a_traction_is_spread_by_area(cube: vs.Mesh) -> None:
+    stretched = Organ(cube, vs.Linear(mu=1e5, lam=0.0), fixed="bottom").solve(force={"top": (0, 0, 1.0)})
+    top = stretched.displacement[cube.nodes("top")]
+    assert top[:, 2] == pytest.approx(0.1 * 1.0 / 0.01 / 2e5, rel=1e-6), "lam = 0: sigma = 2 mu eps, exactly"
+
+
+def test_nodal_forces_equal_a_total_over_one_node(clamped: Organ) -> None:
+    node = int(clamped.mesh.nodes("tip")[0])
+    nodal = np.zeros_like(clamped.mesh.points)
+    nodal[node] = (0, 0, 0.1)
+    by_array = clamped.solve(force=nodal)
+    by_node = clamped.solve(force={(node,): (0, 0, 0.1)})
+    assert by_array.displacement == pytest.approx(by_node.displacement, abs=1e-14)
+
+
+def test_a_patch_mean_is_prescribed_and_its_force_reported(clamped: Organ) -> None:
+    patch = clamped.patch((0.4, 0.05, 0.1), radius=0.06)
+    state = clamped.solve(displacement={patch: (0, 0, -0.02)})
+    assert patch.weights @ state.displacement[patch.nodes] == pytest.approx([0, 0, -0.02], abs=1e-10)
+    assert state.reaction(patch) == pytest.approx(-state.reaction("root"), rel=1e-6, abs=1e-8)
+    assert state.reaction(patch)[2] < 0
+    back = clamped.solve(force={patch: state.reaction(patch)})
+    assert back.displacement == pytest.approx(state.displacement, rel=1e-5, abs=1e-8)
+
+
+def test_solving_on_from_a_state(clamped: Organ) -> None:
+    half = clamped.solve(force={"tip": (0, 0, -2.0)})
+    on = clamped.solve(force={"tip": (0, 0, -4.0)}, start=half)
+    assert on.displacement == pytest.approx(clamped.solve(force={"tip": (0, 0, -4.0)}).displacement, abs=1e-9)
+
+
+def test_more_steps_reach_the_same_equilibrium(clamped: Organ) -> None:
+    seen: list[int] = []
+    state = clamped.solve(force={"tip": (0, 0, -4.0)}, steps=4, progress=lambda done, total, stage: seen.append(done))
+    assert len(state.residuals) >= 4
+    assert seen[-1] == 100
+    assert state.displacement == pytest.approx(clamped.solve(force={"tip": (0, 0, -4.0)}).displacement, abs=1e-9)
+
+
+def test_a_stiff_nodule_stiffens(bar: vs.Mesh) -> None:
+    young = np.where(bar.points[bar.cells].mean(axis=1)[:, 0] < 0.1, 1e7, 1e5)
+    stiff = Organ(bar, vs.NeoHookean(young=young, poisson=0.3), fixed="root").solve(force={"tip": (0, 0, -1.0)})
+    soft = Organ(bar, SOFT, fixed="root").solve(force={"tip": (0, 0, -1.0)})
+    assert stiff.max_displacement < 0.9 * soft.max_displacement
+
+
+def test_failure_is_a_status_and_an_exception_on_request(clamped: Organ) -> None:
+    hopeless: dict[str, Any] = {
+        "displacement": {"tip": (-0.39, 0, 0)},
+        "settings": {"max_iterations": 1, "smallest_step": 0.5},
+    }
+    state = clamped.solve(**hopeless)
+    assert not state.is_converged
+    assert state.load < 1.0
+    assert state.message
+    with pytest.raises(vs.NotConverged) as raised:
+        clamped.solve(**hopeless, throw=True)
+    assert not raised.value.state.is_converged
+
+
+def test_what_a_progress_callback_raises_stops_the_solve(clamped: Organ) -> None:
+    def stop(done: int, total: int, stage: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        clamped.solve(force={"tip": (0, 0, -1.0)}, progress=stop)
+    assert clamped.solve(force={"tip": (0, 0, -1.0)}).is_converged
+
+
+def two_cubes(cube: vs.Mesh) -> vs.Mesh:
+    n = len(cube.points)
+    return vs.mesh(np.concatenate([cube.points, cube.points + 1.0]), np.concatenate([cube.cells, cube.cells + n]))
+
+
+@pytest.mark.parametrize(
+    ("fixed", "words"),
+    [
+        ([], "nothing is fixed"),
+        (lambda x: x[:, 0] > 9, "fixed: the predicate selects no node"),
+        ("botom", "did you mean 'bottom'"),
+        (lambda x: x[:, 0] > -9, "every node is fixed"),
+    ],
+)
+def test_supports_that_cannot_be(cube: vs.Mesh, fixed: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        Organ(cube, SOFT, fixed=fixed)
+
+
+def test_a_loose_part_is_refused(cube: vs.Mesh) -> None:
+    pair = two_cubes(cube)
+    with pytest.raises(vs.VisceraError, match="1 of the mesh's 2 disconnected parts have no fixed node"):
+        Organ(pair, SOFT, fixed=cube.nodes("bottom"))
+    assert Organ(pair, SOFT, fixed=lambda x: x[:, 2] % 1.0 == 0).solve().is_converged
+
+
+def test_a_hinge_is_refused_until_something_holds_it(cube: vs.Mesh) -> None:
+    hinge = Organ(cube, SOFT, fixed=lambda x: (x[:, 0] == 0) & (x[:, 2] == 0))
+    with pytest.raises(vs.VisceraError, match="can still move rigidly"):
+        hinge.solve(gravity=(0, 0, -9.81), density=1000)
+    with pytest.raises(vs.VisceraError, match="can still move rigidly"):
+        hinge.reduce()
+    assert hinge.solve(displacement={"corner": (None, None, 0.0)}, gravity=(0, 0, -9.81), density=100).is_converged
+    assert hinge.solve(displacement={hinge.patch((0.1, 0.05, 0.1), 0.03): (0, 0, -0.001)}).is_converged
+
+
+@pytest.mark.parametrize(
+    ("loads", "words"),
+    [
+        ({"displacement": {"tip": (0, 0, np.nan)}}, "displacement of 'tip' must be finite"),
+        ({"displacement": {"tip": (0, 0)}}, "three components"),
+        ({"displacement": {"tip": (None, None, None)}}, "leaves all components free"),
+        ({"displacement": {"tip": np.zeros((2, 3))}}, r"shape \(9, 3\)"),
+        ({"displacement": {"tipp": (0, 0, 0)}}, "did you mean 'tip'"),
+        ({"displacement": {"root": (0, 0, 0.1)}}, "0 m along z by the fixed set and 0.1 m by 'root'"),
+        ({"displacement": {"tip": (0, 0, 0.1), (80,): (0, 0, 0.2)}}, "node 80 .* 0.1 m along z by 'tip' and 0.2 m"),
+        ({"force": {"root": (0, 0, 1)}}, "all nodes of 'root' are fixed"),
+        ({"force": {"tip": (0, 0)}}, "force on 'tip' must be three numbers"),
+        ({"force": {"tip": (0, 0, np.inf)}}, "force on 'tip' must be finite"),
+        ({"force": {(): (0, 0, 1)}}, "no nodes"),
+        ({"force": {lambda x: x[:, 0] > 9: (0, 0, 1)}}, "selects no node"),
+        ({"force": np.zeros((3, 3))}, "nodal forces have shape"),
+        ({"gravity": (0, 0, -9.81)}, "gravity needs a density"),
+        ({"gravity": (0, 0, -9.81), "density": -1.0}, "density must be positive"),
+        ({"gravity": (0, 0, -9.81), "density": np.ones(3)}, "one number or one per cell"),
+        ({"steps": 0}, "steps must be a whole number of at least 1, got 0"),
+        ({"settings": {"tolerence": 1e-9}}, "tolerence"),
+    ],
+)
+def test_loads_that_are_refused(clamped: Organ, loads: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        clamped.solve(**loads)
+
+
+def test_the_same_component_prescribed_alike_twice_is_fine(clamped: Organ) -> None:
+    state = clamped.solve(displacement={"tip": (0, 0, -0.01), (80,): (None, None, -0.01), "root": (0, 0, 0)})
+    assert state.is_converged
+    assert state.displacement[80, 2] == pytest.approx(-0.01, abs=1e-15)
+
+
+def test_a_state_of_another_mesh_is_no_start(clamped: Organ, cube: vs.Mesh) -> None:
+    other = Organ(cube, SOFT, fixed="bottom").solve()
+    with pytest.raises(vs.VisceraError, match="another mesh"):
+        clamped.solve(start=other)
+
+
+def test_the_law_must_fit_the_mesh(cube: vs.Mesh) -> None:
+    with pytest.raises(vs.VisceraError, match="parameters for 2 cells, the mesh has 48"):
+        Organ(cube, vs.NeoHookean(young=[1.0, 2.0], poisson=0.3), fixed="bottom")
+    with pytest.raises(vs.VisceraError, match="must be one of viscera"):
+        Organ(cube, "NeoHookean", fixed="bottom")  # type: ignore[arg-type]
+
+
+def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) -> None:
+    nodes = clamped.touchable(radius=0.1)
+    assert set(nodes) <= set(clamped.mesh.surface_nodes)
+    assert clamped.mesh.points[nodes, 0].min() > 0.1
+    with pytest.raises(vs.VisceraError, match="no surface node is farther"):
+        clamped.touchable(radius=0.42)
+    with pytest.raises(vs.VisceraError, match="no free node of the surface"):
+        clamped.touchable("root")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"depth": 0.0}, "depth is 0 m"),
+        ({"depth": -0.01}, "depth is -0.01 m"),
+        ({"depth": 1.0}, "depth is 1 m; it must be positive and at most the organ's diagonal, 0.424264 m"),
+        ({"depth": np.nan}, "depth is nan m"),
+        ({"radius": 0.0}, "radius is 0 m"),
+        ({"order": 0}, "order must be a whole number of at least 1"),
+        ({"order": 2.5}, "order must be a whole number"),
+        ({"tolerance": 0.0}, "tolerance must lie between 0 and 1"),
+        ({"touchable": "tipp"}, "did you mean 'tip'"),
+    ],
+)
+def test_reductions_that_are_refused(clamped: Organ, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        clamped.reduce(**options)

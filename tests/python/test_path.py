@@ -1,0 +1,53 @@
+"""Equilibrium paths: the rational form of a series, and continuation against Newton."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.path import Expansion, vector_pade
+
+
+def test_pade_is_exact_where_the_truth_is_rational() -> None:
+    # u(a) = u0 + a (v + a w) / Q(a) with Q = (1 - a)(1 + a / 2) = 1 - a / 2 - a^2 / 2: Taylor diverges beyond a = 1.
+    u0, v, w = np.random.default_rng(0).standard_normal((3, 6))
+    u1, u2 = v, w + v / 2
+    series = np.array([u0, u1, u2, u2 / 2 + u1 / 2])
+    a = 2.0
+    truth = u0 + a * (v + a * w) / ((1 - a) * (1 + a / 2))
+    assert vector_pade(series, a) == pytest.approx(truth, rel=1e-10)
+
+
+def test_dependent_coefficients_fall_back_to_the_polynomial() -> None:
+    series = np.outer([1.0, 0.5, 0.25, 0.125], np.ones(5))
+    assert vector_pade(series, 0.5) == pytest.approx((series * 0.5 ** np.arange(4)[:, None]).sum(axis=0))
+
+
+def test_an_expansion_knows_its_range() -> None:
+    expansion = Expansion(np.zeros((3, 2, 3)), np.array([0.0, 1.0, 0.0]), 0.5, 0.4, 1e-8)
+    assert expansion.at(0.25)[0] == pytest.approx(0.25)
+    with pytest.raises(vs.VisceraError, match=r"0 <= a <= 0.5, not at 0.7"):
+        expansion.at(0.7)
+
+
+@pytest.mark.parametrize("parameter", ["load", "arc length"])
+def test_a_path_ends_where_newton_does(bar: vs.Mesh, parameter: str) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    force = {"tip": (0.0, 0.0, -8.0)}
+    path = organ.path(force=force, parameter=parameter, until=1.0, tolerance=1e-8)
+    load, displacement = path.curve(5)
+    assert load[0] == 0.0
+    assert load[-1] >= 1.0 - 1e-9
+    full = organ.solve(force={"tip": (0.0, 0.0, -8.0 * load[-1])})
+    assert full.max_displacement > 0.1, "far beyond the linear range"
+    error = np.linalg.norm(displacement[-1] - full.displacement) / np.linalg.norm(full.displacement)
+    assert error < 1e-5
+
+
+def test_paths_that_are_refused(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    with pytest.raises(vs.VisceraError, match="'load' or 'arc length', got 'time'"):
+        organ.path(force={"tip": (0, 0, -1)}, parameter="time")
+    with pytest.raises(vs.VisceraError, match="at least order 2"):
+        organ.path(force={"tip": (0, 0, -1)}, order=1)
