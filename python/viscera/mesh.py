@@ -277,7 +277,7 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     kept = {name: nodes[is_used[nodes]] for name, nodes in raw.sets.items()}
     sets = {name: number[nodes] for name, nodes in kept.items() if len(nodes)}
     message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
-    log.info(message)
+    log.warning(message)  # in a format without an end mark, all that shows of a file cut short
     return RawMesh(raw.points[is_used], number[raw.cells], sets, (*raw.messages, message))
 
 

@@ -1,13 +1,14 @@
 """Mesh files in and out, through meshio, and FEBio through `febio`. Nothing is judged here: that is `mesh`'s part.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
-found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit).
+found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
 """
 
 from __future__ import annotations
 
 import importlib
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,12 +80,15 @@ def write(path: Path, points: NDArray[np.float64], cells: NDArray[np.uint32], se
         extra["point_data"] = {SET_PREFIX + name: _mask(nodes, len(points)) for name, nodes in sets.items()}
     elif ending == ".inp":
         extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
-    elif ending == ".msh" and sets:  # a node set is a physical group of dimension 0
+    elif ending == ".msh":  # a node set is a physical group of dimension 0
         blocks += [("vertex", np.asarray(nodes, dtype=np.int64)[:, None]) for nodes in sets.values()]
         groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
         extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
         extra["field_data"] = {name: np.array([tag, 0]) for tag, name in enumerate(sets, start=1)}
-    options = {".msh": {"fmt_version": "2.2", "binary": False}, ".vtk": {"fmt_version": "4.2"}}
+    options: dict[str, dict[str, Any]] = {
+        ".msh": {"fmt_version": "2.2", "binary": False},
+        ".vtk": {"fmt_version": "4.2"},
+    }
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
     module.write(str(path), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
 
@@ -111,6 +115,9 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], dict[str, NDArr
     """Points, node indices of the cells by kind, and node sets."""
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     found = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}").read(str(path))
+    declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
+    if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
+        raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")
     kinds = dict.fromkeys(block.type for block in found.cells)
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
@@ -147,7 +154,7 @@ def _sets_of_point_arrays(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
         elif len(labels) <= MAX_SETS_PER_ARRAY:
             prefix = "ref:0" if name == "medit:ref" else name
             sets |= {f"{prefix}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
-    return sets
+    return {name: nodes for name, nodes in sets.items() if ":" not in name or len(nodes) < len(found.points)}
 
 
 def _sets_of_cell_groups(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
@@ -156,17 +163,17 @@ def _sets_of_cell_groups(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
     members: dict[str, list[NDArray[Any]]] = {}
     for key, word in (("gmsh:physical", "physical"), ("medit:ref", "ref")):
         for block, groups in zip(found.cells, found.cell_data.get(key, []), strict=False):
-            for tag in np.unique(groups).tolist():
-                if tag != 0:
-                    name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
-                    members.setdefault(name, []).append(block.data[groups == tag].ravel())
+            for tag in np.unique(groups[groups != 0]).tolist():
+                name = names.get((block.dim, tag), f"{word}:{block.dim}:{tag}")
+                members.setdefault(name, []).append(block.data[groups == tag].ravel())
     # Gmsh 4 and Abaqus name groups of cells outright; an entity of Gmsh may be in several.
     for name, per_block in found.cell_sets.items():
         if ":" not in name:
             for block, chosen in zip(found.cells, per_block, strict=False):
                 if chosen is not None and len(chosen):
                     members.setdefault(name, []).append(block.data[np.asarray(chosen, dtype=np.int64)].ravel())
-    return {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
+    sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
+    return {name: nodes for name, nodes in sets.items() if ":" not in name or len(nodes) < len(found.points)}
 
 
 def _mask(nodes: NDArray[Any], n_points: int) -> NDArray[np.uint8]:
