@@ -12,7 +12,7 @@ core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*
 extension    := python/viscera/_core.abi3.so
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-python bench readme clean
+.PHONY: help setup demo test lint format test-core test-python bench pages clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -45,8 +45,8 @@ test-python: $(extension) ## the Python tests and doctests
 bench: $(extension) ## the benchmarks
 	$(BIN)/viscera bench
 
-readme: $(extension) ## run the README's marked programs and write their real output into it
-	$(BIN)/python scripts/readme.py
+pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
+	$(BIN)/python scripts/pages.py
 
 clean: ## forget .venv, build products and results
 	$(CARGO) clean

@@ -1,8 +1,10 @@
-"""Runs the README's marked programs, in order, and writes what they really print below each of them.
+"""Runs the marked programs of README.md and docs/, and writes what they really print below each of them.
 
 A marked program is a fenced `sh` or `python` block between `<!-- run -->` and `<!-- output -->`; everything from there
-to `<!-- end -->` is replaced. All programs share one scratch folder and all Python blocks one namespace. A picture that
-the README shows from `docs/` is the one of that name which a program wrote.
+to `<!-- end -->` is replaced. The programs of a page share one scratch folder, its Python blocks one namespace. A
+picture that a page shows from `docs/` is the one of that name which a program of the page wrote.
+
+    python scripts/pages.py [PAGE ...]
 """
 
 from __future__ import annotations
@@ -19,12 +21,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 MARKED = re.compile(
     r"(<!-- run -->\n```(?P<language>sh|python)\n(?P<code>.*?)```\n<!-- output -->\n)"
     r"(?P<output>.*?)(?P<end><!-- end -->)",
     re.DOTALL,
 )
-PICTURE = re.compile(r"!\[[^\]]*\]\(docs/([^)]+\.png)\)")
+PICTURE = re.compile(r"!\[[^\]]*\]\((?:docs/)?([^)/]+\.png)\)")
 
 
 def programs(text: str, language: str) -> list[str]:
@@ -35,16 +38,16 @@ def programs(text: str, language: str) -> list[str]:
 def render(text: str, run: Callable[[str, str], str]) -> str:
     """The text with the output of every marked program renewed by `run(language, code)`."""
 
-    def renew(match: re.Match[str]) -> str:
+    def with_output(match: re.Match[str]) -> str:
         output = run(match["language"], match["code"]).rstrip()
         return f"{match[1]}```text\n{output}\n```\n{match['end']}"
 
-    return MARKED.sub(renew, text)
+    return MARKED.sub(with_output, text)
 
 
 def runner(folder: Path) -> Callable[[str, str], str]:
     """Runs shell and Python programs in a folder; what they print comes back, a failure raises."""
-    namespace: dict[str, object] = {"__name__": "readme"}
+    namespace: dict[str, object] = {"__name__": "page"}
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     plain = os.environ | {"PATH": path, "COLUMNS": "100", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
 
@@ -58,7 +61,7 @@ def runner(folder: Path) -> Callable[[str, str], str]:
         os.chdir(folder)
         try:
             with contextlib.redirect_stdout(printed):
-                exec(compile(code, "README.md", "exec"), namespace)
+                exec(compile(code, "page", "exec"), namespace)
         finally:
             os.chdir(home)
         return printed.getvalue()
@@ -66,17 +69,21 @@ def runner(folder: Path) -> Callable[[str, str], str]:
     return run
 
 
-def main() -> None:
-    readme = ROOT / "README.md"
+def renew(page: Path) -> None:
+    """Run a page's marked programs and rewrite it, and its pictures, with what they gave."""
+    text = page.read_text(encoding="utf-8")
+    if not MARKED.search(text):
+        return
     with tempfile.TemporaryDirectory() as scratch:
-        text = render(readme.read_text(encoding="utf-8"), runner(Path(scratch)))
+        text = render(text, runner(Path(scratch)))
         for name in PICTURE.findall(text):
             drawn = next(Path(scratch).rglob(name), None)
             if drawn is None:
-                sys.exit(f"README.md shows docs/{name}, but none of its programs wrote a {name}")
+                sys.exit(f"{page.name} shows {name}, but none of its programs wrote it")
             shutil.copyfile(drawn, ROOT / "docs" / name)
-        readme.write_text(text, encoding="utf-8")
+        page.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main()
+    for page in map(Path, sys.argv[1:]) if sys.argv[1:] else PAGES:
+        renew(page)
