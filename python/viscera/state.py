@@ -55,7 +55,8 @@ class State:
     def reaction(self, where: Where) -> Floats:
         """Total force (3,) [N] by which the support at a place holds the organ: internal minus applied nodal force.
 
-        For a contact patch that the solve prescribed, the contact force.
+        For a contact patch that the solve prescribed, the contact force. Where the solve did not converge, the part of
+        the load that was not reached is still in it.
         """
         if isinstance(where, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):

@@ -59,6 +59,7 @@ def test_lengths() -> None:
     assert length("12 mm", 1.0, "radius") == pytest.approx(0.012)
     assert length("10%", 0.3, "radius") == pytest.approx(0.03)
     assert length(0.02, 1.0, "radius") == 0.02
+    wrong: Any
     for wrong in ("12", "wide", "12 parsec", True, [1]):
         with pytest.raises(vs.VisceraError, match="radius"):
             length(wrong, 1.0, "radius")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +36,11 @@ class Output:
         """A line for people."""
         if not self.is_quiet:
             print(text, file=sys.stderr if self.json_path == "-" else sys.stdout, flush=True)
+
+    def say_all(self, messages: Iterable[str]) -> None:
+        """Lines for people, such as what was repaired in a mesh."""
+        for message in messages:
+            self.say(message)
 
     def write(self, outcome: Outcome, seconds: float) -> None:
         """The JSON of an outcome, where it was asked for."""

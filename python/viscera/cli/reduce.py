@@ -11,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 
 from viscera import progress
+from viscera.atomic import writable
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
 
@@ -24,9 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, print."""
-    target = Path(args.output or Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name)
+    target = writable(args.output or Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name)
     case = case_of(args)
     organ = case.organ()
+    output.say_all(organ.mesh.messages)
     began = perf_counter()
     with progress.bar(output.is_quiet) as bar:
         touch = case.reduce(organ, bar)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from viscera import progress
+from viscera.atomic import writable
 from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 
@@ -18,7 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve, print, write."""
     case = read_case(args.case)
+    if args.output:
+        writable(args.output)
     organ = case.organ()
+    output.say_all(organ.mesh.messages)
     with progress.bar(output.is_quiet) as bar:
         state = case.solve(organ, bar)
     reactions = case.reactions(organ, state)

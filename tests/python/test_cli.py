@@ -1,0 +1,225 @@
+"""The command line: exit codes, one-sentence errors, JSON for machines."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.cli import main
+
+CASE = """
+mesh = "bar.vtu"
+units = "m"
+fixed = "root"
+material = {law = "NeoHookean", young = 1e5, poisson = 0.3}
+[loads]
+displacement.tip = ["free", "free", -0.02]
+[reduce]
+touchable = "tip"
+radius = "70 mm"
+depth = "20 mm"
+order = 2
+"""
+MESH = ["bar.vtu", "--units", "m", "--fixed", "root", "--young", "1e5", "--poisson", "0.3"]
+REDUCTION = ["--touchable", "z >= 100% and x > 40%", "--radius", "70 mm", "--depth", "20mm", "--order", "3"]
+
+
+@pytest.fixture
+def folder(bar: vs.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    bar.write(tmp_path / "bar.vtu")
+    (tmp_path / "case.toml").write_text(CASE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def model(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    path = tmp_path_factory.mktemp("model") / "bar.viscera"
+    organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.15), radius=0.07, depth=0.02, order=4).save(path)
+    return path
+
+
+def run(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
+    code = main(words)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def run_json(*words: str, capsys: pytest.CaptureFixture[str]) -> tuple[int, dict[str, Any]]:
+    code, out, _ = run(*words, "--json", "-", capsys=capsys)
+    return code, json.loads(out)
+
+
+def test_inspect(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("inspect", "bar.vtu", capsys=capsys)
+    assert code == 0
+    assert facts["status"] == "sound"
+    assert (facts["n_points"], facts["n_cells"]) == (81, 192)
+    assert facts["volume"] == pytest.approx(0.004)
+    assert facts["problems"] == []
+    assert facts["seconds"] >= 0
+    assert "4000 ml" in run("inspect", "bar.vtu", capsys=capsys)[1]
+
+
+def test_inspect_names_what_is_wrong(bar: vs.Mesh, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("inspect", "bar.vtu", "--units", "cm", capsys=capsys)
+    assert code == 0
+    assert facts["volume"] == pytest.approx(4e-9)
+    (folder / "bar.vtu").write_text((folder / "bar.vtu").read_text(errors="ignore")[:300])
+    code, _, err = run("inspect", "bar.vtu", capsys=capsys)
+    assert code == 2
+    assert err.startswith("viscera inspect: bar.vtu")
+
+
+def test_solve_gives_what_the_api_gives(bar: vs.Mesh, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("solve", "case.toml", "-o", "out.vtu", capsys=capsys)
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    state = organ.solve(displacement={"tip": (None, None, -0.02)})
+    assert code == 0
+    assert facts["status"] == "converged"
+    assert facts["max_displacement"] == pytest.approx(state.max_displacement, rel=1e-9)
+    assert facts["energy"] == pytest.approx(state.energy, rel=1e-9)
+    assert facts["reactions"]["tip"] == pytest.approx(state.reaction("tip"), rel=1e-6, abs=1e-8)
+    assert set(facts) >= {"status", "seconds", "iterations", "residuals", "volume_ratio", "reactions"}
+    assert (folder / "out.vtu").is_file()
+
+
+def test_a_solve_that_does_not_converge_exits_1(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hopeless = CASE.replace("-0.02", "-0.09") + "[settings.newton]\nmax_iterations = 1\nsmallest_step = 0.9\n"
+    (folder / "case.toml").write_text(hopeless)
+    code, facts = run_json("solve", "case.toml", capsys=capsys)
+    assert code == 1
+    assert facts["status"] != "converged"
+    assert facts["load"] < 1
+    assert facts["message"]
+
+
+def test_reduce_from_a_case_and_from_a_mesh(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("reduce", "case.toml", capsys=capsys)
+    assert code == 0
+    assert facts["terms"] == 9
+    assert facts["file_bytes"] == (folder / "case.viscera").stat().st_size
+    assert vs.load(folder / "case.viscera").radius == pytest.approx(0.07)
+    code, facts = run_json("reduce", *MESH, *REDUCTION, "-o", "other.viscera", capsys=capsys)
+    assert code == 0
+    assert set(facts) >= {"status", "seconds", "positions", "terms", "modes", "file_bytes", "worst_error"}
+    assert vs.load(folder / "other.viscera").order == 3
+
+
+def test_check(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("check", str(model), "--touches", "2", "--depths", "1%", "10 mm", capsys=capsys)
+    assert code == 0, facts
+    assert facts["status"] == "passed"
+    assert [row["depth_fraction"] for row in facts["touches"]] == pytest.approx([0.01, 0.01 / 0.18**0.5] * 2)
+    assert set(facts) >= {"touches", "worst", "median"}
+
+
+def test_a_check_that_fails_exits_1(
+    model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("viscera.defaults.ALLOWED_ERROR", {1.0: 1e-12})
+    code, out, _ = run("check", str(model), "--touches", "1", "--depths", "1%", capsys=capsys)
+    assert code == 1
+    assert "FAILED" in out
+
+
+def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["touch", str(model), "--at", "0.3", "50mm", "0.1", "--push", "1e-3", "0", "-1e-2", "--picture", "p.png"]
+    code, facts = run_json(*words, capsys=capsys)
+    answer = vs.load(model)((0.3, 0.05, 0.1), (1e-3, 0, -0.01))
+    assert code == 0
+    assert facts["force"] == pytest.approx(answer.force)
+    assert np.array(facts["stiffness"]) == pytest.approx(answer.stiffness)
+    assert facts["max_displacement"] == pytest.approx(answer.max_displacement)
+    assert set(facts) >= {"force", "stiffness", "error_estimate", "is_trusted", "max_displacement"}
+    assert (folder / "p.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["inspect", "none.vtu"], "viscera inspect: none.vtu: no such file"),
+        (["solve", "none.toml"], "viscera solve: none.toml: no such case file"),
+        (["check", "none.viscera"], "viscera check: none.viscera: no such model file"),
+        (["check", "case.toml"], "viscera check: case.toml: "),
+        (["touch", "bar.vtu", "--at", "0", "0", "0", "--push", "0", "0", "0"], "viscera touch: bar.vtu: "),
+        (["reduce", "bar.vtu"], "it needs --fixed as well"),
+        (["reduce", *MESH[:1], *MESH[3:]], "needs its units"),
+        (["reduce", *MESH, "--poisson", "0.5"], "poisson is 0.5"),
+        (["reduce", *MESH, "--young", "-1"], "young is -1"),
+        (["reduce", *MESH, "--law", "Hookean"], "did you mean 'NeoHookean'"),
+        (["reduce", *MESH, "--law", "MooneyRivlin"], "material MooneyRivlin: "),
+        (["reduce", *MESH, "--fixed", "rot"], "did you mean 'root'"),
+        (["reduce", *MESH, "--fixed", "x < 3"], "3 has no unit"),
+        (["reduce", *MESH, "--depth", "0"], "depth is 0 m"),
+        (["reduce", *MESH, "--depth", "-5%"], "depth is -0.0212132 m"),
+        (["reduce", *MESH, "--depth", "101%"], "at most the organ's diagonal"),
+        (["reduce", *MESH, "--radius", "wide"], "radius 'wide' is not a length"),
+        (["reduce", "case.toml", "--young", "1"], "change it there instead of by --young"),
+        (["reduce", *MESH, *REDUCTION, "-o", "no/where.viscera"], "create it first"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    folder: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = run(*words, capsys=capsys)
+    assert code == 2
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_bad_input_is_json_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, facts = run_json("solve", "none.toml", capsys=capsys)
+    assert code == 2
+    assert facts["status"] == "bad input"
+    assert "no such case file" in facts["message"]
+    assert main(["inspect", "bar.vtu", "--json", "no/where.json"]) == 2
+
+
+@pytest.mark.parametrize("words", [[], ["dmo"], ["touch", "m.viscera"], ["check", "m.viscera", "--touches", "some"]])
+def test_a_wrong_command_line_exits_2(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("verb", ["demo", "inspect", "solve", "reduce", "check", "touch"])
+def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main([verb, "--help"])
+    assert stopped.value.code == 0
+    out = capsys.readouterr().out
+    assert all(option in out for option in ("--json", "--quiet"))
+
+
+def test_quiet_says_nothing(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["check", str(model), "--touches", "1", "--depths", "1%", "--quiet"]
+    assert run(*words, capsys=capsys) == (0, "", "")
+
+
+def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path) -> None:
+    program = "import sys; from viscera.cli import main; print('ready', flush=True); sys.exit(main())"
+    words = ["reduce", "organ:liver", "--fixed", "hilum", "--young", "1e5", "--poisson", "0.4", "--order", "6"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.5)  # into the reduction, which takes far longer than this
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err == "viscera reduce: interrupted; nothing was left half-written\n"
+    assert list(tmp_path.iterdir()) == []
