@@ -1,7 +1,6 @@
 //! `A = L Lᵀ` for positive definite matrices: supernodal, ordered by nested dissection. A pivot that is not
 //! positive is an answer, not an accident: the equilibrium is unstable or a part of the body is not held.
 
-use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError;
 use faer::sparse::linalg::cholesky::supernodal::{
@@ -12,16 +11,11 @@ use super::analysis::Analysis;
 use super::substitution::{Factor, zeros};
 use super::{FactorError, Factorization, LOST, Pattern};
 
-/// Entries of the factor from which sharing the dense kernels between threads pays: on two cores it takes a
-/// quarter off 2e7 entries and adds to 4e6.
-const SHARED_FROM: usize = 10_000_000;
-
 /// Sparse Cholesky factorisation with a symbolic analysis done once.
 pub struct Cholesky {
     analysis: Analysis,
     factor: Vec<f64>,
     memory: MemBuffer,
-    parallelism: Par,
     is_factorized: bool,
 }
 
@@ -32,11 +26,9 @@ impl Cholesky {
     /// An invalid pattern, or a factor too large to number or to hold.
     pub fn analyze(pattern: &Pattern) -> Result<Self, FactorError> {
         let analysis = Analysis::new(pattern)?;
-        let is_large = analysis.supernodes.len_val() >= SHARED_FROM;
-        let parallelism = if is_large { Par::rayon(0) } else { Par::Seq };
         let request = factorize_supernodal_numeric_llt_scratch::<u32, f64>(
             &analysis.supernodes,
-            parallelism,
+            analysis.parallelism,
             Default::default(),
         );
         let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
@@ -45,14 +37,8 @@ impl Cholesky {
             analysis,
             factor,
             memory,
-            parallelism,
             is_factorized: false,
         })
-    }
-
-    /// Number of entries of the factor, zeros inside supernodes included.
-    pub fn factor_len(&self) -> usize {
-        self.factor.len()
     }
 }
 
@@ -70,7 +56,7 @@ impl Factorization for Cholesky {
             analysis.matrix(),
             Default::default(),
             &analysis.supernodes,
-            self.parallelism,
+            analysis.parallelism,
             MemStack::new(&mut self.memory),
             Default::default(),
         )

@@ -4,7 +4,6 @@
 //! Pivots are taken in elimination order without exchange, so a factor is not always accurate: its growth is
 //! checked once per factorisation, and the residual of every solution, which a refinement repairs if need be.
 
-use faer::Par;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::{LdltError, LdltRegularization};
 use faer::sparse::linalg::cholesky::supernodal::{
@@ -66,7 +65,7 @@ impl Ldlt {
         let analysis = Analysis::new(pattern)?;
         let request = factorize_supernodal_numeric_ldlt_scratch::<u32, f64>(
             &analysis.supernodes,
-            Par::Seq,
+            analysis.parallelism,
             Default::default(),
         );
         let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
@@ -183,7 +182,7 @@ impl Factorization for Ldlt {
                 dynamic_regularization_epsilon: lifted,
             },
             &analysis.supernodes,
-            Par::Seq,
+            analysis.parallelism,
             MemStack::new(&mut self.memory),
             Default::default(),
         )

@@ -4,11 +4,9 @@
 //! nothing outside this module sees them.
 
 mod analysis;
-mod block_jacobi;
 mod cholesky;
 pub mod conjugate_gradients;
 mod error;
-mod incomplete_cholesky;
 mod ldlt;
 mod ordering;
 mod pattern;
@@ -16,10 +14,8 @@ mod substitution;
 #[cfg(test)]
 mod test_matrices;
 
-pub use block_jacobi::BlockJacobi;
 pub use cholesky::Cholesky;
 pub use error::FactorError;
-pub use incomplete_cholesky::IncompleteCholesky;
 pub use ldlt::{Inertia, Ldlt};
 pub use pattern::Pattern;
 

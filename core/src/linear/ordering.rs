@@ -12,15 +12,13 @@ const NONE: u32 = u32::MAX;
 
 /// The rows of the matrix in elimination order: entry `k` is the caller's row that is eliminated `k`-th.
 pub(super) fn elimination_order(pattern: &Pattern) -> Result<Vec<u32>, FactorError> {
-    let order = match nested_dissection(pattern) {
+    let graph = Graph::new(pattern);
+    let order = match nested_dissection(&graph) {
         Some(order) => order,
         None => minimum_degree(pattern)?,
     };
-    let parent = elimination_tree(pattern, &order);
-    Ok(postorder(&parent)
-        .into_iter()
-        .map(|k| order[k as usize])
-        .collect())
+    let steps = postorder(&elimination_tree(&graph, &order));
+    Ok(steps.into_iter().map(|step| order[step as usize]).collect())
 }
 
 /// Where each of the caller's rows is in `order`.
@@ -33,15 +31,14 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
 }
 
 /// Nested dissection, or nothing where the partitioner fails or returns no permutation.
-fn nested_dissection(pattern: &Pattern) -> Option<Vec<u32>> {
-    let (start, neighbour) = adjacency(pattern);
-    let graph = CscPattern::new(pattern.n, &start, &neighbour)?;
-    let order: Vec<u32> = scotch_order(&graph)
+fn nested_dissection(graph: &Graph) -> Option<Vec<u32>> {
+    let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
+    let order: Vec<u32> = scotch_order(&pattern)
         .ok()?
         .into_iter()
         .map(|row| row as u32)
         .collect();
-    is_permutation(&order, pattern.n).then_some(order)
+    is_permutation(&order, graph.n).then_some(order)
 }
 
 /// Approximate minimum degree.
@@ -63,39 +60,57 @@ fn minimum_degree(pattern: &Pattern) -> Result<Vec<u32>, FactorError> {
     Ok(order)
 }
 
-/// Neighbours of every row, both triangles, without the diagonal, ascending.
-fn adjacency(pattern: &Pattern) -> (Vec<i32>, Vec<i32>) {
-    let n = pattern.n;
-    let mut start = vec![0i32; n + 1];
-    let off_diagonal = |column: usize| {
-        let entries = pattern.column(column);
-        pattern.row[entries.start..entries.end - 1]
-            .iter()
-            .map(|&row| row as usize)
-    };
-    for column in 0..n {
-        for row in off_diagonal(column) {
-            start[row + 1] += 1;
-            start[column + 1] += 1;
+/// Neighbours of every row, from both triangles, without the diagonal, ascending.
+struct Graph {
+    n: usize,
+    start: Vec<i32>,
+    neighbour: Vec<i32>,
+}
+
+impl Graph {
+    fn new(pattern: &Pattern) -> Self {
+        let n = pattern.n;
+        let off_diagonal = |column: usize| {
+            let entries = pattern.column(column);
+            pattern.row[entries.start..entries.end - 1]
+                .iter()
+                .map(|&row| row as usize)
+        };
+        let mut start = vec![0i32; n + 1];
+        for column in 0..n {
+            for row in off_diagonal(column) {
+                start[row + 1] += 1;
+                start[column + 1] += 1;
+            }
+        }
+        for row in 0..n {
+            start[row + 1] += start[row];
+        }
+        let mut next = start.clone();
+        let mut neighbour = vec![0i32; start[n] as usize];
+        let mut append = |row: usize, other: usize| {
+            neighbour[next[row] as usize] = other as i32;
+            next[row] += 1;
+        };
+        // Column by column, a row receives first its smaller neighbours, then the greater ones in order.
+        for column in 0..n {
+            for row in off_diagonal(column) {
+                append(column, row);
+                append(row, column);
+            }
+        }
+        Self {
+            n,
+            start,
+            neighbour,
         }
     }
-    for row in 0..n {
-        start[row + 1] += start[row];
+
+    fn neighbours(&self, row: u32) -> impl Iterator<Item = usize> + '_ {
+        let row = row as usize;
+        let entries = self.start[row] as usize..self.start[row + 1] as usize;
+        self.neighbour[entries].iter().map(|&other| other as usize)
     }
-    let mut next = start.clone();
-    let mut neighbour = vec![0i32; start[n] as usize];
-    let mut append = |row: usize, other: usize| {
-        neighbour[next[row] as usize] = other as i32;
-        next[row] += 1;
-    };
-    // Column by column, a row receives first its smaller neighbours, then the greater ones in order.
-    for column in 0..n {
-        for row in off_diagonal(column) {
-            append(column, row);
-            append(row, column);
-        }
-    }
-    (start, neighbour)
 }
 
 fn is_permutation(order: &[u32], n: usize) -> bool {
@@ -107,16 +122,13 @@ fn is_permutation(order: &[u32], n: usize) -> bool {
 }
 
 /// Parent of every elimination step in the elimination tree (Liu's algorithm with path compression).
-fn elimination_tree(pattern: &Pattern, order: &[u32]) -> Vec<u32> {
-    let n = pattern.n;
-    let (start, neighbour) = adjacency(pattern);
+fn elimination_tree(graph: &Graph, order: &[u32]) -> Vec<u32> {
     let position = inverse(order);
-    let mut parent = vec![NONE; n];
-    let mut ancestor = vec![NONE; n];
-    for k in 0..n {
-        let row = order[k] as usize;
-        for &other in &neighbour[start[row] as usize..start[row + 1] as usize] {
-            let mut step = position[other as usize] as usize;
+    let mut parent = vec![NONE; graph.n];
+    let mut ancestor = vec![NONE; graph.n];
+    for k in 0..graph.n {
+        for other in graph.neighbours(order[k]) {
+            let mut step = position[other] as usize;
             while step < k {
                 let next = std::mem::replace(&mut ancestor[step], k as u32);
                 if next == NONE {
@@ -167,18 +179,17 @@ mod tests {
 
     /// Entries of the factor in this elimination order, by merging the patterns of the children in the tree.
     fn fill(pattern: &Pattern, order: &[u32]) -> usize {
-        let (start, neighbour) = adjacency(pattern);
+        let graph = Graph::new(pattern);
         let position = inverse(order);
-        let parent = elimination_tree(pattern, order);
-        let mut below = vec![std::collections::BTreeSet::new(); pattern.n];
-        for k in 0..pattern.n {
-            let row = order[k] as usize;
-            let neighbours = &neighbour[start[row] as usize..start[row + 1] as usize];
+        let parent = elimination_tree(&graph, order);
+        let mut below = vec![std::collections::BTreeSet::new(); graph.n];
+        for k in 0..graph.n {
+            let later = |&other: &u32| other > k as u32;
             below[k].extend(
-                neighbours
-                    .iter()
-                    .map(|&other| position[other as usize])
-                    .filter(|&other| other > k as u32),
+                graph
+                    .neighbours(order[k])
+                    .map(|row| position[row])
+                    .filter(later),
             );
             if parent[k] != NONE {
                 assert_eq!(below[k].first(), Some(&parent[k]));
@@ -186,7 +197,7 @@ mod tests {
                 below[parent[k] as usize].extend(passed_on);
             }
         }
-        pattern.n + below.iter().map(|rows| rows.len()).sum::<usize>()
+        graph.n + below.iter().map(|rows| rows.len()).sum::<usize>()
     }
 
     #[test]
@@ -201,10 +212,10 @@ mod tests {
     #[test]
     fn subtrees_are_contiguous_and_keep_the_fill() {
         let pattern = elastic_block(7, 6, 5).pattern;
-        let raw = nested_dissection(&pattern).unwrap();
+        let raw = nested_dissection(&Graph::new(&pattern)).unwrap();
         let order = elimination_order(&pattern).unwrap();
         assert_eq!(fill(&pattern, &order), fill(&pattern, &raw));
-        let parent = elimination_tree(&pattern, &order);
+        let parent = elimination_tree(&Graph::new(&pattern), &order);
         let mut first_below: Vec<usize> = (0..pattern.n).collect();
         let mut size = vec![1; pattern.n];
         for k in 0..pattern.n {

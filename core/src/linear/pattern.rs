@@ -69,7 +69,7 @@ impl Pattern {
         Ok(())
     }
 
-    /// `y = A x` for the symmetric matrix whose upper triangle holds `values`.
+    /// `y = A x` for the symmetric matrix whose upper triangle holds `values`; `x` and `y` have `n` entries.
     pub fn multiply(&self, values: &[f64], x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         for column in 0..self.n {

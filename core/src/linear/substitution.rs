@@ -62,32 +62,23 @@ impl Panel {
 
     /// Largest entry of this panel, taken as a residual, over that of `|A| |x| + |b|`, for the worst column.
     pub fn backward_error(&self, solution: &[f64], rhs: &[f64], norm: f64) -> f64 {
+        if !self
+            .values
+            .iter()
+            .chain(solution)
+            .all(|value| value.is_finite())
+        {
+            return f64::INFINITY;
+        }
         let largest = |values: &[f64], column: usize| {
-            values
-                .iter()
-                .skip(column)
-                .step_by(self.width)
-                .fold(0.0, |largest: f64, value| {
-                    if value.is_nan() {
-                        f64::INFINITY
-                    } else {
-                        largest.max(value.abs())
-                    }
-                })
+            let entries = values.iter().skip(column).step_by(self.width);
+            entries.fold(0.0, |largest, value| f64::max(largest, value.abs()))
         };
         let error_of = |column| match largest(&self.values, column) {
             0.0 => 0.0,
             residual => residual / (norm * largest(solution, column) + largest(rhs, column)),
         };
-        (0..self.width)
-            .map(error_of)
-            .fold(0.0, |worst: f64, error| {
-                if error.is_nan() {
-                    f64::INFINITY
-                } else {
-                    worst.max(error)
-                }
-            })
+        (0..self.width).map(error_of).fold(0.0, f64::max)
     }
 
     /// Divides every row by its own divisor.

@@ -1,7 +1,7 @@
 //! The inverse of the diagonal blocks that belong to one node each: the cheapest preconditioner of an elastic body.
 
-use super::conjugate_gradients::Preconditioner;
-use super::{FactorError, Pattern};
+use super::super::{FactorError, Pattern};
+use super::Preconditioner;
 
 const NONE: u32 = u32::MAX;
 
@@ -125,7 +125,7 @@ fn inverse_of_positive(a: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::test_matrices::Matrix;
+    use super::super::super::test_matrices::Matrix;
     use super::*;
 
     /// Blocks of one, two and three rows, interleaved.
