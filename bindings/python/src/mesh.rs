@@ -7,11 +7,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use viscera_core::mesh;
 
+type PointsAndCells = (Vec<[f64; 3]>, Vec<[u32; 4]>);
+
 /// Points and cells with every index in range.
 fn checked(
     points: &PyReadonlyArray2<f64>,
     cells: &PyReadonlyArray2<u32>,
-) -> PyResult<(Vec<[f64; 3]>, Vec<[u32; 4]>)> {
+) -> PyResult<PointsAndCells> {
     let (points, cells) = (convert::points("points", points)?, convert::cells(cells)?);
     if let Some((cell, node)) = mesh::index_out_of_range(points.len(), &cells) {
         return Err(PyValueError::new_err(format!(
