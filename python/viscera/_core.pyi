@@ -112,12 +112,11 @@ class Model:
     @property
     def metadata(self) -> str:
         """JSON string: format_version, law, radius, depth, order, tolerance, errors, seconds, user, ...
-        The package reads law (its name here), radius, depth, order, and for its summary positions, terms, modes,
-        worst_error."""
+        The package reads law (its name here), radius, depth, order, errors."""
     def array(self, name: str) -> NDArray[Any]:
         """A named array of the file (docs/model-file.md): points, cells, surface, touchable, positions, ...
-        The package reads points (n, 3), cells (m, 4), touchable (k,), surface_nodes, and to rebuild the full organ
-        fixed (f,) and law_parameters (1 or m, parameters)."""
+        The package reads points (n, 3), cells (m, 4), positions (p,), touchable (q, 3) by position, surface_nodes,
+        mode_scale, and to rebuild the full organ fixed (f,) and law_parameters (1 or m, parameters)."""
     def evaluate(self, point: Floats, displacement: Floats, field: bool) -> dict[str, Any]:
         """force (3,) [N], stiffness (3, 3) [N/m], error_estimate, is_trusted, reason (str, empty when trusted),
         contact_point (3,), and with `field` displacement (n, 3) [m]."""

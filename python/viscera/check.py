@@ -17,7 +17,8 @@ import numpy as np
 from viscera import defaults
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
-from viscera.touch import Touch
+from viscera.state import State
+from viscera.touch import Answer, Touch
 
 
 @dataclass(frozen=True)
@@ -130,23 +131,9 @@ def check(
         patch, state = touch.patch(point), None
         for fraction in fractions:
             push = fraction * touch.mesh.diagonal * direction
-            answer = touch(point, push)
             state = organ.solve(displacement={patch: push}, start=state)
-            truth = (state.displacement, state.reaction(patch)) if state.is_converged else None
-            rows.append(
-                Row(
-                    point=point.tolist(),
-                    displacement=push.tolist(),
-                    depth_fraction=fraction,
-                    displacement_error=_relative(answer.displacement, truth[0]) if truth else None,
-                    force_error=_relative(answer.force, truth[1]) if truth else None,
-                    estimate=answer.error_estimate,
-                    is_trusted=answer.is_trusted,
-                    is_converged=state.is_converged,
-                    status=state.status,
-                )
-            )
-            state = state if state.is_converged else None
+            rows.append(_row(touch(point, push), point, push, fraction, state, state.reaction(patch)))
+            state = state if state.is_converged else None  # the deeper touch continues from the shallower
             if progress:
                 progress(len(rows), touches * len(fractions), "check against Newton")
     force, field = _microseconds(touch, points, directions * fractions[0] * touch.mesh.diagonal)
@@ -181,6 +168,20 @@ def allowed_error(depth_fraction: float) -> float:
     """The relative error a trusted answer may have at a depth."""
     limits = sorted(defaults.ALLOWED_ERROR.items())
     return next((limit for depth, limit in limits if depth_fraction <= depth * (1 + 1e-9)), limits[-1][1])
+
+
+def _row(answer: Answer, point: Floats, push: Floats, fraction: float, full: State, force: Floats) -> Row:
+    return Row(
+        point=point.tolist(),
+        displacement=push.tolist(),
+        depth_fraction=fraction,
+        displacement_error=_relative(answer.displacement, full.displacement) if full.is_converged else None,
+        force_error=_relative(answer.force, force) if full.is_converged else None,
+        estimate=answer.error_estimate,
+        is_trusted=answer.is_trusted,
+        is_converged=full.is_converged,
+        status=full.status,
+    )
 
 
 def _depth_fractions(touch: Touch, depths: Iterable[float] | None) -> list[float]:

@@ -10,7 +10,7 @@ ORDER = 4
 """Total order of the series in the contact displacement: 34 terms."""
 
 TOLERANCE = 1e-3
-"""Error of the stored field at the worst position, in units of the depth."""
+"""Relative error of the compressed field at full depth, at the worst position."""
 
 CHECK_DEPTH_FRACTIONS = (0.05, 0.10)
 """Depths at which a model is checked, in units of the bounding-box diagonal."""

@@ -145,13 +145,13 @@ class Organ:
         surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
         if where is not None:
             nodes = np.intersect1d(surface, self.mesh.nodes(where))
-            if len(nodes) == 0:
-                raise VisceraError("the touchable set holds no free node of the surface; choose another")
-            return nodes
-        reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
-        nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
-        if len(nodes) == 0:
-            raise VisceraError(f"no surface node is farther than {reach:g} m from the fixed nodes; lower the radius")
+            advice = "the touchable set holds no whole free triangle of the surface; choose a larger one"
+        else:
+            reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
+            nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
+            advice = f"no surface triangle is farther than {reach:g} m from the fixed nodes; lower the radius"
+        if not np.isin(self.mesh.surface, nodes).all(axis=1).any():
+            raise VisceraError(advice)
         return nodes
 
     def reduce(
@@ -171,7 +171,7 @@ class Organ:
         radius [m] of the contact patch and largest `depth` [m] of a touch: by default a tenth of the bounding-box
             diagonal each.
         order: total order of the series in the three components of the contact displacement d.
-        tolerance: error of the stored field at the worst position, in units of the depth.
+        tolerance: relative error of the compressed field at full depth, at the worst position.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)

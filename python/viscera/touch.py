@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from math import comb
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -129,8 +130,18 @@ class Touch:
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
     def summary(self) -> dict[str, Any]:
-        """Size and quality of the model: positions, terms, modes, worst_error (of the field, in units of the depth)."""
-        return {name: self.metadata[name] for name in ("positions", "terms", "modes", "worst_error")}
+        """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
+
+        `errors` are relative to the norm of the field at the worst place tried; `worst_error` is the largest of them.
+        """
+        errors: dict[str, float] = self.metadata["errors"]
+        return {
+            "positions": len(self._model.array("positions")),
+            "terms": comb(self.order + 3, 3) - 1,
+            "modes": len(self._model.array("mode_scale")),
+            "errors": errors,
+            "worst_error": max(errors.values()),
+        }
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -144,9 +155,9 @@ class Touch:
 
     @cached_property
     def touchable_triangles(self) -> Indices:
-        """Surface triangles (t, 3) whose three corners may be touched."""
-        is_touchable = np.isin(self.mesh.surface, self._model.array("touchable"))
-        return self.mesh.surface[is_touchable.all(axis=1)]
+        """Triangles (t, 3) of the surface that may be touched."""
+        positions, triangles = self._model.array("positions"), self._model.array("touchable")
+        return np.asarray(positions[triangles], dtype=np.uint32)
 
     @cached_property
     def edge_length(self) -> float:

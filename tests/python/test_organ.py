@@ -205,9 +205,9 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
     nodes = clamped.touchable(radius=0.1)
     assert set(nodes) <= set(clamped.mesh.surface_nodes)
     assert clamped.mesh.points[nodes, 0].min() > 0.1
-    with pytest.raises(vs.VisceraError, match="no surface node is farther"):
+    with pytest.raises(vs.VisceraError, match="no surface triangle is farther"):
         clamped.touchable(radius=0.42)
-    with pytest.raises(vs.VisceraError, match="no free node of the surface"):
+    with pytest.raises(vs.VisceraError, match="no whole free triangle"):
         clamped.touchable("root")
 
 
@@ -223,6 +223,7 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
         ({"order": 2.5}, "order must be a whole number"),
         ({"tolerance": 0.0}, "tolerance must lie between 0 and 1"),
         ({"touchable": "tipp"}, "did you mean 'tip'"),
+        ({"touchable": [80]}, "no whole free triangle"),
     ],
 )
 def test_reductions_that_are_refused(clamped: Organ, options: dict[str, Any], words: str) -> None:

@@ -77,7 +77,8 @@ def test_a_saved_model_answers_alike(touch: vs.Touch, tmp_path: Path) -> None:
     assert again(POINT, push).force == pytest.approx(touch(POINT, push).force, rel=1e-12)
     assert again(POINT, push).displacement == pytest.approx(touch(POINT, push).displacement, rel=1e-12)
     assert (again.radius, again.depth, again.order) == (0.07, 0.02, 3)
-    assert set(again.summary()) == {"positions", "terms", "modes", "worst_error"}
+    assert set(again.summary()) == {"positions", "terms", "modes", "errors", "worst_error"}
+    assert again.summary()["positions"] == 3 * 6, "x > 0.1 on the top face"
     assert again.summary()["terms"] == 19, "monomials of three components of total order 1 to 3"
 
 

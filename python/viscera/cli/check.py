@@ -43,6 +43,11 @@ def say(result: Check, touch: Touch, output: Output) -> None:
     missing = result.overall.touches - result.overall.converged
     if missing:
         output.say(f"{missing} of {result.overall.touches} full solutions did not converge: no truth to compare with")
+    unstable = sum(row.is_converged and row.status != "converged" for row in result.rows)
+    if unstable:
+        output.say(
+            f"{unstable} full solutions passed an instability: the organ may have buckled to another equilibrium"
+        )
     beyond = [row for row in result.rows if not row.is_within_limits]
     for row in beyond[:5]:
         output.say(f"beyond its limit though trusted: touch at {row.point}, {row.displacement} m")
