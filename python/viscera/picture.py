@@ -7,6 +7,7 @@ back to front, look better in matplotlib and draw faster than its own three-dime
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from viscera.atomic import replacing
 from viscera.mesh import Floats, Indices
@@ -128,13 +130,17 @@ def _arrow(plot: Axes, tip: Floats, force: Floats, axes: Floats, reach: float) -
         return
     direction = (axes @ force / size)[:2] * reach
     (x0, y0), (x1, y1) = tip[:2] - direction, tip[:2]
-    plot.annotate(
-        "", xy=(x1, y1), xytext=(x0, y0), zorder=5,
-        arrowprops={"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": INK, "linewidth": 2.0},
-    )  # fmt: skip
-    plot.annotate(
-        f"{size:.3g} N", xy=(x0, y0), xytext=(6, 6), textcoords="offset points", color=INK, fontsize=11, zorder=5
-    )
+    halo = [withStroke(linewidth=3.5, foreground=PAPER)]
+    shaft = {"arrowstyle": "-|>,head_width=0.35,head_length=0.7", "color": INK, "linewidth": 2.0, "path_effects": halo}
+    plot.annotate("", xy=(x1, y1), xytext=(x0, y0), arrowprops=shaft, zorder=5)
+    label: dict[str, Any] = {
+        "textcoords": "offset points",
+        "color": INK,
+        "fontsize": 11,
+        "path_effects": halo,
+        "zorder": 5,
+    }
+    plot.annotate(f"{size:.3g} N", xy=(x0, y0), xytext=(6, 6), **label)
     plot.update_datalim(np.array([(x0, y0), (x1, y1)]))
 
 
