@@ -1,0 +1,69 @@
+"""docs/cli.md names the keys that each verb's JSON has: no more, no fewer."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from viscera import cli
+
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "cli.md").read_text(encoding="utf-8")
+
+CASE = """
+mesh = "organ:artery"
+fixed = "z < 5%"
+[material]
+law = "NeoHookean"
+young = 1e6
+poisson = 0.3
+[loads]
+force."z > 95%" = [0, 0, 0.01]
+[reduce]
+touchable = "40% < z < 50%"
+order = 2
+depth = "2%"
+tolerance = 1e-2
+"""
+
+
+def documented(verb: str) -> set[str]:
+    row = re.search(rf"^\| `{verb}` \| (`.*) \|$", PAGE, re.MULTILINE)
+    assert row is not None
+    return {"status", "seconds", *re.findall(r"`(\w+)`", row[1])}
+
+
+def run(folder: Path, *words: str) -> dict[str, object]:
+    result = folder / "result.json"
+    code = cli.main([*words, "--quiet", "--json", str(result)])
+    assert code in {0, 1}
+    facts: dict[str, object] = json.loads(result.read_text(encoding="utf-8"))
+    return facts
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("cli")
+    (folder / "case.toml").write_text(CASE, encoding="utf-8")
+    return folder
+
+
+def test_inspect(folder: Path) -> None:
+    assert set(run(folder, "inspect", "organ:artery")) == documented("inspect")
+
+
+def test_solve(folder: Path) -> None:
+    assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
+
+
+def test_reduce_check_and_touch(folder: Path) -> None:
+    model = str(folder / "organ.viscera")
+    assert set(run(folder, "reduce", str(folder / "case.toml"), "-o", model)) == documented("reduce")
+    checked = run(folder, "check", model, "--touches", "1")
+    assert set(checked) == documented("check")
+    rows = checked["touches"]
+    assert isinstance(rows, list)
+    touch, *_ = rows
+    assert all(f"`{key}`" in PAGE for key in touch)
+    at, push = map(str, touch["point"]), map(str, touch["displacement"])
+    assert set(run(folder, "touch", model, "--at", *at, "--push", *push)) == documented("touch")
