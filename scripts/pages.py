@@ -1,7 +1,7 @@
 """Runs the marked programs of README.md and docs/, and writes what they really print below each of them.
 
 A marked program is a fenced `sh` or `python` block between `<!-- run -->` and `<!-- output -->`; everything from there
-to `<!-- end -->` is replaced. The programs of a page share one scratch folder, where `examples` is the repository's, and
+to `<!-- end -->` is replaced. A page's programs share one scratch folder, where `examples` is the repository's, and
 its Python blocks one namespace. A picture that a page shows from `docs/` is the one of that name which a program of the
 page wrote.
 
