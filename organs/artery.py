@@ -15,9 +15,9 @@ HEIGHT, RADIUS, WALL = 0.040, 0.003, 0.001  # the middle surface; outer diameter
 BEND = 0.004  # how far the axis swings out and back, twice tangent to z on the way [m]
 AROUND, ROWS = 12, 12  # nodes of a ring; rows of quadrilaterals along the vessel
 HOLE_ROWS, HOLE_SEGMENTS = (7, 9), (-2, 2)  # the branch leaves here: rows, segments around the angle 0
-BRANCH_ROWS, BRANCH_RADIUS, BRANCH_LENGTH = 4, 0.0020, 0.011
-BRANCH_DIRECTION = np.array([np.sin(np.radians(65)), 0.0, np.cos(np.radians(65))])
-SMOOTHINGS = 4
+BRANCH_ROWS, BRANCH_RADIUS, BRANCH_LENGTH = 4, 0.0020, 0.009
+BRANCH_DIRECTION = np.array([np.sin(np.radians(75)), 0.0, np.cos(np.radians(75))])
+SMOOTHINGS = 3
 
 
 def axis(z: Array) -> tuple[Array, Array]:

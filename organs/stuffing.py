@@ -19,7 +19,9 @@ Implicit = Callable[[Array], Array]
 SNAP_LONG, SNAP_SHORT = 0.24999, 0.41189
 SWEEPS = 10
 # A surface node gives way to the shape only while its cells stay this good (mean ratio); weight of the shape.
-GOOD_ENOUGH, CHORD_WEIGHT = 0.6, 3.0
+GOOD_ENOUGH, CHORD_WEIGHT = 0.6, 6.0
+# Edges outside spacing * exp(EVEN_MIDDLE +- EVEN_BAND), 0.61 to 1.49 of the spacing, count against a place.
+EVEN_MIDDLE, EVEN_BAND, EVEN_WEIGHT = -0.05, 0.45, 1.0
 
 
 def lattice(low: Array, high: Array, spacing: float) -> tuple[Array, Indices]:
@@ -139,6 +141,13 @@ def chord_error(implicit: Implicit, triangles: Array, spacing: float) -> Array:
     return np.sqrt((implicit(samples) ** 2).mean(axis=(-1, -2))) / spacing
 
 
+def unevenness(x: Array, spacing: float) -> Array:
+    """How far the edges of cells x (..., c, 4, 3) leave the band around the spacing: the largest logarithm."""
+    pairs = x[..., [0, 0, 0, 1, 1, 2], :] - x[..., [1, 2, 3, 2, 3, 3], :]
+    logarithm = 0.5 * np.log((pairs**2).sum(axis=-1) / spacing**2)
+    return np.maximum(np.abs(logarithm - EVEN_MIDDLE) - EVEN_BAND, 0.0).max(axis=(-1, -2))
+
+
 def improve(implicit: Implicit, points: Array, cells: Indices, spacing: float) -> Array:
     """Each node in turn moves to the best of a few places around it.
 
@@ -156,11 +165,12 @@ def improve(implicit: Implicit, points: Array, cells: Indices, spacing: float) -
     points = points.copy()
 
     def score(i: int, places: Array) -> Array:
-        worst = quality(moved_to(places, i, points, cells[stars[i]])).min(axis=-1)
+        star = moved_to(places, i, points, cells[stars[i]])
+        value = quality(star).min(axis=-1) - EVEN_WEIGHT * unevenness(star, spacing)
         if not is_surface[i]:
-            return worst
+            return value
         error = chord_error(implicit, moved_to(places, i, points, triangles[fans[i]]), spacing)
-        return np.minimum(worst, GOOD_ENOUGH) - CHORD_WEIGHT * error
+        return np.minimum(value, GOOD_ENOUGH) - CHORD_WEIGHT * error
 
     for sweep in range(SWEEPS):
         size = 0.2 * spacing * 0.85**sweep

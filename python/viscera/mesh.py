@@ -107,7 +107,8 @@ class Mesh:
                 f"no surface node lies within {radius:g} m of {center.tolist()}; "
                 f"the nearest is {distance.min():.3g} m away"
             )
-        return self.surface_nodes[distance <= radius]
+        near: Indices = self.surface_nodes[distance <= radius]
+        return near
 
     def with_sets(self, **sets: Where) -> Mesh:
         """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`."""

@@ -85,7 +85,7 @@ def write(path: Path, points: NDArray[np.float64], cells: NDArray[np.uint32], se
         groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
         extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
         extra["field_data"] = {name: np.array([tag, 0]) for tag, name in enumerate(sets, start=1)}
-    options: dict[str, dict[str, Any]] = {
+    options: dict[str, Any] = {
         ".msh": {"fmt_version": "2.2", "binary": False},
         ".vtk": {"fmt_version": "4.2"},
     }

@@ -206,9 +206,8 @@ def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, 
     found = gmsh_mesh(bar)
     found.field_data = {}
     meshio.gmsh.write(str(tmp_path / "bar.msh"), found, fmt_version="2.2", binary=False)
-    assert sorted(vs.read(tmp_path / "bar.msh").sets) == ["physical:0:2", "physical:2:1"], (
-        "the volume holds every point"
-    )
+    # The volume, which holds every point, is left out.
+    assert sorted(vs.read(tmp_path / "bar.msh").sets) == ["physical:0:2", "physical:2:1"]
     triangles, tags = found.cells[0].data, np.full(len(found.cells[0].data), 4)
     medit = meshio.Mesh(
         bar.points,
@@ -284,7 +283,7 @@ def test_other_kinds_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
 
 
 def test_missing_and_unknown_files(tmp_path: Path) -> None:
-    with pytest.raises(VisceraError, match="nowhere.vtu: no such file"):
+    with pytest.raises(VisceraError, match=r"nowhere.vtu: no such file"):
         vs.read(tmp_path / "nowhere.vtu")
     with pytest.raises(VisceraError, match="is a folder"):
         vs.read(tmp_path)
@@ -327,7 +326,7 @@ def test_a_cut_between_two_lines_of_abaqus_shows_as_dropped_points(
 def test_a_bad_file_names_the_file_and_the_cells(bar: vs.Mesh, tmp_path: Path) -> None:
     cells = np.vstack([bar.cells, bar.cells[5]])
     meshio.vtu.write(str(tmp_path / "twice.vtu"), meshio.Mesh(bar.points, [("tetra", cells)]))
-    with pytest.raises(VisceraError, match="twice.vtu: cell 192 is on the same four points"):
+    with pytest.raises(VisceraError, match=r"twice.vtu: cell 192 is on the same four points"):
         vs.read(tmp_path / "twice.vtu")
 
 
