@@ -15,7 +15,7 @@ Indices = NDArray[np.int64]
 Implicit = Callable[[Array], Array]
 
 # Lattice points nearer to the surface than this fraction of an edge are moved onto it: long edges (between equal
-# points of the lattice) and short ones (between a corner and a centre). Table 1 of the paper.
+# points of the lattice) and short ones (between a corner and a centre), after the paper.
 SNAP_LONG, SNAP_SHORT = 0.24999, 0.41189
 SWEEPS = 10
 # A surface node gives way to the shape only while its cells stay this good (mean ratio); weight of the shape.
