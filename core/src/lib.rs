@@ -12,6 +12,7 @@ pub mod law;
 pub mod linear;
 pub mod mesh;
 pub mod number;
+pub mod reduced;
 pub mod series;
 pub mod simd;
 pub mod tensor;

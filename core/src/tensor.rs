@@ -16,13 +16,7 @@ pub fn tabulate<S>(mut f: impl FnMut(usize, usize) -> S) -> Mat3<S> {
 /// `factor * identity`, shaped like `factor`.
 #[inline(always)]
 pub fn spherical<S: Scalar>(factor: &S) -> Mat3<S> {
-    tabulate(|i, j| {
-        if i == j {
-            factor.clone()
-        } else {
-            factor.constant(0.0)
-        }
-    })
+    tabulate(|i, j| if i == j { factor.clone() } else { factor.constant(0.0) })
 }
 
 /// `A + B`.

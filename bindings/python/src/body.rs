@@ -1,12 +1,13 @@
 //! The body and its statics.
 
-use crate::{convert, law::Law, mesh::Patch};
+use crate::{convert, law::Law, mesh::Patch, model::Model};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
+use viscera_core::reduced::Reduction;
 use viscera_core::{body, mesh};
 
 /// Mesh + law + fixed nodes.
@@ -33,20 +34,13 @@ impl Body {
         let mut fixed = fixed.as_array().to_vec();
         fixed.sort_unstable();
         fixed.dedup();
-        if let Some(node) = fixed
-            .iter()
-            .find(|&&node| node as usize >= body.points().len())
-        {
+        if let Some(node) = fixed.iter().find(|&&node| node as usize >= body.points().len()) {
             return Err(PyValueError::new_err(format!(
                 "fixed point {node} does not exist; there are {} points",
                 body.points().len()
             )));
         }
-        Ok(Body {
-            body,
-            surface,
-            fixed,
-        })
+        Ok(Body { body, surface, fixed })
     }
 
     #[pyo3(signature = (*, prescribed, values, force, body_force, patches, start, steps, settings, on_progress))]
@@ -73,10 +67,7 @@ impl Body {
                 values.len()
             )));
         }
-        let fixed = self
-            .fixed
-            .iter()
-            .flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
+        let fixed = self.fixed.iter().flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
         let mut total = convert::dofs("force", &force, n)?;
         let body_force = convert::dofs("body_force", &body_force, n)?;
         total.iter_mut().zip(&body_force).for_each(|(f, b)| *f += b);
@@ -84,17 +75,12 @@ impl Body {
             .iter()
             .map(|(patch, d)| {
                 let displacement = convert::vector("patch displacement", d)?;
-                Ok(PatchLoad {
-                    patch: patch.patch.clone(),
-                    displacement,
-                })
+                Ok(PatchLoad { patch: patch.patch.clone(), displacement })
             })
             .collect::<PyResult<Vec<_>>>()?;
         let problem = Problem {
             body: &self.body,
-            prescribed: fixed
-                .chain(dofs.iter().copied().zip(values.iter().copied()))
-                .collect(),
+            prescribed: fixed.chain(dofs.iter().copied().zip(values.iter().copied())).collect(),
             force: total.clone(),
             patches,
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
@@ -129,11 +115,46 @@ impl Body {
         density: PyReadonlyArray1<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let gravity = convert::vector("gravity", &gravity)?;
-        let force = self
-            .body
-            .gravity(gravity, &density.as_array().to_vec())
-            .map_err(convert::error)?;
+        let force =
+            self.body.gravity(gravity, &density.as_array().to_vec()).map_err(convert::error)?;
         convert::field(py, force)
+    }
+
+    fn patch(&self, point: PyReadonlyArray1<f64>, radius: f64) -> PyResult<Patch> {
+        let point = convert::vector("point", &point)?;
+        let excluded = |node: u32| self.fixed.binary_search(&node).is_ok();
+        let patch = self.surface.patch_at_point(point, radius, &excluded);
+        patch.map(|patch| Patch { patch }).ok_or_else(|| {
+            PyValueError::new_err(format!(
+                "there is no free surface within {radius} m of the point {point:?}; move the point or widen the radius"
+            ))
+        })
+    }
+
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, metadata, on_progress))]
+    #[allow(clippy::too_many_arguments)]
+    fn reduce(
+        &self,
+        py: Python<'_>,
+        touchable: PyReadonlyArray1<u32>,
+        radius: f64,
+        depth: f64,
+        order: usize,
+        tolerance: f64,
+        metadata: &str,
+        on_progress: Option<Py<PyAny>>,
+    ) -> PyResult<Model> {
+        let user = serde_json::from_str(metadata)
+            .map_err(|e| PyValueError::new_err(format!("metadata is not JSON: {e}")))?;
+        let touchable = touchable.as_array().to_vec();
+        let reduction = Reduction { touchable, radius, depth, order, tolerance, user };
+        let mut watch = Watch::new(on_progress);
+        let result = py.detach(|| {
+            reduction.run(&self.body, &self.surface, &self.fixed, &mut |p| {
+                watch.report((p.done, p.total, p.stage))
+            })
+        });
+        Ok(Model { model: watch.outcome(result)? })
     }
 
     fn lumped_areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -142,10 +163,7 @@ impl Body {
 }
 
 fn newton_settings(steps: usize, settings: &BTreeMap<String, f64>) -> PyResult<Newton> {
-    let mut newton = Newton {
-        steps,
-        ..Newton::default()
-    };
+    let mut newton = Newton { steps, ..Newton::default() };
     for (name, &value) in settings {
         match name.as_str() {
             "tolerance" => newton.tolerance = value,
@@ -200,10 +218,7 @@ pub struct Watch {
 
 impl Watch {
     pub fn new(callback: Option<Py<PyAny>>) -> Self {
-        Watch {
-            callback,
-            raised: None,
-        }
+        Watch { callback, raised: None }
     }
 
     /// Calls back with the interpreter attached; false asks the core to stop.

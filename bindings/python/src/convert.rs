@@ -35,11 +35,7 @@ fn rows<T: numpy::Element + Copy + Default, const N: usize>(
             view.ncols()
         )));
     }
-    Ok(view
-        .rows()
-        .into_iter()
-        .map(|row| std::array::from_fn(|i| row[i]))
-        .collect())
+    Ok(view.rows().into_iter().map(|row| std::array::from_fn(|i| row[i])).collect())
 }
 
 /// An (n, 3) array as a flat vector of degrees of freedom.

@@ -19,12 +19,7 @@ pub struct Law {
 impl Law {
     #[new]
     fn new(name: &str, parameters: PyReadonlyArray2<f64>) -> PyResult<Self> {
-        let rows = parameters
-            .as_array()
-            .rows()
-            .into_iter()
-            .map(|row| row.to_vec())
-            .collect();
+        let rows = parameters.as_array().rows().into_iter().map(|row| row.to_vec()).collect();
         let material = Material::new(name, rows).map_err(convert::error)?;
         Ok(Law { material })
     }
@@ -46,10 +41,7 @@ impl Law {
         py: Python<'py>,
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = gradients(&F)?
-            .iter()
-            .map(|f| self.material.visit(Energy(self, f)))
-            .collect();
+        let values = gradients(&F)?.iter().map(|f| self.material.visit(Energy(self, f))).collect();
         Ok(PyArray1::from_vec(py, values))
     }
 
@@ -60,10 +52,8 @@ impl Law {
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let gradients = gradients(&F)?;
-        let values: Vec<f64> = gradients
-            .iter()
-            .flat_map(|f| self.material.visit(Stress(self, f)).concat())
-            .collect();
+        let values: Vec<f64> =
+            gradients.iter().flat_map(|f| self.material.visit(Stress(self, f)).concat()).collect();
         PyArray1::from_vec(py, values).reshape([gradients.len(), 3, 3])
     }
 
@@ -74,10 +64,8 @@ impl Law {
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray<f64, numpy::ndarray::Dim<[usize; 5]>>>> {
         let gradients = gradients(&F)?;
-        let values: Vec<f64> = gradients
-            .iter()
-            .flat_map(|f| self.material.visit(Tangent(self, f)))
-            .collect();
+        let values: Vec<f64> =
+            gradients.iter().flat_map(|f| self.material.visit(Tangent(self, f))).collect();
         PyArray1::from_vec(py, values).reshape([gradients.len(), 3, 3, 3, 3])
     }
 }
@@ -128,11 +116,7 @@ impl LawVisitor for Tangent<'_> {
             for j in 0..3 {
                 for k in 0..3 {
                     for l in 0..3 {
-                        out.push(if j <= l {
-                            blocks[j][l][i][k]
-                        } else {
-                            blocks[l][j][k][i]
-                        });
+                        out.push(if j <= l { blocks[j][l][i][k] } else { blocks[l][j][k][i] });
                     }
                 }
             }

@@ -7,6 +7,7 @@ mod body;
 mod convert;
 mod law;
 mod mesh;
+mod model;
 
 use pyo3::prelude::*;
 
@@ -18,5 +19,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
+    m.add_class::<model::Model>()?;
     Ok(())
 }

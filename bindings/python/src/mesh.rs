@@ -66,9 +66,7 @@ impl Patch {
     #[new]
     fn new(nodes: PyReadonlyArray1<u32>, weights: PyReadonlyArray1<f64>) -> Self {
         let (nodes, weights) = (nodes.as_array().to_vec(), weights.as_array().to_vec());
-        Patch {
-            patch: mesh::Patch { nodes, weights },
-        }
+        Patch { patch: mesh::Patch { nodes, weights } }
     }
 
     #[getter]

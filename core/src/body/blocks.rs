@@ -55,14 +55,7 @@ impl SymmetricBlocks {
             }
             column_start.push(row.len() as u32);
         }
-        (
-            Pattern {
-                n: free.len(),
-                column_start,
-                row,
-            },
-            position,
-        )
+        (Pattern { n: free.len(), column_start, row }, position)
     }
 
     /// The values at the positions given by [`SymmetricBlocks::restrict`].
@@ -102,18 +95,8 @@ pub(super) struct BlockMap {
 }
 
 /// Local node pairs `a <= b` of a cell, in the order its blocks are stored.
-pub(super) const LOCAL_PAIRS: [(usize, usize); 10] = [
-    (0, 0),
-    (0, 1),
-    (0, 2),
-    (0, 3),
-    (1, 1),
-    (1, 2),
-    (1, 3),
-    (2, 2),
-    (2, 3),
-    (3, 3),
-];
+pub(super) const LOCAL_PAIRS: [(usize, usize); 10] =
+    [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
 impl BlockMap {
     pub fn new(n: usize, cells: &[[u32; 4]], slots: &[Slot]) -> Self {
@@ -123,15 +106,7 @@ impl BlockMap {
                 let transposed = nodes[a] > nodes[b];
                 let (row, column) = (nodes[a].min(nodes[b]), nodes[a].max(nodes[b]));
                 let slot = slots[cell];
-                entries.push((
-                    column,
-                    row,
-                    Contribution {
-                        slot,
-                        block: block as u8,
-                        transposed,
-                    },
-                ));
+                entries.push((column, row, Contribution { slot, block: block as u8, transposed }));
             }
         }
         // A node without cells would leave a column without its diagonal; it is no body's node.

@@ -26,12 +26,7 @@ impl Body {
     /// Internal force `f_int = dW/du` [N].
     pub fn internal_force(&self, u: &[f64], force: &mut [f64]) {
         let mut forces = vec![Forces::default(); self.batches.len()];
-        self.material.visit(Evaluate {
-            body: self,
-            u,
-            forces: &mut forces,
-            tangents: &mut [],
-        });
+        self.material.visit(Evaluate { body: self, u, forces: &mut forces, tangents: &mut [] });
         self.gather_forces(&forces, force);
     }
 
@@ -44,12 +39,7 @@ impl Body {
     ) {
         let mut forces = vec![Forces::default(); self.batches.len()];
         let mut tangents = vec![Tangents::default(); self.batches.len()];
-        let evaluate = Evaluate {
-            body: self,
-            u,
-            forces: &mut forces,
-            tangents: &mut tangents,
-        };
+        let evaluate = Evaluate { body: self, u, forces: &mut forces, tangents: &mut tangents };
         self.material.visit(evaluate);
         self.gather_forces(&forces, force);
         self.gather_tangents(&tangents, tangent);
@@ -61,39 +51,32 @@ impl Body {
     }
 
     fn gather_forces(&self, forces: &[Forces], out: &mut [f64]) {
-        out.par_chunks_mut(3)
-            .enumerate()
-            .with_min_len(1024)
-            .for_each(|(node, out)| {
-                let range = self.incidence_start[node]..self.incidence_start[node + 1];
-                out.fill(0.0);
-                for &(slot, a) in &self.incidence[range.start as usize..range.end as usize] {
-                    let f = &forces[slot.batch as usize][a as usize];
-                    for i in 0..3 {
-                        out[i] += f[i][slot.lane as usize];
-                    }
+        out.par_chunks_mut(3).enumerate().with_min_len(1024).for_each(|(node, out)| {
+            let range = self.incidence_start[node]..self.incidence_start[node + 1];
+            out.fill(0.0);
+            for &(slot, a) in &self.incidence[range.start as usize..range.end as usize] {
+                let f = &forces[slot.batch as usize][a as usize];
+                for i in 0..3 {
+                    out[i] += f[i][slot.lane as usize];
                 }
-            });
+            }
+        });
     }
 
     fn gather_tangents(&self, tangents: &[Tangents], out: &mut SymmetricBlocks) {
-        out.values
-            .par_chunks_mut(9)
-            .enumerate()
-            .with_min_len(1024)
-            .for_each(|(block, out)| {
-                let mut sum = [0.0; 9];
-                for c in self.block_map.contributions(block) {
-                    let local = &tangents[c.slot.batch as usize][c.block as usize];
-                    for i in 0..3 {
-                        for k in 0..3 {
-                            let (p, q) = if c.transposed { (k, i) } else { (i, k) };
-                            sum[3 * i + k] += local[p][q][c.slot.lane as usize];
-                        }
+        out.values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
+            let mut sum = [0.0; 9];
+            for c in self.block_map.contributions(block) {
+                let local = &tangents[c.slot.batch as usize][c.block as usize];
+                for i in 0..3 {
+                    for k in 0..3 {
+                        let (p, q) = if c.transposed { (k, i) } else { (i, k) };
+                        sum[3 * i + k] += local[p][q][c.slot.lane as usize];
                     }
                 }
-                out.copy_from_slice(&sum);
-            });
+            }
+            out.copy_from_slice(&sum);
+        });
     }
 }
 
@@ -104,9 +87,7 @@ impl Batch {
         let mut f = tabulate(|i, j| Lanes([(i == j) as u8 as f64; LANES]));
         for a in 0..4 {
             for i in 0..3 {
-                let value = Lanes(std::array::from_fn(|l| {
-                    u[3 * self.nodes[l][a] as usize + i]
-                }));
+                let value = Lanes(std::array::from_fn(|l| u[3 * self.nodes[l][a] as usize + i]));
                 for j in 0..3 {
                     f[i][j] = f[i][j] + value * self.gradients[a][j];
                 }
@@ -136,13 +117,7 @@ impl LawVisitor for Energy<'_> {
             .body
             .batches
             .par_chunks(TASK)
-            .map(|batches| {
-                dispatch(EnergyKernel {
-                    batches,
-                    u: self.u,
-                    make,
-                })
-            })
+            .map(|batches| dispatch(EnergyKernel { batches, u: self.u, make }))
             .collect();
         sums.iter().sum()
     }
@@ -187,27 +162,13 @@ impl LawVisitor for Evaluate<'_> {
         let forces = self.forces.par_chunks_mut(TASK);
         if self.tangents.is_empty() {
             batches.zip(forces).for_each(|(batches, forces)| {
-                dispatch(ForceKernel {
-                    batches,
-                    u,
-                    make,
-                    forces,
-                });
+                dispatch(ForceKernel { batches, u, make, forces });
             });
         } else {
             let tangents = self.tangents.par_chunks_mut(TASK);
-            batches
-                .zip(forces)
-                .zip(tangents)
-                .for_each(|((batches, forces), tangents)| {
-                    dispatch(TangentKernel {
-                        batches,
-                        u,
-                        make,
-                        forces,
-                        tangents,
-                    });
-                });
+            batches.zip(forces).zip(tangents).for_each(|((batches, forces), tangents)| {
+                dispatch(TangentKernel { batches, u, make, forces, tangents });
+            });
         }
     }
 }

@@ -112,32 +112,24 @@ impl Body {
 
     /// Volume at displacement `u` [m^3].
     pub fn volume(&self, u: &[f64]) -> f64 {
-        self.jacobians(u)
-            .zip(&self.elements)
-            .map(|(j, e)| j * e.volume)
-            .sum()
+        self.jacobians(u).zip(&self.elements).map(|(j, e)| j * e.volume).sum()
     }
 
     /// The smallest volume ratio `J` of a cell, and the cell.
     pub fn smallest_jacobian(&self, u: &[f64]) -> (f64, usize) {
         self.jacobians(u)
             .enumerate()
-            .fold((f64::INFINITY, 0), |best, (cell, j)| {
-                if j < best.0 { (j, cell) } else { best }
-            })
+            .fold((f64::INFINITY, 0), |best, (cell, j)| if j < best.0 { (j, cell) } else { best })
     }
 
     fn jacobians<'a>(&'a self, u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.cells
-            .iter()
-            .zip(&self.elements)
-            .map(|(cell, element)| {
-                let deformed = cell.map(|n| {
-                    let n = n as usize;
-                    std::array::from_fn(|i| self.points[n][i] + u[3 * n + i])
-                });
-                Tet4::new(deformed).volume / element.volume
-            })
+        self.cells.iter().zip(&self.elements).map(|(cell, element)| {
+            let deformed = cell.map(|n| {
+                let n = n as usize;
+                std::array::from_fn(|i| self.points[n][i] + u[3 * n + i])
+            });
+            Tet4::new(deformed).volume / element.volume
+        })
     }
 
     /// Nodal forces of a body force `density * gravity` [N], a quarter of each cell to each node.
@@ -153,17 +145,11 @@ impl Body {
             )));
         }
         if let Some(&bad) = density.iter().find(|d| !d.is_finite() || **d < 0.0) {
-            return Err(Error::input(format!(
-                "density {bad} kg/m^3; it must be finite and >= 0"
-            )));
+            return Err(Error::input(format!("density {bad} kg/m^3; it must be finite and >= 0")));
         }
         let mut force = vec![0.0; self.n_dofs()];
         for (cell, (nodes, element)) in self.cells.iter().zip(&self.elements).enumerate() {
-            let rho = if density.len() == 1 {
-                density[0]
-            } else {
-                density[cell]
-            };
+            let rho = if density.len() == 1 { density[0] } else { density[cell] };
             for &node in nodes {
                 for i in 0..3 {
                     force[3 * node as usize + i] += rho * gravity[i] * element.volume / 4.0;
@@ -176,18 +162,11 @@ impl Body {
 
 fn check_mesh(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Result<Vec<Tet4>, Error> {
     if cells.is_empty() {
-        return Err(Error::input(
-            "the mesh has no tetrahedra; give at least one cell",
-        ));
+        return Err(Error::input("the mesh has no tetrahedra; give at least one cell"));
     }
-    if let Some((n, x)) = points
-        .iter()
-        .enumerate()
-        .find(|(_, x)| x.iter().any(|c| !c.is_finite()))
+    if let Some((n, x)) = points.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite()))
     {
-        return Err(Error::input(format!(
-            "point {n} is at {x:?}; coordinates must be finite"
-        )));
+        return Err(Error::input(format!("point {n} is at {x:?}; coordinates must be finite")));
     }
     let mut elements = Vec::with_capacity(cells.len());
     for (cell, nodes) in cells.iter().enumerate() {
@@ -207,10 +186,7 @@ fn check_mesh(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Result<Vec<Tet4>, Erro
         elements.push(element);
     }
     let mut is_used = vec![false; points.len()];
-    cells
-        .iter()
-        .flatten()
-        .for_each(|&node| is_used[node as usize] = true);
+    cells.iter().flatten().for_each(|&node| is_used[node as usize] = true);
     if let Some(loose) = is_used.iter().position(|used| !used) {
         return Err(Error::input(format!(
             "point {loose} belongs to no cell; remove loose points from the mesh"
@@ -236,10 +212,7 @@ fn batches(cells: &[[u32; 4]], elements: &[Tet4], material: &Material) -> (Vec<B
     for group in order.chunk_by(|&a, &b| row(a) == row(b)) {
         for members in group.chunks(LANES) {
             for (lane, &cell) in members.iter().enumerate() {
-                slots[cell] = Slot {
-                    batch: batches.len() as u32,
-                    lane: lane as u8,
-                };
+                slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
             }
             batches.push(batch(members, cells, elements, row(members[0])));
         }

@@ -21,13 +21,7 @@ impl Body {
         force: &mut [T],
     ) {
         force.fill(T::default());
-        self.material.visit(Series {
-            body: self,
-            table,
-            displacement,
-            stride,
-            force,
-        });
+        self.material.visit(Series { body: self, table, displacement, stride, force });
     }
 }
 
@@ -56,13 +50,7 @@ impl<T: Real, L: Law> Kernel for SeriesKernel<'_, T, L> {
 
     #[inline(always)]
     fn run(self) {
-        let Series {
-            body,
-            table,
-            displacement,
-            stride,
-            force,
-        } = self.series;
+        let Series { body, table, displacement, stride, force } = self.series;
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];

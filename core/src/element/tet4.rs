@@ -27,10 +27,7 @@ impl Tet4 {
                 gradients[0][i] -= gradients[a + 1][i];
             }
         }
-        Tet4 {
-            gradients,
-            volume: determinant / 6.0,
-        }
+        Tet4 { gradients, volume: determinant / 6.0 }
     }
 }
 
@@ -39,12 +36,7 @@ mod tests {
     use super::*;
     use crate::tensor::dot;
 
-    const X: [[f64; 3]; 4] = [
-        [0.1, 0.2, 0.0],
-        [1.3, 0.1, 0.2],
-        [0.2, 1.1, -0.1],
-        [0.3, 0.4, 0.9],
-    ];
+    const X: [[f64; 3]; 4] = [[0.1, 0.2, 0.0], [1.3, 0.1, 0.2], [0.2, 1.1, -0.1], [0.3, 0.4, 0.9]];
 
     #[test]
     fn shape_functions_are_nodal_and_sum_to_one() {

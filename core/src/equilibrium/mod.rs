@@ -7,4 +7,4 @@ mod system;
 
 pub use newton::{Equilibrium, Newton, Seconds, Status};
 pub use problem::{PatchLoad, Problem};
-pub use system::System;
+pub use system::{System, patch_mean};

@@ -133,11 +133,7 @@ impl Newton {
         run.seconds.analysis = clock.elapsed().as_secs_f64();
         let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
         while run.load < 1.0 {
-            let target = if run.load + 1.001 * step >= 1.0 {
-                1.0
-            } else {
-                run.load + step
-            };
+            let target = if run.load + 1.001 * step >= 1.0 { 1.0 } else { run.load + step };
             match run.advance(target) {
                 Ok(iterations) => {
                     if iterations <= 6 {
@@ -199,16 +195,9 @@ impl<'a> Run<'a> {
         let body = problem.body;
         let tangent = body.zero_tangent();
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
-        let patches = problem
-            .patches
-            .iter()
-            .map(|load| load.patch.clone())
-            .collect();
+        let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
         let system = System::new(&tangent, body.n_dofs(), prescribed, patches)?;
-        let start = problem
-            .start
-            .clone()
-            .unwrap_or_else(|| vec![0.0; body.n_dofs()]);
+        let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
         if !body.energy(&start).is_finite() {
             let (jacobian, cell) = body.smallest_jacobian(&start);
             return Err(Error::input(format!(
@@ -246,12 +235,7 @@ impl<'a> Run<'a> {
     /// External force at a load: the target plus what is left of the start's imbalance.
     fn external_force(&self, load: f64) -> Vec<f64> {
         let left = 1.0 - load;
-        self.problem
-            .force
-            .iter()
-            .zip(&self.imbalance)
-            .map(|(f, r)| f + left * r)
-            .collect()
+        self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r).collect()
     }
 
     /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
@@ -263,8 +247,7 @@ impl<'a> Run<'a> {
         let mut history = Vec::new();
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
-            self.body()
-                .internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
@@ -290,10 +273,7 @@ impl<'a> Run<'a> {
                 self.line_search(&u, &step, &external, &residual, norm)?
             };
             u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
-            multipliers
-                .iter_mut()
-                .zip(&change)
-                .for_each(|(m, c)| *m += length * c);
+            multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
         }
         unreachable!("the loop returns on its last iteration")
     }
@@ -316,12 +296,7 @@ impl<'a> Run<'a> {
                 }
             }
         }
-        let free: Vec<f64> = self
-            .system
-            .free()
-            .iter()
-            .map(|&dof| out[dof as usize])
-            .collect();
+        let free: Vec<f64> = self.system.free().iter().map(|&dof| out[dof as usize]).collect();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let scale = square(force).max(square(external)).sqrt();
         let norm = square(&free).sqrt();
@@ -335,7 +310,9 @@ impl<'a> Run<'a> {
         loop {
             match self.system.factorize(&self.tangent, shift) {
                 Ok(()) => break,
-                Err(FactorError::NotPositiveDefinite { row }) if shift < 10.0 => {
+                Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
+                    if shift < 10.0 =>
+                {
                     self.unstable = Some((load, row));
                     shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
                 }
@@ -413,11 +390,7 @@ impl<'a> Run<'a> {
         };
         let (start, magnitude) = potential(0.0);
         let free = self.system.free();
-        let slope: f64 = residual
-            .iter()
-            .zip(free)
-            .map(|(r, &d)| r * step[d as usize])
-            .sum();
+        let slope: f64 = residual.iter().zip(free).map(|(r, &d)| r * step[d as usize]).sum();
         let rounding = 1e-13 * magnitude;
         let mut length = 1.0;
         for _ in 0..=self.settings.max_backtracks {
@@ -444,11 +417,7 @@ impl<'a> Run<'a> {
             energy: body.energy(&self.u),
             displacement: std::mem::take(&mut self.u),
             internal_force,
-            patch_forces: self
-                .multipliers
-                .chunks_exact(3)
-                .map(|m| [m[0], m[1], m[2]])
-                .collect(),
+            patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
             status,
             message,
             load: self.load,

@@ -35,10 +35,9 @@ impl Problem<'_> {
     /// nothing is prescribed in some direction.
     pub fn check(&self) -> Result<(), Error> {
         let n = self.body.n_dofs();
-        for (name, values) in [
-            ("force", Some(&self.force)),
-            ("start displacement", self.start.as_ref()),
-        ] {
+        for (name, values) in
+            [("force", Some(&self.force)), ("start displacement", self.start.as_ref())]
+        {
             let Some(values) = values else { continue };
             if values.len() != n {
                 return Err(Error::input(format!(

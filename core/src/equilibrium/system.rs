@@ -37,18 +37,11 @@ impl System {
     ) -> Result<Self, Error> {
         let mut is_free = vec![true; n_dofs];
         prescribed.for_each(|dof| is_free[dof as usize] = false);
-        let free: Vec<u32> = (0..n_dofs as u32)
-            .filter(|&d| is_free[d as usize])
-            .collect();
+        let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| is_free[d as usize]).collect();
         let mut index = vec![u32::MAX; n_dofs];
-        free.iter()
-            .enumerate()
-            .for_each(|(k, &dof)| index[dof as usize] = k as u32);
+        free.iter().enumerate().for_each(|(k, &dof)| index[dof as usize] = k as u32);
         let (pattern, positions) = tangent.restrict(&free);
-        let diagonal = pattern.column_start[1..]
-            .iter()
-            .map(|&end| end as usize - 1)
-            .collect();
+        let diagonal = pattern.column_start[1..].iter().map(|&end| end as usize - 1).collect();
         Ok(System {
             free,
             index,
@@ -83,14 +76,12 @@ impl System {
         for &entry in &self.diagonal {
             self.values[entry] += shift;
         }
-        self.factor
-            .factorize(&self.values)
-            .map_err(|error| match error {
-                FactorError::NotPositiveDefinite { row } => FactorError::NotPositiveDefinite {
-                    row: self.free[row] as usize,
-                },
-                other => other,
-            })?;
+        self.factor.factorize(&self.values).map_err(|error| match error {
+            FactorError::NotPositiveDefinite { row } => {
+                FactorError::NotPositiveDefinite { row: self.free[row] as usize }
+            }
+            other => other,
+        })?;
         self.border()
     }
 
@@ -112,13 +103,10 @@ impl System {
             }
         }
         self.factor.solve(&mut influence, k)?;
-        let columns: Vec<Vec<f64>> = (0..k)
-            .map(|c| self.mean(&influence[c * n..(c + 1) * n]))
-            .collect();
+        let columns: Vec<Vec<f64>> =
+            (0..k).map(|c| self.mean(&influence[c * n..(c + 1) * n])).collect();
         let schur = faer::Mat::from_fn(k, k, |r, c| columns[c][r]);
-        self.schur = schur
-            .partial_piv_lu()
-            .solve(faer::Mat::<f64>::identity(k, k));
+        self.schur = schur.partial_piv_lu().solve(faer::Mat::<f64>::identity(k, k));
         self.influence = influence;
         Ok(())
     }
@@ -145,10 +133,7 @@ impl System {
 
     /// `W u` of a full displacement: the mean displacement of each patch.
     pub fn patch_means(&self, u: &[f64]) -> Vec<[f64; 3]> {
-        self.patches
-            .iter()
-            .map(|patch| patch_mean(patch, u))
-            .collect()
+        self.patches.iter().map(|patch| patch_mean(patch, u)).collect()
     }
 
     /// Solves for the step and the change of the patch forces; `rhs` on the free degrees of

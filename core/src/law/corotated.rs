@@ -75,10 +75,7 @@ impl Law for Corotated {
             });
             tabulate(|i, k| columns[k][i].clone())
         };
-        (
-            self.stress(F),
-            std::array::from_fn(|a| std::array::from_fn(|b| block(a, b))),
-        )
+        (self.stress(F), std::array::from_fn(|a| std::array::from_fn(|b| block(a, b))))
     }
 }
 

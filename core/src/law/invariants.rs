@@ -51,11 +51,7 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
 #[inline(always)]
 #[allow(non_snake_case)]
 fn invariants<E: StrainEnergy, S: Scalar>(F: &Mat3<S>, Z: &Mat3<S>) -> [S; 3] {
-    let I2 = if E::USES_I2 {
-        double_dot(Z, Z)
-    } else {
-        Z[0][0].constant(0.0)
-    };
+    let I2 = if E::USES_I2 { double_dot(Z, Z) } else { Z[0][0].constant(0.0) };
     [double_dot(F, F), I2, determinant(F, Z)]
 }
 
@@ -105,18 +101,10 @@ fn contract<E: StrainEnergy, S: Scalar>(
         let spin = mul_vector(F, &cross(&g[a], &g[b]));
         let spin: Vec3<S> = std::array::from_fn(|q| spin[q].clone() * psi.first[2].clone());
         let row = |i: usize| -> [S; 3] {
-            let (fi, yi, zi) = (
-                f[a][i].clone() * 2.0,
-                y[a][i].clone() * 2.0,
-                z[a][i].clone(),
-            );
+            let (fi, yi, zi) = (f[a][i].clone() * 2.0, y[a][i].clone() * 2.0, z[a][i].clone());
             let direction = |n: usize| {
                 let first = fi.clone() * psi.second(0, n) + zi.clone() * psi.second(2, n);
-                if E::USES_I2 {
-                    first + yi.clone() * psi.second(1, n)
-                } else {
-                    first
-                }
+                if E::USES_I2 { first + yi.clone() * psi.second(1, n) } else { first }
             };
             [direction(0), direction(1), direction(2)]
         };
@@ -130,11 +118,7 @@ fn contract<E: StrainEnergy, S: Scalar>(
                 // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
                 let q = 3 - i - k;
                 let w = spin[q].clone();
-                entry = if (i + 1) % 3 == k {
-                    entry + w
-                } else {
-                    entry - w
-                };
+                entry = if (i + 1) % 3 == k { entry + w } else { entry - w };
             }
             if E::USES_I2 {
                 entry = entry + c1.clone() * y[b][k].clone() * 2.0;

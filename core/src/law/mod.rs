@@ -90,22 +90,22 @@ impl Material {
             known: Self::NAMES.join(", "),
         })?;
         if parameters.is_empty() {
-            return Err(Error::input(format!(
-                "law {name}: no parameters; give {expected:?}"
-            )));
+            return Err(Error::input(format!("law {name}: no parameters; give {expected:?}")));
         }
         for (row, values) in parameters.iter().enumerate() {
             check_parameters(name, row, expected, values)?;
         }
-        Ok(Material {
-            name: name.to_string(),
-            parameters,
-        })
+        Ok(Material { name: name.to_string(), parameters })
     }
 
     /// The law's name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Names of its parameters.
+    pub fn names(&self) -> &'static [&'static str] {
+        Self::parameter_names(&self.name).unwrap_or_default()
     }
 
     /// Parameters, one row for all cells or one per cell.
@@ -115,11 +115,7 @@ impl Material {
 
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
-        if self.parameters.len() == 1 {
-            &self.parameters[0]
-        } else {
-            &self.parameters[cell]
-        }
+        if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
     }
 }
 

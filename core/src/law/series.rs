@@ -27,20 +27,13 @@ fn products<T: Real, const K: usize>(
             for k in 0..K {
                 // SAFETY: a table's indices are below its length, asserted above.
                 let (a, b) = unsafe {
-                    (
-                        *terms[k].1.get_unchecked(i as usize),
-                        *terms[k].2.get_unchecked(j as usize),
-                    )
+                    (*terms[k].1.get_unchecked(i as usize), *terms[k].2.get_unchecked(j as usize))
                 };
                 sums[k].add_product(a, b);
             }
         }
         for k in 0..K {
-            out[slot] = if terms[k].0 > 0.0 {
-                out[slot] + sums[k]
-            } else {
-                out[slot] - sums[k]
-            };
+            out[slot] = if terms[k].0 > 0.0 { out[slot] + sums[k] } else { out[slot] - sums[k] };
         }
     }
 }
@@ -63,30 +56,15 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
     for (entry, z) in cofactors.chunks_exact_mut(n).enumerate() {
         let (i, j) = (entry / 3, entry % 3);
         let ((p, q), (r, s)) = (next(i), next(j));
-        products(
-            table,
-            0..n,
-            [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))],
-            z,
-        );
+        products(table, 0..n, [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))], z);
     }
     let Z = |i: usize, j: usize| &cofactors[(3 * i + j) * n..(3 * i + j + 1) * n];
 
     let mut J = vec![T::default(); n];
-    products(
-        table,
-        0..n,
-        std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))),
-        &mut J,
-    );
+    products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))), &mut J);
     let mut I1 = vec![T::default(); n];
     for i in 0..3 {
-        products(
-            table,
-            0..n,
-            std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))),
-            &mut I1,
-        );
+        products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))), &mut I1);
     }
     let mut I2 = vec![T::default(); if E::USES_I2 { n } else { 0 }];
     if E::USES_I2 {

@@ -4,12 +4,8 @@ use super::*;
 use crate::number::{Jet, Lanes, Monomials, Single};
 use crate::tensor::{add, mul_vector, sub, tabulate};
 
-const SHAPE_GRADIENTS: [[f64; 3]; 4] = [
-    [-0.7, -1.1, 0.4],
-    [1.0, 0.2, -0.3],
-    [0.1, 1.2, 0.5],
-    [-0.4, -0.3, -0.6],
-];
+const SHAPE_GRADIENTS: [[f64; 3]; 4] =
+    [[-0.7, -1.1, 0.4], [1.0, 0.2, -0.3], [0.1, 1.2, 0.5], [-0.4, -0.3, -0.6]];
 
 /// A moderate stretch, shear and rotation with `J > 0`.
 const F0: Mat3<f64> = [[1.15, 0.22, -0.13], [-0.18, 0.92, 0.24], [0.09, -0.2, 1.05]];
@@ -31,11 +27,7 @@ fn largest(m: &Mat3<f64>) -> f64 {
 
 /// Rotation about (1, 2, 2)/3 by 0.7.
 fn turn() -> Mat3<f64> {
-    let (n, c, s) = (
-        [1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0],
-        0.7f64.cos(),
-        0.7f64.sin(),
-    );
+    let (n, c, s) = ([1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], 0.7f64.cos(), 0.7f64.sin());
     let spin = [[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]];
     tabulate(|i, j| c * ((i == j) as u8 as f64) + s * spin[i][j] + (1.0 - c) * n[i] * n[j])
 }
@@ -55,10 +47,7 @@ fn stress_is_the_derivative_of_the_energy(law: impl Law) {
             let plus: f64 = law.energy(&axpy(h, &unit, &F0));
             let minus: f64 = law.energy(&axpy(-h, &unit, &F0));
             let difference = (plus - minus) / (2.0 * h);
-            assert!(
-                (difference - stress[i][j]).abs() < 1e-8 * scale,
-                "P[{i}][{j}]"
-            );
+            assert!((difference - stress[i][j]).abs() < 1e-8 * scale, "P[{i}][{j}]");
         }
     }
 }
@@ -70,19 +59,14 @@ fn tangent_is_the_derivative_of_the_stress(law: impl Law) {
     for b in 0..4 {
         for k in 0..3 {
             let step = tabulate(|i, j| if i == k { SHAPE_GRADIENTS[b][j] } else { 0.0 });
-            let (plus, minus) = (
-                law.stress(&axpy(h, &step, &F0)),
-                law.stress(&axpy(-h, &step, &F0)),
-            );
+            let (plus, minus) =
+                (law.stress(&axpy(h, &step, &F0)), law.stress(&axpy(-h, &step, &F0)));
             let difference = tabulate(|i, j| (plus[i][j] - minus[i][j]) / (2.0 * h));
             for a in 0..=b {
                 let column = mul_vector(&difference, &SHAPE_GRADIENTS[a]);
                 for i in 0..3 {
                     let error = (column[i] - blocks[a][b][i][k]).abs();
-                    assert!(
-                        error < 1e-7 * (MU + LAM),
-                        "K[{a}][{b}][{i}][{k}] off by {error}"
-                    );
+                    assert!(error < 1e-7 * (MU + LAM), "K[{a}][{b}][{i}][{k}] off by {error}");
                 }
             }
         }
@@ -106,10 +90,7 @@ fn is_at_rest_undeformed(law: impl Law) {
 fn agrees_with_hooke_at_small_strain(law: impl Law) {
     let h = 1e-6;
     let hooke = Linear { mu: MU, lam: LAM };
-    let (small, linear) = (
-        axpy(h, &DIRECTION, &identity()),
-        axpy(h, &DIRECTION, &identity()),
-    );
+    let (small, linear) = (axpy(h, &DIRECTION, &identity()), axpy(h, &DIRECTION, &identity()));
     let difference = sub(&law.stress(&small), &hooke.stress(&linear));
     assert!(largest(&difference) < 1e-5 * largest(&hooke.stress(&linear)));
     let (_, blocks) = law.tangent(&identity(), &SHAPE_GRADIENTS);
@@ -128,18 +109,14 @@ fn taylor_series_is_the_stress_along_a_path(law: impl Law) {
     let path = tabulate(|i, j| Jet::new(table, vec![F0[i][j], DIRECTION[i][j], DIRECTION[j][i]]));
     let series = law.stress(&path);
     let at = |t: f64| {
-        law.stress(&tabulate(|i, j| {
-            F0[i][j] + t * DIRECTION[i][j] + t * t * DIRECTION[j][i]
-        }))
+        law.stress(&tabulate(|i, j| F0[i][j] + t * DIRECTION[i][j] + t * t * DIRECTION[j][i]))
     };
     let scale = largest(&at(0.0));
     // The value of the truncated series differs from the stress by order ORDER + 1 in t.
     for t in [0.02, -0.03] {
         let exact = at(t);
         let sum = tabulate(|i, j| {
-            (0..=ORDER)
-                .rev()
-                .fold(0.0, |sum, p| sum * t + series[i][j].coefficient(p))
+            (0..=ORDER).rev().fold(0.0, |sum, p| sum * t + series[i][j].coefficient(p))
         });
         assert!(largest(&sub(&sum, &exact)) < 1e-9 * scale);
     }
@@ -161,10 +138,7 @@ fn three_variables_restrict_to_one(law: impl Law) {
     let direction = [0.6, -0.3, 0.5];
     let steps = [DIRECTION, tabulate(|i, j| DIRECTION[j][i]), F0];
     let in_space = law.stress(&tabulate(|i, j| {
-        Jet::new(
-            space,
-            vec![F0[i][j], steps[0][i][j], steps[1][i][j], steps[2][i][j]],
-        )
+        Jet::new(space, vec![F0[i][j], steps[0][i][j], steps[1][i][j], steps[2][i][j]])
     }));
     let on_line = law.stress(&tabulate(|i, j| {
         let slope = (0..3).map(|v| direction[v] * steps[v][i][j]).sum();
@@ -174,17 +148,11 @@ fn three_variables_restrict_to_one(law: impl Law) {
     space.evaluate(direction, &mut monomials);
     for p in 0..=4 {
         let sum = tabulate(|i, j| {
-            space
-                .of_degree(p)
-                .map(|c| in_space[i][j].coefficient(c) * monomials[c])
-                .sum::<f64>()
+            space.of_degree(p).map(|c| in_space[i][j].coefficient(c) * monomials[c]).sum::<f64>()
         });
         let expected = tabulate(|i, j| on_line[i][j].coefficient(p));
         let error = largest(&sub(&sum, &expected));
-        assert!(
-            error < 1e-11 * (1.0 + largest(&expected)),
-            "order {p}: {error}"
-        );
+        assert!(error < 1e-11 * (1.0 + largest(&expected)), "order {p}: {error}");
     }
 }
 
@@ -204,13 +172,7 @@ fn series_agree_with_generic_jets(law: impl Law) {
         let table = Monomials::of(variables, order);
         let n = table.len();
         let path: Vec<f64> = (0..9 * n)
-            .map(|k| {
-                if k % n == 0 {
-                    F0[k / n / 3][k / n % 3]
-                } else {
-                    0.2 * (k as f64).sin()
-                }
-            })
+            .map(|k| if k % n == 0 { F0[k / n / 3][k / n % 3] } else { 0.2 * (k as f64).sin() })
             .collect();
         let generic = law.stress(&tabulate(|i, j| {
             Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec())
@@ -222,10 +184,7 @@ fn series_agree_with_generic_jets(law: impl Law) {
             for (k, c) in top.clone().enumerate() {
                 let expected = generic[entry / 3][entry % 3].coefficient(c);
                 let error = (series[entry * top.len() + k] - expected).abs();
-                assert!(
-                    error < 1e-11 * (1.0 + expected.abs()),
-                    "P{entry} x^{c}: {error}"
-                );
+                assert!(error < 1e-11 * (1.0 + expected.abs()), "P{entry} x^{c}: {error}");
             }
         }
     }
@@ -258,12 +217,7 @@ macro_rules! law_tests {
 }
 
 fn mooney(volumetric: Volumetric) -> MooneyRivlin {
-    MooneyRivlin {
-        c1: 0.4 * MU,
-        c2: 0.1 * MU,
-        kappa: LAM + 2.0 / 3.0 * MU,
-        volumetric,
-    }
+    MooneyRivlin { c1: 0.4 * MU, c2: 0.1 * MU, kappa: LAM + 2.0 / 3.0 * MU, volumetric }
 }
 
 // Linear elasticity is the one law that is not objective.

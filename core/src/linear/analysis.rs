@@ -46,14 +46,7 @@ impl Analysis {
         let supernodes = supernodes_of(&lower)?;
         let is_large = supernodes.len_val() >= SHARED_FROM;
         let parallelism = if is_large { Par::rayon(0) } else { Par::Seq };
-        Ok(Self {
-            order,
-            supernodes,
-            parallelism,
-            values: vec![0.0; pattern.len()],
-            lower,
-            target,
-        })
+        Ok(Self { order, supernodes, parallelism, values: vec![0.0; pattern.len()], lower, target })
     }
 
     pub(super) fn n(&self) -> usize {
@@ -118,11 +111,7 @@ impl Analysis {
     fn for_each_loaded(&self, mut visit: impl FnMut(usize, usize, f64)) {
         for column in 0..self.n() {
             for entry in self.lower.col_range(column) {
-                visit(
-                    self.lower.row_idx()[entry] as usize,
-                    column,
-                    self.values[entry],
-                );
+                visit(self.lower.row_idx()[entry] as usize, column, self.values[entry]);
             }
         }
     }
@@ -131,10 +120,8 @@ impl Analysis {
     pub(super) fn pivots(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         let symbolic = &self.supernodes;
         (0..symbolic.n_supernodes()).flat_map(move |s| {
-            let (begin, end) = (
-                symbolic.supernode_begin()[s] as usize,
-                symbolic.supernode_end()[s] as usize,
-            );
+            let (begin, end) =
+                (symbolic.supernode_begin()[s] as usize, symbolic.supernode_end()[s] as usize);
             let first = symbolic.col_ptr_for_val()[s] as usize;
             let rows = end - begin + symbolic.supernode(s).pattern().len();
             (begin..end).map(move |step| (step, first + (step - begin) * (rows + 1)))
@@ -165,10 +152,7 @@ impl Analysis {
             panel.scatter(block, &self.order);
         }
         match rhs.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(FactorError::SolutionNotFinite {
-                row: at % n,
-                column: at / n,
-            }),
+            Some(at) => Err(FactorError::SolutionNotFinite { row: at % n, column: at / n }),
             None => Ok(()),
         }
     }
@@ -184,9 +168,7 @@ fn permuted_lower(pattern: &Pattern, position: &[u32]) -> (SymbolicSparseColMat<
     // Two bucket sorts, by row and then stably by column, leave every column ascending.
     let mut by_row = vec![(0u32, 0u32); pattern.len()];
     let mut next = vec![0usize; n + 1];
-    for_each_entry(pattern, |column, entry| {
-        next[permuted(column, entry).1 + 1] += 1
-    });
+    for_each_entry(pattern, |column, entry| next[permuted(column, entry).1 + 1] += 1);
     accumulate(&mut next);
     for_each_entry(pattern, |column, entry| {
         let (left, row) = permuted(column, entry);
@@ -194,9 +176,7 @@ fn permuted_lower(pattern: &Pattern, position: &[u32]) -> (SymbolicSparseColMat<
         next[row] += 1;
     });
     let mut start = vec![0usize; n + 1];
-    by_row
-        .iter()
-        .for_each(|&(column, _)| start[column as usize + 1] += 1);
+    by_row.iter().for_each(|&(column, _)| start[column as usize + 1] += 1);
     accumulate(&mut start);
     let column_start: Vec<u32> = start.iter().map(|&offset| offset as u32).collect();
     let (mut rows, mut target) = (vec![0u32; pattern.len()], vec![0u32; pattern.len()]);
@@ -210,10 +190,7 @@ fn permuted_lower(pattern: &Pattern, position: &[u32]) -> (SymbolicSparseColMat<
         target[entry as usize] = *place as u32;
         *place += 1;
     }
-    (
-        SymbolicSparseColMat::new_checked(n, n, column_start, None, rows),
-        target,
-    )
+    (SymbolicSparseColMat::new_checked(n, n, column_start, None, rows), target)
 }
 
 fn for_each_entry(pattern: &Pattern, mut visit: impl FnMut(usize, usize)) {
@@ -237,11 +214,7 @@ fn supernodes_of(
     let n = lower.ncols();
     let too_large = |_| FactorError::TooLarge { n };
     // faer predicts from the upper triangle and factorises from the lower one.
-    let upper = lower
-        .as_ref()
-        .transpose()
-        .to_col_major()
-        .map_err(|_| FactorError::OutOfMemory)?;
+    let upper = lower.as_ref().transpose().to_col_major().map_err(|_| FactorError::OutOfMemory)?;
     let request = prefactorize_symbolic_cholesky_scratch::<u32>(n, upper.row_idx().len())
         .or(factorize_supernodal_symbolic_cholesky_scratch::<u32>(n));
     let mut memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;

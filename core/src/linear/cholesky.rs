@@ -33,12 +33,7 @@ impl Cholesky {
         );
         let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
         let factor = zeros(analysis.supernodes.len_val())?;
-        Ok(Self {
-            analysis,
-            factor,
-            memory,
-            is_factorized: false,
-        })
+        Ok(Self { analysis, factor, memory, is_factorized: false })
     }
 }
 
@@ -61,17 +56,13 @@ impl Factorization for Cholesky {
             Default::default(),
         )
         .map_err(|LltError::NonPositivePivot { index }| {
-            FactorError::NotPositiveDefinite {
-                row: analysis.row(index),
-            }
+            FactorError::NotPositiveDefinite { row: analysis.row(index) }
         })?;
         for (step, position) in analysis.pivots() {
             let pivot = self.factor[position] * self.factor[position];
             // Only an overflow can leave a NaN here.
             if pivot.is_nan() || pivot <= LOST * analysis.diagonal(step) {
-                return Err(FactorError::Singular {
-                    row: analysis.row(step),
-                });
+                return Err(FactorError::Singular { row: analysis.row(step) });
             }
         }
         self.is_factorized = true;
@@ -83,11 +74,7 @@ impl Factorization for Cholesky {
             return Err(FactorError::NotFactorized);
         }
         let symbolic = &self.analysis.supernodes;
-        let factor = Factor {
-            symbolic,
-            values: &self.factor,
-            has_unit_diagonal: false,
-        };
+        let factor = Factor { symbolic, values: &self.factor, has_unit_diagonal: false };
         self.analysis.solve(rhs, columns, |panel| {
             factor.forward(panel);
             factor.backward(panel);
@@ -119,11 +106,7 @@ mod tests {
         let matrix = elastic_block(5, 4, 3);
         let b = load(matrix.pattern.n, 0);
         let mut dense = faer::Mat::from_fn(b.len(), 1, |i, _| b[i]);
-        matrix
-            .dense()
-            .llt(faer::Side::Lower)
-            .unwrap()
-            .solve_in_place(&mut dense);
+        matrix.dense().llt(faer::Side::Lower).unwrap().solve_in_place(&mut dense);
         let x = solved(&factorized(&matrix), &b);
         assert!(relative_difference(&x, dense.col_as_slice(0)) < 1e-12);
     }
@@ -152,9 +135,8 @@ mod tests {
         let matrix = elastic_block(6, 5, 4);
         let n = matrix.pattern.n;
         let cholesky = factorized(&matrix);
-        let expected: Vec<Vec<f64>> = (0..8)
-            .map(|seed| solved(&cholesky, &load(n, seed)))
-            .collect();
+        let expected: Vec<Vec<f64>> =
+            (0..8).map(|seed| solved(&cholesky, &load(n, seed))).collect();
         std::thread::scope(|scope| {
             for (seed, expected) in expected.iter().enumerate() {
                 let cholesky = &cholesky;
@@ -194,10 +176,7 @@ mod tests {
                     cholesky.factorize(&matrix.values),
                     Err(FactorError::NotPositiveDefinite { row })
                 );
-                assert_eq!(
-                    cholesky.solve(&mut load(180, 0), 1),
-                    Err(FactorError::NotFactorized)
-                );
+                assert_eq!(cholesky.solve(&mut load(180, 0), 1), Err(FactorError::NotFactorized));
             }
         }
     }
@@ -214,13 +193,7 @@ mod tests {
 
         let floating = Matrix::from_entries(
             3,
-            &[
-                (0, 0, 1.0),
-                (0, 1, -1.0),
-                (1, 1, 3.0),
-                (1, 2, -2.0),
-                (2, 2, 2.0),
-            ],
+            &[(0, 0, 1.0), (0, 1, -1.0), (1, 1, 3.0), (1, 2, -2.0), (2, 2, 2.0)],
         );
         let mut cholesky = Cholesky::analyze(&floating.pattern).unwrap();
         assert!(matches!(
@@ -260,18 +233,11 @@ mod tests {
     fn refuses_slices_of_the_wrong_length() {
         let matrix = elastic_block(2, 2, 2);
         let mut cholesky = factorized(&matrix);
-        let rhs = FactorError::Length {
-            argument: "rhs",
-            expected: 48,
-            found: 47,
-        };
+        let rhs = FactorError::Length { argument: "rhs", expected: 48, found: 47 };
         assert_eq!(cholesky.solve(&mut [0.0; 47], 2), Err(rhs));
         assert!(matches!(
             cholesky.factorize(&[1.0]),
-            Err(FactorError::Length {
-                argument: "values",
-                ..
-            })
+            Err(FactorError::Length { argument: "values", .. })
         ));
     }
 

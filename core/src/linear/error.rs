@@ -79,15 +79,7 @@ impl FactorError {
         expected: usize,
         found: usize,
     ) -> Result<(), Self> {
-        if expected == found {
-            Ok(())
-        } else {
-            Err(Self::Length {
-                argument,
-                expected,
-                found,
-            })
-        }
+        if expected == found { Ok(()) } else { Err(Self::Length { argument, expected, found }) }
     }
 }
 
@@ -107,15 +99,8 @@ impl fmt::Display for FactorError {
                     "not enough memory for the factor; use conjugate gradients or a coarser mesh"
                 )
             }
-            Self::Length {
-                argument,
-                expected,
-                found,
-            } => {
-                write!(
-                    f,
-                    "{argument} has {found} entries, the matrix asks for {expected}"
-                )
+            Self::Length { argument, expected, found } => {
+                write!(f, "{argument} has {found} entries, the matrix asks for {expected}")
             }
             Self::NotFinite { position } => {
                 write!(
@@ -124,10 +109,7 @@ impl fmt::Display for FactorError {
                 )
             }
             Self::RightHandSideNotFinite { row, column } => {
-                write!(
-                    f,
-                    "right-hand side {column} is not finite at row {row}; check the loads"
-                )
+                write!(f, "right-hand side {column} is not finite at row {row}; check the loads")
             }
             Self::SolutionNotFinite { row, column } => {
                 write!(

@@ -71,13 +71,7 @@ impl Ldlt {
         let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
         let factor = zeros(analysis.supernodes.len_val())?;
         let pivots = zeros(analysis.n())?;
-        Ok(Self {
-            analysis,
-            factor,
-            pivots,
-            memory,
-            outcome: None,
-        })
+        Ok(Self { analysis, factor, pivots, memory, outcome: None })
     }
 
     /// Inertia of the matrix factorised last.
@@ -85,10 +79,7 @@ impl Ldlt {
     /// # Errors
     /// [`FactorError::NotFactorized`] where there is none.
     pub fn inertia(&self) -> Result<Inertia, FactorError> {
-        self.outcome
-            .as_ref()
-            .map(|outcome| outcome.inertia)
-            .ok_or(FactorError::NotFactorized)
+        self.outcome.as_ref().map(|outcome| outcome.inertia).ok_or(FactorError::NotFactorized)
     }
 
     fn factor(&self) -> Factor<'_> {
@@ -118,11 +109,7 @@ impl Ldlt {
                 inertia.negative += 1;
             }
         }
-        Ok(Outcome {
-            inertia,
-            null_row,
-            norm: self.analysis.norm(),
-        })
+        Ok(Outcome { inertia, null_row, norm: self.analysis.norm() })
     }
 
     fn substitute(&self, panel: &mut Panel) {
@@ -145,16 +132,10 @@ impl Ldlt {
                 break;
             }
             if refinement == REFINEMENTS || !error.is_finite() {
-                return Err(FactorError::Inaccurate {
-                    backward_error: error,
-                });
+                return Err(FactorError::Inaccurate { backward_error: error });
             }
             self.substitute(panel);
-            panel
-                .values
-                .iter_mut()
-                .zip(solution)
-                .for_each(|(correction, x)| *correction += x);
+            panel.values.iter_mut().zip(solution).for_each(|(correction, x)| *correction += x);
         }
         Ok(())
     }
@@ -169,9 +150,7 @@ impl Factorization for Ldlt {
         self.outcome = None;
         self.analysis.load(values)?;
         let analysis = &self.analysis;
-        let largest = values
-            .iter()
-            .fold(0.0, |largest: f64, value| largest.max(value.abs()));
+        let largest = values.iter().fold(0.0, |largest: f64, value| largest.max(value.abs()));
         let lifted = (LIFTED * largest).max(f64::MIN_POSITIVE);
         factorize_supernodal_numeric_ldlt(
             &mut self.factor,
@@ -202,9 +181,7 @@ impl Factorization for Ldlt {
         if let Some(row) = outcome.null_row {
             return Err(FactorError::Singular { row });
         }
-        self.analysis.solve(rhs, columns, |panel| {
-            self.solve_refined(panel, outcome.norm)
-        })
+        self.analysis.solve(rhs, columns, |panel| self.solve_refined(panel, outcome.norm))
     }
 }
 
@@ -229,16 +206,9 @@ mod tests {
 
     /// Inertia by the eigenvalues of the dense matrix.
     fn dense_inertia(matrix: &Matrix) -> Inertia {
-        let eigenvalues = matrix
-            .dense()
-            .self_adjoint_eigenvalues(faer::Side::Lower)
-            .unwrap();
+        let eigenvalues = matrix.dense().self_adjoint_eigenvalues(faer::Side::Lower).unwrap();
         let negative = eigenvalues.iter().filter(|&&value| value < 0.0).count();
-        Inertia {
-            positive: eigenvalues.len() - negative,
-            negative,
-            zero: 0,
-        }
+        Inertia { positive: eigenvalues.len() - negative, negative, zero: 0 }
     }
 
     /// `[K Bᵀ; B -c]`: an elastic block whose nodes share pressures, one for every `group` of nodes.
@@ -248,11 +218,7 @@ mod tests {
         let mut entries = Vec::new();
         for column in 0..n {
             for entry in block.pattern.column(column) {
-                entries.push((
-                    block.pattern.row[entry] as usize,
-                    column,
-                    block.values[entry],
-                ));
+                entries.push((block.pattern.row[entry] as usize, column, block.values[entry]));
             }
             entries.push((column, n + column / 12, (column as f64).cos()));
         }
@@ -265,16 +231,9 @@ mod tests {
         for shift in [0.0, -0.31, -1.3, -4.7, -40.0] {
             let matrix = elastic_block(5, 4, 3).shifted(shift);
             let ldlt = factorized(&matrix);
-            assert_eq!(
-                ldlt.inertia().unwrap(),
-                dense_inertia(&matrix),
-                "shift {shift}"
-            );
+            assert_eq!(ldlt.inertia().unwrap(), dense_inertia(&matrix), "shift {shift}");
             let b = load(180, 0);
-            assert!(
-                matrix.relative_residual(&solved(&ldlt, &b), &b) < 1e-11,
-                "shift {shift}"
-            );
+            assert!(matrix.relative_residual(&solved(&ldlt, &b), &b) < 1e-11, "shift {shift}");
         }
     }
 
@@ -283,14 +242,7 @@ mod tests {
         for compliance in [1e-2, 1e-6] {
             let matrix = saddle_point(compliance);
             let ldlt = factorized(&matrix);
-            assert_eq!(
-                ldlt.inertia().unwrap(),
-                Inertia {
-                    positive: 180,
-                    negative: 15,
-                    zero: 0
-                }
-            );
+            assert_eq!(ldlt.inertia().unwrap(), Inertia { positive: 180, negative: 15, zero: 0 });
             let b = load(195, 0);
             assert!(matrix.relative_residual(&solved(&ldlt, &b), &b) < 1e-11);
         }
@@ -305,14 +257,7 @@ mod tests {
             entries.extend([(i, i, k), (i + 1, i + 1, k), (i, i + 1, -k)]);
         }
         let ldlt = factorized(&Matrix::from_entries(20, &entries));
-        assert_eq!(
-            ldlt.inertia().unwrap(),
-            Inertia {
-                positive: 18,
-                negative: 0,
-                zero: 2
-            }
-        );
+        assert_eq!(ldlt.inertia().unwrap(), Inertia { positive: 18, negative: 0, zero: 2 });
         assert!(
             matches!(ldlt.solve(&mut load(20, 0), 1), Err(FactorError::Singular { row }) if row < 20)
         );
@@ -323,14 +268,7 @@ mod tests {
         // Springs with shear stiffness resist a rotation, so that the three translations remain.
         for matrix in [floating_block(5, 4, 3), floating_block(12, 11, 9)] {
             let inertia = factorized(&matrix).inertia().unwrap();
-            assert_eq!(
-                inertia,
-                Inertia {
-                    positive: matrix.pattern.n - 3,
-                    negative: 0,
-                    zero: 3
-                }
-            );
+            assert_eq!(inertia, Inertia { positive: matrix.pattern.n - 3, negative: 0, zero: 3 });
         }
     }
 
@@ -339,15 +277,9 @@ mod tests {
         let matrix = Matrix::from_entries(2, &[(0, 1, 1.0)]);
         let mut ldlt = Ldlt::analyze(&matrix.pattern).unwrap();
         let broken = ldlt.factorize(&matrix.values);
-        assert!(
-            matches!(broken, Err(FactorError::Unstable { row, .. }) if row < 2),
-            "{broken:?}"
-        );
+        assert!(matches!(broken, Err(FactorError::Unstable { row, .. }) if row < 2), "{broken:?}");
         assert_eq!(ldlt.inertia(), Err(FactorError::NotFactorized));
-        assert_eq!(
-            ldlt.solve(&mut [1.0, 1.0], 1),
-            Err(FactorError::NotFactorized)
-        );
+        assert_eq!(ldlt.solve(&mut [1.0, 1.0], 1), Err(FactorError::NotFactorized));
     }
 
     #[test]
@@ -362,10 +294,7 @@ mod tests {
         let mut matrix = elastic_block(2, 2, 2);
         let mut ldlt = Ldlt::analyze(&matrix.pattern).unwrap();
         matrix.values[7] = f64::NAN;
-        assert_eq!(
-            ldlt.factorize(&matrix.values),
-            Err(FactorError::NotFinite { position: 7 })
-        );
+        assert_eq!(ldlt.factorize(&matrix.values), Err(FactorError::NotFinite { position: 7 }));
     }
 
     #[test]

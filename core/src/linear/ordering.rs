@@ -33,11 +33,7 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
 /// Nested dissection, or nothing where the partitioner fails or returns no permutation.
 fn nested_dissection(graph: &Graph) -> Option<Vec<u32>> {
     let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
-    let order: Vec<u32> = scotch_order(&pattern)
-        .ok()?
-        .into_iter()
-        .map(|row| row as u32)
-        .collect();
+    let order: Vec<u32> = scotch_order(&pattern).ok()?.into_iter().map(|row| row as u32).collect();
     is_permutation(&order, graph.n).then_some(order)
 }
 
@@ -72,9 +68,7 @@ impl Graph {
         let n = pattern.n;
         let off_diagonal = |column: usize| {
             let entries = pattern.column(column);
-            pattern.row[entries.start..entries.end - 1]
-                .iter()
-                .map(|&row| row as usize)
+            pattern.row[entries.start..entries.end - 1].iter().map(|&row| row as usize)
         };
         let mut start = vec![0i32; n + 1];
         for column in 0..n {
@@ -99,11 +93,7 @@ impl Graph {
                 append(row, column);
             }
         }
-        Self {
-            n,
-            start,
-            neighbour,
-        }
+        Self { n, start, neighbour }
     }
 
     fn neighbours(&self, row: u32) -> impl Iterator<Item = usize> + '_ {
@@ -185,12 +175,7 @@ mod tests {
         let mut below = vec![std::collections::BTreeSet::new(); graph.n];
         for k in 0..graph.n {
             let later = |&other: &u32| other > k as u32;
-            below[k].extend(
-                graph
-                    .neighbours(order[k])
-                    .map(|row| position[row])
-                    .filter(later),
-            );
+            below[k].extend(graph.neighbours(order[k]).map(|row| position[row]).filter(later));
             if parent[k] != NONE {
                 assert_eq!(below[k].first(), Some(&parent[k]));
                 let passed_on: Vec<u32> = below[k].iter().copied().skip(1).collect();
@@ -241,9 +226,7 @@ mod tests {
     fn orders_any_graph() {
         let star: Vec<_> = (1..3000).map(|i| (0, i, 1.0)).collect();
         let path: Vec<_> = (1..3000).map(|i| (i - 1, i, 1.0)).collect();
-        let clique: Vec<_> = (0..300)
-            .flat_map(|i| (0..i).map(move |j| (i, j, 1.0)))
-            .collect();
+        let clique: Vec<_> = (0..300).flat_map(|i| (0..i).map(move |j| (i, j, 1.0))).collect();
         for entries in [vec![], star, path, clique] {
             let pattern = Matrix::from_entries(3000, &entries).pattern;
             assert!(is_permutation(&elimination_order(&pattern).unwrap(), 3000));

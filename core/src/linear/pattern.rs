@@ -39,16 +39,11 @@ impl Pattern {
             return Err(FactorError::TooLarge { n: self.n });
         }
         if self.column_start.len() != self.n + 1 || self.column_start[0] != 0 {
-            return invalid(
-                0,
-                "column_start must hold n + 1 offsets, the first of them 0",
-            );
+            return invalid(0, "column_start must hold n + 1 offsets, the first of them 0");
         }
         for column in 0..self.n {
-            let (start, end) = (
-                self.column_start[column] as usize,
-                self.column_start[column + 1] as usize,
-            );
+            let (start, end) =
+                (self.column_start[column] as usize, self.column_start[column + 1] as usize);
             if start >= end || end > self.row.len() {
                 return invalid(
                     column,
@@ -102,11 +97,7 @@ mod tests {
     #[test]
     fn names_the_column_that_breaks_a_promise() {
         let broken = |column_start: &[u32], row: &[u32]| {
-            let pattern = Pattern {
-                n: 3,
-                column_start: column_start.to_vec(),
-                row: row.to_vec(),
-            };
+            let pattern = Pattern { n: 3, column_start: column_start.to_vec(), row: row.to_vec() };
             match pattern.validate() {
                 Err(FactorError::InvalidPattern { column, .. }) => Some(column),
                 _ => None,

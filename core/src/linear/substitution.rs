@@ -27,16 +27,9 @@ impl Panel {
         width: usize,
     ) -> Result<Self, FactorError> {
         let rows_below = |s| symbolic.supernode(s).pattern().len();
-        let tallest = (0..symbolic.n_supernodes())
-            .map(rows_below)
-            .max()
-            .unwrap_or(0);
+        let tallest = (0..symbolic.n_supernodes()).map(rows_below).max().unwrap_or(0);
         let values = zeros(symbolic.nrows() * width)?;
-        Ok(Self {
-            width,
-            values,
-            update: zeros(tallest * width)?,
-        })
+        Ok(Self { width, values, update: zeros(tallest * width)? })
     }
 
     /// Takes over as many columns as `rhs` holds, at most those the panel was made for.
@@ -62,12 +55,7 @@ impl Panel {
 
     /// Largest entry of this panel, taken as a residual, over that of `|A| |x| + |b|`, for the worst column.
     pub fn backward_error(&self, solution: &[f64], rhs: &[f64], norm: f64) -> f64 {
-        if !self
-            .values
-            .iter()
-            .chain(solution)
-            .all(|value| value.is_finite())
-        {
+        if !self.values.iter().chain(solution).all(|value| value.is_finite()) {
             return f64::INFINITY;
         }
         let largest = |values: &[f64], column: usize| {
@@ -97,9 +85,7 @@ impl Panel {
 /// Zeros, or the memory's refusal as an error.
 pub(super) fn zeros(len: usize) -> Result<Vec<f64>, FactorError> {
     let mut values = Vec::new();
-    values
-        .try_reserve_exact(len)
-        .map_err(|_| FactorError::OutOfMemory)?;
+    values.try_reserve_exact(len).map_err(|_| FactorError::OutOfMemory)?;
     values.resize(len, 0.0);
     Ok(values)
 }
@@ -125,12 +111,7 @@ impl<'a> Factor<'a> {
     /// `panel <- L⁻¹ panel`.
     pub fn forward(&self, panel: &mut Panel) {
         for s in 0..self.symbolic.n_supernodes() {
-            let Supernode {
-                first,
-                top,
-                below,
-                rows_below,
-            } = self.supernode(s);
+            let Supernode { first, top, below, rows_below } = self.supernode(s);
             let mut update = std::mem::take(&mut panel.update);
             let width = panel.width;
             let mut x = panel.rows(first, top.ncols());
@@ -153,12 +134,7 @@ impl<'a> Factor<'a> {
     /// `panel <- L⁻ᵀ panel`.
     pub fn backward(&self, panel: &mut Panel) {
         for s in (0..self.symbolic.n_supernodes()).rev() {
-            let Supernode {
-                first,
-                top,
-                below,
-                rows_below,
-            } = self.supernode(s);
+            let Supernode { first, top, below, rows_below } = self.supernode(s);
             let mut update = std::mem::take(&mut panel.update);
             let width = panel.width;
             let known = &mut update[..rows_below.len() * width];
@@ -167,14 +143,7 @@ impl<'a> Factor<'a> {
             }
             let known = MatRef::from_row_major_slice(known, rows_below.len(), width);
             let mut x = panel.rows(first, top.ncols());
-            matmul(
-                x.as_mut(),
-                Accum::Add,
-                below.transpose(),
-                known,
-                -1.0,
-                Par::Seq,
-            );
+            matmul(x.as_mut(), Accum::Add, below.transpose(), known, -1.0, Par::Seq);
             if self.has_unit_diagonal {
                 solve_unit_upper_triangular_in_place(top.transpose(), x, Par::Seq);
             } else {
@@ -188,12 +157,7 @@ impl<'a> Factor<'a> {
     pub fn weighted_row_squares(&self, weights: &[f64]) -> Vec<f64> {
         let mut sums = vec![0.0; weights.len()];
         for s in 0..self.symbolic.n_supernodes() {
-            let Supernode {
-                first,
-                top,
-                below,
-                rows_below,
-            } = self.supernode(s);
+            let Supernode { first, top, below, rows_below } = self.supernode(s);
             for column in 0..top.ncols() {
                 let weight = weights[first + column].abs();
                 for row in column + 1..top.nrows() {
@@ -216,11 +180,6 @@ impl<'a> Factor<'a> {
         let values = &self.values[offsets[s] as usize..offsets[s + 1] as usize];
         let block = MatRef::from_column_major_slice(values, columns + rows_below.len(), columns);
         let (top, below) = block.split_at_row(columns);
-        Supernode {
-            first,
-            top,
-            below,
-            rows_below,
-        }
+        Supernode { first, top, below, rows_below }
     }
 }

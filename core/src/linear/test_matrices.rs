@@ -12,18 +12,11 @@ pub(super) struct Matrix {
 impl Matrix {
     /// From entries of either triangle; entries at the same place add up.
     pub fn from_entries(n: usize, entries: &[(usize, usize, f64)]) -> Self {
-        let mut sorted: Vec<_> = entries
-            .iter()
-            .map(|&(i, j, v)| (i.max(j), i.min(j), v))
-            .collect();
+        let mut sorted: Vec<_> = entries.iter().map(|&(i, j, v)| (i.max(j), i.min(j), v)).collect();
         sorted.extend((0..n).map(|i| (i, i, 0.0)));
         sorted.sort_by_key(|&(column, row, _)| (column, row));
         let mut matrix = Self {
-            pattern: Pattern {
-                n,
-                column_start: vec![0; n + 1],
-                row: vec![],
-            },
+            pattern: Pattern { n, column_start: vec![0; n + 1], row: vec![] },
             values: vec![],
         };
         let mut last = None;
@@ -63,12 +56,7 @@ impl Matrix {
 
     /// `|b - A x| / |b|`.
     pub fn relative_residual(&self, x: &[f64], b: &[f64]) -> f64 {
-        let residual: Vec<f64> = self
-            .multiply(x)
-            .iter()
-            .zip(b)
-            .map(|(ax, b)| b - ax)
-            .collect();
+        let residual: Vec<f64> = self.multiply(x).iter().zip(b).map(|(ax, b)| b - ax).collect();
         norm(&residual) / norm(b)
     }
 
@@ -98,15 +86,8 @@ pub(super) fn floating_block(nx: usize, ny: usize, nz: usize) -> Matrix {
 }
 
 fn block(nx: usize, ny: usize, nz: usize, is_held: bool) -> Matrix {
-    const DIRECTIONS: [[usize; 3]; 7] = [
-        [1, 0, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-        [1, 1, 0],
-        [1, 0, 1],
-        [0, 1, 1],
-        [1, 1, 1],
-    ];
+    const DIRECTIONS: [[usize; 3]; 7] =
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]];
     let node = |p: [usize; 3]| 3 * (p[0] + nx * (p[1] + ny * p[2]));
     let mut entries = Vec::new();
     let mut spring = |a: Option<usize>, b: usize, direction: [usize; 3], stiffness: f64| {
@@ -144,9 +125,7 @@ fn block(nx: usize, ny: usize, nz: usize, is_held: bool) -> Matrix {
 
 /// A vector without structure, the same on every run.
 pub(super) fn load(n: usize, seed: usize) -> Vec<f64> {
-    (0..n)
-        .map(|i| ((i * 37 + seed * 101 + 1) as f64 * 0.7).sin())
-        .collect()
+    (0..n).map(|i| ((i * 37 + seed * 101 + 1) as f64 * 0.7).sin()).collect()
 }
 
 pub(super) fn norm(x: &[f64]) -> f64 {

@@ -71,10 +71,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    const EMPTY: Self = Self {
-        low: [f64::INFINITY; 3],
-        high: [f64::NEG_INFINITY; 3],
-    };
+    const EMPTY: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
 
     fn include(&mut self, p: Vector) {
         for k in 0..3 {
@@ -84,14 +81,7 @@ impl Bounds {
     }
 
     fn squared_distance(&self, p: Vector) -> f64 {
-        (0..3)
-            .map(|k| {
-                (self.low[k] - p[k])
-                    .max(p[k] - self.high[k])
-                    .max(0.0)
-                    .powi(2)
-            })
-            .sum()
+        (0..3).map(|k| (self.low[k] - p[k]).max(p[k] - self.high[k]).max(0.0).powi(2)).sum()
     }
 }
 
@@ -106,7 +96,7 @@ struct Node {
 
 /// A balanced tree of boxes over triangles, split at the median centroid of the longest side.
 #[derive(Clone, Debug)]
-pub(super) struct Tree {
+pub struct TriangleTree {
     nodes: Vec<Node>,
     order: Vec<u32>,
 }
@@ -115,16 +105,14 @@ const LEAF_SIZE: usize = 4;
 /// Halving a list of at most 2^32 triangles: the pending right children never outnumber the depth.
 const MAX_DEPTH: usize = 33;
 
-impl Tree {
+impl TriangleTree {
+    /// Builds the tree; `triangles` index `points`.
     pub fn new(points: &[Vector], triangles: &[[u32; 3]]) -> Self {
         let centroids: Vec<Vector> = triangles
             .iter()
             .map(|triangle| interpolate(triangle.map(|i| points[i as usize]), [1.0 / 3.0; 3]))
             .collect();
-        let mut tree = Self {
-            nodes: Vec::new(),
-            order: (0..triangles.len() as u32).collect(),
-        };
+        let mut tree = Self { nodes: Vec::new(), order: (0..triangles.len() as u32).collect() };
         tree.split(points, triangles, &centroids, 0, triangles.len());
         tree
     }
@@ -139,37 +127,26 @@ impl Tree {
     ) {
         let (mut bounds, mut spread) = (Bounds::EMPTY, Bounds::EMPTY);
         for &t in &self.order[start..end] {
-            triangles[t as usize]
-                .iter()
-                .for_each(|&i| bounds.include(points[i as usize]));
+            triangles[t as usize].iter().for_each(|&i| bounds.include(points[i as usize]));
             spread.include(centroids[t as usize]);
         }
         let here = self.nodes.len();
-        self.nodes.push(Node {
-            bounds,
-            start: start as u32,
-            end: end as u32,
-            right: 0,
-        });
+        self.nodes.push(Node { bounds, start: start as u32, end: end as u32, right: 0 });
         if end - start <= LEAF_SIZE {
             return;
         }
         let side = sub(spread.high, spread.low);
-        let axis = (0..3)
-            .max_by(|&i, &j| side[i].total_cmp(&side[j]))
-            .unwrap_or(0);
+        let axis = (0..3).max_by(|&i, &j| side[i].total_cmp(&side[j])).unwrap_or(0);
         let middle = (end - start) / 2;
         self.order[start..end].select_nth_unstable_by(middle, |&i, &j| {
-            centroids[i as usize][axis]
-                .total_cmp(&centroids[j as usize][axis])
-                .then(i.cmp(&j))
+            centroids[i as usize][axis].total_cmp(&centroids[j as usize][axis]).then(i.cmp(&j))
         });
         self.split(points, triangles, centroids, start, start + middle);
         self.nodes[here].right = self.nodes.len() as u32;
         self.split(points, triangles, centroids, start + middle, end);
     }
 
-    /// The closest point; `None` when there is no triangle or the query is not finite.
+    /// The closest point, without allocating; `None` when there is no triangle or the query is not finite.
     pub fn closest(&self, points: &[Vector], triangles: &[[u32; 3]], p: Vector) -> Option<Closest> {
         let mut best: Option<Closest> = None;
         let mut best_squared = f64::INFINITY;
@@ -184,11 +161,8 @@ impl Tree {
                     let (left, right) = (here + 1, node.right as usize);
                     let [to_left, to_right] =
                         [left, right].map(|n| self.nodes[n].bounds.squared_distance(p));
-                    let (near, far) = if to_left <= to_right {
-                        (left, right)
-                    } else {
-                        (right, left)
-                    };
+                    let (near, far) =
+                        if to_left <= to_right { (left, right) } else { (right, left) };
                     pending[n_pending] = far as u32;
                     n_pending += 1;
                     here = near;
@@ -231,9 +205,7 @@ mod tests {
     fn numbers() -> impl Iterator<Item = f64> {
         let mut state = 1u64;
         std::iter::repeat_with(move || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
         })
     }
@@ -256,24 +228,12 @@ mod tests {
 
     #[test]
     fn flat_triangles_give_valid_weights() {
-        for (a, b, c) in [
-            (A, A, A),
-            (A, B, B),
-            (A, A, C),
-            (A, B, [1.0, 0.0, 0.0]),
-            ([1.0, 0.0, 0.0], A, B),
-        ] {
-            for p in [
-                [0.3, 0.4, 0.5],
-                [5.0, 1.0, 0.0],
-                [-1.0, -1.0, 0.0],
-                [1.2, 0.0, 0.0],
-            ] {
+        for (a, b, c) in
+            [(A, A, A), (A, B, B), (A, A, C), (A, B, [1.0, 0.0, 0.0]), ([1.0, 0.0, 0.0], A, B)]
+        {
+            for p in [[0.3, 0.4, 0.5], [5.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.2, 0.0, 0.0]] {
                 let weights = closest_point_on_triangle(p, a, b, c);
-                assert!(
-                    weights.iter().all(|w| (0.0..=1.0).contains(w)),
-                    "{weights:?}"
-                );
+                assert!(weights.iter().all(|w| (0.0..=1.0).contains(w)), "{weights:?}");
                 assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-14);
             }
         }
@@ -285,10 +245,8 @@ mod tests {
         let mut point = || -> Vector { std::array::from_fn(|_| random.next().unwrap()) };
         for _ in 0..200 {
             let [a, b, c, p] = [point(), point(), point(), point()];
-            let distance = norm(sub(
-                p,
-                interpolate([a, b, c], closest_point_on_triangle(p, a, b, c)),
-            ));
+            let distance =
+                norm(sub(p, interpolate([a, b, c], closest_point_on_triangle(p, a, b, c))));
             for i in 0..=20 {
                 for j in 0..=(20 - i) {
                     let (v, w) = (i as f64 / 20.0, j as f64 / 20.0);
@@ -312,10 +270,7 @@ mod tests {
                 .iter()
                 .map(|triangle| {
                     let x = triangle.map(|i| points[i as usize]);
-                    norm(sub(
-                        p,
-                        interpolate(x, closest_point_on_triangle(p, x[0], x[1], x[2])),
-                    ))
+                    norm(sub(p, interpolate(x, closest_point_on_triangle(p, x[0], x[1], x[2]))))
                 })
                 .fold(f64::INFINITY, f64::min);
             assert!((found.distance - brute).abs() < 1e-14);

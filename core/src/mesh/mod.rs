@@ -8,7 +8,7 @@ mod patch;
 mod report;
 mod surface;
 
-pub use closest::{Closest, closest_point_on_triangle};
+pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use patch::Patch;
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
 pub use surface::{Surface, surface};
@@ -25,11 +25,7 @@ pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
 }
 
 pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 pub(crate) fn norm(a: Vector) -> f64 {
@@ -53,14 +49,7 @@ pub(crate) mod samples {
             }
         }
         // Kuhn's subdivision: one tetrahedron per order of the three axes, along the diagonal of the cube.
-        let orders = [
-            [0, 1, 2],
-            [1, 2, 0],
-            [2, 0, 1],
-            [0, 2, 1],
-            [2, 1, 0],
-            [1, 0, 2],
-        ];
+        let orders = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
         let mut cells = Vec::new();
         for k in 0..n[2] {
             for j in 0..n[1] {

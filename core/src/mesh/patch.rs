@@ -43,8 +43,32 @@ impl FromIterator<(u32, f64)> for Patch {
 }
 
 impl Surface {
-    /// The patch of the given radius [m] around node `s`: `w_i` proportional to `A_i (1 - (rho_i/radius)^2)^2`, with
-    /// `A_i` the lumped area and `rho_i = |x_i - x_s| < radius`, normalised to sum 1.
+    /// The patch around a surface point: the blend of the patches at the corners of its triangle.
+    ///
+    /// `None` when the closest surface point is farther than the radius, or on excluded nodes.
+    pub fn patch_at_point(
+        &self,
+        point: [f64; 3],
+        radius: f64,
+        excluded: &dyn Fn(u32) -> bool,
+    ) -> Option<Patch> {
+        let closest = self.closest(point).filter(|c| c.distance <= radius)?;
+        let corners = self.triangles()[closest.triangle as usize];
+        let parts: Vec<(f64, Patch)> = corners
+            .iter()
+            .zip(closest.barycentric)
+            .filter_map(|(&node, weight)| {
+                Some((weight, self.patch_at_node(node, radius, excluded)?))
+            })
+            .collect();
+        let total: f64 = parts.iter().map(|(weight, _)| weight).sum();
+        let blend: Vec<(f64, &Patch)> = parts.iter().map(|(w, patch)| (w / total, patch)).collect();
+        (total > 0.0).then(|| Patch::blend(&blend))
+    }
+
+    /// The patch of the given radius [m] around node `s`: `w_i` proportional to
+    /// `A_i (1 - (rho_i/radius)^2)^2 (n_i . n_s)^2`, with `A_i` the lumped area, `n_i` the normal and
+    /// `rho_i = |x_i - x_s| < radius`, normalised to sum 1.
     ///
     /// It holds the nodes reached from `s` along edges without leaving that ball, and only those whose normal makes an
     /// acute angle with the one at `s`, so that a thin rim does not grab its other side. Excluded (fixed) nodes drop
@@ -77,26 +101,18 @@ impl Surface {
             if i == node {
                 1.0
             } else {
-                (1.0 - (distance(i) / radius).powi(2)).powi(2)
+                // The squared cosine lets a node on a bend fade out instead of dropping out.
+                let cosine = dot(self.normals()[i as usize], axis);
+                (1.0 - (distance(i) / radius).powi(2)).powi(2) * cosine.powi(2)
             }
         };
-        let raw: Vec<f64> = reached
-            .iter()
-            .map(|&i| self.lumped_areas()[i as usize] * bump(i))
-            .collect();
+        let raw: Vec<f64> =
+            reached.iter().map(|&i| self.lumped_areas()[i as usize] * bump(i)).collect();
         let total: f64 = raw.iter().sum();
         if total > 0.0 {
-            return Some(
-                reached
-                    .into_iter()
-                    .zip(raw.into_iter().map(|w| w / total))
-                    .collect(),
-            );
+            return Some(reached.into_iter().zip(raw.into_iter().map(|w| w / total)).collect());
         }
-        Some(Patch {
-            nodes: vec![node],
-            weights: vec![1.0],
-        }) // only where all triangles at the node are flat
+        Some(Patch { nodes: vec![node], weights: vec![1.0] }) // only where all triangles at the node are flat
     }
 }
 
@@ -113,11 +129,8 @@ mod tests {
 
     /// The node at the given place.
     fn at(surface: &Surface, place: [f64; 3]) -> u32 {
-        surface
-            .points()
-            .iter()
-            .position(|&p| norm(sub(p, place)) < 1e-12)
-            .expect("a node there") as u32
+        surface.points().iter().position(|&p| norm(sub(p, place)) < 1e-12).expect("a node there")
+            as u32
     }
 
     fn first_moment(surface: &Surface, patch: &Patch) -> [f64; 3] {
@@ -146,14 +159,8 @@ mod tests {
     fn a_patch_on_a_regular_face_is_symmetric_and_centred() {
         let surface = plate(10, 0.5);
         let middle = [0.5, 0.5, 0.5];
-        let patch = surface
-            .patch_at_node(at(&surface, middle), 0.25, &|_| false)
-            .unwrap();
-        assert_eq!(
-            patch.nodes.len(),
-            21,
-            "lattice points strictly within 2.5 spacings"
-        );
+        let patch = surface.patch_at_node(at(&surface, middle), 0.25, &|_| false).unwrap();
+        assert_eq!(patch.nodes.len(), 21, "lattice points strictly within 2.5 spacings");
         let weight = |x: f64, y: f64| {
             let node = at(&surface, [x, y, 0.5]);
             patch.weights[patch.nodes.iter().position(|&i| i == node).unwrap()]
@@ -170,44 +177,26 @@ mod tests {
     #[test]
     fn a_thin_plate_does_not_grab_its_other_side() {
         let surface = plate(10, 0.01);
-        let inner = surface
-            .patch_at_node(at(&surface, [0.5, 0.5, 0.01]), 0.3, &|_| false)
-            .unwrap();
-        assert!(
-            inner
-                .nodes
-                .iter()
-                .all(|&i| surface.points()[i as usize][2] > 0.0)
-        );
+        let inner = surface.patch_at_node(at(&surface, [0.5, 0.5, 0.01]), 0.3, &|_| false).unwrap();
+        assert!(inner.nodes.iter().all(|&i| surface.points()[i as usize][2] > 0.0));
         let near_rim = at(&surface, [0.9, 0.5, 0.01]);
         let rim = surface.patch_at_node(near_rim, 0.3, &|_| false).unwrap();
         let is_acute = |&i: &u32| {
-            dot(
-                surface.normals()[i as usize],
-                surface.normals()[near_rim as usize],
-            ) > 0.0
+            dot(surface.normals()[i as usize], surface.normals()[near_rim as usize]) > 0.0
         };
         assert!(rim.nodes.iter().all(is_acute));
-        assert!(
-            rim.nodes
-                .iter()
-                .all(|&i| surface.points()[i as usize][2] > 0.0)
-        );
+        assert!(rim.nodes.iter().all(|&i| surface.points()[i as usize][2] > 0.0));
     }
 
     #[test]
     fn only_connected_surface_within_the_ball_belongs() {
         let (points, cells) = block([4, 4, 1], [1.0, 1.0, 0.1]);
         let above: Vec<[f64; 3]> = points.iter().map(|p| [p[0], p[1], p[2] + 0.15]).collect();
-        let shifted: Vec<[u32; 4]> = cells
-            .iter()
-            .map(|cell| cell.map(|i| i + points.len() as u32))
-            .collect();
+        let shifted: Vec<[u32; 4]> =
+            cells.iter().map(|cell| cell.map(|i| i + points.len() as u32)).collect();
         let all = [points.clone(), above].concat();
         let surface = Surface::new(&all, &surface(&all, &[cells, shifted].concat()));
-        let patch = surface
-            .patch_at_node(at(&surface, [0.5, 0.5, 0.1]), 0.3, &|_| false)
-            .unwrap();
+        let patch = surface.patch_at_node(at(&surface, [0.5, 0.5, 0.1]), 0.3, &|_| false).unwrap();
         assert!(
             patch.nodes.iter().all(|&i| (i as usize) < points.len()),
             "a stacked plate is another body"
@@ -222,14 +211,8 @@ mod tests {
         let patch = surface.patch_at_node(s, 0.25, &fixed).unwrap();
         assert!(patch.nodes.iter().all(|&i| !fixed(i)) && patch.nodes.len() == 13);
         assert!((patch.weights.iter().sum::<f64>() - 1.0).abs() < 1e-14);
-        let alone = Patch {
-            nodes: vec![s],
-            weights: vec![1.0],
-        };
-        assert_eq!(
-            surface.patch_at_node(s, 0.05, &|_| false),
-            Some(alone.clone())
-        );
+        let alone = Patch { nodes: vec![s], weights: vec![1.0] };
+        assert_eq!(surface.patch_at_node(s, 0.05, &|_| false), Some(alone.clone()));
         assert_eq!(surface.patch_at_node(s, 0.0, &|_| false), Some(alone));
         assert_eq!(surface.patch_at_node(s, 0.25, &|i| i == s), None);
         assert_eq!(surface.patch_at_node(u32::MAX, 0.25, &|_| false), None);
@@ -245,9 +228,6 @@ mod tests {
         assert!((blend.weights.iter().sum::<f64>() - 1.0).abs() < 1e-14);
         assert!(blend.nodes.is_sorted_by(|a, b| a < b));
         assert!(norm(sub(first_moment(&surface, &blend), [0.55, 0.52, 0.5])) < 1e-14);
-        assert_eq!(
-            Patch::blend(&[(1.0, &patches[1]), (0.0, &patches[0])]),
-            patches[1]
-        );
+        assert_eq!(Patch::blend(&[(1.0, &patches[1]), (0.0, &patches[0])]), patches[1]);
     }
 }

@@ -45,10 +45,7 @@ pub fn cell_volume(points: &[[f64; 3]], cell: [u32; 4]) -> f64 {
 
 /// Looks at every point and cell once. All indices must be in range, see [`index_out_of_range`].
 pub fn inspect(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Report {
-    let cell_volumes: Vec<f64> = cells
-        .iter()
-        .map(|&cell| cell_volume(points, cell))
-        .collect();
+    let cell_volumes: Vec<f64> = cells.iter().map(|&cell| cell_volume(points, cell)).collect();
     let quality: Vec<f64> = cells
         .iter()
         .zip(&cell_volumes)
@@ -58,20 +55,14 @@ pub fn inspect(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Report {
     let is_degenerate = |c: usize| !quality[c].is_finite() || quality[c] < DEGENERATE_QUALITY;
     let (part, n_parts) = parts(points.len(), cells);
     let among_cells = |claim: &dyn Fn(usize) -> bool| -> Vec<u32> {
-        (0..cells.len())
-            .filter(|&c| claim(c))
-            .map(|c| c as u32)
-            .collect()
+        (0..cells.len()).filter(|&c| claim(c)).map(|c| c as u32).collect()
     };
     Report {
         volume: cell_volumes.iter().sum(),
         inverted: among_cells(&|c| cell_volumes[c] < 0.0 && !is_degenerate(c)),
         degenerate: among_cells(&is_degenerate),
         duplicate: duplicates(cells),
-        loose_points: (0..points.len())
-            .filter(|&i| part[i] < 0)
-            .map(|i| i as u32)
-            .collect(),
+        loose_points: (0..points.len()).filter(|&i| part[i] < 0).map(|i| i as u32).collect(),
         cell_volumes,
         quality,
         part,
@@ -102,11 +93,8 @@ fn duplicates(cells: &[[u32; 4]]) -> Vec<u32> {
         keys.push((key, c as u32));
     }
     keys.sort_unstable();
-    let mut later: Vec<u32> = keys
-        .windows(2)
-        .filter(|pair| pair[0].0 == pair[1].0)
-        .map(|pair| pair[1].1)
-        .collect();
+    let mut later: Vec<u32> =
+        keys.windows(2).filter(|pair| pair[0].0 == pair[1].0).map(|pair| pair[1].1).collect();
     later.sort_unstable();
     later
 }
@@ -158,25 +146,13 @@ mod tests {
         assert!((report.volume - 3.0).abs() < 1e-14);
         assert!(report.cell_volumes.iter().all(|&v| v > 0.0));
         assert!(report.quality.iter().all(|&q| q > 0.1 && q < 1.0));
-        assert_eq!(
-            (
-                report.n_parts,
-                report.inverted.len(),
-                report.degenerate.len()
-            ),
-            (1, 0, 0)
-        );
+        assert_eq!((report.n_parts, report.inverted.len(), report.degenerate.len()), (1, 0, 0));
         assert!(report.duplicate.is_empty() && report.loose_points.is_empty());
     }
 
     #[test]
     fn the_regular_tetrahedron_has_quality_one() {
-        let points = [
-            [1.0, 1.0, 1.0],
-            [1.0, -1.0, -1.0],
-            [-1.0, 1.0, -1.0],
-            [-1.0, -1.0, 1.0],
-        ];
+        let points = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
         let report = inspect(&points, &[[0, 1, 2, 3]]);
         assert!((report.quality[0] - 1.0).abs() < 1e-14);
         assert!((report.volume.abs() - 8.0 / 3.0).abs() < 1e-14);
@@ -193,11 +169,7 @@ mod tests {
         let report = inspect(&points, &cells);
         assert_eq!(report.inverted, [2]);
         assert_eq!(report.duplicate, [6]);
-        assert_eq!(
-            report.degenerate,
-            [7, 8],
-            "a repeated point, and four corners of one face"
-        );
+        assert_eq!(report.degenerate, [7, 8], "a repeated point, and four corners of one face");
         assert_eq!(report.loose_points, [8]);
         assert_eq!((report.part[8], report.n_parts), (-1, 1));
     }
@@ -217,12 +189,7 @@ mod tests {
 
     #[test]
     fn a_non_finite_cell_is_degenerate() {
-        let points = [
-            [0.0; 3],
-            [1.0, 0.0, 0.0],
-            [0.0, 1.0, 0.0],
-            [0.0, 0.0, f64::NAN],
-        ];
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, f64::NAN]];
         assert_eq!(inspect(&points, &[[0, 1, 2, 3]]).degenerate, [0]);
     }
 
@@ -238,10 +205,7 @@ mod tests {
 
     #[test]
     fn an_index_out_of_range_is_found() {
-        assert_eq!(
-            index_out_of_range(4, &[[0, 1, 2, 3], [0, 1, 7, 3]]),
-            Some((1, 7))
-        );
+        assert_eq!(index_out_of_range(4, &[[0, 1, 2, 3], [0, 1, 7, 3]]), Some((1, 7)));
         assert_eq!(index_out_of_range(8, &[[0, 1, 7, 3]]), None);
     }
 }

@@ -1,6 +1,6 @@
 //! The boundary of a mesh: its triangles, and per node normals, areas and neighbours, made once.
 
-use super::closest::{Closest, Tree};
+use super::closest::{Closest, TriangleTree};
 use super::{cell_volume, cross, norm, sub};
 
 /// The four faces of a cell, seen from outside for a positively oriented one.
@@ -30,11 +30,7 @@ pub fn surface(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Vec<[u32; 3]> {
             let cell = cells[index as usize / 4];
             let triangle = FACES[index as usize % 4].map(|i| cell[i]);
             let is_inverted = cell_volume(points, cell) < 0.0;
-            if is_inverted {
-                [triangle[0], triangle[2], triangle[1]]
-            } else {
-                triangle
-            }
+            if is_inverted { [triangle[0], triangle[2], triangle[1]] } else { triangle }
         })
         .collect()
 }
@@ -49,7 +45,7 @@ pub struct Surface {
     areas: Vec<f64>,
     first_neighbour: Vec<u32>,
     neighbours: Vec<u32>,
-    tree: Tree,
+    tree: TriangleTree,
 }
 
 impl Surface {
@@ -76,9 +72,7 @@ impl Surface {
         edges.sort_unstable();
         edges.dedup();
         let mut first_neighbour = vec![0; points.len() + 1];
-        edges
-            .iter()
-            .for_each(|&(a, _)| first_neighbour[a as usize + 1] += 1);
+        edges.iter().for_each(|&(a, _)| first_neighbour[a as usize + 1] += 1);
         (0..points.len()).for_each(|i| first_neighbour[i + 1] += first_neighbour[i]);
         let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
@@ -91,7 +85,7 @@ impl Surface {
             areas,
             first_neighbour,
             neighbours: edges.into_iter().map(|(_, b)| b).collect(),
-            tree: Tree::new(points, triangles),
+            tree: TriangleTree::new(points, triangles),
         }
     }
 
@@ -148,10 +142,7 @@ mod tests {
     /// Enclosed volume by the divergence theorem: positive only if the triangles look outward.
     fn enclosed(points: &[Vector], triangles: &[[u32; 3]]) -> f64 {
         let corner = |i: u32| points[i as usize];
-        triangles
-            .iter()
-            .map(|&[a, b, c]| dot(corner(a), cross(corner(b), corner(c))) / 6.0)
-            .sum()
+        triangles.iter().map(|&[a, b, c]| dot(corner(a), cross(corner(b), corner(c))) / 6.0).sum()
     }
 
     #[test]
@@ -164,11 +155,7 @@ mod tests {
         let mut directed: Vec<(u32, u32)> = triangles.iter().flat_map(edges).collect();
         directed.sort_unstable();
         assert!(directed.windows(2).all(|pair| pair[0] != pair[1]));
-        assert!(
-            directed
-                .iter()
-                .all(|&(a, b)| directed.binary_search(&(b, a)).is_ok())
-        );
+        assert!(directed.iter().all(|&(a, b)| directed.binary_search(&(b, a)).is_ok()));
     }
 
     #[test]
@@ -184,27 +171,14 @@ mod tests {
         let surface = Surface::new(&points, &surface(&points, &cells));
         assert!((surface.lumped_areas().iter().sum::<f64>() - 22.0).abs() < 1e-13);
         assert_eq!(
-            (
-                surface.nodes().len(),
-                surface.contains(13),
-                surface.lumped_areas()[13]
-            ),
+            (surface.nodes().len(), surface.contains(13), surface.lumped_areas()[13]),
             (26, false, 0.0)
         );
-        assert_eq!(
-            surface.normals()[4],
-            [0.0, 0.0, -1.0],
-            "middle of the bottom"
-        );
+        assert_eq!(surface.normals()[4], [0.0, 0.0, -1.0], "middle of the bottom");
         assert!((norm(surface.normals()[0]) - 1.0).abs() < 1e-15);
         assert!(surface.neighbours(13).is_empty());
         for &i in surface.nodes() {
-            assert!(
-                surface
-                    .neighbours(i)
-                    .iter()
-                    .all(|&j| surface.neighbours(j).contains(&i))
-            );
+            assert!(surface.neighbours(i).iter().all(|&j| surface.neighbours(j).contains(&i)));
         }
     }
 }

@@ -47,10 +47,7 @@ impl<T: Scalar> Gradient<T> {
     /// Chain rule for a function of one variable with value `f` and derivative `df`.
     #[inline(always)]
     fn chain(&self, f: T, df: T) -> Self {
-        Gradient {
-            value: f,
-            first: std::array::from_fn(|i| self.first[i].clone() * df.clone()),
-        }
+        Gradient { value: f, first: std::array::from_fn(|i| self.first[i].clone() * df.clone()) }
     }
 }
 
@@ -65,11 +62,7 @@ impl<T: Scalar> Hessian<T> {
             first[index] = one.clone();
             index += 1;
             let second = std::array::from_fn(|_| zero.clone());
-            Hessian {
-                value,
-                first,
-                second,
-            }
+            Hessian { value, first, second }
         })
     }
 
@@ -189,10 +182,7 @@ impl<T: Scalar> Scalar for Gradient<T> {
     #[inline(always)]
     fn constant(&self, value: f64) -> Self {
         let zero = self.value.constant(0.0);
-        Gradient {
-            value: self.value.constant(value),
-            first: std::array::from_fn(|_| zero.clone()),
-        }
+        Gradient { value: self.value.constant(value), first: std::array::from_fn(|_| zero.clone()) }
     }
     #[inline(always)]
     fn recip(&self) -> Self {

@@ -40,9 +40,7 @@ impl Monomials {
         assert!((1..=3).contains(&variables));
         assert!(order <= if variables == 1 { MAX_ORDER } else { 12 });
         let tables = TABLES.get_or_init(Default::default);
-        let mut tables = tables
-            .lock()
-            .unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut tables = tables.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         tables
             .entry((variables, order))
             .or_insert_with(|| Box::leak(Box::new(Monomials::build(variables, order))))
@@ -67,17 +65,9 @@ impl Monomials {
             }
         }
         pairs.sort_by_key(|&[a, b, c]| (c, a, b));
-        let pair_start = (0..=exponents.len())
-            .map(|c| pairs.partition_point(|p| (p[2] as usize) < c))
-            .collect();
-        Monomials {
-            variables,
-            order,
-            exponents,
-            degree_start,
-            pairs,
-            pair_start,
-        }
+        let pair_start =
+            (0..=exponents.len()).map(|c| pairs.partition_point(|p| (p[2] as usize) < c)).collect();
+        Monomials { variables, order, exponents, degree_start, pairs, pair_start }
     }
 
     /// Number of variables.
@@ -177,18 +167,12 @@ pub struct Jet<T> {
 impl<T: Real> Jet<T> {
     /// The jet with the given coefficients: a whole number of degrees of `table`.
     pub fn new(table: &'static Monomials, coefficients: Vec<T>) -> Self {
-        Jet {
-            table,
-            coefficients,
-        }
+        Jet { table, coefficients }
     }
 
     /// The constant `value`.
     pub fn of_constant(table: &'static Monomials, value: T) -> Self {
-        Jet {
-            table,
-            coefficients: vec![value],
-        }
+        Jet { table, coefficients: vec![value] }
     }
 
     /// Its table of monomials.
@@ -250,10 +234,7 @@ impl<T: Real> Jet<T> {
         for degree in 1..=self.table.order {
             step(&mut out, degree);
         }
-        Jet {
-            table: self.table,
-            coefficients: out,
-        }
+        Jet { table: self.table, coefficients: out }
     }
 }
 
@@ -316,10 +297,7 @@ impl<T: Real> Mul for Jet<T> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         let (Some(da), Some(db)) = (self.degree(), other.degree()) else {
-            return Jet {
-                table: self.table,
-                coefficients: Vec::new(),
-            };
+            return Jet { table: self.table, coefficients: Vec::new() };
         };
         if db == 0 {
             let b = other.coefficients[0];
@@ -337,25 +315,15 @@ impl<T: Real> Mul for Jet<T> {
                 out[k as usize].add_product(a, b);
             }
         }
-        Jet {
-            table: self.table,
-            coefficients: out,
-        }
+        Jet { table: self.table, coefficients: out }
     }
 }
 
 impl<T: Real> Scalar for Jet<T> {
     #[inline(always)]
     fn constant(&self, value: f64) -> Self {
-        let coefficients = if value == 0.0 {
-            Vec::new()
-        } else {
-            vec![T::splat(value)]
-        };
-        Jet {
-            table: self.table,
-            coefficients,
-        }
+        let coefficients = if value == 0.0 { Vec::new() } else { vec![T::splat(value)] };
+        Jet { table: self.table, coefficients }
     }
 
     /// `g f = 1`: `f_c = -(1/g_0) sum_{b /= 0} g_b f_{c-b}`.
@@ -436,23 +404,14 @@ mod tests {
     use super::*;
 
     fn sample(table: &'static Monomials) -> Jet<f64> {
-        let c = (0..table.len()).map(|i| {
-            if i == 0 {
-                1.7
-            } else {
-                (i as f64 * 0.7).sin() * 0.3
-            }
-        });
+        let c = (0..table.len()).map(|i| if i == 0 { 1.7 } else { (i as f64 * 0.7).sin() * 0.3 });
         Jet::new(table, c.collect())
     }
 
     fn close(a: &Jet<f64>, b: &Jet<f64>) {
         for c in 0..a.table.len() {
             let (x, y) = (a.coefficient(c), b.coefficient(c));
-            assert!(
-                (x - y).abs() < 1e-12 * (1.0 + x.abs()),
-                "coefficient {c}: {x} {y}"
-            );
+            assert!((x - y).abs() < 1e-12 * (1.0 + x.abs()), "coefficient {c}: {x} {y}");
         }
     }
 
@@ -503,11 +462,7 @@ mod tests {
         let mut monomials = vec![0.0; table.len()];
         table.evaluate([0.3, -0.7, 1.1], &mut monomials);
         let value = |j: &Jet<f64>| -> f64 {
-            j.coefficients()
-                .iter()
-                .zip(&monomials)
-                .map(|(c, m)| c * m)
-                .sum()
+            j.coefficients().iter().zip(&monomials).map(|(c, m)| c * m).sum()
         };
         assert!((value(&product) - value(&a).powi(3)).abs() < 1e-12);
     }

@@ -14,7 +14,7 @@ mod lanes;
 mod single;
 
 pub use dual::{Gradient, Hessian};
-pub use jet::{Jet, Monomials};
+pub use jet::{Jet, Monomials, evaluate_monomials};
 pub use lanes::Lanes;
 pub use single::Single;
 

@@ -5,4 +5,5 @@
 
 mod touch;
 
+pub(crate) use touch::inverse;
 pub use touch::{TouchExpansion, TouchSeries};

@@ -42,12 +42,7 @@ impl<'a> TouchExpansion<'a> {
     ///
     /// # Errors
     /// An order outside 1..=8; a base state that is not stable.
-    pub fn new(
-        body: &'a Body,
-        fixed: &[u32],
-        base: Vec<f64>,
-        order: usize,
-    ) -> Result<Self, Error> {
+    pub fn new(body: &'a Body, fixed: &[u32], base: Vec<f64>, order: usize) -> Result<Self, Error> {
         if !(1..=8).contains(&order) {
             return Err(Error::input(format!("order {order}; it must be between 1 and 8")));
         }
@@ -65,19 +60,20 @@ impl<'a> TouchExpansion<'a> {
         self.order
     }
 
-    /// The monomials of a series; the constant comes first and is not part of the series.
-    pub fn monomials(&self) -> &'static Monomials {
-        Monomials::of(3, self.order)
+    /// The body.
+    pub fn body(&self) -> &'a Body {
+        self.body
     }
 
-    /// The series of some load positions.
+    /// The series of some load positions, to an order not above that of the expansion.
     ///
     /// # Errors
     /// A patch that lies on fixed nodes only, or values that overflow.
-    pub fn expand(&self, patches: &[&Patch]) -> Result<Vec<TouchSeries>, Error> {
+    pub fn expand(&self, patches: &[&Patch], order: usize) -> Result<Vec<TouchSeries>, Error> {
+        let order = order.clamp(1, self.order);
         let mut series = Vec::with_capacity(patches.len());
         for block in patches.chunks(WIDTH) {
-            series.extend(Block::new(self, block)?.series()?);
+            series.extend(Block::new(self, block, order)?.series()?);
         }
         Ok(series)
     }
@@ -86,6 +82,9 @@ impl<'a> TouchExpansion<'a> {
 /// Up to [`WIDTH`] load positions in progress.
 struct Block<'a> {
     expansion: &'a TouchExpansion<'a>,
+    order: usize,
+    /// Monomials of the series, the constant included.
+    terms: usize,
     patches: &'a [&'a Patch],
     /// Coefficients of each degree of freedom, the base state first.
     displacement: Vec<Wide>,
@@ -97,14 +96,20 @@ struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    fn new(expansion: &'a TouchExpansion, patches: &'a [&'a Patch]) -> Result<Self, Error> {
-        let terms = expansion.monomials().len();
+    fn new(
+        expansion: &'a TouchExpansion,
+        patches: &'a [&'a Patch],
+        order: usize,
+    ) -> Result<Self, Error> {
+        let terms = Monomials::of(3, order).len();
         let mut displacement = vec![Wide::default(); expansion.body.n_dofs() * terms];
         for (dof, &u) in expansion.base.iter().enumerate() {
             displacement[dof * terms] = Lanes([u; WIDTH]);
         }
         let mut block = Block {
             expansion,
+            order,
+            terms,
             patches,
             displacement,
             forces: vec![Vec::with_capacity(terms - 1); patches.len()],
@@ -172,7 +177,7 @@ impl<'a> Block<'a> {
     /// Adds `G force` to a coefficient.
     fn add_influence(&mut self, lane: usize, term: usize, force: [f64; 3]) {
         let n = self.expansion.system.n_free();
-        let terms = self.expansion.monomials().len();
+        let terms = self.terms;
         for (row, &dof) in self.expansion.system.free().iter().enumerate() {
             let value: f64 =
                 (0..3).map(|k| self.influence[(3 * lane + k) * n + row] * force[k]).sum();
@@ -182,10 +187,10 @@ impl<'a> Block<'a> {
 
     /// All higher orders, then the coefficients position by position.
     fn series(mut self) -> Result<Vec<TouchSeries>, Error> {
-        for degree in 2..=self.expansion.order {
+        for degree in 2..=self.order {
             self.solve_degree(degree)?;
         }
-        let (terms, n_dofs) = (self.expansion.monomials().len(), self.expansion.body.n_dofs());
+        let (terms, n_dofs) = (self.terms, self.expansion.body.n_dofs());
         let series = self.forces.iter_mut().enumerate().map(|(lane, forces)| TouchSeries {
             displacement: (1..terms)
                 .map(|c| (0..n_dofs).map(|dof| self.displacement[dof * terms + c][lane]).collect())
@@ -198,7 +203,7 @@ impl<'a> Block<'a> {
 
     fn solve_degree(&mut self, degree: usize) -> Result<(), Error> {
         let (system, body) = (&self.expansion.system, self.expansion.body);
-        let (terms, n) = (self.expansion.monomials().len(), system.n_free());
+        let (terms, n) = (self.terms, system.n_free());
         let table = Monomials::of(3, degree);
         let top = table.of_degree(degree);
         let mut nonlinear = vec![Wide::default(); body.n_dofs() * top.len()];

@@ -34,10 +34,7 @@ impl BlockJacobi {
         for group in rows.chunk_by(|&a, &b| node[a as usize] == node[b as usize]) {
             if group.len() > 3 {
                 let reason = "more than three rows belong to its node";
-                return Err(FactorError::InvalidPattern {
-                    column: group[3] as usize,
-                    reason,
-                });
+                return Err(FactorError::InvalidPattern { column: group[3] as usize, reason });
             }
             let mut padded = [NONE; 3];
             padded[..group.len()].copy_from_slice(group);
@@ -47,11 +44,7 @@ impl BlockJacobi {
                 inverse: [[0.0; 3]; 3],
             });
         }
-        Ok(Self {
-            n: pattern.n,
-            n_values: pattern.len(),
-            blocks,
-        })
+        Ok(Self { n: pattern.n, n_values: pattern.len(), blocks })
     }
 
     /// Inverts the blocks of the matrix with these values.
@@ -61,11 +54,8 @@ impl BlockJacobi {
     pub fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         FactorError::expect_length("values", self.n_values, values.len())?;
         for block in &mut self.blocks {
-            block.inverse = inverse_of_positive(block.gather(values)).ok_or(
-                FactorError::NotPositiveDefinite {
-                    row: block.rows[0] as usize,
-                },
-            )?;
+            block.inverse = inverse_of_positive(block.gather(values))
+                .ok_or(FactorError::NotPositiveDefinite { row: block.rows[0] as usize })?;
         }
         Ok(())
     }
@@ -144,9 +134,7 @@ mod tests {
         let x = [1.0, -2.0, 3.0, 0.5, 0.0, 4.0];
         let mut z = [f64::NAN; 6];
         preconditioner.apply(&matrix.multiply(&x), &mut z);
-        z.iter()
-            .zip(x)
-            .for_each(|(z, x)| assert!((z - x).abs() < 1e-14));
+        z.iter().zip(x).for_each(|(z, x)| assert!((z - x).abs() < 1e-14));
     }
 
     #[test]
@@ -158,9 +146,6 @@ mod tests {
             Err(FactorError::NotPositiveDefinite { row: 1 })
         );
         let crowded = BlockJacobi::analyze(&matrix.pattern, &[0, 0, 1, 0, 0, 2]);
-        assert!(matches!(
-            crowded,
-            Err(FactorError::InvalidPattern { column: 4, .. })
-        ));
+        assert!(matches!(crowded, Err(FactorError::InvalidPattern { column: 4, .. })));
     }
 }

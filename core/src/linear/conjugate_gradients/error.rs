@@ -48,15 +48,7 @@ impl Error {
         expected: usize,
         found: usize,
     ) -> Result<(), Self> {
-        if expected == found {
-            Ok(())
-        } else {
-            Err(Self::Length {
-                argument,
-                expected,
-                found,
-            })
-        }
+        if expected == found { Ok(()) } else { Err(Self::Length { argument, expected, found }) }
     }
 }
 
@@ -69,15 +61,8 @@ impl fmt::Display for Error {
                     "relative_tolerance is {relative_tolerance}; give a positive number, 1e-8 for instance"
                 )
             }
-            Self::Length {
-                argument,
-                expected,
-                found,
-            } => {
-                write!(
-                    f,
-                    "{argument} has {found} entries, the operator asks for {expected}"
-                )
+            Self::Length { argument, expected, found } => {
+                write!(f, "{argument} has {found} entries, the operator asks for {expected}")
             }
             Self::NotFinite { iterations } => {
                 write!(
@@ -85,24 +70,15 @@ impl fmt::Display for Error {
                     "a value is not finite after {iterations} iterations; check the loads and the matrix"
                 )
             }
-            Self::IndefiniteOperator {
-                iterations,
-                curvature,
-            } => write!(
+            Self::IndefiniteOperator { iterations, curvature } => write!(
                 f,
                 "curvature {curvature:.3e} after {iterations} iterations: the matrix is not positive definite; \
                  the equilibrium is unstable or a part is not held"
             ),
             Self::IndefinitePreconditioner { iterations } => {
-                write!(
-                    f,
-                    "preconditioner is not positive definite (after {iterations} iterations)"
-                )
+                write!(f, "preconditioner is not positive definite (after {iterations} iterations)")
             }
-            Self::MaxIterations(Info {
-                iterations,
-                relative_residual,
-            }) => write!(
+            Self::MaxIterations(Info { iterations, relative_residual }) => write!(
                 f,
                 "residual {relative_residual:.3e} after {iterations} iterations; raise max_iterations, loosen \
                  relative_tolerance or use a stronger preconditioner"

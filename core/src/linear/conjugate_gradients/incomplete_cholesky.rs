@@ -31,11 +31,7 @@ impl IncompleteCholesky {
     /// An invalid pattern.
     pub fn analyze(pattern: &Pattern) -> Result<Self, FactorError> {
         pattern.validate()?;
-        Ok(Self {
-            pattern: pattern.clone(),
-            rows: vec![0.0; pattern.len()],
-            shift: 0.0,
-        })
+        Ok(Self { pattern: pattern.clone(), rows: vec![0.0; pattern.len()], shift: 0.0 })
     }
 
     /// Part of the diagonal that had to be added to itself; zero where nothing broke down.
@@ -76,9 +72,8 @@ impl IncompleteCholesky {
                 let j = pattern.row[entry] as usize;
                 let row_j = pattern.column(j);
                 let above = row_j.start..row_j.end - 1;
-                let known: f64 = above
-                    .map(|k| self.rows[k] * row_of_l[pattern.row[k] as usize])
-                    .sum();
+                let known: f64 =
+                    above.map(|k| self.rows[k] * row_of_l[pattern.row[k] as usize]).sum();
                 let value = (values[entry] - known) / self.rows[row_j.end - 1];
                 row_of_l[j] = value;
                 self.rows[entry] = value;
@@ -88,9 +83,7 @@ impl IncompleteCholesky {
                 return Err(i);
             }
             self.rows[diagonal] = pivot.sqrt();
-            pattern.row[entries]
-                .iter()
-                .for_each(|&j| row_of_l[j as usize] = 0.0);
+            pattern.row[entries].iter().for_each(|&j| row_of_l[j as usize] = 0.0);
         }
         Ok(())
     }
@@ -106,9 +99,8 @@ impl Preconditioner for IncompleteCholesky {
         for i in 0..pattern.n {
             let entries = pattern.column(i);
             let diagonal = entries.end - 1;
-            let known: f64 = (entries.start..diagonal)
-                .map(|k| self.rows[k] * z[pattern.row[k] as usize])
-                .sum();
+            let known: f64 =
+                (entries.start..diagonal).map(|k| self.rows[k] * z[pattern.row[k] as usize]).sum();
             z[i] = (r[i] - known) / self.rows[diagonal];
         }
         for i in (0..pattern.n).rev() {
@@ -180,14 +172,7 @@ mod tests {
             preconditioner.shift()
         );
         let b = load(4, 0);
-        assert!(
-            applied(&preconditioner, &b)
-                .iter()
-                .zip(&b)
-                .map(|(z, r)| z * r)
-                .sum::<f64>()
-                > 0.0
-        );
+        assert!(applied(&preconditioner, &b).iter().zip(&b).map(|(z, r)| z * r).sum::<f64>() > 0.0);
     }
 
     #[test]

@@ -63,10 +63,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self {
-            relative_tolerance: 1e-8,
-            max_iterations: 1000,
-        }
+        Self { relative_tolerance: 1e-8, max_iterations: 1000 }
     }
 }
 
@@ -103,10 +100,7 @@ impl Workspace {
     /// Sets out from `x` afresh: computes the residual and returns its norm.
     fn restart(&mut self, operator: &(impl Operator + ?Sized), b: &[f64], x: &[f64]) -> f64 {
         operator.apply(x, &mut self.residual);
-        self.residual
-            .iter_mut()
-            .zip(b)
-            .for_each(|(r, b)| *r = b - *r);
+        self.residual.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
         self.direction.fill(0.0);
         norm(&self.residual)
     }
@@ -144,9 +138,7 @@ pub fn solve(
         let mut energy = f64::INFINITY;
         info.relative_residual = residual / scale;
         if !info.relative_residual.is_finite() {
-            return Err(Error::NotFinite {
-                iterations: info.iterations,
-            });
+            return Err(Error::NotFinite { iterations: info.iterations });
         }
         if info.relative_residual <= settings.relative_tolerance {
             return Ok(info);
@@ -156,14 +148,7 @@ pub fn solve(
             if info.iterations == settings.max_iterations {
                 return Err(Error::MaxIterations(info));
             }
-            residual = step(
-                x,
-                operator,
-                preconditioner,
-                &mut energy,
-                info.iterations,
-                workspace,
-            )?;
+            residual = step(x, operator, preconditioner, &mut energy, info.iterations, workspace)?;
             info.iterations += 1;
             info.relative_residual = residual / scale;
         }
@@ -179,22 +164,14 @@ fn step(
     iterations: usize,
     workspace: &mut Workspace,
 ) -> Result<f64, Error> {
-    let Workspace {
-        residual,
-        preconditioned,
-        direction,
-        image,
-    } = workspace;
+    let Workspace { residual, preconditioned, direction, image } = workspace;
     preconditioner.apply(residual, preconditioned);
     let previous = std::mem::replace(energy, dot(residual, preconditioned));
     if *energy <= 0.0 {
         return Err(Error::IndefinitePreconditioner { iterations });
     }
     let turn = *energy / previous;
-    direction
-        .iter_mut()
-        .zip(&*preconditioned)
-        .for_each(|(p, z)| *p = z + turn * *p);
+    direction.iter_mut().zip(&*preconditioned).for_each(|(p, z)| *p = z + turn * *p);
     operator.apply(direction, image);
     let curvature = dot(direction, image);
     if !(curvature.is_finite() && energy.is_finite()) {
@@ -207,27 +184,14 @@ fn step(
         });
     }
     let length = *energy / curvature;
-    x.iter_mut()
-        .zip(&*direction)
-        .for_each(|(x, p)| *x += length * p);
-    residual
-        .iter_mut()
-        .zip(&*image)
-        .for_each(|(r, q)| *r -= length * q);
+    x.iter_mut().zip(&*direction).for_each(|(x, p)| *x += length * p);
+    residual.iter_mut().zip(&*image).for_each(|(r, q)| *r -= length * q);
     Ok(norm(residual))
 }
 
-fn check_settings(
-    &Settings {
-        relative_tolerance, ..
-    }: &Settings,
-) -> Result<(), Error> {
+fn check_settings(&Settings { relative_tolerance, .. }: &Settings) -> Result<(), Error> {
     let is_valid = relative_tolerance > 0.0 && relative_tolerance.is_finite();
-    if is_valid {
-        Ok(())
-    } else {
-        Err(Error::InvalidTolerance { relative_tolerance })
-    }
+    if is_valid { Ok(()) } else { Err(Error::InvalidTolerance { relative_tolerance }) }
 }
 
 fn dot(x: &[f64], y: &[f64]) -> f64 {

@@ -27,20 +27,15 @@ impl Operator for Bar {
 
     fn apply(&self, x: &[f64], y: &mut [f64]) {
         for i in 0..self.0 {
-            let (left, right) = (
-                i.checked_sub(1).map_or(0.0, |i| x[i]),
-                x.get(i + 1).unwrap_or(&x[i]),
-            );
+            let (left, right) =
+                (i.checked_sub(1).map_or(0.0, |i| x[i]), x.get(i + 1).unwrap_or(&x[i]));
             y[i] = 2.0 * x[i] - left - right;
         }
     }
 }
 
 fn operator(matrix: &matrices::Matrix) -> Matrix<'_> {
-    Matrix {
-        pattern: &matrix.pattern,
-        values: &matrix.values,
-    }
+    Matrix { pattern: &matrix.pattern, values: &matrix.values }
 }
 
 fn solved(
@@ -49,21 +44,11 @@ fn solved(
     tolerance: f64,
 ) -> (Vec<f64>, Info) {
     let n = matrix.pattern.n;
-    let settings = Settings {
-        relative_tolerance: tolerance,
-        ..Settings::default()
-    };
+    let settings = Settings { relative_tolerance: tolerance, ..Settings::default() };
     let mut x = vec![0.0; n];
     let workspace = &mut Workspace::new(n);
-    let info = solve(
-        &mut x,
-        &operator(matrix),
-        preconditioner,
-        &load(n, 0),
-        &settings,
-        workspace,
-    )
-    .unwrap();
+    let info = solve(&mut x, &operator(matrix), preconditioner, &load(n, 0), &settings, workspace)
+        .unwrap();
     (x, info)
 }
 
@@ -116,10 +101,7 @@ fn a_stronger_preconditioner_takes_fewer_iterations() {
     let (_, block) = solved(&matrix, &block_jacobi(&matrix), 1e-8);
     let (_, incomplete) = solved(&matrix, &incomplete_cholesky(&matrix), 1e-8);
     assert!(2 * block.iterations < none.iterations, "{block:?} {none:?}");
-    assert!(
-        2 * incomplete.iterations < block.iterations,
-        "{incomplete:?} {block:?}"
-    );
+    assert!(2 * incomplete.iterations < block.iterations, "{incomplete:?} {block:?}");
 }
 
 #[test]
@@ -128,19 +110,9 @@ fn solves_without_a_matrix_in_as_many_iterations_as_there_are_rows() {
     let mut x = vec![0.0; n];
     let mut tip_force = vec![0.0; n];
     tip_force[n - 1] = 1.0;
-    let settings = Settings {
-        relative_tolerance: 1e-12,
-        max_iterations: n,
-    };
-    solve(
-        &mut x,
-        &Bar(n),
-        &Multiple(n, 1.0),
-        &tip_force,
-        &settings,
-        &mut Workspace::new(n),
-    )
-    .unwrap();
+    let settings = Settings { relative_tolerance: 1e-12, max_iterations: n };
+    solve(&mut x, &Bar(n), &Multiple(n, 1.0), &tip_force, &settings, &mut Workspace::new(n))
+        .unwrap();
     (0..n).for_each(|i| assert!((x[i] - (i + 1) as f64).abs() < 1e-9));
 }
 
@@ -152,22 +124,11 @@ fn starts_from_the_guess() {
     let (b, settings) = (load(solution.len(), 0), Settings::default());
     let mut workspace = Workspace::new(b.len());
     let mut again = |x: &mut Vec<f64>| {
-        solve(
-            x,
-            &operator(&matrix),
-            &preconditioner,
-            &b,
-            &settings,
-            &mut workspace,
-        )
-        .unwrap()
+        solve(x, &operator(&matrix), &preconditioner, &b, &settings, &mut workspace).unwrap()
     };
     assert_eq!(again(&mut solution.clone()).iterations, 0);
-    let mut near: Vec<f64> = solution
-        .iter()
-        .enumerate()
-        .map(|(i, x)| x * (1.0 + 1e-4 * (i as f64).sin()))
-        .collect();
+    let mut near: Vec<f64> =
+        solution.iter().enumerate().map(|(i, x)| x * (1.0 + 1e-4 * (i as f64).sin())).collect();
     assert!(2 * again(&mut near).iterations < 3 * cold.iterations / 2);
 }
 
@@ -179,18 +140,8 @@ fn a_spent_budget_keeps_the_last_iterate() {
     let mut workspace = Workspace::new(b.len());
     let mut x = vec![0.0; b.len()];
     let mut run = |x: &mut Vec<f64>, max_iterations| {
-        let settings = Settings {
-            max_iterations,
-            ..Settings::default()
-        };
-        solve(
-            x,
-            &operator(&matrix),
-            &preconditioner,
-            &b,
-            &settings,
-            &mut workspace,
-        )
+        let settings = Settings { max_iterations, ..Settings::default() };
+        solve(x, &operator(&matrix), &preconditioner, &b, &settings, &mut workspace)
     };
     let Err(Error::MaxIterations(info)) = run(&mut x, 12) else {
         panic!("12 iterations cannot do")
@@ -208,14 +159,7 @@ fn reports_an_indefinite_operator_and_preconditioner() {
     let mut workspace = Workspace::new(180);
     let mut x = vec![0.0; 180];
     let mut run = |matrix: &matrices::Matrix, sign| {
-        solve(
-            &mut x,
-            &operator(matrix),
-            &Multiple(180, sign),
-            &b,
-            &settings,
-            &mut workspace,
-        )
+        solve(&mut x, &operator(matrix), &Multiple(180, sign), &b, &settings, &mut workspace)
     };
     let failed = run(&matrix, 1.0);
     assert!(
@@ -223,47 +167,19 @@ fn reports_an_indefinite_operator_and_preconditioner() {
         "{failed:?}"
     );
     let failed = run(&matrix.shifted(1.0), -1.0);
-    assert_eq!(
-        failed,
-        Err(Error::IndefinitePreconditioner { iterations: 0 })
-    );
+    assert_eq!(failed, Err(Error::IndefinitePreconditioner { iterations: 0 }));
 }
 
 #[test]
 fn refuses_bad_arguments() {
     let mut x = vec![0.0; 3];
     let mut run = |b: &[f64], relative_tolerance| {
-        let settings = Settings {
-            relative_tolerance,
-            ..Settings::default()
-        };
-        solve(
-            &mut x,
-            &Bar(3),
-            &Multiple(3, 1.0),
-            b,
-            &settings,
-            &mut Workspace::new(3),
-        )
+        let settings = Settings { relative_tolerance, ..Settings::default() };
+        solve(&mut x, &Bar(3), &Multiple(3, 1.0), b, &settings, &mut Workspace::new(3))
     };
-    assert_eq!(
-        run(&[1.0; 3], 0.0),
-        Err(Error::InvalidTolerance {
-            relative_tolerance: 0.0
-        })
-    );
-    assert_eq!(
-        run(&[1.0; 2], 1e-8),
-        Err(Error::Length {
-            argument: "b",
-            expected: 3,
-            found: 2
-        })
-    );
-    assert_eq!(
-        run(&[1.0, f64::NAN, 0.0], 1e-8),
-        Err(Error::NotFinite { iterations: 0 })
-    );
+    assert_eq!(run(&[1.0; 3], 0.0), Err(Error::InvalidTolerance { relative_tolerance: 0.0 }));
+    assert_eq!(run(&[1.0; 2], 1e-8), Err(Error::Length { argument: "b", expected: 3, found: 2 }));
+    assert_eq!(run(&[1.0, f64::NAN, 0.0], 1e-8), Err(Error::NotFinite { iterations: 0 }));
     assert_eq!(run(&[0.0; 3], 1e-8), Ok(Info::default()));
 }
 
@@ -271,10 +187,7 @@ fn refuses_bad_arguments() {
 fn stops_at_rounding_rather_than_run_for_ever() {
     let matrix = elastic_block(4, 3, 3);
     let b = load(matrix.pattern.n, 0);
-    let settings = Settings {
-        relative_tolerance: 1e-30,
-        max_iterations: 300,
-    };
+    let settings = Settings { relative_tolerance: 1e-30, max_iterations: 300 };
     let mut x = vec![0.0; b.len()];
     let stopped = solve(
         &mut x,

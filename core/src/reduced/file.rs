@@ -1,0 +1,184 @@
+//! Model file: safetensors bytes with the metadata as one JSON string (DESIGN section 5).
+
+use super::metadata::Metadata;
+use super::model::{Arrays, ReducedModel};
+use crate::error::Error;
+use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
+use std::collections::HashMap;
+
+/// Key of the metadata string in the file's header.
+const METADATA_KEY: &str = "viscera";
+
+/// A number type with a fixed little-endian form.
+trait Stored: Copy {
+    const DTYPE: Dtype;
+    const SIZE: usize;
+    fn read(bytes: &[u8]) -> Self;
+    fn write(self, out: &mut Vec<u8>);
+}
+
+macro_rules! stored {
+    ($($type:ty, $dtype:ident;)*) => {$(
+        impl Stored for $type {
+            const DTYPE: Dtype = Dtype::$dtype;
+            const SIZE: usize = size_of::<$type>();
+            fn read(bytes: &[u8]) -> Self {
+                let mut buffer = [0; size_of::<$type>()];
+                buffer.copy_from_slice(bytes);
+                <$type>::from_le_bytes(buffer)
+            }
+            fn write(self, out: &mut Vec<u8>) {
+                out.extend_from_slice(&self.to_le_bytes());
+            }
+        }
+    )*};
+}
+stored! { f64, F64; f32, F32; u32, U32; i16, I16; }
+
+/// Applies a macro to every array: its name and the number of its columns.
+macro_rules! for_each_array {
+    ($apply:ident) => {
+        $apply!(points, 3);
+        $apply!(cells, 4);
+        $apply!(fixed, 1);
+        $apply!(law_parameters, 1);
+        $apply!(surface, 3);
+        $apply!(surface_nodes, 1);
+        $apply!(positions, 1);
+        $apply!(touchable, 3);
+        $apply!(edges, 2);
+        $apply!(triangle_edges, 3);
+        $apply!(patch_start, 1);
+        $apply!(patch_nodes, 1);
+        $apply!(patch_weights, 1);
+        $apply!(compliance, 9);
+        $apply!(cross_compliance, 9);
+        $apply!(force, 3);
+        $apply!(edge_force, 3);
+        $apply!(norms, 1);
+        $apply!(position_region, 1);
+        $apply!(edge_region, 1);
+        $apply!(region_start, 1);
+        $apply!(mode_scale, 1);
+        $apply!(surface_modes, 3);
+        $apply!(interior_modes, 3);
+        $apply!(position_coefficients, 1);
+        $apply!(edge_coefficients, 1);
+    };
+}
+
+/// A view of an array with its number of columns.
+pub enum View<'a> {
+    /// Double precision.
+    F64(&'a [f64], usize),
+    /// Single precision.
+    F32(&'a [f32], usize),
+    /// Indices.
+    U32(&'a [u32], usize),
+    /// Quantised modes.
+    I16(&'a [i16], usize),
+}
+
+macro_rules! view {
+    ($($type:ty, $variant:ident;)*) => {$(
+        impl<'a> From<(&'a [$type], usize)> for View<'a> {
+            fn from((values, columns): (&'a [$type], usize)) -> Self {
+                View::$variant(values, columns)
+            }
+        }
+    )*};
+}
+view! { f64, F64; f32, F32; u32, U32; i16, I16; }
+
+impl ReducedModel {
+    /// An array by its name in the file.
+    pub fn array(&self, wanted: &str) -> Option<View<'_>> {
+        macro_rules! find {
+            ($name:ident, $columns:expr) => {
+                if wanted == stringify!($name) {
+                    return Some((&self.arrays.$name[..], $columns).into());
+                }
+            };
+        }
+        for_each_array!(find);
+        None
+    }
+
+    /// The model file.
+    ///
+    /// # Errors
+    /// Metadata that cannot be written as JSON.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
+        let arrays = &self.arrays;
+        let mut encoded: Vec<(&str, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
+        macro_rules! encode {
+            ($name:ident, $columns:expr) => {
+                encoded.push(encode(stringify!($name), &arrays.$name, $columns));
+            };
+        }
+        for_each_array!(encode);
+        let views = encoded
+            .iter()
+            .map(|(name, dtype, shape, bytes)| {
+                Ok((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(broken)?))
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        let text = serde_json::to_string(&self.metadata)
+            .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
+        let header = HashMap::from([(METADATA_KEY.to_string(), text)]);
+        serialize(views, Some(header)).map_err(broken)
+    }
+
+    /// Reads a model file, checking everything before anything is used.
+    ///
+    /// # Errors
+    /// [`Error::ModelFile`]: cut short, not a safetensors file, an array missing, of another type
+    /// or of a wrong shape, an index out of range, a value that is not finite.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        let tensors = SafeTensors::deserialize(bytes).map_err(broken)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
+        let text =
+            header.metadata().as_ref().and_then(|map| map.get(METADATA_KEY)).ok_or_else(|| {
+                Error::ModelFile(format!("its header has no {METADATA_KEY:?} entry"))
+            })?;
+        let metadata: Metadata = serde_json::from_str(text)
+            .map_err(|e| Error::ModelFile(format!("metadata is damaged: {e}")))?;
+        let mut arrays = Arrays::default();
+        macro_rules! decode {
+            ($name:ident, $columns:expr) => {
+                arrays.$name = decode(&tensors, stringify!($name))?;
+            };
+        }
+        for_each_array!(decode);
+        ReducedModel::new(metadata, arrays)
+    }
+}
+
+fn encode<'a, T: Stored>(
+    name: &'a str,
+    values: &[T],
+    columns: usize,
+) -> (&'a str, Dtype, Vec<usize>, Vec<u8>) {
+    let mut bytes = Vec::with_capacity(T::SIZE * values.len());
+    values.iter().for_each(|v| v.write(&mut bytes));
+    let shape =
+        if columns == 1 { vec![values.len()] } else { vec![values.len() / columns, columns] };
+    (name, T::DTYPE, shape, bytes)
+}
+
+fn decode<T: Stored>(tensors: &SafeTensors, name: &str) -> Result<Vec<T>, Error> {
+    let tensor =
+        tensors.tensor(name).map_err(|_| Error::ModelFile(format!("array {name} is missing")))?;
+    if tensor.dtype() != T::DTYPE {
+        return Err(Error::ModelFile(format!(
+            "array {name} holds {:?} instead of {:?}",
+            tensor.dtype(),
+            T::DTYPE
+        )));
+    }
+    Ok(tensor.data().chunks_exact(T::SIZE).map(T::read).collect())
+}
+
+fn broken(error: safetensors::SafeTensorError) -> Error {
+    Error::ModelFile(format!("{error}; it may be cut short or of another kind"))
+}

@@ -1,0 +1,50 @@
+//! What a model file says about itself, as one JSON object.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of the file format this code writes and reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Origin, settings and measured errors of a reduced model; SI units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metadata {
+    /// Version of the file format.
+    pub format_version: u32,
+    /// Version of the package that wrote the file.
+    pub package_version: String,
+    /// Units of every array: always SI (m, N, Pa).
+    pub units: String,
+    /// Name of the law.
+    pub law: String,
+    /// Names of its parameters: the columns of the array `law_parameters`.
+    pub law_parameter_names: Vec<String>,
+    /// Radius of the contact patch [m].
+    pub radius: f64,
+    /// Largest displacement of the tool the model is made for [m].
+    pub depth: f64,
+    /// Highest order of the series.
+    pub order: usize,
+    /// Highest order that is interpolated quadratically between positions.
+    pub edge_order: usize,
+    /// Compression error asked for: of the field, relative to it, at full depth.
+    pub tolerance: f64,
+    /// Length of the bounding box's diagonal [m].
+    pub diagonal: f64,
+    /// Errors measured off-line.
+    pub errors: Errors,
+    /// Off-line time [s].
+    pub seconds: f64,
+    /// Anything the writer adds: node sets, provenance.
+    pub user: serde_json::Value,
+}
+
+/// Errors measured while the model was made, relative to the norm of the field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Compression, at full depth, worst position and direction tried.
+    pub compression: f64,
+    /// Interpolation between positions at half the depth: worst of the points tried.
+    pub interpolation_half_depth: f64,
+    /// Interpolation between positions at full depth: worst of the points tried.
+    pub interpolation: f64,
+}
