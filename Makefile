@@ -43,7 +43,7 @@ test-python: $(extension) ## the Python tests and doctests
 	$(BIN)/pytest
 
 bench: $(extension) ## the benchmarks
-	$(BIN)/viscera bench
+	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py
