@@ -20,7 +20,7 @@ poisson = 0.3
 [loads]
 force."z > 95%" = [0, 0, 0.01]
 [reduce]
-touchable = "40% < z < 50%"
+touchable = "40% < z < 70%"
 order = 2
 depth = "2%"
 tolerance = 1e-2
