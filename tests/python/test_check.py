@@ -14,7 +14,7 @@ from viscera.check import Check, Row, allowed_error, check, surface_points, unit
 @pytest.fixture(scope="module")
 def touch(bar: vs.Mesh) -> vs.Touch:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
-    return organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.15), radius=0.07, depth=0.02, order=3)
+    return organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.16), radius=0.07, depth=0.02, order=3)
 
 
 @pytest.fixture(scope="module")
