@@ -56,7 +56,10 @@ def runner(folder: Path) -> Callable[[str, str], str]:
         print(code.rstrip(), file=sys.stderr)
         if language == "sh":
             shell = ["bash", "-euo", "pipefail", "-c", code]
-            return subprocess.run(shell, cwd=folder, env=plain, stdout=subprocess.PIPE, text=True, check=True).stdout
+            done = subprocess.run(shell, cwd=folder, env=plain, stdout=subprocess.PIPE, text=True)
+            if done.returncode != 0:
+                sys.exit(f"{done.stdout}\nthe program ended with {done.returncode}; the page was left as it is")
+            return done.stdout
         printed = io.StringIO()
         home = Path.cwd()
         os.chdir(folder)
