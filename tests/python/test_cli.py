@@ -211,7 +211,7 @@ def test_quiet_says_nothing(model: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path) -> None:
     program = "import sys; from viscera.cli import main; print('ready', flush=True); sys.exit(main())"
-    words = ["reduce", "organ:liver", "--fixed", "hilum", "--young", "1e5", "--poisson", "0.4", "--order", "6"]
+    words = ["reduce", "organ:liver", "--fixed", "hilum", "--young", "1e5", "--poisson", "0.4", "--order", "4"]
     process = subprocess.Popen(
         [sys.executable, "-c", program, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
