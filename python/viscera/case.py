@@ -1,7 +1,7 @@
 """CASE.toml: one organ with its loads, settings and reduction, in the words of the Python API.
 
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
-    units = "mm"
+    units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
 
     [material]
@@ -67,7 +67,7 @@ class Case:
     mesh: str
     fixed: Any
     material: Mapping[str, Any]
-    units: str | None = None
+    units: str | float | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
@@ -125,7 +125,7 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     return Case(**words, folder=source.parent)
 
 
-def load_mesh(name: str, units: str | None, folder: Path = Path()) -> Mesh:
+def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Mesh:
     """A mesh file in the given units, or a built-in organ as `organ:liver`."""
     if name.startswith("organ:"):
         organ = name.removeprefix("organ:")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from viscera.case import BUILT_IN, load_mesh
+from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.mesh import inspect, report
 
@@ -12,7 +13,9 @@ from viscera.mesh import inspect, report
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera inspect`."""
     parser.add_argument("mesh", metavar="MESH", help=f"a mesh file, or organ: and one of {', '.join(BUILT_IN)}")
-    parser.add_argument("--units", default="m", help="unit of the file's coordinates: m (default), cm, mm, um, inch")
+    parser.add_argument(
+        "--units", type=number_or_words, default="m", help="m (default), cm, mm, um, inch, or metres per unit"
+    )
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:

@@ -37,7 +37,9 @@ def add_organ(parser: argparse.ArgumentParser) -> None:
         "case", metavar="CASE.toml|MESH", help="a case file; or with options a mesh file or organ:liver"
     )
     organ = parser.add_argument_group("an organ without a case file")
-    organ.add_argument("--units", help="unit of the mesh file's coordinates: m, cm, mm")
+    organ.add_argument(
+        "--units", type=number_or_words, help="of the mesh file: m, cm, mm, um, inch, or metres per unit"
+    )
     organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
     organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
     organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
