@@ -30,6 +30,9 @@ pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether `psi` depends on `I2`; if not, its derivatives are not computed.
     const USES_I2: bool = true;
 
+    /// Whether a derivative of `psi` depends on `I1`; if not, its power series is not computed.
+    const DERIVATIVES_USE_I1: bool = true;
+
     /// `psi(I1, I2, J)` with `I1 = tr C`, `I2 = (I1^2 - tr C^2) / 2 = |cof F|^2`, `J = det F`.
     #[allow(non_snake_case)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S;

@@ -14,6 +14,7 @@ pub struct NeoHookean {
 #[allow(non_snake_case)]
 impl StrainEnergy for NeoHookean {
     const USES_I2: bool = false;
+    const DERIVATIVES_USE_I1: bool = false;
 
     #[inline(always)]
     fn psi<S: Scalar>(&self, I1: S, _I2: S, J: S) -> S {

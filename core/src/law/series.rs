@@ -62,9 +62,16 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
 
     let mut J = vec![T::default(); n];
     products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))), &mut J);
-    let mut I1 = vec![T::default(); n];
-    for i in 0..3 {
-        products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))), &mut I1);
+    let mut I1 = vec![T::default(); if E::DERIVATIVES_USE_I1 { n } else { 0 }];
+    if E::DERIVATIVES_USE_I1 {
+        for i in 0..3 {
+            products(
+                table,
+                0..n,
+                std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))),
+                &mut I1,
+            );
+        }
     }
     let mut I2 = vec![T::default(); if E::USES_I2 { n } else { 0 }];
     if E::USES_I2 {

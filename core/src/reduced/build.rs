@@ -32,7 +32,8 @@ pub struct Reduction {
     pub depth: f64,
     /// Highest order of the series, 2 to 8.
     pub order: usize,
-    /// Compression error at the worst position and full depth, relative to the field.
+    /// Compression error of the field at full depth, relative to it, at the worst position, root
+    /// mean square over directions.
     pub tolerance: f64,
     /// Kept in the metadata.
     pub user: serde_json::Value,

@@ -344,7 +344,7 @@ impl<'a> Touch<'a> {
         let order = model.metadata.order;
         let size = self.field_norms(monomials);
         if !(size[0] > 0.0) {
-            return model.metadata.errors.compression;
+            return 0.0;
         }
         let last = size[order - 1];
         let mut ratio = last / size[order - 2].max(f64::MIN_POSITIVE);
@@ -358,7 +358,9 @@ impl<'a> Touch<'a> {
         let force_size = norm(force).max(f64::MIN_POSITIVE);
         let truncation = (tail * last / size[0]).max(tail * norm(orders[order - 1]) / force_size);
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
-        (truncation + interpolation + model.metadata.errors.compression).min(1.0)
+        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
+        let compression = model.metadata.errors.compression * depth / model.metadata.depth;
+        (truncation + interpolation + compression).min(1.0)
     }
 
     /// `|u_p(d)|` of each order, interpolated linearly.

@@ -26,7 +26,8 @@ pub struct Metadata {
     pub order: usize,
     /// Highest order that is interpolated quadratically between positions.
     pub edge_order: usize,
-    /// Compression error asked for: of the field, relative to it, at full depth.
+    /// Compression error asked for: of the field at full depth, relative to it, at the worst
+    /// position, root mean square over directions.
     pub tolerance: f64,
     /// Length of the bounding box's diagonal [m].
     pub diagonal: f64,
@@ -41,7 +42,7 @@ pub struct Metadata {
 /// Errors measured while the model was made, relative to the norm of the field.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Compression, at full depth, worst position and direction tried.
+    /// Compression at full depth: worst position, worst of the directions tried.
     pub compression: f64,
     /// Interpolation between positions at half the depth: worst of the points tried.
     pub interpolation_half_depth: f64,

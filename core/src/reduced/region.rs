@@ -21,7 +21,7 @@ pub(super) struct Region {
     pub positions: Vec<Vec<f32>>,
     /// (edge terms, modes) for each edge.
     pub edges: Vec<Vec<f32>>,
-    /// Worst compression error of the positions at full depth, relative to the field.
+    /// Compression error at full depth, worst position and direction, relative to the field.
     pub error: f64,
 }
 
@@ -39,24 +39,17 @@ pub(super) struct Exact<'a> {
 const FIRST_ORDER: usize = 3;
 
 impl Exact<'_> {
-    /// The fewest modes whose error at full depth stays below `tolerance` at every position.
+    /// The fewest modes that leave, at every position, less than `tolerance` of the field at full
+    /// depth in the mean over directions; the worst direction is measured on the stored form.
     ///
     /// # Errors
     /// A decomposition that does not converge.
     pub fn compress(&self, tolerance: f64) -> Result<Region, Error> {
         let columns = self.columns();
         let n_first = FIRST_ORDER * self.positions.len();
-        let basis = Basis::new(columns.as_ref(), n_first, 0.02 * tolerance)?;
-        // The cut is chosen in the mean over directions, then tightened until the worst holds.
-        let mut target = 0.5 * tolerance;
-        loop {
-            let kept = self.modes_needed(&basis, target);
-            let region = self.region(&columns, &basis, kept);
-            if region.error <= tolerance || kept == basis.rank() {
-                return Ok(region);
-            }
-            target *= 0.7;
-        }
+        let basis = Basis::new(columns.as_ref(), n_first, 0.1 * tolerance)?;
+        let kept = self.modes_needed(&basis, tolerance);
+        Ok(self.region(&columns, &basis, kept))
     }
 
     fn weight(&self, term: usize) -> f64 {
