@@ -23,6 +23,9 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     `inverted`, `degenerate`, `duplicate` (cell indices), `loose_points` (point indices), `part` (n,) label of the
     connected component of each point, `n_parts`."""
 
+def vector_pade(series: Floats, a: float) -> Floats:
+    """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
+
 class Law:
     """A constitutive law by name with its parameters, one row for all cells or one row per cell.
 

@@ -10,7 +10,7 @@ ORDER = 4
 """Total order of the series in the contact displacement: 34 terms."""
 
 TOLERANCE = 2e-3
-"""Relative error of the compressed field at full depth, at the worst position."""
+"""Relative error of the compressed field at full depth, at the worst position, root mean square over directions."""
 
 CHECK_DEPTH_FRACTIONS = (0.05, 0.10)
 """Depths at which a model is checked, in units of the bounding-box diagonal."""

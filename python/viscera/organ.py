@@ -170,7 +170,8 @@ class Organ:
         radius [m] of the contact patch and largest `depth` [m] of a touch: by default a tenth of the bounding-box
             diagonal each.
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
-        tolerance: relative error of the compressed field at full depth, at the worst position.
+        tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
+            directions.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)

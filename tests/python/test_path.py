@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.path import Expansion, vector_pade
+from viscera._core import vector_pade
+from viscera.path import Expansion
 
 
 def test_pade_is_exact_where_the_truth_is_rational() -> None:
