@@ -107,3 +107,11 @@ def test_a_truth_that_newton_cannot_find_is_reported_not_dropped(
     assert result.rows[0].displacement_error is None
     assert (result.overall.touches, result.overall.converged) == (2, 0)
     assert not result.is_passed, "nothing was compared"
+
+
+def test_what_the_progress_callback_raises_stops_the_check(touch: vs.Touch) -> None:
+    def stop(done: int, total: int, stage: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        check(touch, touches=50, progress=stop)
