@@ -20,7 +20,7 @@ import viscera as vs
 from viscera.law import Law
 
 FOLDER = Path(os.environ.get("VISCERA_SHARED", Path(__file__).resolve().parents[3] / "shared")) / "reference"
-CASES = sorted(path.stem.removesuffix("_u") for path in FOLDER.glob("*_u.npz")) or ["no case"]  # which skips, saying why
+CASES = sorted(path.stem.removesuffix("_u") for path in FOLDER.glob("*_u.npz")) or ["none: skipped"]
 TOLERANCE = 1e-6
 PRINTED = {"CalculiX": 5e-6}  # seven digits of each displacement, reactions summed over up to 350 nodes
 SETTINGS = {"tolerance": 1e-10}
