@@ -47,7 +47,10 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         )
         result = touch.check(args.touches, progress=bar)
     say(result, touch, output)
-    touch.plot(*_push(touch), picture, title="Liver, pushed in by a tenth of its size: reduced model")
+    point, push = _push(touch)
+    estimate = touch(point, push).error_estimate
+    title = f"Liver, pushed in {1e3 * touch.depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
+    touch.plot(point, push, picture, title=title)
     output.say(f"picture: {picture}")
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
     return Outcome("passed" if result.is_passed else "failed", DONE if result.is_passed else FAILED, facts)
