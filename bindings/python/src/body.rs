@@ -1,6 +1,6 @@
 //! The body and its statics.
 
-use crate::{convert, law::Law, mesh::Patch, model::Model};
+use crate::{convert, law::Law, mesh::Patch, model::Model, path};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -8,6 +8,7 @@ use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
 use viscera_core::reduced::Reduction;
+use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
 
 /// Mesh + law + fixed nodes.
@@ -118,6 +119,35 @@ impl Body {
         let force =
             self.body.gravity(gravity, &density.as_array().to_vec()).map_err(convert::error)?;
         convert::field(py, force)
+    }
+
+    #[pyo3(signature = (*, force, order, parameter, until, tolerance, max_expansions))]
+    #[allow(clippy::too_many_arguments)]
+    fn path<'py>(
+        &self,
+        py: Python<'py>,
+        force: PyReadonlyArray2<f64>,
+        order: usize,
+        parameter: &str,
+        until: f64,
+        tolerance: f64,
+        max_expansions: usize,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let force = convert::dofs("force", &force, self.body.points().len())?;
+        let parameter = match parameter {
+            "load" => Parameter::Load,
+            "arc length" => Parameter::ArcLength,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "the path parameter is 'load' or 'arc length', got {other:?}"
+                )));
+            }
+        };
+        let continuation = Continuation { order, parameter, until, tolerance, max_expansions };
+        let expansions = py
+            .detach(|| continuation.follow(&self.body, &self.fixed, &force))
+            .map_err(convert::error)?;
+        expansions.into_iter().map(|expansion| path::expansion_dict(py, expansion)).collect()
     }
 
     fn patch(&self, point: PyReadonlyArray1<f64>, radius: f64) -> PyResult<Patch> {

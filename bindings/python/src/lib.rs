@@ -8,6 +8,7 @@ mod convert;
 mod law;
 mod mesh;
 mod model;
+mod path;
 
 use pyo3::prelude::*;
 
@@ -16,6 +17,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(mesh::surface, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
+    m.add_function(wrap_pyfunction!(path::vector_pade, m)?)?;
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;

@@ -7,6 +7,8 @@
 mod blocks;
 mod kernels;
 mod series;
+#[cfg(test)]
+mod tests;
 
 pub use blocks::SymmetricBlocks;
 
@@ -108,6 +110,26 @@ impl Body {
     /// Volume at rest [m^3].
     pub fn rest_volume(&self) -> f64 {
         self.elements.iter().map(|e| e.volume).sum()
+    }
+
+    /// Sum of volumes times their largest law parameter [J]: the size of the terms that cancel in
+    /// the energy.
+    pub fn energy_scale(&self) -> f64 {
+        self.elements.iter().enumerate().map(|(cell, e)| e.volume * self.modulus(cell)).sum()
+    }
+
+    /// Norm of the nodal forces of a stress of the size of the moduli [N]: their rounding is this
+    /// times machine precision, however small the strain.
+    pub fn force_scale(&self) -> f64 {
+        let squares = self.elements.iter().enumerate().map(|(cell, e)| {
+            let gradients = e.gradients.iter().flatten().map(|g| g * g).sum::<f64>();
+            (self.modulus(cell) * e.volume).powi(2) * gradients
+        });
+        squares.sum::<f64>().sqrt()
+    }
+
+    fn modulus(&self, cell: usize) -> f64 {
+        self.material.of_cell(cell).iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
     /// Volume at displacement `u` [m^3].

@@ -4,6 +4,8 @@
 mod newton;
 mod problem;
 mod system;
+#[cfg(test)]
+mod tests;
 
 pub use newton::{Equilibrium, Newton, Seconds, Status};
 pub use problem::{PatchLoad, Problem};

@@ -184,6 +184,7 @@ struct Run<'a> {
     start_means: Vec<[f64; 3]>,
     /// Out-of-balance force of the start state on the free degrees of freedom.
     imbalance: Vec<f64>,
+    force_scale: f64,
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
@@ -219,6 +220,7 @@ impl<'a> Run<'a> {
             start,
             start_means,
             imbalance,
+            force_scale: body.force_scale(),
             system,
             tangent,
             iterations: 0,
@@ -244,7 +246,7 @@ impl<'a> Run<'a> {
         let mut u = self.u.clone();
         let mut multipliers = self.multipliers.clone();
         let mut force = vec![0.0; u.len()];
-        let mut history = Vec::new();
+        let (mut history, mut unstable) = (Vec::new(), None);
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
             self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
@@ -254,6 +256,11 @@ impl<'a> Run<'a> {
             if !moving {
                 history.push(norm);
                 if norm <= self.settings.tolerance {
+                    // Only the tangent next to the equilibrium tells of its stability; far from it
+                    // an indefinite one is Newton's ordinary weather.
+                    if let Some(row) = unstable {
+                        self.unstable = Some((load, row));
+                    }
                     self.accept(u, multipliers, load, history);
                     return Ok(iteration);
                 }
@@ -262,7 +269,7 @@ impl<'a> Run<'a> {
                 return Err(Cut::Iterations { residual: norm });
             }
             self.iterations += 1;
-            self.factorize(load)?;
+            unstable = self.factorize()?;
             let clock = Instant::now();
             let (step, change) = self.newton_step(&u, &residual, load, moving)?;
             self.seconds.solve += clock.elapsed().as_secs_f64();
@@ -298,29 +305,33 @@ impl<'a> Run<'a> {
         }
         let free: Vec<f64> = self.system.free().iter().map(|&dof| out[dof as usize]).collect();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let scale = square(force).max(square(external)).sqrt();
+        let loads = square(force).max(square(external)).sqrt();
+        // Below this the residual is rounding.
+        let rounding = 8.0 * f64::EPSILON * self.force_scale;
+        let scale = loads.max(rounding / self.settings.tolerance);
         let norm = square(&free).sqrt();
         (free, if scale > 0.0 { norm / scale } else { 0.0 })
     }
 
-    /// Factorises the tangent, shifted where it is not positive definite.
-    fn factorize(&mut self, load: f64) -> Result<(), Cut> {
+    /// Factorises the tangent, shifted where it is not positive definite; returns the degree of
+    /// freedom of the first pivot that was not.
+    fn factorize(&mut self) -> Result<Option<usize>, Cut> {
         let clock = Instant::now();
-        let mut shift = 0.0;
+        let (mut shift, mut unstable) = (0.0, None);
         loop {
             match self.system.factorize(&self.tangent, shift) {
                 Ok(()) => break,
                 Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
                     if shift < 10.0 =>
                 {
-                    self.unstable = Some((load, row));
+                    unstable = unstable.or(Some(row));
                     shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
         }
         self.seconds.factorization += clock.elapsed().as_secs_f64();
-        Ok(())
+        Ok(unstable)
     }
 
     /// The full-length step; the first one of a load step also moves what is prescribed.
@@ -391,7 +402,8 @@ impl<'a> Run<'a> {
         let (start, magnitude) = potential(0.0);
         let free = self.system.free();
         let slope: f64 = residual.iter().zip(free).map(|(r, &d)| r * step[d as usize]).sum();
-        let rounding = 1e-13 * magnitude;
+        // A strain energy cancels terms of the size of its moduli, however small the strain.
+        let rounding = 1e-13 * (magnitude + self.body().energy_scale());
         let mut length = 1.0;
         for _ in 0..=self.settings.max_backtracks {
             let (value, _) = potential(length);

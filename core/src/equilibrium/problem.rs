@@ -56,6 +56,7 @@ impl Problem<'_> {
         self.check_prescribed(n)?;
         for (k, load) in self.patches.iter().enumerate() {
             check_patch(k, load, self.body.points().len())?;
+            self.check_patch_moves(k, load)?;
         }
         self.check_support()
     }
@@ -82,6 +83,23 @@ impl Problem<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The mean of a patch must be free to move, and not prescribed twice.
+    fn check_patch_moves(&self, k: usize, load: &PatchLoad) -> Result<(), Error> {
+        let is_held = |dof: u32| self.prescribed.iter().any(|&(other, _)| other == dof);
+        for (i, component) in ["x", "y", "z"].into_iter().enumerate() {
+            if load.patch.nodes.iter().all(|&node| is_held(3 * node + i as u32)) {
+                return Err(Error::input(format!(
+                    "the {component} displacement of every point of patch {k} is prescribed; \
+                     move the patch to points that are free"
+                )));
+            }
+        }
+        match self.patches[..k].iter().position(|other| other.patch == load.patch) {
+            Some(same) => Err(Error::input(format!("patches {same} and {k} are the same; give one"))),
+            None => Ok(()),
+        }
     }
 
     /// Every connected part needs something to hold it in each direction.

@@ -5,7 +5,7 @@
 
 use crate::body::SymmetricBlocks;
 use crate::error::Error;
-use crate::linear::{Cholesky, FactorError, Factorization};
+use crate::linear::{Cholesky, FactorError, Factorization, Ldlt, Pattern};
 use crate::mesh::Patch;
 use faer::linalg::solvers::Solve;
 
@@ -16,7 +16,7 @@ pub struct System {
     positions: Vec<u32>,
     diagonal: Vec<usize>,
     values: Vec<f64>,
-    factor: Cholesky,
+    factor: Box<dyn Factorization>,
     patches: Vec<Patch>,
     /// `G = K^-1 W^T`, one column for each constraint.
     influence: Vec<f64>,
@@ -35,6 +35,28 @@ impl System {
         prescribed: impl Iterator<Item = u32>,
         patches: Vec<Patch>,
     ) -> Result<Self, Error> {
+        Self::with(tangent, n_dofs, prescribed, patches, |p| Ok(Box::new(Cholesky::analyze(p)?)))
+    }
+
+    /// The same for tangents that may be indefinite: paths that pass a limit point.
+    ///
+    /// # Errors
+    /// A pattern the solver refuses.
+    pub fn indefinite(
+        tangent: &SymmetricBlocks,
+        n_dofs: usize,
+        prescribed: impl Iterator<Item = u32>,
+    ) -> Result<Self, Error> {
+        Self::with(tangent, n_dofs, prescribed, Vec::new(), |p| Ok(Box::new(Ldlt::analyze(p)?)))
+    }
+
+    fn with(
+        tangent: &SymmetricBlocks,
+        n_dofs: usize,
+        prescribed: impl Iterator<Item = u32>,
+        patches: Vec<Patch>,
+        analyze: impl Fn(&Pattern) -> Result<Box<dyn Factorization>, FactorError>,
+    ) -> Result<Self, Error> {
         let mut is_free = vec![true; n_dofs];
         prescribed.for_each(|dof| is_free[dof as usize] = false);
         let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| is_free[d as usize]).collect();
@@ -48,7 +70,7 @@ impl System {
             positions,
             diagonal,
             values: Vec::new(),
-            factor: Cholesky::analyze(&pattern)?,
+            factor: analyze(&pattern)?,
             patches,
             influence: Vec::new(),
             schur: faer::Mat::zeros(0, 0),

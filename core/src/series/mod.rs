@@ -1,9 +1,13 @@
 //! The asymptotic numerical method: equilibrium as power series that share one tangent operator.
 //!
-//! Along a load path ([`Path`], paper A with its vector Pade form) and in the displacement of a
+//! Along a load path ([`Continuation`], paper A with its vector Pade form) and in the displacement of a
 //! contact ([`TouchExpansion`], DESIGN section 4).
 
+mod pade;
+mod path;
 mod touch;
 
+pub use pade::Pade;
+pub use path::{Continuation, Expansion, Parameter};
 pub(crate) use touch::inverse;
 pub use touch::{TouchExpansion, TouchSeries};

@@ -246,3 +246,6 @@ pub(crate) fn inverse(a: &Mat3<f64>) -> Option<Mat3<f64>> {
     let size = a.iter().flatten().fold(0.0f64, |max, x| max.max(x.abs()));
     (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate(|i, j| z[j][i] / det))
 }
+
+#[cfg(test)]
+mod tests;
