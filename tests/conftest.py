@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import viscera as vs
 
 ROOT = Path(__file__).resolve().parent.parent
+collect_ignore = ["reference"]  # its scripts import codes that are not dependencies
 
 # The same examples on every machine, and no failure because a machine is busy.
 hypothesis.settings.register_profile("viscera", deadline=None, derandomize=True, max_examples=50)

@@ -1,0 +1,65 @@
+"""Our organs as FElupe and CalculiX solve them: the committed numbers of tests/reference, which needs neither to run.
+
+FElupe solves the same discrete equations to round-off: 1e-6 of the largest value is asked. CalculiX prints seven
+digits, of each component for itself, and stops at corrections of 1e-8: 2e-6.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera import _core
+
+REFERENCE = Path(__file__).resolve().parents[1] / "reference"
+TOLERANCE = {"felupe": 1e-6, "calculix": 2e-6}
+
+
+def _problems() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("reference_problems", REFERENCE / "problems.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look themselves up here
+    spec.loader.exec_module(module)
+    return module
+
+
+problems = _problems()
+DATA = {peer: np.load(REFERENCE / "data" / f"{peer}.npz") for peer in TOLERANCE}
+CASES = [(peer, *key.split("/")[:2]) for peer, data in DATA.items() for key in data.files if key.endswith("/u")]
+
+
+def solve(p: Any, law: str) -> vs.State:
+    """A problem through the public interface; only a mean over a set of our own choice needs the core's patch."""
+    organ = vs.Organ(p.mesh, p.law(law), fixed=p.fixed)
+    moved = dict(p.displacement)
+    for name, target in p.mean.items():
+        moved[_core.Patch(p.mesh.nodes(name), problems.area_shares(p.mesh, name))] = target
+    weight = {"gravity": problems.GRAVITY, "density": p.density} if p.density else {}
+    return organ.solve(displacement=moved, force=p.force, steps=p.steps, throw=True, **weight)
+
+
+@pytest.mark.parametrize(("peer", "name", "law"), CASES)
+def test_a_peer_finds_the_same_equilibrium(peer: str, name: str, law: str) -> None:
+    problem = problems.PROBLEMS[name]
+    state = solve(problem, law)
+    expected = DATA[peer][f"{name}/{law}/u"]
+    deviation = float(np.abs(state.displacement - expected).max() / np.abs(expected).max())
+    assert deviation <= TOLERANCE[peer]
+    if f"{name}/{law}/reaction" in DATA[peer]:
+        reaction = DATA[peer][f"{name}/{law}/reaction"]
+        assert state.reaction(problem.fixed) == pytest.approx(reaction, abs=TOLERANCE[peer] * np.linalg.norm(reaction))
+
+
+def test_every_problem_was_solved_by_both() -> None:
+    for peer in TOLERANCE:
+        assert {name for by, name, _ in CASES if by == peer} == set(problems.PROBLEMS)
+        assert DATA[peer]["versions"].size

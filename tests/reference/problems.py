@@ -1,0 +1,110 @@
+"""The problems that other codes solve on our organs: supports, loads and laws as plain data.
+
+One statement serves the scripts that run the other codes and the test that compares: who changes it runs them again.
+Moduli are given once for an organ; each law takes its parameters from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera.law import Law
+
+Floats = NDArray[np.float64]
+Vector = tuple[float | None, float | None, float | None]
+
+GRAVITY = (0.0, -9.81, 0.0)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An organ, what holds it and what loads it; SI units."""
+
+    organ: str
+    young: float
+    poisson: float
+    fixed: str
+    displacement: Mapping[str, Vector] = field(default_factory=dict)
+    """Prescribed components of node sets [m]; None leaves one free."""
+    force: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Dead loads [N], a uniform traction over the set's surface triangles."""
+    mean: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Prescribed mean displacement of node sets [m], each node weighted by its share of the set's area."""
+    density: float = 0.0
+    steps: int = 10
+
+    @property
+    def mesh(self) -> vs.Mesh:
+        mesh: vs.Mesh = getattr(vs.organs, self.organ)()
+        return mesh
+
+    @property
+    def mu(self) -> float:
+        return self.young / (2 * (1 + self.poisson))
+
+    @property
+    def lam(self) -> float:
+        return self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
+
+    @property
+    def mooney_rivlin(self) -> tuple[float, float, float]:
+        """c1, c2 and kappa with the same moduli at small strain."""
+        return 0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu
+
+    def law(self, name: str) -> Law:
+        """Our law by the name the data files use."""
+        if name == "mr":
+            return vs.MooneyRivlin(*self.mooney_rivlin, volumetric="J-1")
+        laws = {"linear": vs.Linear, "svk": vs.SaintVenantKirchhoff, "nh": vs.NeoHookean}
+        return laws[name](mu=self.mu, lam=self.lam)
+
+
+# The artery's protocol is that of Niroomandi et al., IJNME 96 (2013) 129: the top ring fixed, the middle one driven
+# by half the outer diameter across, the bottom one by 30 % of the height along the vessel.
+PROBLEMS = {
+    "beam": Problem("beam", 1e5, 0.45, "clamp", force={"tip": (0.0, -6.0, -8.0)}),
+    "artery_stretch": Problem(
+        "artery", 5e5, 0.45, "top", {"middle": (0.0035, None, None), "bottom": (None, None, -0.012)}, density=510.0
+    ),
+    "artery_compress": Problem(  # a tenth of the way: the vessel has not buckled
+        "artery", 5e5, 0.45, "top", {"middle": (0.00035, None, None), "bottom": (None, None, 0.0012)}, density=510.0
+    ),
+    "liver": Problem("liver", 1e4, 0.45, "hilum", force={"tip": (0.1, 0.0, 0.4)}),
+    "liver_driven": Problem("liver", 1e4, 0.45, "hilum", mean={"tip": (0.0, 0.01, 0.02)}),
+}
+
+
+def area_shares(mesh: vs.Mesh, name: str) -> Floats:
+    """Share (k,) of each node of a set in the area of the surface triangles that lie in the set."""
+    nodes = mesh.nodes(name)
+    areas = np.zeros(len(mesh.points))
+    for triangle in mesh.surface:
+        if np.isin(triangle, nodes).all():
+            a, b, c = mesh.points[triangle]
+            areas[triangle] += np.linalg.norm(np.cross(b - a, c - a)) / 6
+    shares: Floats = areas[nodes] / areas[nodes].sum()
+    return shares
+
+
+def nodal_forces(problem: Problem) -> Floats:
+    """Dead loads (n, 3) [N]: each triangle gives a third of its share to each corner."""
+    forces = np.zeros_like(problem.mesh.points)
+    for name, total in problem.force.items():
+        forces[problem.mesh.nodes(name)] += area_shares(problem.mesh, name)[:, None] * total
+    return forces
+
+
+def prescribed(problem: Problem) -> Floats:
+    """Prescribed displacement (n, 3) [m], NaN where a component is free."""
+    values = np.full_like(problem.mesh.points, np.nan)
+    for name, target in problem.displacement.items():
+        for axis, value in enumerate(target):
+            if value is not None:
+                values[problem.mesh.nodes(name), axis] = value
+    values[problem.mesh.nodes(problem.fixed)] = 0.0
+    return values

@@ -1,0 +1,96 @@
+"""Solves the problems with FElupe and writes data/felupe.npz: displacements (n, 3) [m] and reactions (3,) [N].
+
+Quadrature, materials, stresses, tangents and assembly are FElupe's; Newton's iteration and the multipliers that hold a
+mean displacement are here, in SciPy, so that the residual is driven to round-off.
+"""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import felupe as fem
+import numpy as np
+from problems import GRAVITY, PROBLEMS, Problem, area_shares, nodal_forces, prescribed
+from scipy.sparse import block_array, csr_array
+from scipy.sparse.linalg import splu
+
+DATA = Path(__file__).parent / "data" / "felupe.npz"
+TOLERANCE = 1e-12
+
+
+def material(problem: Problem, law: str) -> fem.ConstitutiveMaterial:
+    c1, c2, kappa = problem.mooney_rivlin
+    return {
+        "linear": lambda: fem.LinearElastic(E=problem.young, nu=problem.poisson),
+        "svk": lambda: fem.Hyperelastic(fem.saint_venant_kirchhoff, mu=problem.mu, lmbda=problem.lam),
+        "nh": lambda: fem.NeoHookeCompressible(mu=problem.mu, lmbda=problem.lam),
+        "mr": lambda: fem.Hyperelastic(fem.mooney_rivlin, C10=c1, C01=c2) & fem.Volumetric(bulk=kappa),
+    }[law]()
+
+
+def means(problem: Problem) -> tuple[csr_array, np.ndarray]:
+    """Rows of B and values c of the constraints B u = c on mean displacements."""
+    rows, values = [], []
+    for name, target in problem.mean.items():
+        for axis in range(3):
+            row = np.zeros_like(problem.mesh.points)
+            row[problem.mesh.nodes(name), axis] = area_shares(problem.mesh, name)
+            rows.append(row.ravel())
+            values.append(target[axis])
+    size = problem.mesh.points.size
+    return csr_array(np.array(rows).reshape(len(rows), size)), np.array(values)
+
+
+def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement (n, 3) and the reaction (3,) of the fixed set."""
+    mesh = fem.Mesh(problem.mesh.points, problem.mesh.cells.astype(int), "tetra")
+    field = fem.FieldContainer([fem.Field(fem.RegionTetra(mesh), dim=3)])
+    body = fem.SolidBody(material(problem, law), field)
+    weight = fem.SolidBodyForce(field, values=problem.density * np.array(GRAVITY)).assemble.vector().toarray().ravel()
+    dead, target = nodal_forces(problem).ravel(), prescribed(problem).ravel()
+    is_free = np.isnan(target)
+    B, c = means(problem)
+    u, multipliers = field[0].values, np.zeros(len(c))
+    for load in np.linspace(0, 1, problem.steps + 1)[1:]:
+        for iteration in range(30):
+            internal = body.assemble.vector(field).toarray().ravel()
+            residual = load * dead + weight - internal - B.T @ multipliers
+            move = np.where(is_free, 0.0, load * target - u.ravel())
+            gap = load * c - B @ u.ravel()
+            if iteration > 0 and np.linalg.norm(residual[is_free]) <= TOLERANCE * np.linalg.norm(internal):
+                break
+            K = csr_array(body.assemble.matrix(field))
+            right = (residual - K @ move)[is_free]
+            if len(c):
+                left = block_array([[K[is_free][:, is_free], B[:, is_free].T], [B[:, is_free], None]])
+                right = np.concatenate([right, gap - B @ move])
+            else:
+                left = K[is_free][:, is_free]
+            solution = splu(left.tocsc()).solve(right)
+            n = int(is_free.sum())
+            move[is_free] = solution[:n]
+            multipliers += solution[n:]
+            u += move.reshape(u.shape)
+        else:
+            raise RuntimeError(f"{problem.organ}, {law}: no equilibrium at load {load}")
+    held = (internal - weight - dead).reshape(u.shape)
+    return u.copy(), held[problem.mesh.nodes(problem.fixed)].sum(axis=0)
+
+
+def main() -> None:
+    versions = [f"{package} {version(package)}" for package in ("felupe", "tensortrax", "numpy", "scipy")]
+    data: dict[str, Any] = {"versions": np.array([*versions, f"Python {platform.python_version()}"])}
+    for name, problem in PROBLEMS.items():
+        for law in ("linear", "svk", "nh", "mr"):
+            data[f"{name}/{law}/u"], data[f"{name}/{law}/reaction"] = solve(problem, law)
+            largest = np.linalg.norm(data[f"{name}/{law}/u"], axis=1).max()
+            print(f"{name:16} {law:7} largest displacement {largest:.9g} m", flush=True)
+    DATA.parent.mkdir(exist_ok=True)
+    np.savez_compressed(DATA, **data)
+
+
+if __name__ == "__main__":
+    main()
