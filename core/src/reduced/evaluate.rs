@@ -97,7 +97,8 @@ impl ReducedModel {
         let stiffness = touch.stiffness(d);
         let error_estimate = touch.error_estimate(monomials, force, &orders, correction);
         let depth = norm(d);
-        let trust = if depth > self.metadata.depth * (1.0 + 1e-9) {
+        // Written so that a displacement that is not a number is not trusted either.
+        let trust = if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
             Trust::BeyondDepth
         } else if error_estimate > allowance(depth / self.metadata.diagonal) {
             Trust::ErrorTooLarge
@@ -331,8 +332,8 @@ impl<'a> Touch<'a> {
         stiffness
     }
 
-    /// Estimated relative error: the tail of the series as a geometric one with the ratio of its
-    /// last orders, plus interpolation, plus compression.
+    /// Estimated relative error: the tail of the series as a geometric one whose ratio is that of
+    /// its last orders extrapolated, plus interpolation, plus compression.
     fn error_estimate(
         &self,
         monomials: &[f64],
@@ -351,6 +352,9 @@ impl<'a> Touch<'a> {
         if order > 2 {
             ratio = ratio.max((last / size[order - 3].max(f64::MIN_POSITIVE)).sqrt());
         }
+        // At a limit point the solution branches like a square root, whose coefficients have
+        // ratios that grow with the order p as 1 - 3/(2p): extrapolated to the tail.
+        ratio /= 1.0 - 1.5 / order as f64;
         if !(ratio < 0.9) {
             return 1.0;
         }
