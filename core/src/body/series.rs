@@ -1,5 +1,5 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
-//! internal force along a series of displacements (paper A; DESIGN section 4).
+//! internal force along a series of displacements (paper A; docs/architecture.md).
 
 use super::Body;
 use crate::law::{Law, LawVisitor};

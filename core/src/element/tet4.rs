@@ -1,5 +1,5 @@
 //! The linear tetrahedron: constant deformation gradient, one quadrature point (four give the
-//! same and cost four times as much, SCIENCE 3.2).
+//! same and cost four times as much, because the gradient is constant).
 
 use crate::tensor::{cofactor, determinant};
 

@@ -6,7 +6,7 @@ use crate::number::Scalar;
 ///
 /// Paper B's linear tetrahedron with constant pressure is condensed exactly: `J` is constant in
 /// the cell, so the pressure `l = alpha W^V` is eliminated cell by cell and leaves
-/// `W_vol = alpha/2 (W^V)^2` (SCIENCE 3.2).
+/// `W_vol = alpha/2 (W^V)^2`, which with `W^V = J^2 - 1` means `kappa = 4 alpha`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MooneyRivlin {
     /// First coefficient [Pa].

@@ -2,7 +2,7 @@
 //!
 //! The asymptotic numerical method asks, order after order, for the degree-p coefficients of `P`
 //! given the lower ones of `F`. Geometry is done by hand on slices of coefficients, generic
-//! arithmetic on the three scalar series only (DESIGN section 2); nothing is kept between orders,
+//! arithmetic on the three scalar series only; nothing is kept between orders,
 //! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
 
 use super::StrainEnergy;

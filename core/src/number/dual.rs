@@ -1,6 +1,6 @@
 //! Duals in the three invariants: a value with its gradient, or with gradient and Hessian.
 //!
-//! Three variables only, because a law is a function of `I1, I2, J` (DESIGN section 2); the
+//! Three variables only, because a law is a function of `I1, I2, J`; the
 //! geometry that turns these derivatives into stress and tangent is written by hand in
 //! `crate::law`.
 

@@ -1,10 +1,10 @@
 //! Truncated power series in one or several variables, of an order chosen at run time.
 //!
 //! In one variable a jet is the Taylor series along a load path (paper A); in three it is the
-//! expansion in the components of a contact displacement (DESIGN section 4, Touch). Elementary
+//! expansion in the components of a contact displacement. Elementary
 //! functions use Euler's operator `D = sum_i x_i d/dx_i`, which multiplies the coefficient of
 //! every monomial by its degree: `D f = f'(g) D g` gives each new degree from the lower ones, and
-//! in one variable it is the recursion of SCIENCE 1.4 (eqs. 48-51 of paper A, to any order).
+//! in one variable it is the recursion of paper A (eqs. 48-51), to any order.
 
 use super::{Real, Scalar};
 use std::collections::HashMap;

@@ -1,5 +1,5 @@
 //! Scalars: the arithmetic a strain energy is written in, and the number types that read
-//! different things out of the same text (DESIGN section 2).
+//! different things out of the same text.
 //!
 //! | type | reads out of `psi` |
 //! | --- | --- |

@@ -1,8 +1,8 @@
 //! The reduced model: every touch of a surface, solved off-line, answered on-line in microseconds.
 //!
 //! Off-line ([`Reduction`]): for every position of the touchable surface the series of
-//! `crate::series` is solved exactly, and only then compressed (SCIENCE 4.4: truncating inside the
-//! recursion is ruinous). On-line ([`ReducedModel`]): a polynomial in the tool's displacement,
+//! `crate::series` is solved exactly, and only then compressed (truncating inside the recursion is
+//! ruinous: each order is built from all lower ones). On-line ([`ReducedModel`]): a polynomial in the tool's displacement,
 //! interpolated over the surface triangle touched. `model.rs`, `file.rs` and `evaluate.rs` know
 //! nothing of finite elements.
 
@@ -13,6 +13,8 @@ mod metadata;
 mod model;
 mod positions;
 mod region;
+#[cfg(test)]
+mod tests;
 
 pub use build::{Progress, Reduction};
 pub use evaluate::{Contact, Response, Trust};

@@ -2,7 +2,7 @@
 //!
 //! The first-order fields (the Green fields of the contacts) are kept exactly as the first modes;
 //! what the higher orders add to their span is ranked by a singular value decomposition and cut at
-//! the tolerance, position by position (SCIENCE 4.4). Fields are weighted by `depth^degree` and
+//! the tolerance, position by position. Fields are weighted by `depth^degree` and
 //! the mean size of their monomial on the unit sphere, so that the norm of a column is what it
 //! contributes to the field at full depth.
 

@@ -1,7 +1,7 @@
 //! The asymptotic numerical method: equilibrium as power series that share one tangent operator.
 //!
 //! Along a load path ([`Continuation`], paper A with its vector Pade form) and in the displacement of a
-//! contact ([`TouchExpansion`], DESIGN section 4).
+//! contact ([`TouchExpansion`]).
 
 mod pade;
 mod path;

@@ -1,4 +1,4 @@
-//! The vector Pade form of a power series: the same vectors, a longer reach (SCIENCE 4.1-4.2).
+//! The vector Pade form of a power series: the same vectors, a longer reach.
 //!
 //! Gram-Schmidt gives `u_n = sum_j A_nj q_j`; with `d_0 = 1` and
 //! `d_i = -(1 / A_{N-i,N-i}) sum_{j<i} d_j A_{N-j,N-i}`,

@@ -2,7 +2,7 @@
 //!
 //! `u(a) = sum a^p u_p`, `load(a) = sum a^p load_p`, and at every order the same tangent,
 //!   K u_p = load_p f - N_p,
-//! with `N_p` the order-p coefficient of the internal force for `u_p = 0` (SCIENCE 1.4-1.5). The
+//! with `N_p` the order-p coefficient of the internal force for `u_p = 0`. The
 //! parameter `a` is the load, or an arc length that passes limit points. An expansion reaches as
 //! far as its Pade form holds; there one correction returns to equilibrium and the next begins.
 

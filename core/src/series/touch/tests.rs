@@ -89,7 +89,10 @@ fn the_patch_moves_by_the_displacement_and_nothing_else() {
             let unit: [f64; 3] = std::array::from_fn(|j| {
                 (0..3).map(|k| series.compliance[i][k] * series.force[j][k]).sum()
             });
-            assert!(distance(&unit, &std::array::from_fn::<f64, 3, _>(|j| (i == j) as u8 as f64)) < 1e-12);
+            assert!(
+                distance(&unit, &std::array::from_fn::<f64, 3, _>(|j| (i == j) as u8 as f64))
+                    < 1e-12
+            );
         }
     }
 }
@@ -107,14 +110,19 @@ fn errors_against_newton_fall_with_the_order() {
                 let d = [0.48, -0.36, -0.8].map(|n| depth * n);
                 let ((u, f), (exact_u, exact_f)) =
                     (evaluate(series, order, d), exact(&body, patch, d));
-                [distance(&u, &exact_u) / distance(&exact_u, &vec![0.0; u.len()]),
-                 distance(&f, &exact_f) / distance(&exact_f, &[0.0; 3])]
+                [
+                    distance(&u, &exact_u) / distance(&exact_u, &vec![0.0; u.len()]),
+                    distance(&f, &exact_f) / distance(&exact_f, &[0.0; 3]),
+                ]
             };
             let (near, far) = (error(0.001), error(0.002));
             for (what, (near, far)) in ["field", "force"].iter().zip(near.iter().zip(far)) {
                 let rate = (far / near).log2();
                 // Relative errors: one power of the depth less.
-                assert!((rate - order as f64).abs() < 0.35, "{law}, order {order}: {what} {rate:.2}");
+                assert!(
+                    (rate - order as f64).abs() < 0.35,
+                    "{law}, order {order}: {what} {rate:.2}"
+                );
                 assert!(far < 0.2f64.powi(order as i32), "{law}, order {order}: {what} {far:e}");
             }
         }
@@ -152,8 +160,10 @@ fn a_series_about_a_deformed_state_continues_it() {
         let (exact_u, exact_f) = exact(&body, patch, std::array::from_fn(|i| base[i] + d[i]));
         let moved: Vec<f64> = exact_u.iter().zip(&start).map(|(a, b)| a - b).collect();
         let added: [f64; 3] = std::array::from_fn(|i| exact_f[i] - start_force[i]);
-        [distance(&u, &moved) / distance(&moved, &vec![0.0; u.len()]),
-         distance(&f, &added) / distance(&added, &[0.0; 3])]
+        [
+            distance(&u, &moved) / distance(&moved, &vec![0.0; u.len()]),
+            distance(&f, &added) / distance(&added, &[0.0; 3]),
+        ]
     };
     let (near, far) = (error(0.0005), error(0.001));
     for (near, far) in near.iter().zip(far) {
