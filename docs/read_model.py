@@ -1,0 +1,61 @@
+"""Reads a model file and answers a touch with NumPy alone: the proof of docs/model-file.md."""
+
+import json
+import struct
+
+import numpy as np
+
+TYPES = {"F64": "<f8", "F32": "<f4", "U32": "<u4", "I16": "<i2"}
+
+
+def read(path):
+    with open(path, "rb") as file:
+        header = json.loads(file.read(struct.unpack("<Q", file.read(8))[0]))
+        data = file.read()
+    about = json.loads(header.pop("__metadata__")["viscera"])
+    arrays = {name: np.frombuffer(data[slice(*h["data_offsets"])], TYPES[h["dtype"]]) for name, h in header.items()}
+    return about, {name: array.reshape(header[name]["shape"]) for name, array in arrays.items()}
+
+
+def locate(corners, x):
+    """Triangle and barycentric weights (3,) of the point closest to x: the foot inside, or one on the three edges."""
+    v, w = np.einsum("qji,qj->iq", np.linalg.pinv(corners[:, 1:] - corners[:, :1]), x - corners[:, 0])
+    feet = [np.where((v >= 0) & (w >= 0) & (v + w <= 1), [1 - v - w, v, w], np.nan).T]
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        side = corners[:, j] - corners[:, i]
+        t = np.clip(((x - corners[:, i]) * side).sum(1) / (side * side).sum(1), 0, 1)[:, None]
+        feet.append(np.eye(3)[i] * (1 - t) + np.eye(3)[j] * t)
+    distance = np.linalg.norm(np.einsum("kqi,qij->kqj", feet, corners) - x, axis=2)
+    kind, triangle = np.unravel_index(np.nanargmin(distance), distance.shape)
+    return triangle, feet[kind][triangle]
+
+
+def touch(about, m, point, d):
+    """Force (3,) [N] and displacement (n, 3) [m] for a contact point (3,) and its displacement d (3,) [m]."""
+    degrees = range(2, about["order"] + 1)
+    exponents = np.array([(i, j, n - i - j) for n in degrees for i in range(n, -1, -1) for j in range(n - i, -1, -1)])
+    monomials, is_quadratic = np.prod(np.asarray(d) ** exponents, axis=1), exponents.sum(axis=1) <= about["edge_order"]
+    triangle, w = locate(m["points"][m["positions"]][m["touchable"]], np.asarray(point))
+    corners, edges, pairs = m["touchable"][triangle], m["triangle_edges"][triangle], w * np.roll(w, -1)
+    own, cross = (m[name].reshape(-1, 3, 3) for name in ("compliance", "cross_compliance"))
+    C = np.tensordot(w**2, own[corners], 1) + np.tensordot(pairs, cross[edges] + cross[edges].transpose(0, 2, 1), 1)
+    force = first = np.linalg.solve(C, d)
+    terms = []  # array names, place, amplitudes of the linear terms, amplitudes of the higher ones
+    for k in range(3):
+        shape = np.where(is_quadratic, w[k] * (2 * w[k] - 1), w[k])
+        terms.append(("position", "force", corners[k], w[k] * own[corners[k]] @ first, shape * monomials))
+        terms.append(("edge", "edge_force", edges[k], np.empty(0), 4 * pairs[k] * monomials[is_quadratic]))
+    amplitudes = np.zeros(len(m["mode_scale"]))
+    for kind, table, place, linear, higher in terms:
+        both = np.append(linear, higher)
+        force = force + higher @ m[table].reshape(-1, len(both), 3)[place, len(linear) :]
+        starts, regions = m["region_start"].astype(int), m[f"{kind}_region"]
+        before, size = np.diff(starts)[regions[:place]].sum(), np.diff(starts)[regions[place]]
+        rows = m[f"{kind}_coefficients"][len(both) * before :][: len(both) * size].reshape(len(both), size)
+        amplitudes[starts[regions[place]] :][:size] += both @ rows
+    amplitudes *= m["mode_scale"]
+    amplitudes[np.abs(amplitudes) * 32767 <= 1e-5 * np.linalg.norm(d)] = 0
+    field, is_surface = np.empty_like(m["points"]), np.isin(np.arange(len(m["points"])), m["surface_nodes"])
+    for name, nodes in (("surface_modes", is_surface), ("interior_modes", ~is_surface)):
+        field[nodes] = np.tensordot(amplitudes, m[name].reshape(len(amplitudes), -1, 3), 1)
+    return force, field

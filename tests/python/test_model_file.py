@@ -1,0 +1,68 @@
+"""The model file can be read and evaluated from its description alone: docs/read_model.py against the package."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+ROOT = Path(__file__).resolve().parents[2]
+TOLERANCE = 1e-5  # the package adds up fields in single precision; a wrong sum is wrong by a percent and more
+
+
+@pytest.fixture(scope="module")
+def reader() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("read_model", ROOT / "docs" / "read_model.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A model of order 4, so that one order lies above those that edges have, with several regions."""
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.45), fixed="clamp")
+    path = tmp_path_factory.mktemp("model") / "beam.viscera"
+    organ.reduce("top", order=4, tolerance=1e-2).save(path)
+    return path
+
+
+def test_the_metadata_and_the_organ_are_there(reader: ModuleType, file: Path) -> None:
+    about, arrays = reader.read(file)
+    beam = vs.organs.beam()
+    assert about["format_version"] == 1
+    assert (about["units"], about["order"], about["edge_order"]) == ("SI", 4, 3)
+    assert np.array_equal(arrays["points"], beam.points)
+    assert np.array_equal(arrays["cells"], beam.cells)
+    assert len(arrays["region_start"]) > 2
+
+
+def test_the_page_describes_every_array_of_the_file(reader: ModuleType, file: Path) -> None:
+    page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
+    rows = re.search(r"\| array \|.*?\n\n", page, re.DOTALL)
+    assert rows is not None
+    described = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in rows[0].splitlines()[2:] if line]
+    assert sorted(name for names in described for name in names) == sorted(reader.read(file)[1])
+
+
+def test_force_and_field_are_those_of_the_package(reader: ModuleType, file: Path) -> None:
+    """Random touches, on the surface and beside it, within triangles, on an edge and at a node."""
+    about, arrays = reader.read(file)
+    model = vs.load(file)
+    rng = np.random.default_rng(7)
+    points = rng.uniform((0.1, -0.02, 0.18), (1.02, 0.22, 0.22), (20, 3)).tolist()
+    for point in [*points, [0.5, 0.025, 0.2], [0.5, 0.1, 0.2]]:
+        direction = rng.normal(size=3)
+        push = direction / np.linalg.norm(direction) * rng.uniform(0.01, 1.0) * model.depth
+        answer = model(point, push)
+        force, field = reader.touch(about, arrays, point, push)
+        assert np.linalg.norm(force - answer.force) <= TOLERANCE * np.linalg.norm(answer.force)
+        assert np.abs(field - answer.displacement).max() <= TOLERANCE * np.abs(answer.displacement).max()
