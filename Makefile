@@ -42,8 +42,12 @@ test-core: ## the Rust tests
 test-python: $(extension) ## the Python tests and doctests
 	$(BIN)/pytest
 
-bench: $(extension) ## the benchmarks
+bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
+	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
+
+out/liver.viscera: | $(extension)
+	$(BIN)/viscera demo --no-view --output out
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py

@@ -97,7 +97,9 @@ impl Problem<'_> {
             }
         }
         match self.patches[..k].iter().position(|other| other.patch == load.patch) {
-            Some(same) => Err(Error::input(format!("patches {same} and {k} are the same; give one"))),
+            Some(same) => {
+                Err(Error::input(format!("patches {same} and {k} are the same; give one")))
+            }
             None => Ok(()),
         }
     }

@@ -11,9 +11,10 @@ use crate::error::Error;
 use crate::mesh::{Patch, Surface};
 use crate::number::{Monomials, evaluate_monomials};
 use crate::series::{TouchExpansion, TouchSeries};
+use rayon::Yield;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// Orders up to this one are also solved at edge midpoints.
@@ -138,36 +139,43 @@ impl Reduction {
         let total = positions.nodes.len();
         let stop = AtomicBool::new(false);
         let (sender, receiver) = mpsc::channel::<usize>();
-        std::thread::scope(|scope| {
-            let stop = &stop;
-            let worker = scope.spawn(move || {
+        let mut solved = Ok(Vec::new());
+        rayon::in_place_scope(|scope| {
+            let (stop, solved) = (&stop, &mut solved);
+            scope.spawn(move |_| {
                 let task = |members: &Vec<u32>| {
                     if stop.load(Ordering::Relaxed) {
                         return Err(Error::Cancelled);
                     }
                     let solved = self.solve_region(expansion, positions, members);
-                    // The receiver lives until this thread has ended.
+                    // The receiver lives until this scope has ended.
                     let _ = sender.send(members.len());
                     solved
                 };
-                positions.regions.par_iter().map(task).collect::<Result<Vec<_>, _>>()
+                *solved = positions.regions.par_iter().map(task).collect();
             });
             let mut done = 0;
-            while !worker.is_finished() {
-                if let Ok(count) = receiver.recv_timeout(Duration::from_millis(50)) {
-                    done += count;
+            loop {
+                // A thread of the pool that waits must also work: it may be the only one.
+                if let Some(Yield::Executed) = rayon::yield_now() {
+                    continue;
+                }
+                match receiver.recv_timeout(Duration::from_millis(50)) {
+                    Ok(count) => done += count,
+                    Err(RecvTimeoutError::Timeout) => (),
+                    Err(RecvTimeoutError::Disconnected) => break,
                 }
                 if !progress(Progress { done, total, stage: "solve" }) {
                     stop.store(true, Ordering::Relaxed);
                 }
             }
-            let solved = worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-            if progress(Progress { done: total, total, stage: "solve" }) {
-                Ok(solved)
-            } else {
-                Err(Error::Cancelled)
-            }
-        })
+        });
+        let solved = solved?;
+        if progress(Progress { done: total, total, stage: "solve" }) {
+            Ok(solved)
+        } else {
+            Err(Error::Cancelled)
+        }
     }
 
     fn solve_region(

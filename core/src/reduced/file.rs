@@ -146,7 +146,7 @@ impl ReducedModel {
         let mut arrays = Arrays::default();
         macro_rules! decode {
             ($name:ident, $columns:expr) => {
-                arrays.$name = decode(&tensors, stringify!($name))?;
+                arrays.$name = decode(&tensors, stringify!($name), $columns)?;
             };
         }
         for_each_array!(decode);
@@ -166,7 +166,7 @@ fn encode<'a, T: Stored>(
     (name, T::DTYPE, shape, bytes)
 }
 
-fn decode<T: Stored>(tensors: &SafeTensors, name: &str) -> Result<Vec<T>, Error> {
+fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
     let tensor =
         tensors.tensor(name).map_err(|_| Error::ModelFile(format!("array {name} is missing")))?;
     if tensor.dtype() != T::DTYPE {
@@ -174,6 +174,14 @@ fn decode<T: Stored>(tensors: &SafeTensors, name: &str) -> Result<Vec<T>, Error>
             "array {name} holds {:?} instead of {:?}",
             tensor.dtype(),
             T::DTYPE
+        )));
+    }
+    let expected = if columns == 1 { 1 } else { 2 };
+    if tensor.shape().len() != expected || tensor.shape()[1..] != [columns][..expected - 1] {
+        return Err(Error::ModelFile(format!(
+            "array {name} has shape {:?}; it needs {expected} axes{}",
+            tensor.shape(),
+            if columns == 1 { String::new() } else { format!(" and {columns} columns") }
         )));
     }
     Ok(tensor.data().chunks_exact(T::SIZE).map(T::read).collect())

@@ -174,8 +174,11 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
             m.format_version
         )));
     }
-    if !(1..=8).contains(&m.order) || m.edge_order > m.order {
-        return Err(bad(format!("order {} with edge order {}", m.order, m.edge_order)));
+    if !(2..=8).contains(&m.order) || !(1..=m.order).contains(&m.edge_order) {
+        return Err(bad(format!(
+            "order {} with edge order {}; orders are 2 to 8, edge orders 1 to the order",
+            m.order, m.edge_order
+        )));
     }
     for (name, value) in [
         ("radius", m.radius),
@@ -225,6 +228,7 @@ impl Counts {
             ("positions", counts.positions),
             ("touchable", counts.touchable),
             ("region_start", counts.regions),
+            ("mode_scale", counts.modes),
         ];
         match needed.iter().find(|(_, n)| *n == 0) {
             Some((name, _)) => Err(bad(format!("array {name} is empty"))),
@@ -335,6 +339,12 @@ fn check_values(a: &Arrays) -> Result<(), Error> {
     for (name, values) in doubles {
         if let Some(place) = values.iter().position(|v| !v.is_finite()) {
             return Err(bad(format!("{name}[{place}] is {}; it must be finite", values[place])));
+        }
+    }
+    for (position, patch) in a.patch_start.windows(2).enumerate() {
+        let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();
+        if (sum - 1.0).abs() > 1e-9 {
+            return Err(bad(format!("patch_weights of position {position} sum to {sum}, not 1")));
         }
     }
     let singles = [

@@ -1,0 +1,322 @@
+//! What the solvers rely on, for every law: derivatives, invariance, the patch test, power series,
+//! sums that come out the same on any number of threads.
+
+use super::*;
+use crate::law::{Law, LawVisitor};
+use crate::mesh::samples::{block, noise};
+use crate::number::Monomials;
+use crate::tensor::{Mat3, mul_vector, tabulate};
+
+const SIZE: [f64; 3] = [0.03, 0.04, 0.05];
+/// Shear and volume change with `J > 0`, small enough for every law.
+const STRAIN: Mat3<f64> = [[0.08, 0.05, -0.03], [-0.06, -0.07, 0.04], [0.02, -0.05, 0.06]];
+
+fn parameters(law: &str) -> Vec<f64> {
+    match Material::parameter_names(law).unwrap() {
+        ["mu", "lam"] => vec![3.0e3, 11.0e3],
+        ["c1", "c2", "kappa"] => vec![1.2e3, 0.3e3, 11.0e3],
+        other => panic!("no parameters for {other:?}"),
+    }
+}
+
+fn uniform(law: &str) -> Material {
+    Material::new(law, vec![parameters(law)]).unwrap()
+}
+
+/// Cells of three stiffnesses, mixed.
+fn per_cell(law: &str, cells: usize) -> Material {
+    let row = |cell: usize| parameters(law).iter().map(|p| p * (1 + cell % 3) as f64).collect();
+    Material::new(law, (0..cells).map(row).collect()).unwrap()
+}
+
+/// Points and cells.
+type Mesh = (Vec<[f64; 3]>, Vec<[u32; 4]>);
+
+/// A block whose points, boundary included, are moved by up to a tenth of an edge.
+fn distorted(n: usize) -> Mesh {
+    let (mut points, cells) = block([n; 3], SIZE);
+    for (x, shift) in points.iter_mut().zip(noise(3 * (n + 1).pow(3), 1).chunks_exact(3)) {
+        (0..3).for_each(|i| x[i] += 0.1 * SIZE[i] / n as f64 * shift[i]);
+    }
+    (points, cells)
+}
+
+/// One body of the law with uniform and one with varying parameters, 48 cells each.
+fn bodies(law: &str) -> [Body; 2] {
+    let (points, cells) = distorted(2);
+    [uniform(law), per_cell(law, cells.len())]
+        .map(|material| Body::new(points.clone(), cells.clone(), material).unwrap())
+}
+
+fn affine(body: &Body, gradient: &Mat3<f64>, shift: [f64; 3]) -> Vec<f64> {
+    let moved = |x: &[f64; 3]| {
+        let u = mul_vector(gradient, x);
+        [u[0] + shift[0], u[1] + shift[1], u[2] + shift[2]]
+    };
+    body.points().iter().flat_map(moved).collect()
+}
+
+/// A deformed state far from rest in which no cell is alike another.
+fn state(body: &Body) -> Vec<f64> {
+    let u = affine(body, &STRAIN, [0.0; 3]);
+    u.iter().zip(noise(u.len(), 2)).map(|(u, n)| u + 5e-4 * n).collect()
+}
+
+fn force(body: &Body, u: &[f64]) -> Vec<f64> {
+    let mut force = vec![0.0; u.len()];
+    body.internal_force(u, &mut force);
+    force
+}
+
+fn along(u: &[f64], t: f64, v: &[f64]) -> Vec<f64> {
+    u.iter().zip(v).map(|(u, v)| u + t * v).collect()
+}
+
+fn largest(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |max, x| max.max(x.abs()))
+}
+
+fn gap(a: &[f64], b: &[f64]) -> f64 {
+    largest(&along(a, -1.0, b))
+}
+
+/// Central differences over 1e-7 of metres: 1e-10 of rounding, 1e-10 of curvature.
+#[test]
+fn internal_force_is_the_derivative_of_the_energy() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            let u = state(&body);
+            let f = force(&body, &u);
+            let slope = |dof: usize| {
+                let mut unit = vec![0.0; u.len()];
+                unit[dof] = 1e-7;
+                (body.energy(&along(&u, 1.0, &unit)) - body.energy(&along(&u, -1.0, &unit))) / 2e-7
+            };
+            let differences: Vec<f64> = (0..u.len()).map(slope).collect();
+            assert!(gap(&f, &differences) < 1e-7 * largest(&f), "{law}");
+        }
+    }
+}
+
+#[test]
+fn tangent_is_the_derivative_of_the_force_and_symmetric() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            let u = state(&body);
+            let (mut f, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
+            body.internal_force_and_tangent(&u, &mut f, &mut tangent);
+            assert!(gap(&f, &force(&body, &u)) <= 1e-13 * largest(&f), "{law}: two forces");
+            let product = |v: &[f64]| {
+                let mut out = vec![0.0; v.len()];
+                tangent.multiply(v, &mut out);
+                out
+            };
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let [v, w] = [3, 4].map(|seed| noise(u.len(), seed));
+            let (kv, kw) = (product(&v), product(&w));
+            let difference: Vec<f64> = along(
+                &force(&body, &along(&u, 1e-7, &v)),
+                -1.0,
+                &force(&body, &along(&u, -1e-7, &v)),
+            )
+            .iter()
+            .map(|f| f / 2e-7)
+            .collect();
+            assert!(gap(&kv, &difference) < 1e-7 * largest(&kv), "{law}: derivative");
+            assert!((dot(&w, &kv) - dot(&v, &kw)).abs() < 1e-12 * dot(&v, &kv).abs(), "{law}");
+        }
+    }
+}
+
+/// Rotation about (1, 2, 2) / 3 by 0.7, minus the identity.
+fn turn() -> Mat3<f64> {
+    let (n, c, s) = ([1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], 0.7f64.cos(), 0.7f64.sin());
+    let spin = [[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]];
+    tabulate(|i, j| (c - 1.0) * ((i == j) as u8 as f64) + s * spin[i][j] + (1.0 - c) * n[i] * n[j])
+}
+
+#[test]
+fn rigid_motions_are_free_of_force() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            let scale = largest(&force(&body, &state(&body)));
+            let shifted = affine(&body, &[[0.0; 3]; 3], [0.1, -0.2, 0.3]);
+            assert!(largest(&force(&body, &shifted)) < 1e-11 * scale, "{law}: translation");
+            let turned = force(&body, &affine(&body, &turn(), [0.1, -0.2, 0.3]));
+            let is_free = largest(&turned) < 1e-11 * scale;
+            assert_eq!(is_free, *law != "linear", "{law}: only the linear law minds a rotation");
+        }
+    }
+}
+
+/// The stress of a law at a deformation gradient.
+struct Stress<'a>(&'a [f64], Mat3<f64>);
+
+impl LawVisitor for Stress<'_> {
+    type Output = Mat3<f64>;
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> Mat3<f64> {
+        make(self.0).stress(&self.1)
+    }
+}
+
+/// Every cell then has the law's stress `P`, so node `a` feels `P sum_cells V g_a`: zero inside.
+#[test]
+fn affine_motions_give_one_stress_everywhere() {
+    let (points, cells) = distorted(3);
+    for law in Material::NAMES {
+        let body = Body::new(points.clone(), cells.clone(), uniform(law)).unwrap();
+        let f = force(&body, &affine(&body, &STRAIN, [0.01, 0.0, -0.02]));
+        let gradient = tabulate(|i, j| ((i == j) as u8 as f64) + STRAIN[i][j]);
+        let stress = body.material().visit(Stress(&parameters(law), gradient));
+        let mut expected = vec![0.0; f.len()];
+        for (cell, element) in body.cells().iter().zip(&body.elements) {
+            for (&node, g) in cell.iter().zip(&element.gradients) {
+                let share = mul_vector(&stress, g);
+                (0..3).for_each(|i| expected[3 * node as usize + i] += element.volume * share[i]);
+            }
+        }
+        assert!(gap(&f, &expected) < 1e-12 * largest(&f), "{law}: boundary");
+        let surface = crate::mesh::surface(body.points(), body.cells()).concat();
+        let inside: Vec<usize> =
+            (0..body.points().len()).filter(|&n| !surface.contains(&(n as u32))).collect();
+        assert_eq!(inside.len(), 8);
+        let worst = inside.iter().map(|&n| largest(&f[3 * n..3 * n + 3])).fold(0.0, f64::max);
+        assert!(worst < 1e-12 * largest(&f), "{law}: {worst} N inside");
+    }
+}
+
+/// Coefficients of orders 1 to 4 along `u(t) = u0 + t u1 + t^2 u2 + t^3 u3`; as `force_series`
+/// leaves out the newest displacement, its share is `K u_p`.
+fn force_coefficients(body: &Body, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let (n, stride) = (body.n_dofs(), path.len());
+    let interleaved: Vec<f64> = (0..n).flat_map(|dof| path.iter().map(move |u| u[dof])).collect();
+    let (mut f, mut tangent) = (vec![0.0; n], body.zero_tangent());
+    body.internal_force_and_tangent(&path[0], &mut f, &mut tangent);
+    let order = |p: usize| {
+        let (mut nonlinear, mut newest) = (vec![0.0; n], vec![0.0; n]);
+        body.force_series(Monomials::of(1, p), &interleaved, stride, &mut nonlinear);
+        tangent.multiply(&path[p], &mut newest);
+        along(&nonlinear, 1.0, &newest)
+    };
+    std::iter::once(f).chain((1..stride).map(order)).collect()
+}
+
+/// The force along the path minus its expansion falls like `t^5`: by 32 when `t` is halved.
+#[test]
+fn force_series_expands_the_force_along_a_path() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            let scales = [1.0, 4e-3, 2e-3, 1e-3, 0.0];
+            let mut path: Vec<Vec<f64>> = (0u64..)
+                .zip(scales)
+                .map(|(p, s)| noise(body.n_dofs(), 10 + p).iter().map(|n| s * n).collect())
+                .collect();
+            path[0] = state(&body);
+            let coefficients = force_coefficients(&body, &path);
+            let at = |series: &[Vec<f64>], t: f64| {
+                series.iter().rev().fold(vec![0.0; body.n_dofs()], |sum, c| along(c, t, &sum))
+            };
+            let scale = largest(&coefficients[1]);
+            let remainder =
+                |t: f64| gap(&force(&body, &at(&path, t)), &at(&coefficients, t)) / scale;
+            let (far, near) = (remainder(0.2), remainder(0.1));
+            let is_exact = far < 1e-13;
+            assert_eq!(is_exact, *law == "linear", "{law}: remainder {far:e}");
+            assert!(is_exact || (24.0..40.0).contains(&(far / near)), "{law}: {far:e} {near:e}");
+        }
+    }
+}
+
+/// 1296 cells fill several tasks of the element loops and of the gathering.
+#[test]
+fn sums_are_the_same_on_any_number_of_threads() {
+    let (points, cells) = distorted(6);
+    let body = Body::new(points, cells, uniform("neo_hookean")).unwrap();
+    let u = state(&body);
+    let results = [1, 2, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (mut f, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
+            body.internal_force_and_tangent(&u, &mut f, &mut tangent);
+            (body.energy(&u), f, tangent.values)
+        })
+    });
+    assert!(results[0].0 > 0.0);
+    assert!(results[0] == results[1] && results[0] == results[2]);
+}
+
+#[test]
+fn volumes_follow_the_deformation() {
+    let (points, cells) = block([2; 3], SIZE);
+    let body = Body::new(points, cells, uniform("linear")).unwrap();
+    let rest = SIZE.iter().product::<f64>();
+    assert!((body.rest_volume() - rest).abs() < 1e-14 * rest);
+    let stretch = [[0.5, 0.0, 0.0], [0.0, -0.2, 0.0], [0.3, 0.0, 0.1]];
+    let mut u = affine(&body, &stretch, [1.0, 2.0, 3.0]);
+    let ratio = 1.5 * 0.8 * 1.1;
+    assert!((body.volume(&u) - ratio * rest).abs() < 1e-12 * rest);
+    assert!((body.smallest_jacobian(&u).0 - ratio).abs() < 1e-12);
+    u[0] += 0.05; // beyond the opposite face of every cell at the corner
+    let (jacobian, cell) = body.smallest_jacobian(&u);
+    assert!(jacobian < 0.0 && body.cells()[cell].contains(&0));
+}
+
+#[test]
+fn gravity_adds_up_to_the_weight() {
+    let (points, cells) = distorted(2);
+    let body = Body::new(points, cells, uniform("linear")).unwrap();
+    let g = [0.5, -1.0, -9.81];
+    let total = |force: Vec<f64>, i: usize| force.chunks_exact(3).map(|f| f[i]).sum::<f64>();
+    let densities: Vec<f64> = (0..48).map(|cell| 900.0 + 10.0 * cell as f64).collect();
+    let mass: f64 = body.elements.iter().zip(&densities).map(|(e, rho)| rho * e.volume).sum();
+    for i in 0..3 {
+        let weight = total(body.gravity(g, &[1060.0]).unwrap(), i);
+        assert!((weight - 1060.0 * body.rest_volume() * g[i]).abs() < 1e-13);
+        let weight = total(body.gravity(g, &densities).unwrap(), i);
+        assert!((weight - mass * g[i]).abs() < 1e-13);
+    }
+    for (density, words) in
+        [(vec![1.0; 3], "3 densities for 48 cells"), (vec![-1.0], "-1"), (vec![f64::NAN], "NaN")]
+    {
+        let error = body.gravity(g, &density).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
+#[test]
+fn inversion_costs_infinite_energy_where_the_law_forbids_it() {
+    for law in Material::NAMES {
+        let (points, cells) = block([2; 3], SIZE);
+        let body = Body::new(points, cells, uniform(law)).unwrap();
+        let mut u = vec![0.0; body.n_dofs()];
+        u[0] = 0.05;
+        let has_logarithm = ["neo_hookean", "mooney_rivlin ln J"].contains(law);
+        assert!(body.energy(&u).is_infinite() || !has_logarithm, "{law}");
+        assert!(body.energy(&u) > 0.0, "{law}: no NaN either");
+    }
+}
+
+#[test]
+fn bad_meshes_are_refused_with_the_place_and_the_value() {
+    let (points, cells) = block([1; 3], SIZE);
+    let refusal = |change: &dyn Fn(&mut Mesh), rows: usize| {
+        let mut mesh = (points.clone(), cells.clone());
+        change(&mut mesh);
+        let material = Material::new("linear", vec![parameters("linear"); rows]).unwrap();
+        Body::new(mesh.0, mesh.1, material).err().map_or("accepted".to_string(), |e| e.to_string())
+    };
+    let cases = [
+        (refusal(&|_| (), 1), "accepted"),
+        (refusal(&|m| m.1[3].swap(0, 1), 1), "cell 3 has volume -1.000e-5"),
+        (refusal(&|m| m.1[2][1] = m.1[2][0], 1), "cell 2 has volume 0"),
+        (refusal(&|m| m.0[5][1] = f64::NAN, 1), "point 5 is at [0.03, NaN, 0.05]"),
+        (refusal(&|m| m.0[5][1] = f64::INFINITY, 1), "point 5"),
+        (refusal(&|m| m.0.push([9.0; 3]), 1), "point 8 belongs to no cell"),
+        (refusal(&|m| m.1[4][2] = 8, 1), "cell 4 uses point 8; there are 8 points"),
+        (refusal(&|m| m.1.clear(), 1), "no tetrahedra"),
+        (refusal(&|_| (), 5), "5 parameter rows for 6 cells"),
+    ];
+    for (sentence, expected) in cases {
+        assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
+    }
+}
