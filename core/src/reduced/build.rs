@@ -95,7 +95,10 @@ impl Reduction {
             tolerance: self.tolerance,
             diagonal,
             errors: Errors {
-                compression: solved.iter().fold(0.0, |worst, s| s.region.error.max(worst)),
+                compression: solved
+                    .iter()
+                    .flat_map(|s| &s.region.errors)
+                    .fold(0.0, |worst, &e| worst.max(f64::from(e))),
                 ..Errors::default()
             },
             seconds: 0.0,
@@ -401,6 +404,7 @@ fn assemble(
         arrays.compliance.extend(part.compliance[k]);
         arrays.force.extend(part.force[k].iter().flatten());
         arrays.norms.extend(&part.norms[k]);
+        arrays.compression.push(part.region.errors[k]);
         arrays.position_coefficients.extend(&part.region.positions[k]);
     }
     for (r, k) in by_edge {

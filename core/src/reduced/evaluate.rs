@@ -363,7 +363,9 @@ impl<'a> Touch<'a> {
         let truncation = (tail * last / size[0]).max(tail * norm(orders[order - 1]) / force_size);
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
         let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
-        let compression = model.metadata.errors.compression * depth / model.metadata.depth;
+        let stored = &model.arrays.compression;
+        let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
+        let compression = worst * depth / model.metadata.depth;
         (truncation + interpolation + compression).min(1.0)
     }
 

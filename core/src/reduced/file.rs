@@ -1,4 +1,4 @@
-//! Model file: safetensors bytes with the metadata as one JSON string (DESIGN section 5).
+//! Model file: safetensors bytes with the metadata as one JSON string (docs/model-file.md).
 
 use super::metadata::Metadata;
 use super::model::{Arrays, ReducedModel};
@@ -56,6 +56,7 @@ macro_rules! for_each_array {
         $apply!(force, 3);
         $apply!(edge_force, 3);
         $apply!(norms, 1);
+        $apply!(compression, 1);
         $apply!(position_region, 1);
         $apply!(edge_region, 1);
         $apply!(region_start, 1);

@@ -45,6 +45,8 @@ pub struct Arrays {
     pub edge_force: Vec<f64>,
     /// Inner products of the fields of equal degree (p, sum of squares), for the error estimate.
     pub norms: Vec<f32>,
+    /// Compression error of each position at full depth, worst direction, relative to the field.
+    pub compression: Vec<f32>,
     /// Region of each position and of each edge.
     pub position_region: Vec<u32>,
     /// Region of each edge.
@@ -256,6 +258,7 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ("force", a.force.len(), 3 * n.positions * n.terms),
         ("edge_force", a.edge_force.len(), 3 * n.edges * n.edge_terms),
         ("norms", a.norms.len(), n.positions * n.norms),
+        ("compression", a.compression.len(), n.positions),
         ("position_region", a.position_region.len(), n.positions),
         ("edge_region", a.edge_region.len(), n.edges),
         ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
@@ -349,6 +352,7 @@ fn check_values(a: &Arrays) -> Result<(), Error> {
     }
     let singles = [
         ("norms", &a.norms),
+        ("compression", &a.compression),
         ("mode_scale", &a.mode_scale),
         ("position_coefficients", &a.position_coefficients),
         ("edge_coefficients", &a.edge_coefficients),

@@ -21,8 +21,8 @@ pub(super) struct Region {
     pub positions: Vec<Vec<f32>>,
     /// (edge terms, modes) for each edge.
     pub edges: Vec<Vec<f32>>,
-    /// Compression error at full depth, worst position and direction, relative to the field.
-    pub error: f64,
+    /// Compression error of each position at full depth, worst direction, relative to the field.
+    pub errors: Vec<f32>,
 }
 
 /// What a region is compressed from.
@@ -151,23 +151,23 @@ impl Exact<'_> {
                 self.edge_columns(e).zip(terms).flat_map(|(c, t)| amplitudes(c, t)).collect()
             })
             .collect();
-        let error = self.worst_error(columns, &quantised, &scales, &positions);
-        Region { modes: quantised, scales, positions, edges, error }
+        let errors = self.errors(columns, &quantised, &scales, &positions);
+        Region { modes: quantised, scales, positions, edges, errors }
     }
 
     /// Decodes the stored form and compares it with the exact series at full depth, in the
     /// directions of a cube's faces, edges and corners.
-    fn worst_error(
+    fn errors(
         &self,
         columns: &Mat<f64>,
         modes: &[i16],
         scales: &[f32],
         positions: &[Vec<f32>],
-    ) -> f64 {
+    ) -> Vec<f32> {
         let (n, kept) = (columns.nrows(), scales.len());
         let decoded =
             Mat::from_fn(n, kept, |i, m| f64::from(modes[m * n + i]) * f64::from(scales[m]));
-        let mut worst: f64 = 0.0;
+        let mut errors = Vec::with_capacity(positions.len());
         for (p, amplitudes) in positions.iter().enumerate() {
             let own: Vec<usize> = self.position_columns(p).collect();
             let terms = own.len();
@@ -183,11 +183,10 @@ impl Exact<'_> {
                 value * self.depth.powi(i32::from(e.iter().sum::<u8>())) / self.weight(t)
             });
             let (error, exact) = (&error * &monomials, &exact * &monomials);
-            for d in 0..directions.len() {
-                worst = worst.max(error.col(d).norm_l2() / exact.col(d).norm_l2());
-            }
+            let relative = |d: usize| error.col(d).norm_l2() / exact.col(d).norm_l2();
+            errors.push((0..directions.len()).map(relative).fold(0.0, f64::max) as f32);
         }
-        worst
+        errors
     }
 }
 
