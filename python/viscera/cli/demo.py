@@ -49,7 +49,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     say(result, touch, output)
     point, push = _push(touch)
     estimate = touch(point, push).error_estimate
-    title = f"Liver, pushed in {1e3 * touch.depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
+    depth = 1e3 * float(np.linalg.norm(push))
+    title = f"Liver, pushed in {depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
     touch.plot(point, push, picture, title=title)
     output.say(f"picture: {picture}")
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
@@ -57,11 +58,13 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 
 def _push(touch: Touch) -> tuple[np.ndarray, np.ndarray]:
-    """A touch worth a picture: at the middle of the touchable surface, straight in, as deep as the model goes."""
+    """A touch worth a picture: at the middle of the touchable surface, straight in, as deep as is trusted."""
     triangles = touch.mesh.points[touch.touchable_triangles]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     middle = np.average(triangles.mean(axis=1), axis=0, weights=np.linalg.norm(normals, axis=1))
     samples = surface_points(touch, 2000, np.random.default_rng(0))
     point = samples[np.argmin(np.linalg.norm(samples - middle, axis=1))]
     inward = -normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
-    return point, touch.depth * inward
+    depths = (share * touch.depth for share in np.arange(1.0, 0.2, -0.1))
+    depth = next((d for d in depths if touch(point, d * inward).is_trusted), 0.2 * touch.depth)
+    return point, depth * inward
