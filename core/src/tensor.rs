@@ -119,6 +119,14 @@ pub fn determinant<S: Scalar>(a: &Mat3<S>, cofactor: &Mat3<S>) -> S {
     dot(&a[0], &cofactor[0])
 }
 
+/// Inverse of a tensor, or none when it is singular to rounding.
+pub fn inverse(a: &Mat3<f64>) -> Option<Mat3<f64>> {
+    let z = cofactor(a);
+    let det = determinant(a, &z);
+    let size = a.iter().flatten().fold(0.0f64, |max, x| max.max(x.abs()));
+    (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate(|i, j| z[j][i] / det))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

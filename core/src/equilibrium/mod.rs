@@ -2,11 +2,13 @@
 //! prescribed.
 
 mod newton;
+mod outcome;
 mod problem;
 mod system;
 #[cfg(test)]
 mod tests;
 
-pub use newton::{Equilibrium, Newton, Seconds, Status};
+pub use newton::Newton;
+pub use outcome::{Equilibrium, Seconds, Status};
 pub use problem::{PatchLoad, Problem};
 pub use system::{System, patch_mean};

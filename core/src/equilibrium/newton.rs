@@ -5,6 +5,7 @@
 //! fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
 //! descent direction, and said so.
 
+use super::outcome::{Equilibrium, Seconds, Status};
 use super::problem::Problem;
 use super::system::{System, patch_mean};
 use crate::body::{Body, SymmetricBlocks};
@@ -37,73 +38,6 @@ impl Default for Newton {
             smallest_step: 1.0 / 1024.0,
         }
     }
-}
-
-/// How a solution ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// Equilibrium at the full load, stable.
-    Converged,
-    /// Equilibrium at the full load, reached through states whose tangent was not positive
-    /// definite: the path passed an instability and another equilibrium may exist.
-    ConvergedPastInstability,
-    /// The load step became too small; the result is the last equilibrium.
-    StepTooSmall,
-}
-
-impl Status {
-    /// Whether the full load was reached.
-    pub fn is_converged(self) -> bool {
-        self != Status::StepTooSmall
-    }
-
-    /// Its name in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Converged => "converged",
-            Status::ConvergedPastInstability => "converged past an instability",
-            Status::StepTooSmall => "step too small",
-        }
-    }
-}
-
-/// Where the time went [s].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Seconds {
-    /// Pattern, ordering, symbolic factorisation.
-    pub analysis: f64,
-    /// Element loops and assembly.
-    pub assembly: f64,
-    /// Numeric factorisation.
-    pub factorization: f64,
-    /// Triangular solves.
-    pub solve: f64,
-    /// Everything.
-    pub total: f64,
-}
-
-/// A solution with its history.
-pub struct Equilibrium {
-    /// Displacement [m].
-    pub displacement: Vec<f64>,
-    /// Internal force [N]; minus the external force, the reactions where something is prescribed.
-    pub internal_force: Vec<f64>,
-    /// Force of each patch's tool on the body [N].
-    pub patch_forces: Vec<[f64; 3]>,
-    /// Strain energy [J].
-    pub energy: f64,
-    /// How it ended.
-    pub status: Status,
-    /// One sentence for people: why it ended so, with numbers.
-    pub message: String,
-    /// Load fraction reached, 1 for the full load.
-    pub load: f64,
-    /// Newton iterations in all, failed load steps included.
-    pub iterations: usize,
-    /// Relative residuals of each load step that succeeded.
-    pub residuals: Vec<Vec<f64>>,
-    /// Timings.
-    pub seconds: Seconds,
 }
 
 /// Why a load step was given up.

@@ -6,153 +6,10 @@
 //! every monomial by its degree: `D f = f'(g) D g` gives each new degree from the lower ones, and
 //! in one variable it is the recursion of paper A (eqs. 48-51), to any order.
 
+use super::monomials::{Monomials, degree_of};
 use super::{Real, Scalar};
-use std::collections::HashMap;
 use std::fmt;
-use std::ops::{Add, Mul, Neg, Range, Sub};
-use std::sync::{Mutex, OnceLock};
-
-/// All monomials of a number of variables up to an order, sorted by degree, and the table of
-/// their products. Tables of lower order are prefixes of those of higher order.
-pub struct Monomials {
-    variables: usize,
-    order: usize,
-    exponents: Vec<[u8; 3]>,
-    degree_start: Vec<usize>,
-    /// `(a, b, c)` with `x^a x^b = x^c`, sorted by `c`.
-    pairs: Vec<[u16; 3]>,
-    /// Where the pairs of each monomial `c` start.
-    pair_start: Vec<usize>,
-}
-
-/// Highest order of a table: beyond it power series in double precision carry no information.
-pub const MAX_ORDER: usize = 64;
-
-impl Monomials {
-    /// The shared table for 1 to 3 variables and an order of at most [`MAX_ORDER`] (1 variable)
-    /// or 12 (several).
-    ///
-    /// # Panics
-    /// Outside these bounds; callers validate orders where users enter.
-    pub fn of(variables: usize, order: usize) -> &'static Monomials {
-        static TABLES: OnceLock<Mutex<HashMap<(usize, usize), &'static Monomials>>> =
-            OnceLock::new();
-        assert!((1..=3).contains(&variables));
-        assert!(order <= if variables == 1 { MAX_ORDER } else { 12 });
-        let tables = TABLES.get_or_init(Default::default);
-        let mut tables = tables.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        tables
-            .entry((variables, order))
-            .or_insert_with(|| Box::leak(Box::new(Monomials::build(variables, order))))
-    }
-
-    fn build(variables: usize, order: usize) -> Self {
-        let mut exponents = Vec::new();
-        let mut degree_start = vec![0];
-        for degree in 0..=order {
-            push_monomials(variables, degree, &mut exponents);
-            degree_start.push(exponents.len());
-        }
-        let index: HashMap<[u8; 3], usize> =
-            exponents.iter().enumerate().map(|(k, &e)| (e, k)).collect();
-        let mut pairs = Vec::new();
-        for (a, ea) in exponents.iter().enumerate() {
-            for (b, eb) in exponents.iter().enumerate() {
-                let sum = [ea[0] + eb[0], ea[1] + eb[1], ea[2] + eb[2]];
-                if let Some(&c) = index.get(&sum) {
-                    pairs.push([a as u16, b as u16, c as u16]);
-                }
-            }
-        }
-        pairs.sort_by_key(|&[a, b, c]| (c, a, b));
-        let pair_start =
-            (0..=exponents.len()).map(|c| pairs.partition_point(|p| (p[2] as usize) < c)).collect();
-        Monomials { variables, order, exponents, degree_start, pairs, pair_start }
-    }
-
-    /// Number of variables.
-    pub fn variables(&self) -> usize {
-        self.variables
-    }
-
-    /// Highest total degree.
-    pub fn order(&self) -> usize {
-        self.order
-    }
-
-    /// Number of monomials, the constant included.
-    pub fn len(&self) -> usize {
-        self.exponents.len()
-    }
-
-    /// A table always holds the constant.
-    pub fn is_empty(&self) -> bool {
-        false
-    }
-
-    /// Exponents of each monomial; unused variables have exponent 0.
-    pub fn exponents(&self) -> &[[u8; 3]] {
-        &self.exponents
-    }
-
-    /// Indices of the monomials of one degree.
-    pub fn of_degree(&self, degree: usize) -> Range<usize> {
-        self.degree_start[degree]..self.degree_start[degree + 1]
-    }
-
-    /// Number of monomials of degree at most `degree`.
-    pub fn up_to(&self, degree: usize) -> usize {
-        self.degree_start[degree + 1]
-    }
-
-    /// `(a, b, c)` with `x^a x^b = x^c`, for all products of the given degrees.
-    #[inline(always)]
-    pub fn pairs(&self, degrees: Range<usize>) -> &[[u16; 3]] {
-        let monomials = self.degree_start[degrees.start]..self.degree_start[degrees.end];
-        &self.pairs[self.pair_start[monomials.start]..self.pair_start[monomials.end]]
-    }
-
-    /// The pairs `(a, b, c)` whose product is monomial `c`.
-    #[inline(always)]
-    pub fn pairs_of(&self, c: usize) -> &[[u16; 3]] {
-        &self.pairs[self.pair_start[c]..self.pair_start[c + 1]]
-    }
-
-    /// Values of all monomials at `x`, written to `out` (length at least `len()`).
-    ///
-    /// Allocation-free: the real-time evaluator calls it.
-    pub fn evaluate(&self, x: [f64; 3], out: &mut [f64]) {
-        evaluate_monomials(&self.exponents, x, out);
-    }
-}
-
-/// Values of the monomials with the given exponents at `x`.
-pub fn evaluate_monomials(exponents: &[[u8; 3]], x: [f64; 3], out: &mut [f64]) {
-    for (value, e) in out.iter_mut().zip(exponents) {
-        *value = power(x[0], e[0]) * power(x[1], e[1]) * power(x[2], e[2]);
-    }
-}
-
-fn power(x: f64, exponent: u8) -> f64 {
-    (0..exponent).fold(1.0, |product, _| product * x)
-}
-
-fn degree_of(exponents: &[u8; 3]) -> usize {
-    exponents.iter().map(|&e| e as usize).sum()
-}
-
-fn push_monomials(variables: usize, degree: usize, out: &mut Vec<[u8; 3]>) {
-    let d = degree as u8;
-    match variables {
-        1 => out.push([d, 0, 0]),
-        2 => out.extend((0..=d).rev().map(|i| [i, d - i, 0])),
-        _ => {
-            for i in (0..=d).rev() {
-                out.extend((0..=d - i).rev().map(|j| [i, j, d - i - j]));
-            }
-        }
-    }
-}
+use std::ops::{Add, Mul, Neg, Sub};
 
 /// A truncated power series `sum_c coefficients[c] x^c`.
 ///
@@ -194,7 +51,7 @@ impl<T: Real> Jet<T> {
     /// Highest stored degree, or none for zero.
     fn degree(&self) -> Option<usize> {
         let n = self.coefficients.len();
-        (0..=self.table.order).find(|&d| self.table.up_to(d) >= n && n > 0)
+        (0..=self.table.order()).find(|&d| self.table.up_to(d) >= n && n > 0)
     }
 
     #[inline(always)]
@@ -231,7 +88,7 @@ impl<T: Real> Jet<T> {
     fn by_degree(&self, constant: T, mut step: impl FnMut(&mut [T], usize)) -> Self {
         let mut out = vec![T::default(); self.table.len()];
         out[0] = constant;
-        for degree in 1..=self.table.order {
+        for degree in 1..=self.table.order() {
             step(&mut out, degree);
         }
         Jet { table: self.table, coefficients: out }
@@ -307,7 +164,7 @@ impl<T: Real> Mul for Jet<T> {
             let a = self.coefficients[0];
             return other.map(|b| a * b);
         }
-        let degree = (da + db).min(self.table.order);
+        let degree = (da + db).min(self.table.order());
         let mut out = vec![T::default(); self.table.up_to(degree)];
         let (a, b) = (&self.coefficients, &other.coefficients);
         for &[i, j, k] in self.table.pairs(0..degree + 1) {
@@ -352,7 +209,7 @@ impl<T: Real> Scalar for Jet<T> {
         self.by_degree(self.coefficient(0).ln(), |out, degree| {
             for &[a, b, c] in table.pairs(degree..degree + 1) {
                 if b != 0 && a != 0 {
-                    let weight = degree_of(&table.exponents[a as usize]) as f64;
+                    let weight = degree_of(&table.exponents()[a as usize]) as f64;
                     let f = out[a as usize] * weight;
                     out[c as usize].add_product(f, self.coefficient(b as usize));
                 }
@@ -370,7 +227,7 @@ impl<T: Real> Scalar for Jet<T> {
         self.by_degree(self.coefficient(0).exp(), |out, degree| {
             for &[b, a, c] in table.pairs(degree..degree + 1) {
                 if b != 0 {
-                    let weight = degree_of(&table.exponents[b as usize]) as f64 / degree as f64;
+                    let weight = degree_of(&table.exponents()[b as usize]) as f64 / degree as f64;
                     let f = out[a as usize] * weight;
                     out[c as usize].add_product(self.coefficient(b as usize), f);
                 }
@@ -386,7 +243,7 @@ impl<T: Real> Scalar for Jet<T> {
         self.by_degree(self.coefficient(0).powf(exponent), |out, degree| {
             for &[b, a, c] in table.pairs(degree..degree + 1) {
                 if b != 0 {
-                    let db = degree_of(&table.exponents[b as usize]) as f64;
+                    let db = degree_of(&table.exponents()[b as usize]) as f64;
                     let weight = (exponent * db - (degree as f64 - db)) / degree as f64;
                     let f = out[a as usize] * weight;
                     out[c as usize].add_product(self.coefficient(b as usize), f);

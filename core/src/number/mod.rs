@@ -11,11 +11,14 @@
 mod dual;
 mod jet;
 mod lanes;
+mod monomials;
 mod single;
 
 pub use dual::{Gradient, Hessian};
-pub use jet::{Jet, Monomials, evaluate_monomials};
+pub use jet::Jet;
 pub use lanes::Lanes;
+pub(crate) use monomials::degree_of;
+pub use monomials::{Monomials, evaluate_monomials};
 pub use single::Single;
 
 use std::fmt::Debug;

@@ -3,12 +3,14 @@
 //! Off-line ([`Reduction`]): for every position of the touchable surface the series of
 //! `crate::series` is solved exactly, and only then compressed (truncating inside the recursion is
 //! ruinous: each order is built from all lower ones). On-line ([`ReducedModel`]): a polynomial in the tool's displacement,
-//! interpolated over the surface triangle touched. `model.rs`, `file.rs` and `evaluate.rs` know
+//! interpolated over the surface triangle touched. `model.rs`, `file.rs`, `evaluate.rs` and what it uses know
 //! nothing of finite elements.
 
 mod build;
+mod combine;
 mod evaluate;
 mod file;
+mod interpolation;
 mod metadata;
 mod model;
 mod positions;

@@ -9,5 +9,4 @@ mod touch;
 
 pub use pade::Pade;
 pub use path::{Continuation, Expansion, Parameter};
-pub(crate) use touch::inverse;
 pub use touch::{TouchExpansion, TouchSeries};

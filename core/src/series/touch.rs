@@ -13,7 +13,7 @@ use crate::equilibrium::System;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials};
-use crate::tensor::{Mat3, cofactor, determinant, tabulate};
+use crate::tensor::{Mat3, inverse, tabulate};
 
 /// Load positions per block.
 const WIDTH: usize = 8;
@@ -237,14 +237,6 @@ impl<'a> Block<'a> {
         }
         Ok(())
     }
-}
-
-/// Inverse of a tensor, or none when it is singular to rounding.
-pub(crate) fn inverse(a: &Mat3<f64>) -> Option<Mat3<f64>> {
-    let z = cofactor(a);
-    let det = determinant(a, &z);
-    let size = a.iter().flatten().fold(0.0f64, |max, x| max.max(x.abs()));
-    (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate(|i, j| z[j][i] / det))
 }
 
 #[cfg(test)]

@@ -1,0 +1,283 @@
+//! A model at a contact: what its corners and edges know, interpolated to the point touched.
+//!
+//! Between positions the contact patch is the blend of the patches at the triangle's corners with
+//! barycentric weights `l`, so the first order is exact there: with `C(s) = sum l_a l_b C_ab`,
+//!   f = C(s)^-1 d,   u_1 = sum_a l_a G_a f.
+//! Orders up to the edge order are interpolated quadratically through corners and edge midpoints,
+//! higher ones linearly.
+
+use super::evaluate::Contact;
+use super::model::ReducedModel;
+use crate::number::{degree_of, evaluate_monomials};
+use crate::tensor::{Mat3, inverse, mul_vector, tabulate};
+
+/// Monomials of order 8 in three variables, the constant left out.
+pub(super) const MAX_TERMS: usize = 164;
+/// Highest order.
+const MAX_ORDER: usize = 8;
+/// Part of the quadratic correction that is left as interpolation error (measured: 0.1 to 0.3).
+const INTERPOLATION_SHARE: f64 = 0.3;
+
+/// A model at a contact: corners, edges and interpolation weights.
+pub(super) struct Interpolation<'a> {
+    model: &'a ReducedModel,
+    corners: [usize; 3],
+    edges: [usize; 3],
+    weights: [f64; 3],
+    edge_weights: [f64; 3],
+    stiffness: Mat3<f64>,
+}
+
+impl<'a> Interpolation<'a> {
+    pub(super) fn new(model: &'a ReducedModel, contact: &Contact) -> Self {
+        let t = contact.triangle;
+        let corners = model.triangles[t].map(|p| p as usize);
+        let edges: [usize; 3] =
+            std::array::from_fn(|k| model.arrays.triangle_edges[3 * t + k] as usize);
+        let weights = contact.weights;
+        let edge_weights = std::array::from_fn(|k| weights[k] * weights[(k + 1) % 3]);
+        let mut compliance = tabulate(|_, _| 0.0);
+        for k in 0..3 {
+            let own = &model.arrays.compliance[9 * corners[k]..9 * corners[k] + 9];
+            let cross = &model.arrays.cross_compliance[9 * edges[k]..9 * edges[k] + 9];
+            for i in 0..3 {
+                for j in 0..3 {
+                    // C_ab and C_ba are transposes of each other.
+                    compliance[i][j] += weights[k] * weights[k] * own[3 * i + j]
+                        + edge_weights[k] * (cross[3 * i + j] + cross[3 * j + i]);
+                }
+            }
+        }
+        let stiffness = inverse(&compliance).unwrap_or_else(|| tabulate(|_, _| 0.0));
+        Interpolation { model, corners, edges, weights, edge_weights, stiffness }
+    }
+
+    /// Weight of a corner's term: quadratic up to the edge order, linear beyond.
+    fn corner_weight(&self, k: usize, term: usize) -> f64 {
+        let l = self.weights[k];
+        if term < 3 + self.model.edge_terms { l * (2.0 * l - 1.0) } else { l }
+    }
+
+    /// Force, its parts by order, and the size of the quadratic correction.
+    pub(super) fn force(
+        &self,
+        monomials: &[f64],
+        d: [f64; 3],
+    ) -> ([f64; 3], [[f64; 3]; MAX_ORDER], f64) {
+        let model = self.model;
+        let mut orders = [[0.0; 3]; MAX_ORDER];
+        let mut correction = [0.0; 3];
+        orders[0] = mul_vector(&self.stiffness, &d);
+        for (k, &corner) in self.corners.iter().enumerate() {
+            let coefficients = model.position_force(corner);
+            for term in 3..model.n_terms() {
+                let order = degree_of(&model.exponents[term]) - 1;
+                let weight = self.corner_weight(k, term);
+                for i in 0..3 {
+                    let value = monomials[term] * coefficients[3 * term + i];
+                    orders[order][i] += weight * value;
+                    correction[i] += (weight - self.weights[k]) * value;
+                }
+            }
+        }
+        for (k, &edge) in self.edges.iter().enumerate() {
+            let coefficients = model.edge_force(edge);
+            for term in 0..model.edge_terms {
+                let order = degree_of(&model.exponents[3 + term]) - 1;
+                let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
+                for i in 0..3 {
+                    orders[order][i] += weight * coefficients[3 * term + i];
+                    correction[i] += weight * coefficients[3 * term + i];
+                }
+            }
+        }
+        let total = std::array::from_fn(|i| orders.iter().map(|f| f[i]).sum());
+        (total, orders, norm(correction))
+    }
+
+    /// `dF/dd`: the same sum over the derivatives of the monomials.
+    pub(super) fn stiffness(&self, d: [f64; 3]) -> Mat3<f64> {
+        let model = self.model;
+        let mut stiffness = self.stiffness;
+        for term in 3..model.n_terms() {
+            let slope = monomial_gradient(&model.exponents[term], d);
+            let mut force = [0.0; 3];
+            for (k, &corner) in self.corners.iter().enumerate() {
+                let weight = self.corner_weight(k, term);
+                let coefficients = &model.position_force(corner)[3 * term..3 * term + 3];
+                for i in 0..3 {
+                    force[i] += weight * coefficients[i];
+                }
+            }
+            if term < 3 + model.edge_terms {
+                for (k, &edge) in self.edges.iter().enumerate() {
+                    let weight = 4.0 * self.edge_weights[k];
+                    let coefficients = &model.edge_force(edge)[3 * (term - 3)..3 * (term - 3) + 3];
+                    for i in 0..3 {
+                        force[i] += weight * coefficients[i];
+                    }
+                }
+            }
+            for i in 0..3 {
+                for j in 0..3 {
+                    stiffness[i][j] += force[i] * slope[j];
+                }
+            }
+        }
+        stiffness
+    }
+
+    /// Estimated relative error: the tail of the series as a geometric one whose ratio is that of
+    /// its last orders extrapolated, plus interpolation, plus compression.
+    pub(super) fn error_estimate(
+        &self,
+        monomials: &[f64],
+        force: [f64; 3],
+        orders: &[[f64; 3]; MAX_ORDER],
+        correction: f64,
+    ) -> f64 {
+        let model = self.model;
+        let order = model.metadata.order;
+        let size = self.field_norms(monomials);
+        if !(size[0] > 0.0) {
+            return 0.0;
+        }
+        let last = size[order - 1];
+        let mut ratio = last / size[order - 2].max(f64::MIN_POSITIVE);
+        if order > 2 {
+            ratio = ratio.max((last / size[order - 3].max(f64::MIN_POSITIVE)).sqrt());
+        }
+        // At a limit point the solution branches like a square root, whose coefficients have
+        // ratios that grow with the order p as 1 - 3/(2p): extrapolated to the tail.
+        ratio /= 1.0 - 1.5 / order as f64;
+        if !(ratio < 0.9) {
+            return 1.0;
+        }
+        let tail = ratio / (1.0 - ratio);
+        let force_size = norm(force).max(f64::MIN_POSITIVE);
+        let truncation = (tail * last / size[0]).max(tail * norm(orders[order - 1]) / force_size);
+        let interpolation = INTERPOLATION_SHARE * correction / force_size;
+        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
+        let stored = &model.arrays.compression;
+        let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
+        let compression = worst * depth / model.metadata.depth;
+        (truncation + interpolation + compression).min(1.0)
+    }
+
+    /// `|u_p(d)|` of each order, interpolated linearly.
+    fn field_norms(&self, monomials: &[f64]) -> [f64; MAX_ORDER] {
+        let model = self.model;
+        let mut size = [0.0; MAX_ORDER];
+        let squares = model.arrays.norms.len() / model.n_positions();
+        for (k, &corner) in self.corners.iter().enumerate() {
+            let mut rest = &model.arrays.norms[corner * squares..(corner + 1) * squares];
+            let mut term = 0;
+            for (order, size) in size.iter_mut().enumerate().take(model.metadata.order) {
+                let n = (order + 2) * (order + 3) / 2;
+                let (gram, after) = rest.split_at(n * n);
+                let m = &monomials[term..term + n];
+                let mut square = 0.0;
+                for i in 0..n {
+                    let row: f64 = gram[i * n..(i + 1) * n]
+                        .iter()
+                        .zip(m)
+                        .map(|(&g, m)| f64::from(g) * m)
+                        .sum();
+                    square += m[i] * row;
+                }
+                *size += self.weights[k] * square.max(0.0).sqrt();
+                (rest, term) = (after, term + n);
+            }
+        }
+        size
+    }
+
+    /// Mode amplitudes in up to three regions; returns the region of each slot of the workspace.
+    pub(super) fn amplitudes(&self, d: [f64; 3], workspace: &mut [f32]) -> [Option<u32>; 3] {
+        let model = self.model;
+        let arrays = &model.arrays;
+        let stride = model.largest_region;
+        workspace[..3 * stride].fill(0.0);
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..model.n_terms()];
+        evaluate_monomials(&model.exponents, d, monomials);
+        let f = mul_vector(&self.stiffness, &d);
+        let mut slots = [None; 3];
+        for (k, &corner) in self.corners.iter().enumerate() {
+            let region = arrays.position_region[corner];
+            let slot = slot_of(&mut slots, region);
+            let out =
+                &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
+            // The first order moves as if the corner's own patch carried its share of the force.
+            let own = &arrays.compliance[9 * corner..9 * corner + 9];
+            let range = model.position_offset[corner]..model.position_offset[corner + 1];
+            let rows = arrays.position_coefficients[range].chunks_exact(out.len().max(1));
+            for (term, row) in rows.enumerate() {
+                let weight = if term < 3 {
+                    let row = &own[3 * term..3 * term + 3];
+                    self.weights[k] * (row[0] * f[0] + row[1] * f[1] + row[2] * f[2])
+                } else {
+                    self.corner_weight(k, term) * monomials[term]
+                };
+                add_scaled(weight as f32, row, out);
+            }
+        }
+        for (k, &edge) in self.edges.iter().enumerate() {
+            let region = arrays.edge_region[edge];
+            let slot = slot_of(&mut slots, region);
+            let out =
+                &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
+            let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
+            let rows = arrays.edge_coefficients[range].chunks_exact(out.len().max(1));
+            for (term, row) in rows.enumerate() {
+                let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
+                add_scaled(weight as f32, row, out);
+            }
+        }
+        slots
+    }
+}
+
+impl ReducedModel {
+    fn position_force(&self, position: usize) -> &[f64] {
+        let n = 3 * self.n_terms();
+        &self.arrays.force[position * n..(position + 1) * n]
+    }
+
+    fn edge_force(&self, edge: usize) -> &[f64] {
+        let n = 3 * self.edge_terms;
+        &self.arrays.edge_force[edge * n..(edge + 1) * n]
+    }
+}
+
+/// The slot of a region. An edge's region is that of one of its ends (checked on loading), so
+/// three slots suffice.
+fn slot_of(slots: &mut [Option<u32>; 3], region: u32) -> usize {
+    let slot = slots.iter().position(|s| s.is_none_or(|r| r == region)).unwrap_or(0);
+    slots[slot] = Some(region);
+    slot
+}
+
+#[inline(always)]
+fn add_scaled(weight: f32, row: &[f32], out: &mut [f32]) {
+    if weight != 0.0 {
+        out.iter_mut().zip(row).for_each(|(out, &value)| *out += weight * value);
+    }
+}
+
+fn monomial_gradient(exponents: &[u8; 3], d: [f64; 3]) -> [f64; 3] {
+    let power = |i: usize, e: u8| (0..e).fold(1.0, |product, _| product * d[i]);
+    std::array::from_fn(|i| {
+        let e = exponents[i];
+        if e == 0 {
+            return 0.0;
+        }
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        f64::from(e) * power(i, e - 1) * power(j, exponents[j]) * power(k, exponents[k])
+    })
+}
+
+/// Euclidean norm.
+pub(super) fn norm(v: [f64; 3]) -> f64 {
+    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
+}
