@@ -6,6 +6,7 @@
 //! interpolated over the surface triangle touched. `model.rs`, `file.rs`, `evaluate.rs` and what it uses know
 //! nothing of finite elements.
 
+mod basis;
 mod build;
 mod combine;
 mod evaluate;

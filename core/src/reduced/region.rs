@@ -6,10 +6,10 @@
 //! the mean size of their monomial on the unit sphere, so that the norm of a column is what it
 //! contributes to the field at full depth.
 
+use super::basis::Basis;
 use crate::error::Error;
 use crate::series::TouchSeries;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, Mat, MatRef, Par, Side};
+use faer::Mat;
 
 /// The modes of a region and the amplitudes of its positions and edges.
 pub(super) struct Region {
@@ -75,13 +75,10 @@ impl Exact<'_> {
         let edges = self.edges.iter().flat_map(|s| self.edge_range().map(move |t| (s, t)));
         let list: Vec<_> = first.chain(high).chain(edges).collect();
         let mut columns = Mat::zeros(n, list.len());
-        for (k, (series, term)) in list.into_iter().enumerate() {
+        for (column, (series, term)) in columns.col_iter_mut().zip(list) {
             let weight = self.weight(term);
-            let target = columns.col_mut(k).try_as_col_major_mut();
-            if let Some(target) = target {
-                for (out, &u) in target.as_slice_mut().iter_mut().zip(&series.displacement[term]) {
-                    *out = weight * u;
-                }
+            for (out, &u) in column.iter_mut().zip(&series.displacement[term]) {
+                *out = weight * u;
             }
         }
         columns
@@ -113,7 +110,7 @@ impl Exact<'_> {
         };
         let size: Vec<f64> = (0..self.positions.len()).map(first).collect();
         let mean_size = size.iter().sum::<f64>() / size.len() as f64;
-        let mut kept = FIRST_ORDER * self.positions.len();
+        let mut kept = (FIRST_ORDER * self.positions.len()).min(basis.rank());
         for (p, &size) in size.iter().enumerate() {
             while kept < basis.rank()
                 && squares(&mut self.position_columns(p), kept..basis.rank())
@@ -215,133 +212,4 @@ fn quantise(modes: &Mat<f64>) -> (Vec<i16>, Vec<f32>) {
         scales.push(scale);
     }
     (quantised, scales)
-}
-
-/// An orthonormal basis of the columns: a pivoted Cholesky factor of their Gram matrix.
-///
-/// Column `c` has the coordinates `coordinates[c, ..]`; the first `n_first` columns come first, in
-/// order, the rest is rotated to principal directions.
-struct Basis {
-    pivots: Vec<usize>,
-    /// Pivot rows of the Cholesky factor, before the rotation.
-    factor: Mat<f64>,
-    rotation: Mat<f64>,
-    coordinates: Mat<f64>,
-    n_first: usize,
-}
-
-impl Basis {
-    /// Drops what lies below `tolerance` times the largest column.
-    fn new(columns: MatRef<f64>, n_first: usize, tolerance: f64) -> Result<Self, Error> {
-        let (pivots, cholesky) = pivoted_cholesky(&gram(columns), n_first, tolerance);
-        let (m, rank) = (columns.ncols(), pivots.len());
-        let factor = Mat::from_fn(rank, rank, |i, j| cholesky[(pivots[i], j)]);
-        let n_first = n_first.min(rank);
-        let rest = cholesky.subcols(n_first, rank - n_first).to_owned();
-        let principal = (rest.transpose() * &rest)
-            .self_adjoint_eigen(Side::Lower)
-            .map_err(|_| Error::input("the fields of a region could not be compressed"))?;
-        // Eigenvalues come ascending.
-        let size = rank - n_first;
-        let rotation = Mat::from_fn(size, size, |i, j| principal.U()[(i, size - 1 - j)]);
-        let rotated = &rest * &rotation;
-        let coordinates = Mat::from_fn(m, rank, |c, k| {
-            if k < n_first { cholesky[(c, k)] } else { rotated[(c, k - n_first)] }
-        });
-        Ok(Basis { pivots, factor, rotation, coordinates, n_first })
-    }
-
-    fn rank(&self) -> usize {
-        self.pivots.len()
-    }
-
-    /// Squared norm of a column's part in some of the modes.
-    fn square(&self, column: usize, modes: std::ops::Range<usize>) -> f64 {
-        modes.map(|m| self.coordinates[(column, m)].powi(2)).sum()
-    }
-
-    /// The first `kept` modes as columns: `A[:, pivots] L^-T`, the rest rotated.
-    fn modes(&self, columns: MatRef<f64>, kept: usize) -> Mat<f64> {
-        let rank = self.rank();
-        // Columns of T with A[:, pivots] T = modes: L^T T = [I, rotation].
-        let mut t = Mat::from_fn(rank, kept, |i, k| {
-            if i < self.n_first || k < self.n_first {
-                (i == k) as u8 as f64
-            } else {
-                self.rotation[(i - self.n_first, k - self.n_first)]
-            }
-        });
-        faer::linalg::triangular_solve::solve_upper_triangular_in_place(
-            self.factor.transpose(),
-            t.as_mut(),
-            Par::Seq,
-        );
-        let pivots = Mat::from_fn(columns.nrows(), rank, |i, k| columns[(i, self.pivots[k])]);
-        &pivots * &t
-    }
-}
-
-/// Lower triangle of `A^T A`.
-fn gram(columns: MatRef<f64>) -> Mat<f64> {
-    let m = columns.ncols();
-    let mut gram = Mat::zeros(m, m);
-    triangular::matmul(
-        gram.as_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        columns.transpose(),
-        BlockStructure::Rectangular,
-        columns,
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
-    gram
-}
-
-/// `G = L L^T` with the first `n_first` pivots in order and the rest by largest remainder, until
-/// that falls below `tolerance` times the largest column.
-fn pivoted_cholesky(gram: &Mat<f64>, n_first: usize, tolerance: f64) -> (Vec<usize>, Mat<f64>) {
-    let m = gram.nrows();
-    let entry = |i: usize, j: usize| gram[(i.max(j), i.min(j))];
-    let mut remainder: Vec<f64> = (0..m).map(|i| gram[(i, i)]).collect();
-    let largest = remainder.iter().fold(0.0f64, |a, &b| a.max(b));
-    let mut rows: Vec<Vec<f64>> = Vec::new();
-    let mut pivots = Vec::new();
-    for step in 0..m {
-        let pivot = if step < n_first {
-            step
-        } else {
-            let next = (n_first..m).max_by(|&a, &b| remainder[a].total_cmp(&remainder[b]));
-            match next {
-                Some(next) if remainder[next] > tolerance.powi(2) * largest => next,
-                _ => break,
-            }
-        };
-        // A first-order column that depends on earlier ones adds nothing.
-        if remainder[pivot] <= 1e-14 * largest {
-            if step < n_first {
-                continue;
-            }
-            break;
-        }
-        let root = remainder[pivot].sqrt();
-        let mut row: Vec<f64> = (0..m).map(|i| entry(i, pivot)).collect();
-        for previous in &rows {
-            let factor = previous[pivot];
-            row.iter_mut().zip(previous).for_each(|(r, p)| *r -= factor * p);
-        }
-        for (i, r) in row.iter_mut().enumerate() {
-            *r /= root;
-            remainder[i] = (remainder[i] - *r * *r).max(0.0);
-        }
-        for &earlier in &pivots {
-            row[earlier] = 0.0;
-        }
-        remainder[pivot] = 0.0;
-        pivots.push(pivot);
-        rows.push(row);
-    }
-    let cholesky = Mat::from_fn(m, pivots.len(), |i, k| rows[k][i]);
-    (pivots, cholesky)
 }
