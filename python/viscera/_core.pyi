@@ -106,6 +106,15 @@ class Body:
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
 
+class Stepper:
+    """One Newton iteration a frame; the fixed nodes of the body are held beside what is listed."""
+
+    def __init__(self, body: Body, *, prescribed: Indices, patches: list[Patch], start: Floats | None) -> None: ...
+    def frame(self, *, values: Floats, means: Floats, force: Floats) -> dict[str, Any]:
+        """values (k,) of the prescribed degrees of freedom, means (p, 3) of the patches [m], nodal forces (n, 3) [N].
+        Returns displacement (n, 3), internal_force (n, 3) and residual before the step, patch_forces (p, 3), taken
+        (part of the step), is_unstable."""
+
 class Model:
     """A loaded reduced model and its evaluator."""
 

@@ -15,6 +15,7 @@ from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces,
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.path import Expansion, Path
 from viscera.state import State
+from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 
@@ -101,6 +102,13 @@ class Organ:
         if throw and not state.is_converged:
             raise NotConverged(state)
         return state
+
+    def stepper(self, grasped: Displacements, *, start: State | None = None) -> Stepper:
+        """The organ in real time: one Newton iteration a frame, the places of `grasped` in the hands.
+
+        grasped: `{where: (x, y, z)}` as in `solve`; None leaves a component free. The values come with every frame.
+        """
+        return Stepper(self, grasped, start)
 
     def path(
         self,

@@ -9,6 +9,7 @@ mod law;
 mod mesh;
 mod model;
 mod path;
+mod stepper;
 
 use pyo3::prelude::*;
 
@@ -21,6 +22,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
+    m.add_class::<stepper::Stepper>()?;
     m.add_class::<model::Model>()?;
     Ok(())
 }

@@ -4,6 +4,7 @@
 mod newton;
 mod outcome;
 mod problem;
+mod stepper;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -11,4 +12,5 @@ mod tests;
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use problem::{PatchLoad, Problem};
+pub use stepper::{Frame, Stepper};
 pub use system::{System, patch_mean};
