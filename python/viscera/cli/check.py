@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 
 from viscera import progress
-from viscera.check import Check
+from viscera.check import Check, Row, allowed_error
 from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.select import length
@@ -40,19 +40,44 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 def say(result: Check, touch: Touch, output: Output) -> None:
     """The table, the exceptions and the rates, in words."""
     output.say(f"model against Newton, {touch!r}\n{result.table()}")
-    missing = result.overall.touches - result.overall.converged
+    missing = [row for row in result.rows if not row.is_converged]
     if missing:
-        output.say(f"{missing} of {result.overall.touches} full solutions did not converge: no truth to compare with")
+        trusted = sum(row.is_trusted for row in missing)
+        output.say(
+            f"{len(missing)} of {len(result.rows)} full solutions did not converge: no truth to compare with "
+            f"({trusted} of these answers trusted)"
+        )
     unstable = sum(row.is_converged and row.status != "converged" for row in result.rows)
     if unstable:
         output.say(
-            f"{unstable} full solutions passed an instability: the organ may have buckled to another equilibrium"
+            f"{unstable} of {len(result.rows)} full solutions passed an instability: the organ may have buckled to another equilibrium"
         )
     beyond = [row for row in result.rows if not row.is_within_limits]
     for row in beyond[:5]:
-        output.say(f"beyond its limit though trusted: touch at {row.point}, {row.displacement} m")
+        output.say(f"beyond its limit though trusted: {_failure(row)}")
+    if len(beyond) > 5:
+        output.say(f"and {len(beyond) - 5} more beyond their limits")
     output.say(
         f"{result.microseconds_force:.1f} us per answer with force and stiffness, {result.microseconds_field:.0f} us "
         f"with the whole field (called from Python); check took {result.seconds:.1f} s"
     )
-    output.say("every trusted answer is within its limit" if result.is_passed else "the check FAILED")
+    output.say(_verdict(result, len(beyond)))
+
+
+def _failure(row: Row) -> str:
+    """One answer beyond its limit: where, how far off, and whether its truth lies past an instability."""
+    at, push = (f"({', '.join(f'{1e3 * x:.1f}' for x in vector)}) mm" for vector in (row.point, row.displacement))
+    errors = f"{_percent(row.displacement_error)} off in displacement, {_percent(row.force_error)} in force"
+    limit = f"limit {_percent(allowed_error(row.depth_fraction))}"
+    return f"at {at}, push {push}: {errors}, {limit}; full solution {row.status}"
+
+
+def _verdict(result: Check, beyond: int) -> str:
+    if result.is_passed:
+        return "every trusted answer that could be compared is within its limit"
+    why = f"trusted answers beyond their limits: {beyond}" if beyond else "no full solution converged"
+    return f"the check FAILED: {why}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.3g} %"

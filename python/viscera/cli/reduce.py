@@ -36,7 +36,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     facts = {"file": str(target), "file_bytes": target.stat().st_size, **touch.summary()}
     output.say(
         f"{target}: {facts['positions']} positions, {facts['terms']} terms, {facts['modes']} modes, "
-        f"{facts['file_bytes'] / 1e6:.1f} MB, worst error off-line {facts['worst_error']:.1e}, "
+        f"{facts['file_bytes'] / 1e6:.1f} MB, worst error off-line {100 * facts['worst_error']:.2g} %, "
         f"{perf_counter() - began:.1f} s"
     )
     return Outcome("reduced", facts=facts)
