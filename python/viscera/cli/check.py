@@ -50,7 +50,8 @@ def say(result: Check, touch: Touch, output: Output) -> None:
     unstable = sum(row.is_converged and row.status != "converged" for row in result.rows)
     if unstable:
         output.say(
-            f"{unstable} of {len(result.rows)} full solutions passed an instability: the organ may have buckled to another equilibrium"
+            f"{unstable} of {len(result.rows)} full solutions passed an instability: "
+            "the organ may have buckled to another equilibrium"
         )
     beyond = [row for row in result.rows if not row.is_within_limits]
     for row in beyond[:5]:
