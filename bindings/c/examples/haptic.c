@@ -52,12 +52,12 @@ static void close_scene(scene *s) {
     viscera_free(s->model);
 }
 
-/* Half the depth in and out once a second, with a small circle across. */
+/* A quarter of the depth in and out once a second, with a small circle across. */
 static void hand(double seconds, const double inward[3], double depth, double displacement[3]) {
     const double turn = 6.283185307179586 * seconds;
-    const double press = 0.25 * depth * (1 - cos(turn));
-    displacement[0] = press * inward[0] + 0.05 * depth * sin(turn);
-    displacement[1] = press * inward[1] + 0.05 * depth * (cos(turn) - 1);
+    const double press = 0.125 * depth * (1 - cos(turn));
+    displacement[0] = press * inward[0] + 0.02 * depth * sin(turn);
+    displacement[1] = press * inward[1] + 0.02 * depth * (cos(turn) - 1);
     displacement[2] = press * inward[2];
 }
 

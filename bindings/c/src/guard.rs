@@ -57,7 +57,7 @@ impl Guard {
 
     fn step(&mut self, news: News, dt: f64) -> Mode {
         // A clock that runs backwards leaves no time to fade in.
-        if !self.is_usable() || !(dt.is_finite() && dt >= 0.0) {
+        if !(self.is_usable() && dt.is_finite() && dt >= 0.0) {
             self.force = [0.0; 3];
             self.target = [0.0; 3];
             self.fade_rate = 0.0;
