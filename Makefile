@@ -10,9 +10,12 @@ CARGO  := cargo
 
 core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
+c_tests      := tests/python/test_c_library.py
+c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
+PREFIX       ?= /usr/local
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-python bench pages clean
+.PHONY: help setup demo test lint format test-core test-c test-python c-library install-c bench pages clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -22,7 +25,7 @@ setup: $(extension) ## make .venv and build the package into it; quick when noth
 demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(BIN)/viscera demo --no-view --output out
 
-test: lint test-core test-python ## everything that must be green
+test: lint test-core test-c test-python ## everything that must be green
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
@@ -39,8 +42,23 @@ format: $(VENV)/installed $(VENV)/rust-tools ## put every file in its standard f
 test-core: ## the Rust tests
 	$(CARGO) test --release --workspace --quiet
 
+test-c: $(extension) c-library ## the C library: programs in C and C++ against Python
+	$(BIN)/pytest $(c_tests)
+
 test-python: $(extension) ## the Python tests and doctests
-	$(BIN)/pytest
+	$(BIN)/pytest --ignore=$(c_tests)
+
+c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
+	$(CARGO) build --release --package viscera-c
+	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e "s|@VERSION@|$$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)|" \
+		bindings/c/viscera.pc.in > target/release/viscera.pc
+
+install-c: c-library ## header, libraries and pkg-config file of the C library into PREFIX
+	install -d $(PREFIX)/include $(PREFIX)/lib/pkgconfig
+	install -m 644 bindings/c/include/viscera.h $(PREFIX)/include
+	for library in a so dylib; do \
+		test ! -f target/release/libviscera.$$library || install -m 644 target/release/libviscera.$$library $(PREFIX)/lib; done
+	install -m 644 target/release/viscera.pc $(PREFIX)/lib/pkgconfig
 
 bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done

@@ -1,0 +1,176 @@
+//! Between the evaluator and a motor: a force limit, a rate limit and a watchdog.
+//!
+//! Trusted answers are followed. Answers that are not trusted leave the last trusted force standing,
+//! because a series beyond its range may turn round and pull the hand in. No answer at all, for
+//! longer than the watchdog allows, lets the force fade linearly to zero; so does a number that is
+//! not finite, at once.
+
+use crate::status::{self, Status};
+use crate::{all_finite, norm, vector};
+
+/// `struct viscera_guard`: settings first, then the state.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Guard {
+    pub force_limit: f64,
+    pub rate_limit: f64,
+    pub watchdog: f64,
+    pub fade: f64,
+    /// Force given at the last step.
+    pub force: [f64; 3],
+    /// Last trusted force, at most the limit.
+    pub target: [f64; 3],
+    /// Time since the last answer [s].
+    pub age: f64,
+    /// Force lost per second while fading, 0 otherwise.
+    pub fade_rate: f64,
+}
+
+const _: () = assert!(size_of::<Guard>() == 96);
+
+pub type Mode = i32;
+pub const FOLLOWS: Mode = 0;
+pub const LIMITS: Mode = 1;
+pub const HOLDS: Mode = 2;
+pub const FADES: Mode = 3;
+pub const REFUSES: Mode = 4;
+
+/// What a step has been told.
+enum News {
+    Trusted([f64; 3]),
+    /// The tool is off the organ: the force to reach is zero.
+    Free,
+    NotTrusted,
+    Nothing,
+    Fault,
+}
+
+impl Guard {
+    fn is_usable(&self) -> bool {
+        let settings = [self.force_limit, self.rate_limit, self.watchdog, self.fade];
+        settings.iter().all(|&s| s.is_finite() && s > 0.0)
+            && all_finite(&self.force)
+            && all_finite(&self.target)
+            && self.age >= 0.0
+            && self.fade_rate >= 0.0
+    }
+
+    fn step(&mut self, news: News, dt: f64) -> Mode {
+        // A clock that runs backwards leaves no time to fade in.
+        if !(self.is_usable() && dt.is_finite() && dt >= 0.0) {
+            self.force = [0.0; 3];
+            self.target = [0.0; 3];
+            self.fade_rate = 0.0;
+            return REFUSES;
+        }
+        self.age = match news {
+            News::Trusted(_) | News::Free | News::NotTrusted => dt,
+            News::Nothing => self.age + dt,
+            News::Fault => f64::INFINITY,
+        };
+        let wanted = match news {
+            News::Fault => return self.fade_out(dt),
+            _ if self.age > self.watchdog => return self.fade_out(dt),
+            News::Trusted(force) => force,
+            News::Free => [0.0; 3],
+            News::NotTrusted | News::Nothing => self.target,
+        };
+        self.fade_rate = 0.0;
+        self.target = shortened(wanted, self.force_limit);
+        let way = std::array::from_fn(|i| self.target[i] - self.force[i]);
+        let step = shortened(way, self.rate_limit * dt);
+        self.force = std::array::from_fn(|i| self.force[i] + step[i]);
+        // Rounding must not carry the force over the limit.
+        self.force = shortened(self.force, self.force_limit);
+        match news {
+            News::NotTrusted | News::Nothing => HOLDS,
+            _ if self.target != wanted || step != way => LIMITS,
+            _ => FOLLOWS,
+        }
+    }
+
+    /// One step of the linear way to zero.
+    fn fade_out(&mut self, dt: f64) -> Mode {
+        let size = norm(self.force);
+        if self.fade_rate == 0.0 {
+            self.fade_rate = size / self.fade;
+        }
+        self.target = [0.0; 3];
+        self.force = shortened(self.force, (size - self.fade_rate * dt).max(0.0));
+        FADES
+    }
+}
+
+/// The vector, no longer than `length`; zero where its own length overflows.
+fn shortened(v: [f64; 3], length: f64) -> [f64; 3] {
+    let size = norm(v);
+    if size <= length {
+        v
+    } else if size.is_finite() {
+        v.map(|x| x * (length / size))
+    } else {
+        [0.0; 3]
+    }
+}
+
+/// Sets up a guard at rest; one with settings that are not positive gives no force.
+///
+/// # Safety
+/// `guard` is null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_guard_init(
+    guard: *mut Guard,
+    force_limit: f64,
+    rate_limit: f64,
+    watchdog: f64,
+    fade: f64,
+) -> Status {
+    let fresh = Guard {
+        force_limit,
+        rate_limit,
+        watchdog,
+        fade,
+        force: [0.0; 3],
+        target: [0.0; 3],
+        age: 0.0,
+        fade_rate: 0.0,
+    };
+    // SAFETY: the caller's contract.
+    unsafe { crate::put(guard, fresh) };
+    match guard.is_null() {
+        true => status::NULL_POINTER,
+        false if fresh.is_usable() => status::OK,
+        false => status::BAD_SETTING,
+    }
+}
+
+/// The force to send to the device after `dt` seconds.
+///
+/// # Safety
+/// `guard` is null or writable, `force_in` null or readable, `force_out` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_guard_step(
+    guard: *mut Guard,
+    force_in: *const f64,
+    status: Status,
+    dt: f64,
+    force_out: *mut f64,
+) -> Mode {
+    // SAFETY: the caller's contract, here and below.
+    let force = unsafe { vector(force_in) };
+    let news = match (status, force) {
+        (status::OK, Some(force)) if all_finite(&force) => News::Trusted(force),
+        (status::BEYOND_DEPTH | status::ERROR_TOO_LARGE, Some(force)) if all_finite(&force) => {
+            News::NotTrusted
+        }
+        (status::OFF_SURFACE, _) => News::Free,
+        (status::STALE, _) => News::Nothing,
+        _ => News::Fault,
+    };
+    let (mode, force) = match unsafe { guard.as_mut() } {
+        Some(guard) => (guard.step(news, dt), guard.force),
+        None => (REFUSES, [0.0; 3]),
+    };
+    unsafe { crate::put(force_out.cast::<[f64; 3]>(), force) };
+    mode
+}

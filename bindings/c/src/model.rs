@@ -1,0 +1,313 @@
+//! A loaded model: its numbers, its surface, and the calls of a haptic loop.
+
+use crate::frame::Frame;
+use crate::status::{self, Status};
+use crate::{all_finite, put, vector};
+use viscera_core::reduced::{Contact, ReducedModel, Response, Trust};
+
+/// `viscera_model`, opaque to C.
+pub struct Model {
+    reduced: ReducedModel,
+    /// Surface triangles in the numbering of surface nodes.
+    triangles: Vec<[u32; 3]>,
+    frame: Frame,
+}
+
+/// `struct viscera_info`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Info {
+    pub points: u64,
+    pub surface_nodes: u64,
+    pub surface_triangles: u64,
+    pub positions: u64,
+    pub radius: f64,
+    pub depth: f64,
+    pub edge_length: f64,
+}
+
+/// `struct viscera_answer`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    pub force: [f64; 3],
+    pub stiffness: [[f64; 3]; 3],
+    pub error_estimate: f64,
+    pub contact_point: [f64; 3],
+}
+
+const _: () = assert!(size_of::<Info>() == 56 && size_of::<Answer>() == 128);
+
+impl Answer {
+    /// No force, and nothing known.
+    const NONE: Self = Answer {
+        force: [0.0; 3],
+        stiffness: [[0.0; 3]; 3],
+        error_estimate: 1.0,
+        contact_point: [0.0; 3],
+    };
+}
+
+impl Model {
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let reduced = ReducedModel::from_bytes(bytes).map_err(|error| error.to_string())?;
+        let nodes = &reduced.arrays().surface_nodes;
+        let row = |node: &u32| {
+            let row = nodes.binary_search(node).map_err(|_| {
+                format!("not a usable model file: surface node {node} is not among surface_nodes")
+            })?;
+            Ok(row as u32)
+        };
+        let rows = reduced.arrays().surface.iter().map(row).collect::<Result<Vec<_>, String>>()?;
+        let triangles = rows.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        Ok(Model { reduced, triangles, frame: Frame::IDENTITY })
+    }
+
+    fn n_surface(&self) -> usize {
+        self.reduced.arrays().surface_nodes.len()
+    }
+
+    fn info(&self) -> Info {
+        let (metadata, unit) = (self.reduced.metadata(), self.frame.metres_per_unit);
+        Info {
+            points: self.reduced.n_points() as u64,
+            surface_nodes: self.n_surface() as u64,
+            surface_triangles: self.triangles.len() as u64,
+            positions: self.reduced.n_positions() as u64,
+            radius: metadata.radius / unit,
+            depth: metadata.depth / unit,
+            edge_length: self.reduced.edge_length() / unit,
+        }
+    }
+
+    /// The contact and the answer in SI, or why there is none.
+    fn touch(&self, point: [f64; 3], d: [f64; 3]) -> Result<(Contact, Response), Status> {
+        if !all_finite(&point) || !all_finite(&d) {
+            return Err(status::NOT_FINITE);
+        }
+        let contact = self.reduced.locate(point).filter(|c| self.reduced.is_on_surface(c));
+        let contact = contact.ok_or(status::OFF_SURFACE)?;
+        let response = self.reduced.respond(&contact, d);
+        // A displacement far beyond the depth may overflow the polynomial.
+        let is_finite =
+            all_finite(&response.force) && response.stiffness.iter().all(|r| all_finite(r));
+        if is_finite { Ok((contact, response)) } else { Err(status::NOT_FINITE) }
+    }
+
+    fn answer(&self, point: [f64; 3], displacement: [f64; 3]) -> Result<(Answer, Status), Status> {
+        let frame = &self.frame;
+        let (contact, response) =
+            self.touch(frame.point_in(point), frame.length_in(displacement))?;
+        let answer = Answer {
+            force: frame.force_out(response.force),
+            stiffness: frame.stiffness_out(&response.stiffness),
+            error_estimate: response.error_estimate,
+            contact_point: frame.point_out(contact.point),
+        };
+        Ok((answer, status_of(response.trust)))
+    }
+
+    /// Deformed positions of the surface nodes; those at rest where there is no answer.
+    fn surface(
+        &self,
+        point: [f64; 3],
+        displacement: [f64; 3],
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) -> Status {
+        let d = self.frame.length_in(displacement);
+        let mut status = match self.touch(self.frame.point_in(point), d) {
+            Ok((contact, response)) => {
+                self.reduced.surface_displacement(&contact, d, workspace, out);
+                status_of(response.trust)
+            }
+            Err(status) => {
+                out.fill(0.0);
+                status
+            }
+        };
+        if !out.iter().all(|u| u.is_finite()) {
+            out.fill(0.0);
+            status = status::NOT_FINITE;
+        }
+        let arrays = self.reduced.arrays();
+        for (&node, x) in arrays.surface_nodes.iter().zip(out.chunks_exact_mut(3)) {
+            let rest = &arrays.points[3 * node as usize..3 * node as usize + 3];
+            let moved = std::array::from_fn(|i| rest[i] + f64::from(x[i]));
+            let placed = self.frame.point_out(moved);
+            (0..3).for_each(|i| x[i] = placed[i] as f32);
+        }
+        status
+    }
+}
+
+fn status_of(trust: Trust) -> Status {
+    match trust {
+        Trust::Trusted => status::OK,
+        Trust::BeyondDepth => status::BEYOND_DEPTH,
+        Trust::ErrorTooLarge => status::ERROR_TOO_LARGE,
+    }
+}
+
+/// What the model is, in the caller's units.
+///
+/// # Safety
+/// `model` is null or loaded, `info` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_info(model: *const Model, info: *mut Info) -> Status {
+    // SAFETY: the caller's contract, here and below.
+    let Some(model) = (unsafe { model.as_ref() }) else {
+        unsafe { put(info, Info::default()) };
+        return status::NULL_POINTER;
+    };
+    unsafe { put(info, model.info()) };
+    if info.is_null() { status::NULL_POINTER } else { status::OK }
+}
+
+/// Sets the caller's frame; the model keeps its own where the new one is refused.
+///
+/// # Safety
+/// `model` is null or loaded and used by nobody else during the call, `frame` null or readable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_set_frame(model: *mut Model, frame: *const Frame) -> Status {
+    // SAFETY: the caller's contract.
+    let (Some(model), Some(frame)) = (unsafe { (model.as_mut(), frame.as_ref()) }) else {
+        return status::NULL_POINTER;
+    };
+    if !frame.is_usable() {
+        return status::BAD_SETTING;
+    }
+    model.frame = *frame;
+    status::OK
+}
+
+/// Numbers of workspace for [`viscera_surface`]; 0 for no model.
+///
+/// # Safety
+/// `model` is null or loaded.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_workspace_size(model: *const Model) -> usize {
+    // SAFETY: the caller's contract.
+    unsafe { model.as_ref() }.map_or(0, |model| model.reduced.workspace_len())
+}
+
+/// The closest touchable point and its distance.
+///
+/// # Safety
+/// `model` is null or loaded, `point` null or readable, the others null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_locate(
+    model: *const Model,
+    point: *const f64,
+    contact_point: *mut f64,
+    distance: *mut f64,
+) -> Status {
+    // SAFETY: the caller's contract, here and below.
+    let (Some(model), Some(point)) = (unsafe { (model.as_ref(), vector(point)) }) else {
+        return status::NULL_POINTER;
+    };
+    let Some(contact) = model.reduced.locate(model.frame.point_in(point)) else {
+        return status::NOT_FINITE;
+    };
+    unsafe {
+        put(contact_point.cast::<[f64; 3]>(), model.frame.point_out(contact.point));
+        put(distance, contact.distance / model.frame.metres_per_unit);
+    }
+    status::OK
+}
+
+/// Force, stiffness and error estimate of a touch.
+///
+/// # Safety
+/// `model` is null or loaded, `point` and `displacement` null or readable, `answer` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_evaluate(
+    model: *const Model,
+    point: *const f64,
+    displacement: *const f64,
+    answer: *mut Answer,
+) -> Status {
+    // SAFETY: the caller's contract, here and below.
+    let given = unsafe { (model.as_ref(), vector(point), vector(displacement)) };
+    let (result, status) = match given {
+        (Some(model), Some(point), Some(d)) => {
+            model.answer(point, d).unwrap_or_else(|status| (Answer::NONE, status))
+        }
+        _ => (Answer::NONE, status::NULL_POINTER),
+    };
+    unsafe { put(answer, result) };
+    if answer.is_null() { status::NULL_POINTER } else { status }
+}
+
+/// Deformed positions of the surface nodes.
+///
+/// # Safety
+/// `model` is null or loaded, `point` and `displacement` null or readable; `workspace` and
+/// `positions` null or writable for their lengths, and apart from each other.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_surface(
+    model: *const Model,
+    point: *const f64,
+    displacement: *const f64,
+    workspace: *mut f32,
+    workspace_len: usize,
+    positions: *mut f32,
+    positions_len: usize,
+) -> Status {
+    // SAFETY: the caller's contract.
+    let given = unsafe { (model.as_ref(), vector(point), vector(displacement)) };
+    let (Some(model), Some(point), Some(d)) = given else {
+        return status::NULL_POINTER;
+    };
+    if workspace.is_null() || positions.is_null() {
+        return status::NULL_POINTER;
+    }
+    let needed = (model.reduced.workspace_len(), 3 * model.n_surface());
+    if workspace_len < needed.0 || positions_len < needed.1 {
+        return status::SHORT_BUFFER;
+    }
+    // SAFETY: not null, and at least as long as what is taken.
+    let (workspace, positions) = unsafe {
+        (
+            std::slice::from_raw_parts_mut(workspace, needed.0),
+            std::slice::from_raw_parts_mut(positions, needed.1),
+        )
+    };
+    model.surface(point, d, workspace, positions)
+}
+
+/// Triangles of the surface in the numbering of its nodes, and the mesh nodes these are.
+///
+/// # Safety
+/// `model` is null or loaded; `triangles` and `nodes` null or writable for their lengths.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_surface_topology(
+    model: *const Model,
+    triangles: *mut u32,
+    triangles_len: usize,
+    nodes: *mut u32,
+    nodes_len: usize,
+) -> Status {
+    // SAFETY: the caller's contract.
+    let Some(model) = (unsafe { model.as_ref() }) else { return status::NULL_POINTER };
+    let surface_nodes = &model.reduced.arrays().surface_nodes;
+    let needed = (3 * model.triangles.len(), surface_nodes.len());
+    if (!triangles.is_null() && triangles_len < needed.0)
+        || (!nodes.is_null() && nodes_len < needed.1)
+    {
+        return status::SHORT_BUFFER;
+    }
+    if !triangles.is_null() {
+        // SAFETY: not null, and at least as long as what is taken.
+        let out = unsafe { std::slice::from_raw_parts_mut(triangles, needed.0) };
+        for (out, t) in out.chunks_exact_mut(3).zip(&model.triangles) {
+            let turned = if model.frame.is_reflected() { [t[0], t[2], t[1]] } else { *t };
+            out.copy_from_slice(&turned);
+        }
+    }
+    if !nodes.is_null() {
+        // SAFETY: not null, and at least as long as what is taken.
+        unsafe { std::slice::from_raw_parts_mut(nodes, needed.1) }.copy_from_slice(surface_nodes);
+    }
+    status::OK
+}

@@ -1,0 +1,192 @@
+//! What C programs cannot see: allocations, and the guard step by step.
+
+#[path = "../../../core/tests/counting/mod.rs"]
+mod counting;
+#[path = "../../../core/src/mesh/samples.rs"]
+#[allow(dead_code)]
+mod samples;
+
+use crate::guard::*;
+use crate::load::{viscera_free, viscera_load};
+use crate::model::*;
+use crate::status;
+use counting::allocations;
+use std::ptr;
+use viscera_core::body::Body;
+use viscera_core::law::Material;
+use viscera_core::mesh::{Surface, surface};
+use viscera_core::reduced::Reduction;
+
+const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
+
+/// The file of a block held at the bottom and touched at the top.
+fn block() -> Vec<u8> {
+    let (points, cells) = samples::block([4, 3, 3], SIZE);
+    let at = |z: f64| -> Vec<u32> {
+        (0..points.len() as u32).filter(|&n| (points[n as usize][2] - z).abs() < 1e-12).collect()
+    };
+    let (fixed, touchable) = (at(0.0), at(SIZE[2]));
+    let law = Material::new("neo_hookean", vec![vec![3.0e3, 11.0e3]]).unwrap();
+    let surface = Surface::new(&points, &surface(&points, &cells));
+    let body = Body::new(points, cells, law).unwrap();
+    let user = serde_json::Value::Null;
+    let (radius, depth, order, tolerance) = (0.012, 0.004, 3, 1e-3);
+    let reduction = Reduction { touchable, radius, depth, order, tolerance, user };
+    reduction.run(&body, &surface, &fixed, &mut |_| true).unwrap().to_bytes().unwrap()
+}
+
+#[test]
+fn a_tick_allocates_nothing() {
+    let bytes = block();
+    let mut model = ptr::null_mut();
+    // SAFETY: all pointers of this test are to living values of the stated lengths.
+    let loaded =
+        unsafe { viscera_load(bytes.as_ptr(), bytes.len(), &mut model, ptr::null_mut(), 0) };
+    assert_eq!(loaded, status::OK);
+    let mut info = Info::default();
+    unsafe { viscera_info(model, &mut info) };
+    let mut workspace = vec![0.0f32; unsafe { viscera_workspace_size(model) }];
+    let mut positions = vec![0.0f32; 3 * info.surface_nodes as usize];
+    let mut guard = guard();
+    let mut seen = [0; 10];
+    for random in samples::noise(1800, 1).chunks_exact(6) {
+        let point: [f64; 3] = std::array::from_fn(|i| SIZE[i] * (0.5 + 1.2 * random[i]));
+        let d: [f64; 3] = std::array::from_fn(|i| 0.006 * random[3 + i]);
+        let mut answer = std::mem::MaybeUninit::<Answer>::zeroed();
+        let mut force = [0.0; 3];
+        let (count, status) = allocations(|| unsafe {
+            let status = viscera_evaluate(model, point.as_ptr(), d.as_ptr(), answer.as_mut_ptr());
+            let force_in = (*answer.as_ptr()).force.as_ptr();
+            viscera_guard_step(&mut guard, force_in, status, 1e-3, force.as_mut_ptr());
+            let drawn = viscera_surface(
+                model,
+                point.as_ptr(),
+                d.as_ptr(),
+                workspace.as_mut_ptr(),
+                workspace.len(),
+                positions.as_mut_ptr(),
+                positions.len(),
+            );
+            assert_eq!(drawn, status);
+            status
+        });
+        assert_eq!(count, 0);
+        seen[status as usize] += 1;
+    }
+    let reached = [status::OK, status::BEYOND_DEPTH, status::OFF_SURFACE];
+    assert!(reached.iter().all(|&s| seen[s as usize] > 5), "every branch was taken: {seen:?}");
+    unsafe { viscera_free(model) };
+}
+
+/// At most 10 N, 1000 N/s; 5 ms of patience, 20 ms to fade.
+fn guard() -> Guard {
+    let mut guard = std::mem::MaybeUninit::uninit();
+    // SAFETY: the guard is writable, and written by the call.
+    unsafe {
+        assert_eq!(viscera_guard_init(guard.as_mut_ptr(), 10.0, 1e3, 5e-3, 20e-3), status::OK);
+        guard.assume_init()
+    }
+}
+
+/// One millisecond; the mode and the force's third component.
+fn step(guard: &mut Guard, force: f64, status: i32) -> (Mode, f64) {
+    let (force, mut out) = ([0.0, 0.0, force], [f64::NAN; 3]);
+    // SAFETY: the arrays live, and have three numbers each.
+    let mode = unsafe { viscera_guard_step(guard, force.as_ptr(), status, 1e-3, out.as_mut_ptr()) };
+    assert_eq!(out, guard.force);
+    (mode, out[2])
+}
+
+fn near(found: (Mode, f64), mode: Mode, force: f64) {
+    assert!(found.0 == mode && (found.1 - force).abs() < 1e-12, "{found:?}, not {mode} {force}");
+}
+
+#[test]
+fn a_guard_limits_rate_and_force() {
+    let mut guard = guard();
+    near(step(&mut guard, -0.5, status::OK), FOLLOWS, -0.5);
+    near(step(&mut guard, -3.0, status::OK), LIMITS, -1.5);
+    near(step(&mut guard, -2.0, status::OK), FOLLOWS, -2.0);
+    for _ in 0..20 {
+        step(&mut guard, -50.0, status::OK);
+    }
+    near(step(&mut guard, -50.0, status::OK), LIMITS, -10.0);
+    near(step(&mut guard, -50.0, status::OFF_SURFACE), LIMITS, -9.0);
+}
+
+#[test]
+fn what_is_not_trusted_leaves_the_last_trusted_force() {
+    let mut guard = guard();
+    near(step(&mut guard, -0.8, status::OK), FOLLOWS, -0.8);
+    for status in [status::BEYOND_DEPTH, status::ERROR_TOO_LARGE] {
+        for _ in 0..50 {
+            near(step(&mut guard, 9.0, status), HOLDS, -0.8);
+        }
+    }
+    near(step(&mut guard, -0.9, status::OK), FOLLOWS, -0.9);
+}
+
+#[test]
+fn a_stale_force_stays_for_the_watchdog_then_fades_linearly() {
+    let mut guard = guard();
+    near(step(&mut guard, -1.0, status::OK), FOLLOWS, -1.0);
+    for _ in 0..4 {
+        near(step(&mut guard, f64::NAN, status::STALE), HOLDS, -1.0);
+    }
+    for tick in 1..=20 {
+        let expected = -1.0 + f64::from(tick) / 20.0;
+        near(step(&mut guard, f64::NAN, status::STALE), FADES, expected);
+    }
+    near(step(&mut guard, f64::NAN, status::STALE), FADES, 0.0);
+    near(step(&mut guard, -3.0, status::OK), LIMITS, -1.0);
+}
+
+#[test]
+fn faults_fade_at_once() {
+    for (force, status) in [
+        (f64::NAN, status::OK),
+        (f64::INFINITY, status::BEYOND_DEPTH),
+        (-1.0, status::NOT_FINITE),
+        (-1.0, status::NULL_POINTER),
+        (-1.0, 77),
+    ] {
+        let mut guard = guard();
+        step(&mut guard, -1.0, status::OK);
+        near(step(&mut guard, force, status), FADES, -0.95);
+        near(step(&mut guard, 0.0, status::STALE), FADES, -0.9);
+    }
+}
+
+#[test]
+fn a_broken_clock_gives_no_force() {
+    let force = [0.0, 0.0, -1.0];
+    for (dt, mode) in
+        [(-1e-3, REFUSES), (f64::NAN, REFUSES), (f64::INFINITY, REFUSES), (1.0, FADES)]
+    {
+        let (mut guard, mut out) = (guard(), [f64::NAN; 3]);
+        step(&mut guard, -1.0, status::OK);
+        // SAFETY: the arrays live, and have three numbers each.
+        let done = unsafe {
+            viscera_guard_step(&mut guard, force.as_ptr(), status::OK, dt, out.as_mut_ptr())
+        };
+        assert_eq!((done, out), (mode, [0.0; 3]), "after {dt} s");
+    }
+}
+
+#[test]
+fn no_sequence_gives_more_than_the_limits() {
+    let mut guard = guard();
+    let mut last = [0.0; 3];
+    for (k, random) in samples::noise(4000, 2).chunks_exact(4).enumerate() {
+        let force: [f64; 3] = std::array::from_fn(|i| 10f64.powf(4.0 * random[3]) * random[i]);
+        let (status, mut out) = ([0, 0, 0, 1, 2, 3, 9][k % 7], [0.0; 3]);
+        // SAFETY: the arrays live, and have three numbers each.
+        unsafe {
+            viscera_guard_step(&mut guard, force.as_ptr(), status, 1e-3, out.as_mut_ptr());
+        }
+        let change = crate::norm(std::array::from_fn(|i| out[i] - last[i]));
+        assert!(crate::norm(out) <= 10.0 * (1.0 + 1e-12), "{out:?}");
+        assert!(change <= 1.0 + 1e-12, "{change} N in a millisecond");
+        last = out;
+    }
+}

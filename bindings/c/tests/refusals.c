@@ -1,0 +1,167 @@
+/* What a caller may get wrong, each told by a status: MODEL.viscera in, one line per fault found out. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "viscera.h"
+
+static int faults = 0;
+
+static void expect_at(int line, const char *claim, int holds) {
+    if (!holds) {
+        printf("line %d: not so: %s\n", line, claim);
+        faults++;
+    }
+}
+#define EXPECT(claim) expect_at(__LINE__, #claim, claim)
+
+static uint8_t *contents(const char *path, size_t *len) {
+    FILE *file = fopen(path, "rb");
+    uint8_t *bytes = NULL;
+    if (!file) return NULL;
+    fseek(file, 0, SEEK_END);
+    *len = (size_t)ftell(file);
+    rewind(file);
+    bytes = malloc(*len);
+    if (bytes && fread(bytes, 1, *len, file) != *len) *len = 0;
+    fclose(file);
+    return bytes;
+}
+
+static void loading(const char *path) {
+    char message[200], small[8];
+    size_t len = 0, cuts[] = {0, 1, 8, 1000, 0, 0};
+    viscera_model *model = NULL;
+    uint8_t *bytes = contents(path, &len);
+    cuts[4] = len / 2;
+    cuts[5] = len - 1;
+    for (int i = 0; i < 6; i++) {
+        model = (viscera_model *)&len; /* anything: a failed load must clear it */
+        EXPECT(viscera_load(bytes, cuts[i], &model, message, sizeof message) == VISCERA_BAD_MODEL);
+        EXPECT(model == NULL);
+        EXPECT(strlen(message) > 10 && strchr(message, '\n') == NULL);
+    }
+    EXPECT(viscera_load((const uint8_t *)"no model, only words", 20, &model, small, sizeof small) == VISCERA_BAD_MODEL);
+    EXPECT(strlen(small) == sizeof small - 1);
+    EXPECT(viscera_load(bytes, len, NULL, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_load(NULL, len, &model, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_load(bytes, SIZE_MAX, &model, NULL, 0) == VISCERA_BAD_MODEL);
+    EXPECT(viscera_load_file(NULL, &model, NULL, 0) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_load_file("nowhere.viscera", &model, message, sizeof message) == VISCERA_BAD_MODEL);
+    EXPECT(strstr(message, "nowhere.viscera") != NULL);
+    EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_OK);
+    EXPECT(model != NULL && message[0] == 0);
+    viscera_free(model);
+    viscera_free(NULL);
+    free(bytes);
+}
+
+static void touching(viscera_model *model) {
+    const double far[3] = {0, 0, 1e3}, nowhere[3] = {NAN, 0, 0}, huge[3] = {1e300, 0, -1e300};
+    const double push[3] = {0, 0, -0.001}, not_a_push[3] = {0, INFINITY, 0}, none[3] = {0, 0, 0};
+    double contact[3], distance;
+    viscera_info_t info;
+    viscera_answer answer;
+    EXPECT(viscera_info(NULL, &info) == VISCERA_NULL_POINTER && info.points == 0);
+    EXPECT(viscera_info(model, &info) == VISCERA_OK && info.points > info.surface_nodes);
+    EXPECT(viscera_info(model, NULL) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_locate(model, far, contact, &distance) == VISCERA_OK && distance > 900);
+    EXPECT(viscera_locate(model, far, NULL, NULL) == VISCERA_OK);
+    EXPECT(viscera_locate(model, nowhere, contact, &distance) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_locate(NULL, far, contact, &distance) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_locate(model, NULL, contact, &distance) == VISCERA_NULL_POINTER);
+
+    EXPECT(viscera_evaluate(model, contact, push, &answer) == VISCERA_OK && answer.force[2] < 0);
+    EXPECT(viscera_evaluate(model, contact, none, &answer) == VISCERA_OK && answer.force[2] == 0);
+    EXPECT(viscera_evaluate(model, far, push, &answer) == VISCERA_OFF_SURFACE);
+    EXPECT(answer.force[2] == 0 && answer.stiffness[8] == 0 && answer.error_estimate == 1);
+    EXPECT(viscera_evaluate(model, nowhere, push, &answer) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_evaluate(model, contact, not_a_push, &answer) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_evaluate(model, contact, huge, &answer) == VISCERA_NOT_FINITE && answer.force[0] == 0);
+    EXPECT(viscera_evaluate(model, huge, push, &answer) == VISCERA_OFF_SURFACE);
+    EXPECT(viscera_evaluate(NULL, contact, push, &answer) == VISCERA_NULL_POINTER && answer.force[2] == 0);
+    EXPECT(viscera_evaluate(model, NULL, push, &answer) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_evaluate(model, contact, NULL, &answer) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_evaluate(model, contact, push, NULL) == VISCERA_NULL_POINTER);
+
+    const double too_deep[3] = {0, 0, -2 * info.depth};
+    EXPECT(viscera_evaluate(model, contact, too_deep, &answer) == VISCERA_BEYOND_DEPTH);
+    EXPECT(isfinite(answer.force[2]));
+}
+
+static void drawing(viscera_model *model) {
+    const double far[3] = {0, 0, 1e3}, push[3] = {0, 0, -0.001}, nowhere[3] = {NAN, 0, 0}, huge[3] = {0, 1e12, 0};
+    double contact[3];
+    viscera_info_t info;
+    viscera_info(model, &info);
+    viscera_locate(model, far, contact, NULL);
+    const size_t n_work = viscera_workspace_size(model), n = 3 * (size_t)info.surface_nodes;
+    const size_t n_triangles = 3 * (size_t)info.surface_triangles;
+    float *work = malloc(n_work * sizeof(float)), *x = malloc((n + 1) * sizeof(float));
+    uint32_t *triangles = malloc(n_triangles * sizeof(uint32_t)), *nodes = malloc(n / 3 * sizeof(uint32_t));
+    EXPECT(viscera_workspace_size(NULL) == 0 && n_work > 0);
+    x[0] = x[n] = 12345;
+    EXPECT(viscera_surface(model, contact, push, work, n_work - 1, x, n) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_surface(model, contact, push, work, n_work, x, n - 1) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_surface(model, contact, push, NULL, n_work, x, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_surface(model, contact, push, work, n_work, NULL, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_surface(NULL, contact, push, work, n_work, x, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_surface(model, NULL, push, work, n_work, x, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_surface(model, contact, NULL, work, n_work, x, n) == VISCERA_NULL_POINTER);
+    EXPECT(x[0] == 12345);
+    EXPECT(viscera_surface(model, contact, nowhere, work, n_work, x, n) == VISCERA_NOT_FINITE && isfinite(x[0]));
+    EXPECT(viscera_surface(model, far, push, work, n_work, x, n) == VISCERA_OFF_SURFACE && x[0] != 12345);
+    EXPECT(viscera_surface(model, contact, huge, work, n_work, x, n) != VISCERA_OK);
+    for (size_t i = 0; i < n; i++) EXPECT(isfinite(x[i]));
+    EXPECT(viscera_surface(model, contact, push, work, n_work, x, n + 1) == VISCERA_OK && x[n] == 12345);
+
+    EXPECT(viscera_surface_topology(NULL, triangles, n_triangles, nodes, n / 3) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_surface_topology(model, triangles, n_triangles - 1, nodes, n / 3) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_surface_topology(model, triangles, n_triangles, nodes, n / 3 - 1) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_surface_topology(model, NULL, 0, NULL, 0) == VISCERA_OK);
+    EXPECT(viscera_surface_topology(model, triangles, n_triangles, nodes, n / 3) == VISCERA_OK);
+    for (size_t i = 0; i < n_triangles; i++) EXPECT(triangles[i] < n / 3);
+    for (size_t i = 0; i < n / 3; i++) EXPECT(nodes[i] < info.points);
+    free(nodes);
+    free(triangles);
+    free(x);
+    free(work);
+}
+
+static void settings(viscera_model *model) {
+    viscera_frame frame;
+    viscera_guard guard;
+    double force[3] = {1, 2, 2};
+    viscera_frame_identity(NULL);
+    viscera_frame_identity(&frame);
+    EXPECT(viscera_set_frame(model, NULL) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_set_frame(NULL, &frame) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_OK);
+    frame.metres_per_unit = 0;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_BAD_SETTING);
+    frame.metres_per_unit = 1;
+    frame.rotation[1] = 0.1;
+    EXPECT(viscera_set_frame(model, &frame) == VISCERA_BAD_SETTING);
+
+    EXPECT(viscera_guard_init(NULL, 1, 1, 1, 1) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_guard_init(&guard, 1, NAN, 1, 1) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_guard_step(&guard, force, VISCERA_OK, 1e-3, force) == VISCERA_GUARD_REFUSES && force[0] == 0);
+    force[0] = 1;
+    EXPECT(viscera_guard_step(NULL, force, VISCERA_OK, 1e-3, force) == VISCERA_GUARD_REFUSES && force[0] == 0);
+    EXPECT(viscera_guard_init(&guard, 1, 1, 1, 1) == VISCERA_OK);
+    EXPECT(viscera_guard_step(&guard, NULL, VISCERA_OK, 1e-3, NULL) == VISCERA_GUARD_FADES);
+    for (int32_t status = -1; status <= VISCERA_STALE + 1; status++) EXPECT(strlen(viscera_status_text(status)) > 5);
+}
+
+int main(int argc, char **argv) {
+    viscera_model *model = NULL;
+    if (argc != 2 || viscera_load_file(argv[1], &model, NULL, 0) != VISCERA_OK) return 2;
+    loading(argv[1]);
+    touching(model);
+    drawing(model);
+    settings(model);
+    viscera_free(model);
+    printf("%d faults\n", faults);
+    return faults ? 1 : 0;
+}

@@ -1,0 +1,204 @@
+"""The C library against Python: programs in C and C++, linked to the shared and to the static library, and run."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = ROOT / "bindings" / "c"
+STATUS = {"displaced": 1, "the estimated error": 2, "": 0}  # of an answer, by how its reason starts
+STRICT = ["-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+
+
+@pytest.fixture(scope="module")
+def libraries() -> Path:
+    folder = ROOT / "target" / "release"
+    if not (folder / "libviscera.a").is_file():
+        pytest.skip(f"no C library in {folder}; `make c-library` builds it")
+    if shutil.which("cc") is None or shutil.which("c++") is None:
+        pytest.skip("no C and C++ compilers called cc and c++")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def touch() -> vs.Touch:
+    beam = vs.organs.beam()
+    organ = vs.Organ(beam, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    return organ.reduce(lambda x: (x[:, 2] == 0.2) & (x[:, 0] > 0.3) & (x[:, 0] < 0.7), radius=0.1, depth=0.08, order=4)
+
+
+@pytest.fixture(scope="module")
+def model(touch: vs.Touch, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "beam.viscera"
+    touch.save(path)
+    return path
+
+
+def build(source: str, libraries: Path, linkage: str, folder: Path) -> Path:
+    """Compiles a program as a user would; system libraries are those the pkg-config file names."""
+    compiler = ["c++", "-std=c++11"] if source.endswith(".cpp") else ["cc", "-std=c11"]
+    system = (libraries / "viscera.pc").read_text().split("Libs.private:")[1].split()
+    library = {
+        "shared": [f"-L{libraries}", "-lviscera", f"-Wl,-rpath,{libraries}"],
+        "static": [str(libraries / "libviscera.a"), *system],
+    }[linkage]
+    program = folder / Path(source).stem
+    command = [
+        *compiler,
+        *STRICT,
+        f"-I{SOURCES / 'include'}",
+        str(SOURCES / source),
+        *library,
+        "-lm",
+        "-o",
+        str(program),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return program
+
+
+def run(program: Path, *arguments: Path) -> str:
+    done = subprocess.run([program, *arguments], capture_output=True, text=True)
+    assert done.returncode == 0, f"exit {done.returncode}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def write_answers(touch: vs.Touch, path: Path) -> None:
+    """Touches all over the top, shallow to too deep, with what Python answers to them."""
+    random = np.random.default_rng(0)
+    nodes = touch.surface_nodes
+    statuses = set()
+    with path.open("w") as file:
+        for depth in np.linspace(0.05, 1.3, 20) * touch.depth:
+            point = np.array([random.uniform(0.35, 0.65), random.uniform(0.02, 0.18), 0.2])
+            way = random.normal(size=3) * (1, 1, 0.3) - (0, 0, 1)
+            push = depth * way / np.linalg.norm(way)
+            answer = touch(point, push)
+            status = next(code for start, code in STATUS.items() if answer.reason.startswith(start))
+            statuses.add(status)
+            moved = touch.mesh.points[nodes] + touch.surface_displacement(point, push)
+            np.savetxt(file, [[*point, *push]], fmt="%.17g", newline=" ")
+            file.write(f"{status} ")
+            numbers = [answer.force, answer.stiffness.ravel(), np.array([answer.error_estimate]), moved.ravel()]
+            np.savetxt(file, [np.concatenate(numbers)], fmt="%.17g")
+    assert {0, 1} <= statuses, "some touches are trusted and some too deep"
+
+
+@pytest.mark.parametrize("linkage", ["shared", "static"])
+def test_a_haptic_loop_in_c_answers_as_python_does(
+    touch: vs.Touch, model: Path, libraries: Path, linkage: str, tmp_path: Path
+) -> None:
+    write_answers(touch, tmp_path / "answers.txt")
+    output = run(build("examples/haptic.c", libraries, linkage, tmp_path), model, tmp_path / "answers.txt")
+    assert "20 touches; largest difference from Python" in output
+    assert len(re.findall(r"the hand feels", output)) == 12
+
+
+def test_the_comparison_sees_a_wrong_answer(touch: vs.Touch, model: Path, libraries: Path, tmp_path: Path) -> None:
+    answers = tmp_path / "answers.txt"
+    write_answers(touch, answers)
+    words = answers.read_text().split(" ")
+    force = np.array(words[7:10], dtype=float)  # the first, after six numbers and a status
+    words[7] = str(force[0] + 3e-6 * np.abs(force).max())
+    answers.write_text(" ".join(words))
+    program = build("examples/haptic.c", libraries, "shared", tmp_path)
+    assert subprocess.run([program, model, answers], capture_output=True).returncode == 1
+
+
+def test_misuse_is_told_by_a_status(model: Path, libraries: Path, tmp_path: Path) -> None:
+    assert run(build("tests/refusals.c", libraries, "shared", tmp_path), model) == "0 faults\n"
+
+
+def test_the_header_and_frames_in_cpp(model: Path, libraries: Path, tmp_path: Path) -> None:
+    run(build("tests/millimetres.cpp", libraries, "static", tmp_path), model)
+
+
+def test_topology_is_that_of_the_model(touch: vs.Touch, model: Path, libraries: Path) -> None:
+    """The whole interface through ctypes, without a compiler: rows of positions and triangles belong together."""
+    import ctypes as c
+
+    library = c.CDLL(str(next(libraries.glob("libviscera.so*"), libraries / "libviscera.dylib")))
+    handle = c.c_void_p()
+    assert library.viscera_load_file(os.fsencode(model), c.byref(handle), None, c.c_size_t(0)) == 0
+    triangles = np.zeros_like(touch.mesh.surface, dtype=np.uint32)
+    nodes = np.zeros(len(touch.surface_nodes), dtype=np.uint32)
+    into = [triangles.ctypes.data_as(c.c_void_p), c.c_size_t(triangles.size)]
+    status = library.viscera_surface_topology(handle, *into, nodes.ctypes.data_as(c.c_void_p), c.c_size_t(nodes.size))
+    library.viscera_free(handle)
+    assert status == 0
+    assert nodes.tolist() == touch.surface_nodes.tolist()
+    assert nodes[triangles].tolist() == touch.mesh.surface.tolist()
+
+
+RUST_TYPES = {
+    **{"double": "f64", "float": "f32", "char": "c_char", "size_t": "usize"},
+    **{"int32_t": "i32", "uint8_t": "u8", "uint32_t": "u32", "uint64_t": "u64"},
+    **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard")},
+    "viscera_info_t": "Info",
+}
+
+
+def rust_type(declaration: str) -> str:
+    """The Rust type of a C parameter or result: `const double point[3]` is `*const f64`."""
+    base = next(word for word in re.findall(r"\w+", declaration) if word != "const")
+    if base == "void":
+        return ""
+    pointers = declaration.count("*") + declaration.count("[")
+    kind = "*const " if declaration.lstrip().startswith("const") else "*mut "
+    return kind * pointers + RUST_TYPES[base]
+
+
+def test_the_header_declares_what_the_library_exports() -> None:
+    header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
+    rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))
+    rust = re.sub(r"\b(Status|Mode)\b", "i32", rust)
+
+    declared = {
+        name: ([rust_type(p) for p in parameters.split(",") if p != "void"], rust_type(result))
+        for result, name, parameters in re.findall(r"^([\w *]+?)\b(viscera_\w+)\(([^)]*)\);", header, re.MULTILINE)
+    }
+    exported = {
+        name: (re.findall(r"\w+: ([^,]+?)(?:,|$)", parameters.strip()), result)
+        for name, parameters, result in re.findall(r'extern "C" fn (viscera_\w+)\(([^)]*)\)(?: -> ([^{]+?))? {', rust)
+    }
+    assert "viscera_evaluate" in declared
+    assert declared == exported
+    numbers = dict(re.findall(r"VISCERA_(?:GUARD_|)(\w+) = (\d+)", header))
+    assert numbers == dict(re.findall(r"pub const (\w+): i32 = (\d+);", rust))
+    assert re.findall(r"VISCERA_ABI_VERSION (\d+)", header) == re.findall(r"ABI_VERSION: u32 = (\d+)", rust)
+
+
+@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard"])
+def test_structs_have_the_same_fields(name: str) -> None:
+    header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
+    rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))
+    in_c = re.search(rf"struct viscera_{name.lower()} {{(.*?)}}", header, re.DOTALL)
+    in_rust = re.search(rf"pub struct {name} {{(.*?)\n}}", rust, re.DOTALL)
+    assert in_c is not None
+    assert in_rust is not None
+    assert re.findall(r"\w+ (\w+)(?:\[\d\])?;", in_c[1]) == re.findall(r"pub (\w+):", in_rust[1])
+
+
+def test_an_installed_library_is_found_by_pkg_config(model: Path, libraries: Path, tmp_path: Path) -> None:
+    if shutil.which("pkg-config") is None or shutil.which("make") is None:
+        pytest.skip("no make and pkg-config")
+    prefix, program = tmp_path / "prefix", tmp_path / "haptic"
+    install = ["make", "--no-print-directory", "-C", str(ROOT), "install-c", f"PREFIX={prefix}", "CARGO=true"]
+    subprocess.run(install, check=True, capture_output=True)  # it is built already, so `true` may stand for cargo
+    paths = {**os.environ, "PKG_CONFIG_PATH": str(prefix / "lib" / "pkgconfig")}
+    flags = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", "viscera"], check=True, capture_output=True, text=True, env=paths
+    ).stdout.split()
+    rpath = f"-Wl,-rpath,{prefix / 'lib'}"
+    subprocess.run(["cc", SOURCES / "examples" / "haptic.c", *flags, rpath, "-lm", "-o", program], check=True)
+    assert "ticks trusted" in run(program, model)
