@@ -1,0 +1,1 @@
+"""The studies: every figure and table of the two papers, measured anew and written as one HTML report each."""
