@@ -11,24 +11,34 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Mesh, mesh, read
 from viscera.organ import Organ
+from viscera.solver import ConjugateGradients
 from viscera.state import State
+from viscera.stepper import Frame, Hand, Stepper
 from viscera.touch import Answer, Touch, load
 
 __all__ = [
     "Answer",
+    "BackwardEuler",
+    "ConjugateGradients",
     "Corotated",
+    "Frame",
+    "Hand",
     "Linear",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
+    "Newmark",
     "NotConverged",
     "Organ",
+    "Prony",
     "SaintVenantKirchhoff",
     "State",
+    "Stepper",
     "Touch",
     "VisceraError",
     "__version__",
