@@ -3,6 +3,7 @@
 
 mod newton;
 mod outcome;
+mod pressure;
 mod problem;
 mod stepper;
 mod system;
@@ -11,6 +12,7 @@ mod tests;
 
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
+pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem};
 pub use stepper::{Frame, Stepper};
 pub use system::{System, patch_mean};

@@ -1,8 +1,8 @@
 //! Newton's method with an energy line search and adaptive load steps.
 //!
 //! A load step leads from an equilibrium to the target along a straight homotopy: the out-of-
-//! balance force of the start fades as `1 - load`, prescribed values move linearly. A step that
-//! fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
+//! balance force of the start fades as `1 - load`, pressure and prescribed values grow linearly. A step
+//! that fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
 //! descent direction, and said so.
 
 use super::outcome::{Equilibrium, Seconds, Status};
@@ -90,7 +90,7 @@ impl Newton {
             }
         }
         run.seconds.total = clock.elapsed().as_secs_f64();
-        Ok(run.finish(last_cut))
+        Ok(run.finish(last_cut, step))
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -122,6 +122,8 @@ struct Run<'a> {
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
+    /// Load and `|du/dload|` of the last equilibria that a step set out from, the newest last.
+    slopes: [(f64, f64); 2],
     seconds: Seconds,
 }
 
@@ -160,6 +162,7 @@ impl<'a> Run<'a> {
             iterations: 0,
             residuals: Vec::new(),
             unstable: None,
+            slopes: [(f64::NEG_INFINITY, 0.0); 2],
             seconds: Seconds::default(),
         })
     }
@@ -168,15 +171,17 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// External force at a load: the target plus what is left of the start's imbalance.
-    fn external_force(&self, load: f64) -> Vec<f64> {
+    /// External force at a load: the dead target plus what is left of the start's imbalance, and pressure.
+    fn external_force(&self, load: f64, u: &[f64]) -> Vec<f64> {
         let left = 1.0 - load;
-        self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r).collect()
+        let dead = self.problem.force.iter().zip(&self.imbalance);
+        let mut force = dead.map(|(f, r)| f + left * r).collect::<Vec<_>>();
+        self.problem.pressure.add_force(self.body(), u, load, &mut force);
+        force
     }
 
     /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
     fn advance(&mut self, load: f64) -> Result<usize, Cut> {
-        let external = self.external_force(load);
         let mut u = self.u.clone();
         let mut multipliers = self.multipliers.clone();
         let mut force = vec![0.0; u.len()];
@@ -184,6 +189,8 @@ impl<'a> Run<'a> {
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
             self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            let external = self.external_force(load, &u);
+            self.problem.pressure.add_stiffness(self.body(), &u, load, &mut self.tangent);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
@@ -208,10 +215,11 @@ impl<'a> Run<'a> {
             let (step, change) = self.newton_step(&u, &residual, load, moving)?;
             self.seconds.solve += clock.elapsed().as_secs_f64();
             let length = if moving {
+                self.note_slope(&step, load);
                 self.check_inversion(&u, &step)?;
                 1.0
             } else {
-                self.line_search(&u, &step, &external, &residual, norm)?
+                self.line_search(&u, &step, load, &residual, norm)?
             };
             u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
             multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
@@ -309,6 +317,27 @@ impl<'a> Run<'a> {
         Ok((step, change))
     }
 
+    /// The first step of a load step is the tangent of the path, where the tangent is what it should be.
+    fn note_slope(&mut self, step: &[f64], load: f64) {
+        let square: f64 = self.system.free().iter().map(|&dof| step[dof as usize].powi(2)).sum();
+        if self.load > self.slopes[1].0 {
+            self.slopes = [self.slopes[1], (self.load, square.sqrt() / (load - self.load))];
+        }
+    }
+
+    /// The load at which the path turns, where it does so within a `reach` beyond the last equilibrium.
+    ///
+    /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
+    /// linearly to zero.
+    fn limit_point(&self, reach: f64) -> Option<f64> {
+        let [(before, slow), (last, fast)] = self.slopes;
+        if last != self.load || !before.is_finite() || !(fast > slow) {
+            return None;
+        }
+        let left = (last - before) / ((fast / slow).powi(2) - 1.0);
+        (left <= reach).then_some(last + left)
+    }
+
     fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
         let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
         if self.body().energy(&trial).is_finite() {
@@ -323,13 +352,16 @@ impl<'a> Run<'a> {
         &self,
         u: &[f64],
         step: &[f64],
-        external: &[f64],
+        load: f64,
         residual: &[f64],
         norm: f64,
     ) -> Result<f64, Cut> {
+        let (left, pressure) = (1.0 - load, &self.problem.pressure);
         let potential = |length: f64| {
             let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + length * s).collect();
-            let work: f64 = trial.iter().zip(external).map(|(u, f)| u * f).sum();
+            let dead = self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r);
+            let dead: f64 = trial.iter().zip(dead).map(|(u, f)| u * f).sum();
+            let work = dead + load * pressure.work(self.body(), u, step, length);
             let energy = self.body().energy(&trial);
             (energy - work, energy.abs() + work.abs())
         };
@@ -349,20 +381,26 @@ impl<'a> Run<'a> {
         Err(Cut::NoDescent { residual: norm })
     }
 
-    fn finish(mut self, cut: Option<Cut>) -> Equilibrium {
+    fn finish(mut self, cut: Option<Cut>, step: f64) -> Equilibrium {
         let body = self.body();
         let mut internal_force = vec![0.0; body.n_dofs()];
         body.internal_force(&self.u, &mut internal_force);
-        let status = match (self.load >= 1.0, self.unstable) {
-            (false, _) => Status::StepTooSmall,
-            (true, None) => Status::Converged,
-            (true, Some(_)) => Status::ConvergedPastInstability,
+        let mut external_force = self.problem.force.clone();
+        self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        // The smallest step that failed is twice the one that was not tried any more.
+        let turn = self.limit_point(4.0 * step);
+        let status = match (self.load >= 1.0, self.unstable, turn) {
+            (false, _, Some(_)) => Status::LimitPoint,
+            (false, _, None) => Status::StepTooSmall,
+            (true, None, _) => Status::Converged,
+            (true, Some(_), _) => Status::ConvergedPastInstability,
         };
-        let message = self.message(status, cut);
+        let message = self.message(status, cut, turn);
         Equilibrium {
             energy: body.energy(&self.u),
             displacement: std::mem::take(&mut self.u),
             internal_force,
+            external_force,
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
             status,
             message,
@@ -373,17 +411,22 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn message(&self, status: Status, cut: Option<Cut>) -> String {
+    fn message(&self, status: Status, cut: Option<Cut>, turn: Option<f64>) -> String {
         let load = self.load;
-        let mut text = match status {
-            Status::Converged => format!("converged in {} iterations", self.iterations),
-            Status::ConvergedPastInstability | Status::StepTooSmall => match (status, cut) {
-                (Status::StepTooSmall, Some(cut)) => {
-                    format!("stopped at load {load:.4}: {}", cut.sentence())
-                }
-                _ => format!("converged in {} iterations", self.iterations),
-            },
+        let mut text = match (status.is_converged(), cut) {
+            (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
+            _ => format!("converged in {} iterations", self.iterations),
         };
+        if let (Status::LimitPoint, Some(turn)) = (status, turn) {
+            text += &format!(
+                "; the path turns back at load {turn:.4}, a limit point: {}",
+                if self.is_dead_load() {
+                    "follow it further by arc length, Organ.path(parameter='arc length')"
+                } else {
+                    "ask for less, or prescribe a displacement instead of the load"
+                }
+            );
+        }
         if let Some((load, dof)) = self.unstable {
             text += &format!(
                 "; the tangent was not positive definite at load {load:.4} (point {}): \
@@ -392,11 +435,19 @@ impl<'a> Run<'a> {
             );
         }
         let law = self.body().material().name();
-        if status == Status::StepTooSmall && law == "saint_venant_kirchhoff" {
-            text += "; Saint Venant-Kirchhoff collapses in compression, a known flaw of the law: \
-                     use neo_hookean";
+        if !status.is_converged() && law == "saint_venant_kirchhoff" {
+            text += "; Saint Venant-Kirchhoff softens in compression and its energy stays finite where a cell is \
+                     crushed, a known flaw of the law: use neo_hookean";
         }
         text
+    }
+
+    /// Whether dead forces alone load the body, as an arc-length path asks.
+    fn is_dead_load(&self) -> bool {
+        let problem = self.problem;
+        problem.pressure.triangles.is_empty()
+            && problem.patches.is_empty()
+            && problem.prescribed.iter().all(|&(_, value)| value == 0.0)
     }
 }
 

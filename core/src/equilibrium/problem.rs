@@ -1,5 +1,6 @@
 //! What is to be solved: the loads on a body, checked before any work starts.
 
+use super::pressure::Pressure;
 use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -21,6 +22,8 @@ pub struct Problem<'a> {
     pub prescribed: Vec<(u32, f64)>,
     /// Dead nodal forces [N], gravity included.
     pub force: Vec<f64>,
+    /// Follower pressure on surface triangles.
+    pub pressure: Pressure,
     /// Prescribed mean displacements.
     pub patches: Vec<PatchLoad>,
     /// Displacement to start from [m]; `None` is the rest state.
@@ -54,6 +57,7 @@ impl Problem<'_> {
             }
         }
         self.check_prescribed(n)?;
+        self.pressure.check(self.body)?;
         for (k, load) in self.patches.iter().enumerate() {
             check_patch(k, load, self.body.points().len())?;
             self.check_patch_moves(k, load)?;
