@@ -12,7 +12,17 @@ from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
 from viscera.errors import NotConverged, VisceraError
-from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
+from viscera.fibres import helical_fibres
+from viscera.law import (
+    Corotated,
+    HolzapfelGasserOgden,
+    Linear,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    SaintVenantKirchhoff,
+    Yeoh,
+)
 from viscera.mesh import Mesh, mesh, read
 from viscera.organ import Organ
 from viscera.state import State
@@ -21,17 +31,21 @@ from viscera.touch import Answer, Touch, load
 __all__ = [
     "Answer",
     "Corotated",
+    "HolzapfelGasserOgden",
     "Linear",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
     "NotConverged",
+    "Ogden",
     "Organ",
     "SaintVenantKirchhoff",
     "State",
     "Touch",
     "VisceraError",
+    "Yeoh",
     "__version__",
+    "helical_fibres",
     "laws",
     "load",
     "mesh",

@@ -50,9 +50,11 @@ else:
 
 KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
     "": ("mesh", "units", "fixed", "material", "loads", "settings", "reduce"),
-    "loads": ("displacement", "force", "gravity", "density"),
+    "loads": ("displacement", "force", "traction", "pressure", "gravity", "density"),
     "loads.displacement": None,
     "loads.force": None,
+    "loads.traction": None,
+    "loads.pressure": None,
     "settings": ("steps", "newton"),
     "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
     "material": ("law", "young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha", "volumetric"),

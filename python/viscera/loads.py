@@ -1,4 +1,4 @@
-"""From a user's words to the core's arrays: prescribed displacements, forces and gravity over sets of nodes."""
+"""From a user's words to the core's arrays: prescribed displacements, forces, tractions, pressures and gravity."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Where: TypeAlias = Nodes | _core.Patch
 
 Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]]
 Forces: TypeAlias = Mapping[Any, ArrayLike] | ArrayLike
+Tractions: TypeAlias = Mapping[Any, ArrayLike]
+Pressures: TypeAlias = Mapping[Any, float]
 
 AXES = "xyz"
 
@@ -87,6 +89,33 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
     return nodal
 
 
+def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
+    """Nodal forces (n, 3) [N] of dead tractions `{where: (x, y, z)}` [Pa] on the surface triangles of each place.
+
+    A third of each triangle's force goes to each corner: exact for linear cells.
+    """
+    nodal = np.zeros_like(mesh.points)
+    for where, value in traction.items():
+        inside = _triangles(mesh, fixed, where, "traction")
+        share = _areas(mesh, inside)[:, None] / 3.0 * vector(value, f"traction on {name_of(where)}", "Pa")
+        for corner in range(3):
+            np.add.at(nodal, inside[:, corner], share)
+    return nodal
+
+
+def pressed_triangles(mesh: Mesh, fixed: Indices, pressure: Pressures) -> tuple[Indices, Floats]:
+    """Surface triangles (t, 3) and the pressure on each (t,) [Pa]; where places overlap, pressures add."""
+    triangles, values = [np.empty((0, 3), dtype=np.uint32)], [np.empty(0)]
+    for where, value in pressure.items():
+        if isinstance(value, bool) or not isinstance(value, float | int | np.floating | np.integer):
+            raise VisceraError(f"the pressure on {name_of(where)} must be a number [Pa], got {value!r}")
+        if not np.isfinite(value):
+            raise VisceraError(f"the pressure on {name_of(where)} must be finite [Pa], got {value}")
+        triangles.append(_triangles(mesh, fixed, where, "pressure"))
+        values.append(np.full(len(triangles[-1]), float(value)))
+    return np.ascontiguousarray(np.concatenate(triangles)), np.concatenate(values)
+
+
 def density_per_cell(mesh: Mesh, density: ArrayLike) -> Floats:
     """Density (1,) or (m,) [kg/m^3], checked."""
     values = np.atleast_1d(np.asarray(density, dtype=float))
@@ -140,9 +169,30 @@ def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
         return where.nodes, where.weights
     nodes = mesh.nodes(where)
     inside = mesh.surface[np.isin(mesh.surface, nodes).all(axis=1)]
-    a, b, c = (mesh.points[inside[:, corner]] for corner in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    areas = _areas(mesh, inside)
     lumped = np.zeros(len(mesh.points))
     np.add.at(lumped, inside, areas[:, None] / 3.0)
     shares = lumped[nodes] if areas.sum() > 0.0 else np.ones(len(nodes))
     return nodes, shares / shares.sum()
+
+
+def _triangles(mesh: Mesh, fixed: Indices, where: Any, load: str) -> Indices:
+    """The surface triangles all of whose corners are in a place, some of them free."""
+    if isinstance(where, _core.Patch):
+        raise VisceraError(f"a {load} acts on the surface of a set; a contact patch takes a force")
+    nodes = mesh.nodes(where)
+    inside = mesh.surface[np.isin(mesh.surface, nodes).all(axis=1)]
+    if len(inside) == 0:
+        raise VisceraError(
+            f"{name_of(where)} holds no whole triangle of the surface, so a {load} has nothing to act on; "
+            "take a set with the nodes of a piece of surface"
+        )
+    if np.isin(inside, fixed).all():
+        raise VisceraError(f"all nodes of {name_of(where)} are fixed: a {load} there would move nothing")
+    return np.asarray(inside, dtype=np.uint32)
+
+
+def _areas(mesh: Mesh, triangles: Indices) -> Floats:
+    """Areas (t,) at rest [m^2]."""
+    a, b, c = (mesh.points[triangles[:, corner]] for corner in range(3))
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0)

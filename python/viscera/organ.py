@@ -11,7 +11,18 @@ from numpy.typing import ArrayLike
 from viscera import _core, defaults
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Law
-from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
+from viscera.loads import (
+    Displacements,
+    Forces,
+    Pressures,
+    Tractions,
+    density_per_cell,
+    nodal_forces,
+    prescribed,
+    pressed_triangles,
+    traction_forces,
+    vector,
+)
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.path import Expansion, Path
 from viscera.state import State
@@ -53,6 +64,8 @@ class Organ:
         *,
         displacement: Displacements | None = None,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
@@ -61,12 +74,16 @@ class Organ:
         throw: bool = False,
         progress: Progress | None = None,
     ) -> State:
-        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces and gravity.
+        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
 
         displacement: `{where: (x, y, z)}` [m], None leaving a component free; an array (k, 3) moves each node of a set
             on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
+        traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
+        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive on
+            a `lumen` inflates a vessel. On a surface whose rim is free the load has no potential; the tangent takes its
+            symmetric part there, and Newton's iteration needs a few more steps.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.
@@ -82,6 +99,8 @@ class Organ:
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        pressed, pressures = pressed_triangles(self.mesh, self.fixed, pressure or {})
         weight = np.zeros_like(applied)
         if gravity is not None and density is not None:
             acceleration = vector(gravity, "gravity", "m/s^2")
@@ -92,6 +111,8 @@ class Organ:
             values=moved.values,
             force=applied,
             body_force=weight,
+            pressed=pressed,
+            pressure=pressures,
             patches=moved.patches,
             start=None if start is None else start.displacement,
             steps=int(steps),
