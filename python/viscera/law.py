@@ -6,8 +6,9 @@ Invariants: I1 = tr C, I2 = (tr^2 C - tr C^2) / 2, J = det F, with C = F^T F and
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,9 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import directions
 from viscera.mesh import Floats
 from viscera.parameters import bulk_modulus, columns, compressibility, require, shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = [
     "Corotated",
@@ -41,6 +45,11 @@ class Law:
         self.name = name
         self.parameters = parameters
 
+    @property
+    def is_analytic(self) -> bool:
+        """Whether the energy is analytic at rest, as power series about it assume."""
+        return True
+
     def core(self) -> _core.Law:
         """This law as the compiled core knows it."""
         return _core.Law(self.name, self.parameters)
@@ -56,6 +65,21 @@ class Law:
     def tangent(self, F: ArrayLike, cell: int = 0) -> Floats:
         """Tangent dP / dF (k, 3, 3, 3, 3) [Pa]."""
         return self._of_cell(cell).tangent(_gradients(F))
+
+    def plot(
+        self,
+        *others: Law,
+        stretch: tuple[float, float] = (0.6, 1.6),
+        cell: int = 0,
+        path: str | os.PathLike[str] | None = None,
+    ) -> Figure:
+        """Nominal stress in uniaxial, equibiaxial and planar tension and in simple shear, beside that of other laws.
+
+        stretch: range of stretches, 1 within; cell: whose parameters; a PNG where a path is given.
+        """
+        from viscera.curves import draw
+
+        return draw([self, *others], stretch=stretch, cell=cell, path=path)
 
     def _of_cell(self, cell: int) -> _core.Law:
         rows = len(self.parameters)
@@ -230,8 +254,9 @@ class Ogden(Law):
     l_i = J^(-1/3) lambda_i are the isochoric principal stretches. mu [Pa] and alpha: one entry for each of up to three
     terms, an entry being a number or an array (m,) over cells; or one number for a single term. kappa (the bulk
     modulus) [Pa] or poisson. The shear modulus at small strain is sum(mu_p alpha_p) / 2: codes that write
-    2 mu / alpha^2 in front of the stretches mean mu_p = 2 mu / alpha here. Good for stretches from 1/5 to 5 to round-off.
-    Ogden, Proc. R. Soc. Lond. A 326 (1972) 565. Raises `VisceraError` unless the shear and bulk moduli are positive.
+    2 mu / alpha^2 in front of the stretches mean mu_p = 2 mu / alpha here. Exact to round-off for isochoric stretches
+    from 1/5 to 5. Ogden, Proc. R. Soc. Lond. A 326 (1972) 565. Raises `VisceraError` unless the shear and bulk moduli
+    are positive.
 
     >>> Ogden(mu=[500.0, -100.0], alpha=[3.0, -4.0], poisson=0.45)
     Ogden(mu=[500, -100], alpha=[3, -4], kappa=9183.33)
@@ -257,7 +282,7 @@ class Ogden(Law):
         moduli, exponents = both[: len(moduli)], both[len(moduli) :]
         for name, exponent in zip(names[len(moduli) :], exponents, strict=True):
             require("Ogden", name, exponent, exponent != 0.0, "must not be zero")
-        shear = 0.5 * sum(m * a for m, a in zip(moduli, exponents, strict=True))
+        shear = 0.5 * np.einsum("pm,pm->m", moduli, exponents)
         require("Ogden", "the shear modulus, half the sum of mu alpha,", shear, shear > 0.0, "must be positive [Pa]")
         modulus = bulk_modulus("Ogden", bulk, given, shear)
         absent = self.terms - len(moduli)
@@ -281,8 +306,8 @@ class HolzapfelGasserOgden(Law):
     dispersion d from 0 (parallel) to 1/3 (isotropic); kappa (the bulk modulus) [Pa], or poisson, Poisson's ratio of the
     ground substance. Fibres bear no compression: a family counts where E_i >= 0, which a power series decides by its
     base state. So the law serves statics; a reduced model about rest needs the analytic variant bear_compression=True.
-    Holzapfel, Gasser and Ogden, J. Elasticity 61 (2000) 1; Gasser, Ogden and Holzapfel, J. R. Soc. Interface 3 (2006) 15.
-    Raises `VisceraError` for moduli that are not positive, a dispersion outside 0..1/3, a fibre of no length.
+    Holzapfel, Gasser and Ogden, J. Elasticity 61 (2000) 1; Gasser, Ogden and Holzapfel, J. R. Soc. Interface 3 (2006)
+    15. Raises `VisceraError` for moduli that are not positive, a dispersion outside 0..1/3, a fibre of no length.
 
     >>> HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=[(1, 0, 1), (1, 0, -1)], kappa=1e5)
     HolzapfelGasserOgden(c=3000, k1=2400, k2=0.84, dispersion=0, kappa=100000)
@@ -323,6 +348,11 @@ class HolzapfelGasserOgden(Law):
     def bear_compression(self) -> bool:
         """Whether the fibres bear compression too."""
         return self.name.endswith("both ways")
+
+    @property
+    def is_analytic(self) -> bool:
+        """Only where the fibres bear compression too: else each goes slack at rest."""
+        return self.bear_compression
 
     def __repr__(self) -> str:
         c, k1, k2, dispersion, kappa = (shown(column) for column in self.parameters.T[:5])
@@ -387,6 +417,6 @@ def _terms(name: str, values: ArrayLike | Sequence[ArrayLike]) -> list[Any]:
     terms: list[Any] = [values] if np.isscalar(values) else list(values)  # type: ignore[arg-type]
     if not 1 <= len(terms) <= Ogden.terms:
         raise VisceraError(
-            f"Ogden: {name} has {len(terms)} terms; give one to {Ogden.terms}, and values per cell as one term, [values]"
+            f"Ogden: {name} has {len(terms)} terms; give one to {Ogden.terms}, values per cell as one term: [values]"
         )
     return terms

@@ -157,8 +157,8 @@ def mesh(
     Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
     coordinates that are not finite, indices out of range, cells of zero volume or given twice, points without a cell.
     """
-    named = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
-    return _checked(RawMesh(np.asarray(points), np.asarray(cells), *named))
+    named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
+    return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
 
 
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:

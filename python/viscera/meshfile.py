@@ -56,8 +56,9 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
     ending = _known_ending(path)
     try:
-        points, blocks, *sets = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
-        return RawMesh(scale * points, _tetrahedra(blocks), *sets)
+        found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
+        points, blocks, sets, cell_sets = found
+        return RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets)
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +31,9 @@ from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -81,9 +86,9 @@ class Organ:
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
         traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
-        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive on
-            a `lumen` inflates a vessel. On a surface whose rim is free the load has no potential; the tangent takes its
-            symmetric part there, and Newton's iteration needs a few more steps.
+        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
+            on a `lumen` inflates a vessel. On a surface whose rim is free the load has no potential; the tangent takes
+            its symmetric part there, and Newton's iteration needs a few more steps.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.
@@ -206,6 +211,11 @@ class Organ:
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
         if not isinstance(order, int | np.integer):
             raise VisceraError(f"order must be a whole number, got {order!r}")
+        if not self.law.is_analytic:
+            raise VisceraError(
+                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
+                "are compressed; reduce with bear_compression=True, or use solve"
+            )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
         model = self._body.reduce(
@@ -218,6 +228,14 @@ class Organ:
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )
         return Touch(model)
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
+        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
+        from viscera.picture import draw_rest
+
+        mesh = self.mesh
+        parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
+        return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
 
     def _length(self, name: str, value: float) -> float:
         if not 0.0 < value <= self.mesh.diagonal:

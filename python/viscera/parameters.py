@@ -11,7 +11,7 @@ from viscera.mesh import Floats
 
 def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
     """The parameters as arrays of one common length: 1, or the number of cells."""
-    given = {name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in parameters.items()}
+    given = {name: _numbers(law, name, values) for name, values in parameters.items()}
     for name, values in given.items():
         if values.ndim != 1 or values.size == 0:
             raise VisceraError(f"{law}: {name} is one number or an array (m,), got shape {values.shape}")
@@ -20,6 +20,13 @@ def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
     if len(set(lengths.values())) > 1:
         raise VisceraError(f"{law}: per-cell parameters have different lengths: {lengths}")
     return [np.ascontiguousarray(values) for values in np.broadcast_arrays(*given.values())]
+
+
+def _numbers(law: str, name: str, values: ArrayLike) -> Floats:
+    try:
+        return np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise VisceraError(f"{law}: {name} is one number or an array (m,), got {values!r}") from None
 
 
 def compressibility(law: str, kappa: ArrayLike | None, poisson: ArrayLike | None) -> tuple[str, ArrayLike]:
