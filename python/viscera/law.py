@@ -66,6 +66,17 @@ class Law:
         """Tangent dP / dF (k, 3, 3, 3, 3) [Pa]."""
         return self._of_cell(cell).tangent(_gradients(F))
 
+    def curve(self, mode: str, stretch: tuple[float, float] = (0.6, 1.6), cell: int = 0) -> tuple[Floats, Floats]:
+        """Stretches (k,) and nominal stress (k,) [Pa] in a homogeneous deformation; see `viscera.curves.curve`.
+
+        >>> stretch, stress = NeoHookean(mu=1e3, lam=1e5).curve("uniaxial", (0.9, 1.2))
+        >>> round(float(stress[-1]))
+        504
+        """
+        from viscera.curves import curve
+
+        return curve(self, mode, stretch, cell)
+
     def plot(
         self,
         *others: Law,

@@ -87,8 +87,7 @@ class Organ:
             shares where it has none), or an array (n, 3) of nodal forces.
         traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
         pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
-            on a `lumen` inflates a vessel. On a surface whose rim is free the load has no potential; the tangent takes
-            its symmetric part there, and Newton's iteration needs a few more steps.
+            on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.

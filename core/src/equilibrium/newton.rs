@@ -10,7 +10,7 @@ use super::problem::Problem;
 use super::system::{System, patch_mean};
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
-use crate::linear::FactorError;
+use crate::linear::{FactorError, gmres};
 use std::time::Instant;
 
 /// Settings.
@@ -39,6 +39,9 @@ impl Default for Newton {
         }
     }
 }
+
+/// Below this fraction of the residual, the unsymmetric part of a tangent is rounding.
+const SYMMETRIC: f64 = 1e-10;
 
 /// Why a load step was given up.
 enum Cut {
@@ -310,11 +313,66 @@ impl<'a> Run<'a> {
                 })
             })
             .collect();
-        let change = self.system.solve(&mut rhs, &gap).map_err(Cut::Factor)?;
+        if moving {
+            // What is prescribed pulls through the skew part too.
+            self.subtract_skew(u, load, &step, &mut rhs);
+        }
+        let change = self.solve(u, load, rhs.as_mut_slice(), &gap).map_err(Cut::Factor)?;
         for (s, &dof) in rhs.iter().zip(self.system.free()) {
             step[dof as usize] = *s;
         }
         Ok((step, change))
+    }
+
+    /// Solves for the step and the change of the patch forces, `rhs` becoming the step.
+    ///
+    /// Under pressure on a free rim the tangent is `K + S` with a skew `S` of few rows: GMRES on `1 + K^-1 S`.
+    fn solve(
+        &self,
+        u: &[f64],
+        load: f64,
+        rhs: &mut [f64],
+        gap: &[f64],
+    ) -> Result<Vec<f64>, FactorError> {
+        let skewed = |s: &[f64]| {
+            let mut full = vec![0.0; u.len()];
+            s.iter().zip(self.system.free()).for_each(|(s, &dof)| full[dof as usize] = *s);
+            let mut out = vec![0.0; s.len()];
+            self.subtract_skew(u, load, &full, &mut out);
+            out
+        };
+        let plain = rhs.to_vec();
+        let change = self.system.solve(rhs, gap)?;
+        let disturbance = skewed(rhs);
+        let scale = plain.iter().fold(0.0f64, |max, b| max.max(b.abs()));
+        if disturbance.iter().all(|d| d.abs() <= SYMMETRIC * scale) {
+            return Ok(change);
+        }
+        let held = vec![0.0; gap.len()];
+        let apply = |s: &[f64]| {
+            let mut out: Vec<f64> = skewed(s).iter().map(|x| -x).collect();
+            self.system.solve(&mut out, &held)?;
+            out.iter_mut().zip(s).for_each(|(o, s)| *o += s);
+            Ok(out)
+        };
+        let step = gmres(apply, rhs, 1e-10, 60)?;
+        for ((b, plain), s) in rhs.iter_mut().zip(&plain).zip(skewed(&step)) {
+            *b = plain + s;
+        }
+        self.system.solve(rhs, gap)
+    }
+
+    /// Subtracts from `out`, on the free degrees of freedom, the skew part of the pressure's stiffness times `x`.
+    fn subtract_skew(&self, u: &[f64], load: f64, x: &[f64], out: &mut [f64]) {
+        let pressure = &self.problem.pressure;
+        if pressure.triangles.is_empty() {
+            return;
+        }
+        let mut force = vec![0.0; u.len()];
+        pressure.add_skew(self.body(), u, load, x, &mut force);
+        for (o, &dof) in out.iter_mut().zip(self.system.free()) {
+            *o -= force[dof as usize];
+        }
     }
 
     /// The first step of a load step is the tangent of the path, where the tangent is what it should be.
@@ -442,12 +500,14 @@ impl<'a> Run<'a> {
         text
     }
 
-    /// Whether dead forces alone load the body, as an arc-length path asks.
+    /// Whether dead forces alone load the body and whole points hold it, as an arc-length path asks.
     fn is_dead_load(&self) -> bool {
-        let problem = self.problem;
-        problem.pressure.triangles.is_empty()
-            && problem.patches.is_empty()
-            && problem.prescribed.iter().all(|&(_, value)| value == 0.0)
+        let Problem { prescribed, pressure, patches, .. } = self.problem;
+        let held = |&(dof, value): &(u32, f64)| {
+            let is_axis_held = |i| prescribed.contains(&(dof / 3 * 3 + i, 0.0));
+            value == 0.0 && (0..3).all(is_axis_held)
+        };
+        pressure.triangles.is_empty() && patches.is_empty() && prescribed.iter().all(held)
     }
 }
 

@@ -4,6 +4,7 @@ use super::pressure::Pressure;
 use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::Patch;
+use std::collections::HashSet;
 
 /// A tool that prescribes the weighted mean displacement of a patch, `sum_i w_i u_i = d`.
 #[derive(Clone, Debug)]
@@ -13,6 +14,9 @@ pub struct PatchLoad {
     /// The mean displacement `d` [m].
     pub displacement: [f64; 3],
 }
+
+/// Part of a patch that must be its own: with less, forces between patches grow beyond any meaning.
+const DEPENDENT: f64 = 1e-4;
 
 /// One static load case.
 pub struct Problem<'a> {
@@ -62,6 +66,7 @@ impl Problem<'_> {
             check_patch(k, load, self.body.points().len())?;
             self.check_patch_moves(k, load)?;
         }
+        self.check_patches_differ()?;
         self.check_support()
     }
 
@@ -106,6 +111,36 @@ impl Problem<'_> {
             }
             None => Ok(()),
         }
+    }
+
+    /// No patch may be told by the others where it is: their rows of weights on free points must be independent.
+    fn check_patches_differ(&self) -> Result<(), Error> {
+        let held: HashSet<u32> = self.prescribed.iter().map(|&(dof, _)| dof).collect();
+        for i in 0..3 {
+            let mut basis: Vec<Vec<f64>> = Vec::new();
+            for (k, load) in self.patches.iter().enumerate() {
+                let mut row = vec![0.0; self.body.points().len()];
+                for (&node, &w) in load.patch.nodes.iter().zip(&load.patch.weights) {
+                    row[node as usize] += if held.contains(&(3 * node + i)) { 0.0 } else { w };
+                }
+                let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                let size = dot(&row, &row).sqrt();
+                for unit in &basis {
+                    let along = dot(&row, unit);
+                    row.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
+                }
+                let left = dot(&row, &row).sqrt();
+                if left <= DEPENDENT * size {
+                    return Err(Error::input(format!(
+                        "the displacement of patch {k} follows from those of the patches before it; \
+                         leave it out, or move it apart from them"
+                    )));
+                }
+                row.iter_mut().for_each(|x| *x /= left);
+                basis.push(row);
+            }
+        }
+        Ok(())
     }
 
     /// Every connected part needs something to hold it in each direction.

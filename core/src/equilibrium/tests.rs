@@ -227,7 +227,7 @@ fn a_load_beyond_the_limit_point_says_where_the_path_turns() {
     assert!(state.load < turn && state.load > turn - 0.01, "{} {turn}", state.load);
     let said = format!("turns back at load {turn:.3}");
     assert!(state.message.contains(&said[..said.len() - 1]), "{}: {said}", state.message);
-    assert!(state.message.contains("arc length"), "{}", state.message);
+    assert!(state.message.contains("prescribe a displacement"), "sliding supports: {}", state.message);
 }
 
 /// All surface triangles on which nothing is prescribed by symmetry planes.
@@ -358,6 +358,14 @@ fn bad_patches_are_refused_with_their_number() {
         (refused(&[(1.0, 0, 0.0)]), "the x displacement of every point of patch 0 is prescribed"),
         (refused(&[(1.0, 2, 0.0), (1.0, 2, 0.1)]), "patches 0 and 1 are the same"),
     ];
+    let mut load = problem(&body, clamped(&body));
+    for (nodes, weights) in
+        [(vec![2], vec![1.0]), (vec![5], vec![1.0]), (vec![2, 5], vec![0.3, 0.7])]
+    {
+        load.patches.push(PatchLoad { patch: Patch { nodes, weights }, displacement: [0.0; 3] });
+    }
+    let sentence = refusal(&load);
+    assert!(sentence.contains("patch 2 follows from those of the patches before"), "{sentence}");
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
     }
