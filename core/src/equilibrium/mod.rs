@@ -1,10 +1,12 @@
 //! Equilibrium: find `u` with `f_int(u) = f_ext`, some of its components and weighted means
 //! prescribed.
 
+mod ending;
 mod newton;
 mod outcome;
 mod pressure;
 mod problem;
+mod skew;
 mod stepper;
 mod system;
 #[cfg(test)]

@@ -5,12 +5,14 @@
 //! that fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
 //! descent direction, and said so.
 
-use super::outcome::{Equilibrium, Seconds, Status};
+use super::ending::{Cut, Ending, Slopes};
+use super::outcome::{Equilibrium, Seconds};
 use super::problem::Problem;
+use super::skew;
 use super::system::{System, patch_mean};
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
-use crate::linear::{FactorError, gmres};
+use crate::linear::FactorError;
 use std::time::Instant;
 
 /// Settings.
@@ -38,17 +40,6 @@ impl Default for Newton {
             smallest_step: 1.0 / 1024.0,
         }
     }
-}
-
-/// Below this fraction of the residual, the unsymmetric part of a tangent is rounding.
-const SYMMETRIC: f64 = 1e-10;
-
-/// Why a load step was given up.
-enum Cut {
-    Inverted { cell: usize, jacobian: f64 },
-    NoDescent { residual: f64 },
-    Iterations { residual: f64 },
-    Factor(FactorError),
 }
 
 impl Newton {
@@ -125,8 +116,9 @@ struct Run<'a> {
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
-    /// Load and `|du/dload|` of the last equilibria that a step set out from, the newest last.
-    slopes: [(f64, f64); 2],
+    slopes: Slopes,
+    /// Shift of the last tangent: the next one is rarely far from it.
+    shift: f64,
     seconds: Seconds,
 }
 
@@ -165,7 +157,8 @@ impl<'a> Run<'a> {
             iterations: 0,
             residuals: Vec::new(),
             unstable: None,
-            slopes: [(f64::NEG_INFINITY, 0.0); 2],
+            slopes: Slopes::new(),
+            shift: 0.0,
             seconds: Seconds::default(),
         })
     }
@@ -270,11 +263,12 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.25 * self.shift).max(1e-4) } else { 4.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
         }
+        self.shift = shift;
         self.seconds.factorization += clock.elapsed().as_secs_f64();
         Ok(unstable)
     }
@@ -313,87 +307,36 @@ impl<'a> Run<'a> {
                 })
             })
             .collect();
-        if moving {
+        let change = if self.problem.pressure.triangles.is_empty() {
+            self.system.solve(&mut rhs, &gap)
+        } else {
             // What is prescribed pulls through the skew part too.
-            self.subtract_skew(u, load, &step, &mut rhs);
+            rhs.iter_mut().zip(self.skew(u, load, &step)).for_each(|(b, s)| *b -= s);
+            let skew = |s: &[f64]| {
+                let mut full = vec![0.0; u.len()];
+                s.iter().zip(self.system.free()).for_each(|(s, &dof)| full[dof as usize] = *s);
+                self.skew(u, load, &full)
+            };
+            skew::solve(&self.system, skew, &mut rhs, &gap)
         }
-        let change = self.solve(u, load, rhs.as_mut_slice(), &gap).map_err(Cut::Factor)?;
+        .map_err(Cut::Factor)?;
         for (s, &dof) in rhs.iter().zip(self.system.free()) {
             step[dof as usize] = *s;
         }
         Ok((step, change))
     }
 
-    /// Solves for the step and the change of the patch forces, `rhs` becoming the step.
-    ///
-    /// Under pressure on a free rim the tangent is `K + S` with a skew `S` of few rows: GMRES on `1 + K^-1 S`.
-    fn solve(
-        &self,
-        u: &[f64],
-        load: f64,
-        rhs: &mut [f64],
-        gap: &[f64],
-    ) -> Result<Vec<f64>, FactorError> {
-        let skewed = |s: &[f64]| {
-            let mut full = vec![0.0; u.len()];
-            s.iter().zip(self.system.free()).for_each(|(s, &dof)| full[dof as usize] = *s);
-            let mut out = vec![0.0; s.len()];
-            self.subtract_skew(u, load, &full, &mut out);
-            out
-        };
-        let plain = rhs.to_vec();
-        let change = self.system.solve(rhs, gap)?;
-        let disturbance = skewed(rhs);
-        let scale = plain.iter().fold(0.0f64, |max, b| max.max(b.abs()));
-        if disturbance.iter().all(|d| d.abs() <= SYMMETRIC * scale) {
-            return Ok(change);
-        }
-        let held = vec![0.0; gap.len()];
-        let apply = |s: &[f64]| {
-            let mut out: Vec<f64> = skewed(s).iter().map(|x| -x).collect();
-            self.system.solve(&mut out, &held)?;
-            out.iter_mut().zip(s).for_each(|(o, s)| *o += s);
-            Ok(out)
-        };
-        let step = gmres(apply, rhs, 1e-10, 60)?;
-        for ((b, plain), s) in rhs.iter_mut().zip(&plain).zip(skewed(&step)) {
-            *b = plain + s;
-        }
-        self.system.solve(rhs, gap)
-    }
-
-    /// Subtracts from `out`, on the free degrees of freedom, the skew part of the pressure's stiffness times `x`.
-    fn subtract_skew(&self, u: &[f64], load: f64, x: &[f64], out: &mut [f64]) {
-        let pressure = &self.problem.pressure;
-        if pressure.triangles.is_empty() {
-            return;
-        }
-        let mut force = vec![0.0; u.len()];
-        pressure.add_skew(self.body(), u, load, x, &mut force);
-        for (o, &dof) in out.iter_mut().zip(self.system.free()) {
-            *o -= force[dof as usize];
-        }
-    }
-
-    /// The first step of a load step is the tangent of the path, where the tangent is what it should be.
+    /// The first step of a load step is the tangent of the path.
     fn note_slope(&mut self, step: &[f64], load: f64) {
         let square: f64 = self.system.free().iter().map(|&dof| step[dof as usize].powi(2)).sum();
-        if self.load > self.slopes[1].0 {
-            self.slopes = [self.slopes[1], (self.load, square.sqrt() / (load - self.load))];
-        }
+        self.slopes.note(self.load, square.sqrt() / (load - self.load));
     }
 
-    /// The load at which the path turns, where it does so within a `reach` beyond the last equilibrium.
-    ///
-    /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
-    /// linearly to zero.
-    fn limit_point(&self, reach: f64) -> Option<f64> {
-        let [(before, slow), (last, fast)] = self.slopes;
-        if last != self.load || !before.is_finite() || !(fast > slow) {
-            return None;
-        }
-        let left = (last - before) / ((fast / slow).powi(2) - 1.0);
-        (left <= reach).then_some(last + left)
+    /// The skew part of the pressure's stiffness times `x`, on the free degrees of freedom.
+    fn skew(&self, u: &[f64], load: f64, x: &[f64]) -> Vec<f64> {
+        let mut force = vec![0.0; u.len()];
+        self.problem.pressure.add_skew(self.body(), u, load, x, &mut force);
+        self.system.free().iter().map(|&dof| force[dof as usize]).collect()
     }
 
     fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
@@ -445,87 +388,26 @@ impl<'a> Run<'a> {
         body.internal_force(&self.u, &mut internal_force);
         let mut external_force = self.problem.force.clone();
         self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
-        // The smallest step that failed is twice the one that was not tried any more.
-        let turn = self.limit_point(4.0 * step);
-        let status = match (self.load >= 1.0, self.unstable, turn) {
-            (false, _, Some(_)) => Status::LimitPoint,
-            (false, _, None) => Status::StepTooSmall,
-            (true, None, _) => Status::Converged,
-            (true, Some(_), _) => Status::ConvergedPastInstability,
+        let ending = Ending {
+            load: self.load,
+            iterations: self.iterations,
+            cut,
+            // The smallest step that failed is twice the one that was not tried any more.
+            turn: self.slopes.limit_point(self.load, 4.0 * step),
+            unstable: self.unstable,
         };
-        let message = self.message(status, cut, turn);
         Equilibrium {
             energy: body.energy(&self.u),
             displacement: std::mem::take(&mut self.u),
             internal_force,
             external_force,
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
-            status,
-            message,
+            status: ending.status(),
+            message: ending.message(self.problem),
             load: self.load,
             iterations: self.iterations,
             residuals: self.residuals,
             seconds: self.seconds,
-        }
-    }
-
-    fn message(&self, status: Status, cut: Option<Cut>, turn: Option<f64>) -> String {
-        let load = self.load;
-        let mut text = match (status.is_converged(), cut) {
-            (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
-            _ => format!("converged in {} iterations", self.iterations),
-        };
-        if let (Status::LimitPoint, Some(turn)) = (status, turn) {
-            text += &format!(
-                "; the path turns back at load {turn:.4}, a limit point: {}",
-                if self.is_dead_load() {
-                    "follow it further by arc length, Organ.path(parameter='arc length')"
-                } else {
-                    "ask for less, or prescribe a displacement instead of the load"
-                }
-            );
-        }
-        if let Some((load, dof)) = self.unstable {
-            text += &format!(
-                "; the tangent was not positive definite at load {load:.4} (point {}): \
-                 the path passes an instability",
-                dof / 3
-            );
-        }
-        let law = self.body().material().name();
-        if !status.is_converged() && law == "saint_venant_kirchhoff" {
-            text += "; Saint Venant-Kirchhoff softens in compression and its energy stays finite where a cell is \
-                     crushed, a known flaw of the law: use neo_hookean";
-        }
-        text
-    }
-
-    /// Whether dead forces alone load the body and whole points hold it, as an arc-length path asks.
-    fn is_dead_load(&self) -> bool {
-        let Problem { prescribed, pressure, patches, .. } = self.problem;
-        let held = |&(dof, value): &(u32, f64)| {
-            let is_axis_held = |i| prescribed.contains(&(dof / 3 * 3 + i, 0.0));
-            value == 0.0 && (0..3).all(is_axis_held)
-        };
-        pressure.triangles.is_empty() && patches.is_empty() && prescribed.iter().all(held)
-    }
-}
-
-impl Cut {
-    fn sentence(&self) -> String {
-        match self {
-            Cut::Inverted { cell, jacobian } => {
-                format!(
-                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
-                )
-            }
-            Cut::NoDescent { residual } => {
-                format!("no step lowers the energy (relative residual {residual:.1e})")
-            }
-            Cut::Iterations { residual } => {
-                format!("too many iterations (relative residual {residual:.1e})")
-            }
-            Cut::Factor(error) => error.to_string(),
         }
     }
 }

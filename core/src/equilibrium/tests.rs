@@ -227,7 +227,11 @@ fn a_load_beyond_the_limit_point_says_where_the_path_turns() {
     assert!(state.load < turn && state.load > turn - 0.01, "{} {turn}", state.load);
     let said = format!("turns back at load {turn:.3}");
     assert!(state.message.contains(&said[..said.len() - 1]), "{}: {said}", state.message);
-    assert!(state.message.contains("prescribe a displacement"), "sliding supports: {}", state.message);
+    assert!(
+        state.message.contains("prescribe a displacement"),
+        "sliding supports: {}",
+        state.message
+    );
 }
 
 /// All surface triangles on which nothing is prescribed by symmetry planes.
