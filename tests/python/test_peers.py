@@ -45,7 +45,7 @@ def solve(p: Any, law: str) -> vs.State:
         moved[_core.Patch(p.mesh.nodes(name), problems.area_shares(p.mesh, name))] = target
     weight = {"gravity": problems.GRAVITY, "density": p.density} if p.density else {}
     loads = {"displacement": moved, "force": p.force, "pressure": p.pressure}
-    return organ.solve(**loads, steps=p.steps, throw=True, **weight)
+    return organ.solve(**loads, steps=min(p.steps, 10), throw=True, **weight)
 
 
 @pytest.mark.parametrize(("peer", "name", "law"), CASES)

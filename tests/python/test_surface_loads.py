@@ -49,7 +49,7 @@ def test_places_that_overlap_add_up(clamped: vs.Organ) -> None:
 
 def test_a_free_rim_converges_too(clamped: vs.Organ) -> None:
     """The load has no potential there, and the tangent is unsymmetric; Newton's convergence is quadratic as ever."""
-    state = clamped.solve(pressure={"tip": -8e3, lambda x: x[:, 2] > 0.0999: 200.0})
+    state = clamped.solve(pressure={"tip": -3e3, lambda x: x[:, 2] > 0.0999: 200.0})
     assert state.status == "converged"
     before, last = state.residuals[-1][-2:]
     assert last < 1e3 * before**2 + 1e-12

@@ -99,7 +99,9 @@ PROBLEMS = {
         "artery", 5e5, 0.45, "top", {"middle": (0.00035, None, None), "bottom": (None, None, 0.0012)}, density=510.0
     ),
     "beam_rubber": Problem("beam", 1e5, 0.45, "clamp", force={"tip": (9.0, -6.0, -8.0)}, laws=("yeoh", "ogden", "hgo")),
-    "artery_inflated": Problem("artery", 5e5, 0.45, "top", pressure={"lumen": 13e3}, laws=("svk", "mr")),
+    "artery_inflated": Problem(  # the rim of the branch is free; CalculiX errs with the square of its increments here
+        "artery", 5e5, 0.45, "top", {"bottom": (0.0, 0.0, 0.0)}, pressure={"lumen": 13e3}, steps=160, laws=("svk", "mr")
+    ),
     "liver": Problem("liver", 1e4, 0.45, "hilum", force={"tip": (0.1, 0.0, 0.4)}),
     "liver_driven": Problem("liver", 1e4, 0.45, "hilum", mean={"tip": (0.0, 0.01, 0.02)}),
 }
