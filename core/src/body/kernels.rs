@@ -5,7 +5,6 @@ use super::blocks::SymmetricBlocks;
 use super::cells::{Batch, Cells, add_product};
 use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material, TangentBlocks};
-use crate::number::Scalar;
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, mul_vector, tabulate};
 use rayon::prelude::*;

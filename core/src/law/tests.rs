@@ -165,6 +165,7 @@ fn lanes_and_single_precision_agree(law: impl Law) {
     assert!(largest(&sub(&single, &exact)) < 1e-4 * largest(&exact));
 }
 
+#[allow(non_snake_case)]
 /// The hand-written geometry on series against the generic stress of jets.
 fn series_agree_with_generic_jets(law: impl Law) {
     for (variables, order) in [(1, 7), (3, 3), (3, 4)] {
@@ -204,6 +205,7 @@ fn series_agree_with_generic_jets(law: impl Law) {
     }
 }
 
+#[allow(non_snake_case)]
 /// Volume ratio, its curvature and the energy of a dilatation, all by central differences.
 fn volume_and_pressure_are_derivatives(law: impl Law) {
     let h = 1e-5;
@@ -255,6 +257,7 @@ impl<L: Law> Law for Plain<L> {
     }
 }
 
+#[allow(non_snake_case)]
 fn inherited_pressures_agree(law: impl Law) {
     let plain = Plain(law);
     for J in [0.8, 1.0, 1.3] {
