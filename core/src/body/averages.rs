@@ -99,9 +99,10 @@ impl Rings {
         let mut share = vec![0.0; cells.len()];
         let mut kind = vec![[0; 2]; cells.len()];
         for group in tissues(cells.len(), material) {
-            let [shear, bulk] = material.visit(Moduli(material.of_cell(group[0])));
+            let [shear, bulk] = material.moduli(material.of_cell(group[0]));
             for cell in group {
-                share[cell] = (1.0 - KEPT * shear / bulk).max(0.0);
+                let kept = std::env::var("VISCERA_KEPT").ok().and_then(|k| k.parse().ok()).unwrap_or(KEPT);
+                share[cell] = (1.0 - kept * shear / bulk).max(0.0);
                 kind[cell] = [shear, bulk].map(|modulus| modulus.log2().round() as i32);
             }
         }
@@ -130,21 +131,6 @@ impl Rings {
             corners,
             share,
         }
-    }
-}
-
-/// Shear and bulk modulus at rest of a parameter row.
-struct Moduli<'a>(&'a [f64]);
-
-impl LawVisitor for Moduli<'_> {
-    type Output = [f64; 2];
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> [f64; 2] {
-        let law = make(self.0);
-        let identity = tabulate(|i, j| (i == j) as u8 as f64);
-        let (_, along) = law.tangent(&identity, &identity);
-        // dP_01/dF_01 and its like; they differ where a law has a direction.
-        let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
-        [shear, law.pressure_and_modulus(&1.0)[1]]
     }
 }
 

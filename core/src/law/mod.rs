@@ -197,9 +197,28 @@ impl Material {
         &self.parameters
     }
 
+    /// Shear and bulk modulus at rest of a row of parameters [Pa].
+    pub fn moduli(&self, parameters: &[f64]) -> [f64; 2] {
+        self.visit(Moduli(parameters))
+    }
+
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
         if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
+    }
+}
+
+struct Moduli<'a>(&'a [f64]);
+
+impl LawVisitor for Moduli<'_> {
+    type Output = [f64; 2];
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> [f64; 2] {
+        let law = make(self.0);
+        let identity = tabulate(|i, j| (i == j) as u8 as f64);
+        let (_, along) = law.tangent(&identity, &identity);
+        // dP_01/dF_01 and its like; they differ where a law has a direction.
+        let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
+        [shear, law.pressure_and_modulus(&1.0)[1]]
     }
 }
 
