@@ -33,7 +33,7 @@ def pgd(
     radius: float,  # of the patch each load is spread over; 0 = the node alone
     load: float,  # at a = 1 [N], along the inward normal
     order: int,
-    enrichment: dict[str, float] | None,  # see `Enrichment` in core/src/pgd/enrichment.rs; None = every position exactly
+    enrichment: dict[str, float] | None,  # core/src/pgd/enrichment.rs; None = every position exactly
     on_progress: Callable[[int, int], None] | None,  # order in hand, its pairs so far; may raise to stop
 ) -> dict[str, Any]:
     """positions (m,) ascending, weights (m,), units [(dofs, forces)] of the unit loads, orders: one dict each with

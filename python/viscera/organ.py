@@ -226,14 +226,14 @@ class Organ:
             if not isinstance(value, int | np.integer) or value < 1:
                 raise VisceraError(f"{name} must be a whole number of at least 1, got {value!r}")
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
-        settings = {"tolerance": tolerance, "max_terms": max_terms, "stagnation": stagnation}
+        rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
         return separate(
             self,
             self.touchable(touchable),
             load=float(load),
             radius=float(radius),
             order=int(order),
-            enrichment=None if tolerance is None else {**settings, "max_iterations": max_iterations},
+            enrichment=None if tolerance is None else {"tolerance": tolerance, **rules},
             progress=progress,
         )
 

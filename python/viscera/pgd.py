@@ -100,9 +100,7 @@ class Pgd:
     def series(self, s: Place, order: int | None = None) -> Floats:
         """u_p (order + 1, n, 3) [m] at a position, u_0 = 0 first."""
         where, shares = self._locate(s)
-        terms = [
-            np.tensordot(each.G[:, where] @ shares, each.F, axes=1) for each in self.orders[: self._order(order)]
-        ]
+        terms = [np.tensordot(each.G[:, where] @ shares, each.F, axes=1) for each in self.orders[: self._order(order)]]
         return np.stack([np.zeros_like(self.mesh.points), *terms])
 
     def force(self, s: Place, a: float = 1.0) -> Floats:
@@ -123,8 +121,7 @@ class Pgd:
         began = perf_counter()
         orders = []
         for order in self.orders:
-            modes = order.F.reshape(len(order.F), -1), order.G
-            F, G = _core.compress(*map(np.ascontiguousarray, modes), self.weights, tolerance)
+            F, G = _core.compress(order.F.reshape(len(order.F), -1), order.G, self.weights, tolerance)
             orders.append(Order(F, G))
         return replace(self, orders=tuple(orders), seconds=self.seconds + perf_counter() - began)
 
