@@ -32,8 +32,9 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
     mesh = organs.beam()
     page.text(
         f"A cantilever of 1 x 0.2 x 0.2 m, {len(mesh.points)} nodes and {len(mesh.cells)} linear tetrahedra, clamped "
-        f"at x = 0; E = {YOUNG:g} Pa, nu = {POISSON:g}. A force normal to the top face acts on a single node s of it. "
-        "The curves are for a node of the free edge; the separated series hold for all nodes."
+        f"at x = 0; E = {YOUNG:g} Pa, nu = {POISSON:g}. A force normal to the top face acts on a single node s of it, "
+        "edges left out. The curves are for the node next to the free end; the separated series hold for all. "
+        "The paper gives neither mesh nor load; here a = 0.6 is where the series of the curves ceases to converge."
     )
     facts: dict[str, Any] = {"status": "reported"}
     for key, (law, material) in LAWS.items():
@@ -56,12 +57,14 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
 
 
 def beam_case(key: str, law: str, material: Law) -> Case:
-    """The built-in beam loaded at the middle of its free upper edge."""
+    """The built-in beam loaded on its axis next to its free end; edges, whose normals are oblique, are left out."""
     mesh = organs.beam()
     organ = Organ(mesh, material, fixed="clamp")
-    positions = np.setdiff1d(mesh.nodes("top"), organ.fixed).astype(np.uint32)
-    edge = np.linalg.norm(mesh.points[positions] - (1.0, 0.1, 0.2), axis=1)
-    return calibrated(Case(key, law, organ, positions, int(positions[np.argmin(edge)]), 1.0, VIEW))
+    x, y, _ = mesh.points[mesh.nodes("top")].T
+    inside = (x > 0.01) & (x < 0.99) & (y > 0.01) & (y < 0.19)
+    positions = mesh.nodes("top")[inside]
+    to_end = np.linalg.norm(mesh.points[positions] - (1.0, 0.1, 0.2), axis=1)
+    return calibrated(Case(key, law, organ, positions, int(positions[np.argmin(to_end)]), 1.0, VIEW))
 
 
 def _report_shapes(page: Report, case: Case, found: Curves) -> dict[str, Any]:

@@ -63,8 +63,8 @@ class Case:
 
     def separate(self, tolerance: float | None, order: int = PGD_ORDER, **settings: Any) -> Pgd:
         """The separated series of all positions; a tolerance of None solves each of them exactly."""
-        load = {"load": self.load, "radius": self.radius}
-        return self.organ.pgd(self.positions, order=order, tolerance=tolerance, **load, **settings)
+        load, radius = self.load, self.radius
+        return self.organ.pgd(self.positions, load=load, radius=radius, order=order, tolerance=tolerance, **settings)
 
     def draw_vertical(self, fields: dict[str, Floats], label: str = "vertical displacement [mm]") -> Figure:
         """Panels of the vertical part [mm] of fields (n, 3) [m], on the organ so deformed."""
