@@ -14,6 +14,7 @@ from viscera.law import Law
 from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.path import Expansion, Path
+from viscera.pgd import Pgd, separate
 from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
@@ -206,6 +207,44 @@ class Organ:
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )
         return Touch(model)
+
+    def pgd(
+        self,
+        touchable: Where | None = None,
+        *,
+        load: float,
+        order: int = 4,
+        radius: float = 0.0,
+        tolerance: float | None = 0.05,
+        max_terms: int = 100,
+        stagnation: float = 0.01,
+        max_iterations: int = 30,
+        progress: Progress | None = None,
+    ) -> Pgd:
+        """Paper A's model: a load normal to the surface at any node of a place, u = sum a^p sum_i F_i^p(x) G_i^p(s).
+
+        load [N] at a = 1, pushing in where positive; on single nodes as in the paper, or spread over a contact patch
+        of `radius` [m], which separates better and does not depend on the mesh. order: 1 to 15.
+        tolerance: an order is done when the energy norm of a pair falls below this part of the largest of its order;
+            None solves every position exactly instead, to compare with. max_terms: pairs of an order at most.
+        stagnation, max_iterations: of the alternating directions; a pair is found when the unit vector along its G
+            turns by less.
+        Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
+        """
+        for name, value in (("order", order), ("max_terms", max_terms), ("max_iterations", max_iterations)):
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise VisceraError(f"{name} must be a whole number of at least 1, got {value!r}")
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
+        return separate(
+            self,
+            self.touchable(touchable),
+            load=float(load),
+            radius=float(radius),
+            order=int(order),
+            enrichment=None if tolerance is None else {"tolerance": tolerance, **rules},
+            progress=progress,
+        )
 
     def _length(self, name: str, value: float) -> float:
         if not 0.0 < value <= self.mesh.diagonal:
