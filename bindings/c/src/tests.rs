@@ -233,7 +233,7 @@ fn a_debt_is_paid_by_damping() {
 fn no_hand_wins_more_than_the_energy_limit() {
     for damping in [0.0, 3.0] {
         let (mut guard, mut won, mut most) = (passive(1e-3, damping), 0.0, 0.0f64);
-        let mut force = [0.0; 3];
+        let (mut force, mut forgiven) = ([0.0; 3], 0.0);
         for (k, random) in samples::noise(18000, 5).chunks_exact(6).enumerate() {
             let size = 1e-4 * random[3].abs(); // no more than 1 mJ at 10 N
             let against = dot(force, force).sqrt().max(1e-12);
@@ -242,7 +242,9 @@ fn no_hand_wins_more_than_the_energy_limit() {
                 _ => force.map(|f| -size * f / against),
             };
             won -= dot(force, moved);
-            most = most.max(won);
+            // 1 mJ in 20 ms without force.
+            forgiven += if force == [0.0; 3] { 5e-5 } else { 0.0 };
+            most = most.max(won - forgiven);
             let field = std::array::from_fn(|i| 20.0 * random[i]);
             force = step_moved(&mut guard, field, moved).1;
             assert!(norm_of(force) <= 10.0 * (1.0 + 1e-12));
@@ -259,7 +261,7 @@ fn norm_of(v: [f64; 3]) -> f64 {
 #[test]
 fn work_that_is_not_known_lets_the_force_fade() {
     let force = [0.0, 0.0, -1.0];
-    for moved in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [1e308; 3]] {
+    for moved in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [f64::MAX; 3]] {
         let mut guard = passive(1e-3, 1.0);
         step_moved(&mut guard, force, [0.0; 3]);
         let (mode, out) = step_moved(&mut guard, force, moved);
