@@ -83,20 +83,41 @@ namespace Viscera
         public const uint AbiVersion = 2;
         const string Library = "viscera";
 
-        [DllImport(Library)] public static extern uint viscera_abi_version();
-        [DllImport(Library)] public static extern Status viscera_load(byte[] bytes, UIntPtr len, out IntPtr model, byte[] message, UIntPtr message_len);
-        [DllImport(Library)] public static extern void viscera_free(IntPtr model);
-        [DllImport(Library)] public static extern Status viscera_info(IntPtr model, out Info info);
-        [DllImport(Library)] public static extern void viscera_frame_identity(out Frame frame);
-        [DllImport(Library)] public static extern Status viscera_set_frame(IntPtr model, in Frame frame);
-        [DllImport(Library)] public static extern Status viscera_locate(IntPtr model, in Vector point, out Vector contact_point, out double distance);
-        [DllImport(Library)] public static extern Status viscera_evaluate(IntPtr model, in Vector point, in Vector displacement, out Answer answer);
-        [DllImport(Library)] public static extern UIntPtr viscera_workspace_size(IntPtr model);
-        [DllImport(Library)] public static extern Status viscera_surface(IntPtr model, in Vector point, in Vector displacement, float[] workspace, UIntPtr workspace_len, float[] positions, UIntPtr positions_len);
-        [DllImport(Library)] public static extern Status viscera_surface_topology(IntPtr model, uint[] triangles, UIntPtr triangles_len, uint[] nodes, UIntPtr nodes_len);
-        [DllImport(Library)] public static extern Status viscera_guard_init(out Guard guard, double force_limit, double rate_limit, double watchdog, double fade);
-        [DllImport(Library)] public static extern Status viscera_guard_keep_passive(ref Guard guard, double energy_limit, double damping);
-        [DllImport(Library)] public static extern GuardMode viscera_guard_step_moved(ref Guard guard, in Vector force_in, Status status, in Vector moved, double dt, out Vector force_out);
+        [DllImport(Library)]
+        public static extern uint viscera_abi_version();
+        [DllImport(Library)]
+        public static extern Status viscera_load(byte[] bytes, UIntPtr len, out IntPtr model, byte[] message,
+            UIntPtr message_len);
+        [DllImport(Library)]
+        public static extern void viscera_free(IntPtr model);
+        [DllImport(Library)]
+        public static extern Status viscera_info(IntPtr model, out Info info);
+        [DllImport(Library)]
+        public static extern void viscera_frame_identity(out Frame frame);
+        [DllImport(Library)]
+        public static extern Status viscera_set_frame(IntPtr model, in Frame frame);
+        [DllImport(Library)]
+        public static extern Status viscera_locate(IntPtr model, in Vector point, out Vector contact_point,
+            out double distance);
+        [DllImport(Library)]
+        public static extern Status viscera_evaluate(IntPtr model, in Vector point, in Vector displacement,
+            out Answer answer);
+        [DllImport(Library)]
+        public static extern UIntPtr viscera_workspace_size(IntPtr model);
+        [DllImport(Library)]
+        public static extern Status viscera_surface(IntPtr model, in Vector point, in Vector displacement,
+            float[] workspace, UIntPtr workspace_len, float[] positions, UIntPtr positions_len);
+        [DllImport(Library)]
+        public static extern Status viscera_surface_topology(IntPtr model, uint[] triangles, UIntPtr triangles_len,
+            uint[] nodes, UIntPtr nodes_len);
+        [DllImport(Library)]
+        public static extern Status viscera_guard_init(out Guard guard, double force_limit, double rate_limit,
+            double watchdog, double fade);
+        [DllImport(Library)]
+        public static extern Status viscera_guard_keep_passive(ref Guard guard, double energy_limit, double damping);
+        [DllImport(Library)]
+        public static extern GuardMode viscera_guard_step_moved(ref Guard guard, in Vector force_in, Status status,
+            in Vector moved, double dt, out Vector force_out);
     }
 
     /// A loaded model in Unity's axes, with the memory it draws into.
@@ -169,8 +190,7 @@ namespace Viscera
         Guard guard;
         UnityEngine.Mesh mesh;
         UnityEngine.Vector3[] vertices;
-        Vector contact, last;
-        UnityEngine.Vector3 outward;
+        Vector contact, outward, last;
         bool touches;
 
         void Start()
@@ -197,10 +217,11 @@ namespace Viscera
             var away = new Vector(at.x - contact.x, at.y - contact.y, at.z - contact.z);
             touches = outward.x * away.x + outward.y * away.y + outward.z * away.z < 0;
             if (!touches && distance > 0)
-                outward = new UnityEngine.Vector3((float)(away.x / distance), (float)(away.y / distance), (float)(away.z / distance));
+                outward = new Vector(away.x / distance, away.y / distance, away.z / distance);
             var answer = new Answer();
             var status = touches ? organ.Touch(contact, away, out answer) : Status.OffSurface;
-            Native.viscera_guard_step_moved(ref guard, answer.force, status, moved, UnityEngine.Time.fixedDeltaTime, out Vector force);
+            var dt = UnityEngine.Time.fixedDeltaTime;
+            Native.viscera_guard_step_moved(ref guard, answer.force, status, moved, dt, out Vector force);
             ForceOnHand = transform.TransformDirection(-(float)force.x, -(float)force.y, -(float)force.z);
             organ.Draw(contact, touches ? away : new Vector(0, 0, 0));
         }

@@ -148,13 +148,14 @@ int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate
 int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32_t status, double dt,
                            double force_out[3]);
 
-/* Makes a guard passive: it counts the energy (force unit times length unit) that the hand puts in and gets back, pays a
- * debt by damping of at most `damping` (0: by none), and lowers its force to zero as the debt nears `energy_limit`, whatever
- * the rate limit. VISCERA_BAD_SETTING leaves a guard that gives no force. */
+/* Makes a guard passive. It counts the energy (force unit times length unit) that the hand puts in and gets back, pays a
+ * debt by damping of at most `damping` (0: none), and lowers the force to zero as the debt nears `energy_limit`, whatever
+ * the rate limit. Of a hand that moves by m in a step, the debt stays below the larger of `energy_limit` and
+ * force_limit * m. VISCERA_BAD_SETTING leaves a guard that gives no force. */
 int32_t viscera_guard_keep_passive(viscera_guard *guard, double energy_limit, double damping);
 
-/* REAL TIME. viscera_guard_step for a tool that has moved by `moved` since the last step, in the frame and the length unit
- * of the displacement. A passive guard needs it: without a finite `moved` the force fades. */
+/* REAL TIME. viscera_guard_step for a tool that has moved by `moved` since the last step, in the frame and the unit of
+ * the displacement. A passive guard needs it: without a finite `moved` the force fades. */
 int32_t viscera_guard_step_moved(viscera_guard *guard, const double force_in[3], int32_t status, const double moved[3],
                                  double dt, double force_out[3]);
 
