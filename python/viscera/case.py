@@ -3,6 +3,7 @@
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
     units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
+    element = "P1 nodal"          # or "P1", "P2"; without it, what is right for the material
 
     [material]
     law = "NeoHookean"
@@ -61,7 +62,7 @@ PARAMETERS = (
     *("c10", "c20", "c30", "c", "k1", "k2", "dispersion"),
 )
 KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
-    "": ("mesh", "units", "fixed", "material", "loads", "settings", "reduce"),
+    "": ("mesh", "units", "fixed", "element", "material", "loads", "settings", "reduce"),
     "loads": ("displacement", "force", "traction", "pressure", "gravity", "density"),
     "loads.displacement": None,
     "loads.force": None,
@@ -83,6 +84,7 @@ class Case:
     fixed: Any
     material: Mapping[str, Any]
     units: str | float | None = None
+    element: str | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
@@ -96,7 +98,8 @@ class Case:
             places += self.loads.get(kind, {})
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
-        return Organ(plain.with_sets(**named), material(self.material, plain), fixed=self.fixed)
+        named_mesh = plain.with_sets(**named)
+        return Organ(named_mesh, material(self.material, plain), fixed=self.fixed, element=self.element)
 
     def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
         """Static equilibrium of the organ under the case's loads."""

@@ -117,5 +117,5 @@ fn is_dead_load(problem: &Problem) -> bool {
     let is_held = |&(dof, value): &(u32, f64)| {
         value == 0.0 && (0..3).all(|i| prescribed.contains(&(dof / 3 * 3 + i, 0.0)))
     };
-    pressure.triangles.is_empty() && patches.is_empty() && prescribed.iter().all(is_held)
+    pressure.is_empty() && patches.is_empty() && prescribed.iter().all(is_held)
 }

@@ -263,7 +263,7 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { (0.25 * self.shift).max(1e-4) } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
@@ -307,7 +307,7 @@ impl<'a> Run<'a> {
                 })
             })
             .collect();
-        let change = if self.problem.pressure.triangles.is_empty() {
+        let change = if self.problem.pressure.is_empty() {
             self.system.solve(&mut rhs, &gap)
         } else {
             // What is prescribed pulls through the skew part too.

@@ -1,46 +1,73 @@
-//! Follower pressure: on each triangle of a surface the force `-p A n`, with area and outward normal as deformed, a
-//! third to each corner; exact for flat triangles and a uniform `p`.
+//! Follower pressure: on each face of a surface the nodal forces `-p int N_a n da`, area and outward normal as deformed;
+//! exact for flat triangles and for curved quadratic ones.
 //!
-//! Its derivative is symmetric where the surface is closed or its rim is held: the load has a potential then. The
+//! The derivative is symmetric where the surface is closed or its rim is held: the load has a potential then. The
 //! tangent takes its symmetric part; the rest, which lives on free rims alone, is left to an iteration within the step.
 
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
-use crate::mesh::{cross, sub};
+use crate::mesh::cross;
 
-/// Pressures on triangles of a body's surface.
+/// Pressures on faces of a body's surface.
 #[derive(Clone, Debug, Default)]
 pub struct Pressure {
-    /// Triangles, outward.
-    pub triangles: Vec<[u32; 3]>,
+    /// Nodes of each face, seen from outside: three corners, and of a quadratic face the midpoints of the edges that
+    /// follow the corners.
+    pub faces: Vec<Vec<u32>>,
     /// The pressure on each [Pa], positive against the outward normal.
     pub values: Vec<f64>,
 }
 
+/// A quadrature point of the unit triangle: weight, shape functions, their slopes.
+struct Sample {
+    weight: f64,
+    shape: Vec<f64>,
+    slopes: Vec<[f64; 2]>,
+}
+
+/// A face as deformed at a quadrature point: `int N_a n` is the sum of `weight N_a normal`, and with
+/// `e_b = N_b,1 x,2 - N_b,2 x,1` its derivative is `-weight N_a [e_b]_x`.
+struct Piece<'a> {
+    nodes: &'a [u32],
+    pressure: f64,
+    shape: &'a [f64],
+    normal: [f64; 3],
+    edges: Vec<[f64; 3]>,
+}
+
 impl Pressure {
-    /// Checks lengths and finiteness, and that every triangle is a face of a cell.
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// Checks lengths and finiteness, and that every face is one of a cell.
     ///
     /// # Errors
-    /// A count that differs, a value that is not finite, a triangle whose corners share no cell.
+    /// A count that differs, a value that is not finite, a face whose nodes share no cell.
     pub fn check(&self, body: &Body) -> Result<(), Error> {
-        if self.triangles.len() != self.values.len() {
+        if self.faces.len() != self.values.len() {
             return Err(Error::input(format!(
-                "{} pressures for {} triangles; give one each",
+                "{} pressures for {} faces; give one each",
                 self.values.len(),
-                self.triangles.len()
+                self.faces.len()
             )));
+        }
+        if self.is_empty() {
+            return Ok(());
         }
         if let Some((k, p)) = self.values.iter().enumerate().find(|(_, p)| !p.is_finite()) {
             return Err(Error::input(format!(
-                "the pressure on triangle {k} is {p} Pa; it must be finite"
+                "the pressure on face {k} is {p} Pa; it must be finite"
             )));
         }
         let tangent = body.zero_tangent();
-        for (k, t) in self.triangles.iter().enumerate() {
-            let is_face = (0..3).all(|a| tangent.position(t[a], t[(a + 1) % 3]).is_some());
-            if t.iter().any(|&n| n as usize >= body.points().len()) || !is_face {
+        let nodes = if body.edges().is_empty() { 3 } else { 6 };
+        for (k, face) in self.faces.iter().enumerate() {
+            let touch = |a: u32| face.iter().all(|&b| tangent.position(a, b).is_some());
+            if face.len() != nodes || !face.iter().all(|&a| touch(a)) {
                 return Err(Error::input(format!(
-                    "triangle {k}, {t:?}, is no face of the mesh; take triangles of its surface"
+                    "face {k}, {face:?}, is none of the mesh; take {nodes} nodes of its surface"
                 )));
             }
         }
@@ -49,21 +76,16 @@ impl Pressure {
 
     /// Adds `factor` times the nodal forces at displacement `u` [N].
     pub fn add_force(&self, body: &Body, u: &[f64], factor: f64, force: &mut [f64]) {
-        for (t, p) in self.triangles.iter().zip(&self.values) {
-            let x = deformed(body, u, t);
-            let doubled = cross(sub(x[1], x[0]), sub(x[2], x[0]));
-            for &node in t {
+        self.each(body, u, |piece| {
+            for (&node, n) in piece.nodes.iter().zip(piece.shape) {
                 for i in 0..3 {
-                    force[3 * node as usize + i] -= factor * p / 6.0 * doubled[i];
+                    force[3 * node as usize + i] -= factor * piece.pressure * n * piece.normal[i];
                 }
             }
-        }
+        });
     }
 
-    /// Adds the symmetric part of `-factor df/du`: what the load takes from the stiffness.
-    ///
-    /// With `e_a` the edge opposite to corner a, `df_a/dx_b = p/6 [e_b]_x`; its symmetric part is
-    /// `p/12 [e_b - e_a]_x`.
+    /// Adds the symmetric part of `-factor df/du`, `-p/2 [N_a e_b - N_b e_a]_x`: what the load takes from the stiffness.
     pub fn add_stiffness(
         &self,
         body: &Body,
@@ -71,44 +93,41 @@ impl Pressure {
         factor: f64,
         tangent: &mut SymmetricBlocks,
     ) {
-        for (t, p) in self.triangles.iter().zip(&self.values) {
-            let x = deformed(body, u, t);
-            let edge = |a: usize| sub(x[(a + 1) % 3], x[(a + 2) % 3]);
-            for a in 0..3 {
-                let b = (a + 1) % 3;
-                let (row, column) = if t[a] < t[b] { (a, b) } else { (b, a) };
-                let Some(position) = tangent.position(t[row], t[column]) else { continue };
-                let e = sub(edge(column), edge(row)).map(|e| -factor * p / 12.0 * e);
-                let spin = [0.0, -e[2], e[1], e[2], 0.0, -e[0], -e[1], e[0], 0.0];
-                tangent.add(position, &spin);
+        self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
+            for a in 0..nodes.len() {
+                for b in (0..nodes.len()).filter(|&b| nodes[a] < nodes[b]) {
+                    let Some(position) = tangent.position(nodes[a], nodes[b]) else { continue };
+                    let e: [f64; 3] = std::array::from_fn(|i| {
+                        -0.5 * factor * pressure * (shape[a] * edges[b][i] - shape[b] * edges[a][i])
+                    });
+                    let spin = [0.0, -e[2], e[1], e[2], 0.0, -e[0], -e[1], e[0], 0.0];
+                    tangent.add(position, &spin);
+                }
             }
-        }
+        });
     }
 
-    /// Adds the skew part of `-factor df/du` times `x`: zero inside a surface, since neighbours cancel.
-    ///
-    /// `p/12 (e_a + e_b) x x_b` to corner a from every corner b.
+    /// Adds the skew part of `-factor df/du` times `x`, `-p/2 (N_a e_b + N_b e_a) x x_b`: zero inside a surface, since
+    /// neighbours cancel.
     pub fn add_skew(&self, body: &Body, u: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
-        for (t, p) in self.triangles.iter().zip(&self.values) {
-            let corner = deformed(body, u, t);
-            let edge = |a: usize| sub(corner[(a + 1) % 3], corner[(a + 2) % 3]);
-            for a in 0..3 {
-                for b in 0..3 {
-                    let sum = sub(edge(a), edge(b).map(|e| -e));
-                    let moved = std::array::from_fn(|i| x[3 * t[b] as usize + i]);
-                    let force = cross(sum, moved);
+        self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
+            for a in 0..nodes.len() {
+                for b in 0..nodes.len() {
+                    let e =
+                        std::array::from_fn(|i| shape[a] * edges[b][i] + shape[b] * edges[a][i]);
+                    let force = cross(e, at(x, nodes[b]));
                     for i in 0..3 {
-                        out[3 * t[a] as usize + i] -= factor * p / 12.0 * force[i];
+                        out[3 * nodes[a] as usize + i] -= 0.5 * factor * pressure * force[i];
                     }
                 }
             }
-        }
+        });
     }
 
     /// Work on the way from `u` along `length * step` [J]: the power is a quadratic in the length, so Simpson's rule
     /// is exact.
     pub fn work(&self, body: &Body, u: &[f64], step: &[f64], length: f64) -> f64 {
-        if self.triangles.is_empty() {
+        if self.is_empty() {
             return 0.0;
         }
         let power = |s: f64| {
@@ -119,36 +138,101 @@ impl Pressure {
         };
         length / 6.0 * (power(0.0) + 4.0 * power(0.5 * length) + power(length))
     }
+
+    /// Every quadrature point of every face, its weight within normal and edges.
+    fn each(&self, body: &Body, u: &[f64], mut visit: impl FnMut(Piece)) {
+        let Some(first) = self.faces.first() else { return };
+        let rule = rule(first.len());
+        for (nodes, &pressure) in self.faces.iter().zip(&self.values) {
+            let x: Vec<[f64; 3]> = nodes
+                .iter()
+                .map(|&n| {
+                    let (rest, moved) = (body.points()[n as usize], at(u, n));
+                    std::array::from_fn(|i| rest[i] + moved[i])
+                })
+                .collect();
+            for Sample { weight, shape, slopes } in &rule {
+                let tangent = |k: usize| -> [f64; 3] {
+                    std::array::from_fn(|i| x.iter().zip(slopes).map(|(x, s)| s[k] * x[i]).sum())
+                };
+                let (t1, t2) = (tangent(0), tangent(1));
+                let edge = |s: &[f64; 2]| -> [f64; 3] {
+                    std::array::from_fn(|i| weight * (s[0] * t2[i] - s[1] * t1[i]))
+                };
+                visit(Piece {
+                    nodes,
+                    pressure,
+                    shape,
+                    normal: cross(t1, t2).map(|n| weight * n),
+                    edges: slopes.iter().map(edge).collect(),
+                });
+            }
+        }
+    }
 }
 
-fn deformed(body: &Body, u: &[f64], triangle: &[u32; 3]) -> [[f64; 3]; 3] {
-    triangle.map(|n| {
-        let n = n as usize;
-        std::array::from_fn(|i| body.points()[n][i] + u[3 * n + i])
-    })
+fn at(u: &[f64], node: u32) -> [f64; 3] {
+    std::array::from_fn(|i| u[3 * node as usize + i])
+}
+
+/// One point for linear faces; for quadratic ones the six of Dunavant's rule, exact to degree 4 (Int. J. Numer. Meth.
+/// Engng 21, 1985, 1129).
+fn rule(nodes: usize) -> Vec<Sample> {
+    if nodes == 3 {
+        let slopes = vec![[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+        return vec![Sample { weight: 0.5, shape: vec![1.0 / 3.0; 3], slopes }];
+    }
+    let (near, far) = (0.445_948_490_915_964_9, 0.091_576_213_509_770_74);
+    let (heavy, light) = (0.111_690_794_839_005_73, 0.054_975_871_827_660_93);
+    let mut rule = Vec::with_capacity(6);
+    for (weight, side) in [(heavy, near), (light, far)] {
+        for corner in 0..3 {
+            let mut l = [side; 3];
+            l[corner] = 1.0 - 2.0 * side;
+            let dl = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
+            let mut sample = Sample { weight, shape: Vec::new(), slopes: Vec::new() };
+            for i in 0..3 {
+                sample.shape.push(l[i] * (2.0 * l[i] - 1.0));
+                sample.slopes.push(dl[i].map(|d| d * (4.0 * l[i] - 1.0)));
+            }
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                sample.shape.push(4.0 * l[i] * l[j]);
+                let slope = |k: usize| 4.0 * (dl[i][k] * l[j] + dl[j][k] * l[i]);
+                sample.slopes.push([slope(0), slope(1)]);
+            }
+            rule.push(sample);
+        }
+    }
+    rule
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::element::Element;
     use crate::law::Material;
     use crate::mesh::samples::{block, noise};
-    use crate::mesh::surface;
 
-    fn sample(count: usize) -> (Body, Pressure, Vec<f64>, Vec<f64>) {
+    /// A body with pressure on the first faces of its surface, a displacement, and a direction.
+    fn sample(element: Element, count: usize) -> (Body, Pressure, Vec<f64>, Vec<f64>) {
         let (points, cells) = block([2, 2, 1], [0.3, 0.2, 0.1]);
-        let triangles = surface(&points, &cells)[..count].to_vec();
         let material = Material::new("neo_hookean", vec![vec![1.0, 1.0]]).unwrap();
-        let body = Body::new(points, cells, material).unwrap();
+        let body = Body::with_element(element, points, cells, material).unwrap();
         let (u, v) = (noise(body.n_dofs(), 3), noise(body.n_dofs(), 8));
-        let pressure = Pressure { values: vec![700.0; count], triangles };
+        let surface = body.surface();
+        let mut faces: Vec<Vec<u32>> = if element == Element::P2 {
+            let six = |f: &[[u32; 3]]| vec![f[0][0], f[1][1], f[2][2], f[0][1], f[1][2], f[2][0]];
+            surface.chunks_exact(4).map(six).collect()
+        } else {
+            surface.iter().map(|t| t.to_vec()).collect()
+        };
+        faces.truncate(count);
+        let pressure = Pressure { values: vec![700.0; faces.len()], faces };
+        pressure.check(&body).unwrap();
         (body, pressure, u.iter().map(|x| 0.01 * x).collect(), v)
     }
 
-    fn all() -> usize {
-        let (points, cells) = block([2, 2, 1], [0.3, 0.2, 0.1]);
-        surface(&points, &cells).len()
-    }
+    const ALL: usize = usize::MAX;
 
     fn force(body: &Body, pressure: &Pressure, u: &[f64], v: &[f64], h: f64) -> Vec<f64> {
         let at: Vec<f64> = u.iter().zip(v).map(|(u, v)| u + h * v).collect();
@@ -177,34 +261,43 @@ mod tests {
 
     #[test]
     fn on_a_closed_surface_the_stiffness_is_the_derivative() {
-        let (body, pressure, u, v) = sample(all());
-        let (k, f) = (stiffness(&body, &pressure, &u, &v), slope(&body, &pressure, &u, &v));
-        let size = dot(&f, &f).sqrt();
-        assert!(size > 1.0 && k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size));
+        for element in [Element::P1, Element::P2] {
+            let (body, pressure, u, v) = sample(element, ALL);
+            let (k, f) = (stiffness(&body, &pressure, &u, &v), slope(&body, &pressure, &u, &v));
+            let size = dot(&f, &f).sqrt();
+            assert!(size > 1.0 && k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size));
+        }
     }
 
     #[test]
     fn on_an_open_one_it_is_the_symmetric_part() {
-        let (body, pressure, u, v) = sample(5);
-        let (mut k, f) = (stiffness(&body, &pressure, &u, &v), slope(&body, &pressure, &u, &v));
-        assert!((dot(&v, &k) + dot(&v, &f)).abs() < 1e-12 * dot(&f, &f).sqrt());
-        assert!(k.iter().zip(&f).any(|(k, f)| (k + f).abs() > 1e-3), "this one is unsymmetric");
-        pressure.add_skew(&body, &u, 1.0, &v, &mut k);
-        let size = dot(&f, &f).sqrt();
-        assert!(k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size), "and this the rest");
+        for element in [Element::P1, Element::P2] {
+            let (body, pressure, u, v) = sample(element, 5);
+            let (mut k, f) = (stiffness(&body, &pressure, &u, &v), slope(&body, &pressure, &u, &v));
+            assert!((dot(&v, &k) + dot(&v, &f)).abs() < 1e-12 * dot(&f, &f).sqrt());
+            assert!(k.iter().zip(&f).any(|(k, f)| (k + f).abs() > 1e-3), "this one is unsymmetric");
+            pressure.add_skew(&body, &u, 1.0, &v, &mut k);
+            let size = dot(&f, &f).sqrt();
+            assert!(
+                k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size),
+                "and this the rest"
+            );
+        }
     }
 
     #[test]
     fn a_closed_surface_feels_no_total_force_and_works_on_the_volume() {
-        let (body, pressure, u, v) = sample(all());
-        let f = force(&body, &pressure, &u, &v, 0.0);
-        for i in 0..3 {
-            assert!(f[i..].iter().step_by(3).sum::<f64>().abs() < 1e-12);
+        for element in [Element::P1, Element::P2] {
+            let (body, pressure, u, v) = sample(element, ALL);
+            let f = force(&body, &pressure, &u, &v, 0.0);
+            for i in 0..3 {
+                assert!(f[i..].iter().step_by(3).sum::<f64>().abs() < 1e-12);
+            }
+            let step: Vec<f64> = v.iter().map(|v| 0.01 * v).collect();
+            let end: Vec<f64> = u.iter().zip(&step).map(|(u, d)| u + 0.7 * d).collect();
+            let swept = 700.0 * (body.volume(&u) - body.volume(&end));
+            let work = pressure.work(&body, &u, &step, 0.7);
+            assert!((work - swept).abs() < 1e-12 * 700.0 * body.rest_volume(), "{work} {swept}");
         }
-        let step: Vec<f64> = v.iter().map(|v| 0.01 * v).collect();
-        let end: Vec<f64> = u.iter().zip(&step).map(|(u, d)| u + 0.7 * d).collect();
-        let swept = 700.0 * (body.volume(&u) - body.volume(&end));
-        let work = pressure.work(&body, &u, &step, 0.7);
-        assert!((work - swept).abs() < 1e-12 * 700.0 * body.rest_volume(), "{work} {swept}");
     }
 }

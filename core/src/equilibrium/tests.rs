@@ -239,8 +239,8 @@ fn pressed(body: &Body, p: f64) -> Pressure {
     let is_free =
         |t: &[u32; 3]| (0..3).all(|axis| t.iter().any(|&n| body.points()[n as usize][axis] > 0.0));
     let triangles = surface(body.points(), body.cells());
-    let triangles: Vec<_> = triangles.into_iter().filter(is_free).collect();
-    Pressure { values: vec![p; triangles.len()], triangles }
+    let faces: Vec<_> = triangles.into_iter().filter(is_free).map(|t| t.to_vec()).collect();
+    Pressure { values: vec![p; faces.len()], faces }
 }
 
 /// Cauchy's stress is `-p` everywhere: with the stretch `l`, `P = -p l^2`.
@@ -320,16 +320,16 @@ fn bad_loads_are_refused_with_the_place_and_the_value() {
         (refused(&|l| l.force[7] = f64::NAN), "force is NaN at point 2"),
         (refused(&|l| l.force.truncate(5)), "force has 5 values; it needs 36"),
         (refused(&|l| l.start = Some(vec![f64::INFINITY; 36])), "start displacement is inf"),
-        (refused(&|l| l.pressure.values.push(1.0)), "1 pressures for 0 triangles"),
+        (refused(&|l| l.pressure.values.push(1.0)), "1 pressures for 0 faces"),
         (
             refused(&|l| {
-                l.pressure = Pressure { triangles: vec![[0, 1, 3]], values: vec![f64::NAN] }
+                l.pressure = Pressure { faces: vec![vec![0, 1, 3]], values: vec![f64::NAN] }
             }),
-            "pressure on triangle 0 is NaN",
+            "pressure on face 0 is NaN",
         ),
         (
-            refused(&|l| l.pressure = Pressure { triangles: vec![[0, 1, 99]], values: vec![1.0] }),
-            "triangle 0, [0, 1, 99], is no face",
+            refused(&|l| l.pressure = Pressure { faces: vec![vec![0, 1, 99]], values: vec![1.0] }),
+            "face 0, [0, 1, 99], is none of the mesh",
         ),
         (
             refused(&|l| l.prescribed.push((1, 0.1))),

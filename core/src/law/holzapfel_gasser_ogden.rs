@@ -4,7 +4,7 @@
 //! `I1, J` and `I4 = |F a|^2`, whose derivatives come from duals; the geometry is `invariants.rs` with
 //! `dI4/dF = 2 (F a) (x) a` in the place of `dI2/dF`.
 
-use super::{Law, TangentBlocks};
+use super::{Law, TangentBlocks, blocks};
 use crate::number::{Gradient, Hessian, Scalar};
 use crate::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate,
@@ -97,7 +97,7 @@ impl Law for HolzapfelGasserOgden {
     /// Second derivatives of each half on its directions `2F, 2 (F a) (x) a, Z`, plus first derivatives times the
     /// curvature of the invariants.
     #[inline(always)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let Z = cofactor(F);
         let families = self.families(F, &Z);
         let psi = families.clone().map(|(_, invariants)| {
@@ -106,10 +106,10 @@ impl Law for HolzapfelGasserOgden {
         });
         let both = |n: usize| psi[0].first[n].clone() + psi[1].first[n].clone();
         let (two_psi1, psiJ) = (both(0) * 2.0, both(2));
-        let f: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(F, &g[a]));
-        let z: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&Z, &g[a]));
-        // a . g for each family and node.
-        let s: [[S; 4]; 2] =
+        let f: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(F, &g[a]));
+        let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Z, &g[a]));
+        // a . g for each family and vector.
+        let s: [[S; 3]; 2] =
             std::array::from_fn(|m| std::array::from_fn(|a| along(&g[a], &self.fibres[m])));
         let directions = |m: usize, a: usize, i: usize| -> [S; 3] {
             let pull = families[m].0[i].clone() * s[m][a].clone();
@@ -141,7 +141,23 @@ impl Law for HolzapfelGasserOgden {
                 entry
             })
         };
-        (self.stress(F), std::array::from_fn(|a| std::array::from_fn(|b| block(a, b))))
+        (self.stress(F), blocks(block))
+    }
+
+    /// A dilatation leaves the isochoric part at rest.
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        (J.clone() - 1.0).square() * (0.5 * self.kappa)
+    }
+
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        (J.clone() - 1.0) * self.kappa
+    }
+
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        [self.pressure(J), J.constant(self.kappa)]
     }
 }
 

@@ -99,6 +99,10 @@ impl<const L: usize> Scalar for Lanes<L> {
         self.map(|x| x.powf(exponent))
     }
     #[inline(always)]
+    fn cbrt(&self) -> Self {
+        self.map(f64::cbrt)
+    }
+    #[inline(always)]
     fn heaviside(&self) -> Self {
         self.map(|x| x.heaviside())
     }
