@@ -11,6 +11,7 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.comparison import compare
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Mesh, mesh, read
@@ -32,6 +33,7 @@ __all__ = [
     "Touch",
     "VisceraError",
     "__version__",
+    "compare",
     "laws",
     "load",
     "mesh",

@@ -81,18 +81,21 @@ class Case:
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
         return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed)
 
+    def loading(self) -> dict[str, Any]:
+        """Loads and settings as `Organ.solve` takes them."""
+        moved = self.loads.get("displacement", {})
+        return {
+            "displacement": {place: _components(place, values) for place, values in moved.items()},
+            "force": self.loads.get("force", {}),
+            "gravity": self.loads.get("gravity"),
+            "density": self.loads.get("density"),
+            "steps": self.settings.get("steps", 1),
+            "settings": self.settings.get("newton"),
+        }
+
     def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
         """Static equilibrium of the organ under the case's loads."""
-        moved = self.loads.get("displacement", {})
-        return organ.solve(
-            displacement={place: _components(place, values) for place, values in moved.items()},
-            force=self.loads.get("force", {}),
-            gravity=self.loads.get("gravity"),
-            density=self.loads.get("density"),
-            steps=self.settings.get("steps", 1),
-            settings=self.settings.get("newton"),
-            progress=progress,
-        )
+        return organ.solve(**self.loading(), progress=progress)
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""

@@ -48,6 +48,10 @@ class Organ:
         """Indices (k,) of the fixed nodes."""
         self._body = _core.Body(mesh.points, mesh.cells, law.core(), self.fixed)
 
+    def with_law(self, law: Law) -> Organ:
+        """The same mesh and supports with another law."""
+        return Organ(self.mesh, law, fixed=self.fixed)
+
     def solve(
         self,
         *,
