@@ -15,6 +15,7 @@ from viscera.comparison import compare
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Mesh, mesh, read
+from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.state import State
 from viscera.touch import Answer, Touch, load
@@ -31,6 +32,7 @@ __all__ = [
     "SaintVenantKirchhoff",
     "State",
     "Touch",
+    "Unloaded",
     "VisceraError",
     "__version__",
     "compare",

@@ -8,11 +8,12 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, defaults
+from viscera import _core, defaults, navigation
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Law
 from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
 from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.state import State
 from viscera.stepper import Stepper
@@ -51,6 +52,10 @@ class Organ:
     def with_law(self, law: Law) -> Organ:
         """The same mesh and supports with another law."""
         return Organ(self.mesh, law, fixed=self.fixed)
+
+    def with_mesh(self, mesh: Mesh) -> Organ:
+        """The same law and fixed nodes on another mesh of as many nodes and cells."""
+        return Organ(mesh, self.law, fixed=self.fixed)
 
     def solve(
         self,
@@ -143,6 +148,34 @@ class Organ:
             max_expansions=max_expansions,
         )
         return Path([Expansion(**expansion) for expansion in expansions])
+
+    def unloaded(
+        self,
+        *,
+        gravity: ArrayLike | None = None,
+        density: ArrayLike | None = None,
+        force: Forces | None = None,
+        tolerance: float = 1e-10,
+        max_iterations: int = 100,
+        throw: bool = False,
+        progress: Progress | None = None,
+    ) -> Unloaded:
+        """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
+
+        gravity, density, force: of the scan, as in `solve`; the density [kg/m^3] is that of the unloaded organ.
+        tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
+            bounding-box diagonal.
+        max_iterations: for one load step.
+        throw: raise `VisceraError` where no unloaded shape is found, instead of returning the last one found.
+
+        From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
+        displacement from the scan.
+        """
+        loads = {"gravity": gravity, "density": density, "force": {} if force is None else force}
+        result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
+        if throw and not result.is_converged:
+            raise VisceraError(result.message)
+        return result
 
     def patch(self, point: ArrayLike, radius: float) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve with every model, print the tables, draw."""
     case = read_case(args.case)
+    case.require_unloaded("compare")
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     laws = models(organ.law)
