@@ -20,9 +20,7 @@ scan = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=20e3, poisson=0.45), fixe
 rest = scan.unloaded(gravity=BACK, density=DENSITY, throw=True)
 turned = rest.organ.solve(gravity=LEFT, density=DENSITY, start=rest.state, throw=True)
 moved = rest.from_scan(turned).displacement
-print(
-    f"found in {len(rest.errors)} iterations; put back under its weight it is {rest.error:.0e} of the diagonal from the scan"
-)
+print(f"found in {len(rest.errors)} iterations; under its weight again it is {rest.error:.0e} diagonals from the scan")
 print(f"its weight moves it by up to {1e3 * rest.state.max_displacement:.1f} mm")
 print(f"from the back to the left side it moves by up to {1e3 * np.linalg.norm(moved, axis=1).max():.1f} mm\n")
 
