@@ -22,4 +22,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Run the study, which writes its own report."""
     facts = STUDIES[args.name](args.output, quick=args.quick, say=output.say)
+    output.say(f"report: {facts['report']}")
     return Outcome(facts.pop("status"), facts=facts)

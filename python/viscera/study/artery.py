@@ -97,9 +97,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
             _figure_2(report, label, comparison)
     if not quick:
         results["compressed"] = _compressed(report, say)
-    page = report.write()
-    say(f"report: {page}")
-    return {"report": str(page), "status": "done", **results}
+    return {"report": str(report.write()), "status": "done", **results}
 
 
 def peer_fields(peer: str) -> Mapping[str, Floats]:
