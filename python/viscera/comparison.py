@@ -83,6 +83,7 @@ class Comparison:
     """The models on one case, in the order of `models`."""
 
     mesh: Mesh
+    element: str
     reference: str
     runs: Mapping[str, Run]
     free: NDArray[np.bool_]
@@ -106,7 +107,7 @@ class Comparison:
         """Differences and volume, then times, one model a line."""
         width = max(map(len, self.runs))
         lines = [
-            f"difference from {self.reference} in per cent",
+            f"difference from {self.reference} in per cent, element {self.element}",
             f"{'':{width}s}   whole      node            component         volume",
             f"{'model':{width}s}   field      mean     max    mean     max      ratio",
         ]
@@ -126,7 +127,11 @@ class Comparison:
 
     def to_json(self) -> dict[str, Any]:
         """Everything the table says and more, for machines; what does not exist is None."""
-        return {"reference": self.reference, "models": [self._facts(name) for name in self.runs]}
+        return {
+            "reference": self.reference,
+            "element": self.element,
+            "models": [self._facts(name) for name in self.runs],
+        }
 
     def _facts(self, name: str) -> dict[str, Any]:
         run = self.runs[name]
@@ -239,7 +244,7 @@ def compare(
         is_comparable = state.is_converged and truth.is_converged
         gap = difference(state.displacement, truth.displacement, free) if is_comparable else None
         runs[name] = Run(laws[name], state, times[name], gap)
-    return Comparison(organ.mesh, reference, runs, free)
+    return Comparison(organ.mesh, organ.element, reference, runs, free)
 
 
 def difference(u: Floats, reference: Floats, free: NDArray[np.bool_]) -> Difference:

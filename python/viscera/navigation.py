@@ -51,9 +51,9 @@ class Unloaded:
 
     @property
     def error(self) -> float:
-        """Largest distance between the scan and the loaded unloaded organ, in units of the scan's diagonal."""
-        places = self.organ.mesh.points + self.state.displacement
-        return float(np.linalg.norm(places - self.scan.points, axis=1).max() / self.scan.diagonal)
+        """Largest distance of a cell's corner between the scan and the organ under its loads again, in diagonals."""
+        gap = (self.organ.mesh.points + self.state.displacement - self.scan.points)[: self.scan.n_corners]
+        return float(np.linalg.norm(gap, axis=1).max() / self.scan.diagonal)
 
     def from_scan(self, state: State) -> State:
         """A state of `organ` as navigation sees it: displacement and volume ratio count from the scanned shape."""
@@ -112,30 +112,29 @@ class _Search:
         self.organ, self.state = organ, organ.solve()
         self.errors: list[float] = []
 
-    def at(self, points: Floats) -> Organ:
-        """The organ with its nodes elsewhere."""
-        fresh = np.array(points)
+    def at(self, corners: Floats) -> Organ:
+        """The organ with the corners of its cells elsewhere; edges are straight without loads."""
+        fresh = np.array(corners)
         fresh.flags.writeable = False
-        return self.scanned.with_mesh(replace(self.scanned.mesh, points=fresh))
+        return self.scanned.with_mesh(replace(self.scanned.mesh.linear(), points=fresh))
 
     def to(self, load: float) -> str:
         """Iterate at a fraction of the loads; what went wrong in words, or nothing."""
         loads = _scaled(self.loads, load)
-        x, size = self.scanned.mesh.points, self.scanned.mesh.diagonal
-        X, state = self.organ.mesh.points, self.state
+        n, size = self.scanned.mesh.n_corners, self.scanned.mesh.diagonal
+        x, X, state = self.scanned.mesh.points[:n], self.organ.mesh.points[:n], self.state
         history: list[tuple[Floats, Floats]] = []
         best = [np.inf]
         for iteration in range(self.max_iterations):
             inverted = _inverted_cell(X, self.scanned.mesh)
             if inverted is not None:
                 return f"cell {inverted} would be inside out without the loads"
-            place = X + state.displacement
-            start = state if _inverted_cell(place, self.scanned.mesh) is None else None
             organ = self.at(X)
+            start = state if np.isfinite(organ._body.energy(state.displacement)) else None
             state = organ.solve(**loads, start=start, settings=TIGHT)
             if not state.is_converged:
                 return f"the loads cannot be put back on ({state.message})"
-            gap = x - X - state.displacement
+            gap = x - X - state.displacement[:n]
             error = float(np.linalg.norm(gap, axis=1).max() / size)
             self.errors.append(error)
             if error <= self.tolerance:

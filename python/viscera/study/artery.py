@@ -48,9 +48,9 @@ LITERAL = MooneyRivlin(C1, C2, alpha=ALPHA, volumetric="J-1")
 Say = Callable[[str], None]
 
 
-def organ(law: Law) -> Organ:
-    """The artery, held at its top."""
-    return Organ(organs.artery(), law, fixed="top")
+def organ(law: Law, element: str = "P1") -> Organ:
+    """The artery, held at its top; the paper's element is the linear tetrahedron."""
+    return Organ(organs.artery(), law, fixed="top", element=element)
 
 
 def loads(density: float, share: float = 1.0, along: float = -ALONG) -> dict[str, Any]:
