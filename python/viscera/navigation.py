@@ -167,21 +167,18 @@ def _inverted_cell(points: Floats, mesh: Mesh) -> int | None:
 
 
 def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
-    """A fraction of the loads: gravity and forces alike."""
-    scaled = dict(loads)
-    if scaled.get("gravity") is not None:
-        scaled["gravity"] = share * np.asarray(scaled["gravity"], dtype=float)
-    force = scaled.get("force")
-    if isinstance(force, Mapping):
-        scaled["force"] = {where: share * np.asarray(total, dtype=float) for where, total in force.items()}
-    elif force is not None:
-        scaled["force"] = share * np.asarray(force, dtype=float)
-    return scaled
+    """A fraction of the loads, densities left as they are."""
+
+    def part(load: Any) -> Any:
+        if isinstance(load, Mapping):
+            return {where: share * np.asarray(value, dtype=float) for where, value in load.items()}
+        return None if load is None else share * np.asarray(load, dtype=float)
+
+    return {name: load if name == "density" else part(load) for name, load in loads.items()}
 
 
 def _require_loads(loads: Mapping[str, Any]) -> None:
     """Raise `VisceraError` where a scan has no load: its mesh is unloaded already."""
-    force = loads.get("force")
-    has_force = bool(force) if isinstance(force, Mapping) else force is not None
-    if loads.get("gravity") is None and not has_force:
+    given = [load for name, load in loads.items() if name != "density" and load is not None]
+    if not any(len(load) if isinstance(load, Mapping) else True for load in given):
         raise VisceraError("the scan has no load to take off; give its gravity with the density, or its forces")

@@ -173,3 +173,17 @@ def test_an_unknown_word_of_a_scan_is_refused(tmp_path: Path, capsys: pytest.Cap
     case.write_text(CASE.replace("[loads]", "gravitation = 1\n[loads]"), encoding="utf-8")
     assert cli.main(["solve", str(case)]) == 2
     assert "did you mean 'gravity'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("element", ["P1 nodal", "P2"])
+def test_other_elements_there_and_back(bar: vs.Mesh, element: str) -> None:
+    """The scan gives the corners of quadratic cells; their edges are straight without loads."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.47), fixed="root", element=element)
+    loads: dict[str, Any] = {"gravity": DOWN, "density": DENSITY}
+    state = organ.solve(settings={"tolerance": 1e-12}, throw=True, **loads)
+    corners = bar.points + state.displacement[: len(bar.points)]
+    scan = vs.Organ(vs.mesh(corners, bar.cells, bar.sets), organ.law, fixed="root", element=element)
+    rest = scan.unloaded(**loads)
+    assert rest.organ.element == element
+    assert rest.error <= 1e-10
+    assert np.abs(rest.organ.mesh.points - organ.mesh.points).max() < 1e-8 * bar.diagonal
