@@ -18,6 +18,12 @@ __version__: str
 def surface(points: Floats, cells: Indices) -> Indices:
     """Boundary triangles (t, 3), oriented outward."""
 
+def quadratic(n_points: int, cells: Indices) -> tuple[Indices, Indices]:
+    """Edges (k, 2), ascending, and the ten nodes (m, 10) of each cell, midpoints numbered from `n_points` by edge."""
+
+def quadratic_surface(points: Floats, cells: Indices) -> Indices:
+    """Boundary triangles of a quadratic mesh, four for each face; points with midpoints, corner cells (m, 4)."""
+
 def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],
     `inverted`, `degenerate`, `duplicate` (cell indices), `loose_points` (point indices), `part` (n,) label of the
@@ -69,6 +75,8 @@ class Law:
     def name(self) -> str: ...
     @property
     def parameters(self) -> Floats: ...
+    def moduli(self) -> Floats:
+        """Shear and bulk modulus at rest (rows, 2) [Pa]."""
     def energy(self, F: Floats) -> Floats:
         """psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), law of the first cell."""
     def stress(self, F: Floats) -> Floats:
@@ -86,7 +94,8 @@ class Patch:
 class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
-    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices) -> None: ...
+    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices, element: str) -> None:
+        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 nodal" or "P2"."""
     def solve(
         self,
         *,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, defaults
-from viscera.errors import NotConverged, VisceraError
+from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
 from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -20,6 +20,8 @@ from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 
+ELEMENTS = ("P1", "P1 nodal", "P2")
+
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
 
@@ -28,6 +30,9 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
+    element: "P1" (linear cells), "P1 nodal" (linear cells that share their change of volume around nodes) or "P2"
+        (quadratic cells); by default "P1 nodal" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+        below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
     >>> import viscera as vs
@@ -37,17 +42,21 @@ class Organ:
     (True, 10.0)
     """
 
-    def __init__(self, mesh: Mesh, law: Law, fixed: Where) -> None:
+    def __init__(self, mesh: Mesh, law: Law, fixed: Where, *, element: str | None = None) -> None:
         if not isinstance(law, Law):
             raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
         rows = len(law.parameters)
         if rows not in {1, len(mesh.cells)}:
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
-        self.mesh = mesh
+        self.element = _element(element, law)
+        """Name of the element."""
+        self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
+        """The mesh with the nodes of the element."""
         self.law = law
-        self.fixed = fixed_nodes(mesh, fixed)
+        self.fixed = fixed_nodes(self.mesh, fixed)
         """Indices (k,) of the fixed nodes."""
-        self._body = _core.Body(mesh.points, mesh.cells, law.core(), self.fixed)
+        corners = self.mesh.points[: self.mesh.n_corners]
+        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
 
     def solve(
         self,
@@ -243,6 +252,15 @@ class Organ:
                 f"{name} is {value:g} m; it must be positive and at most the organ's diagonal, {self.mesh.diagonal:g} m"
             )
         return float(value)
+
+
+def _element(name: str | None, law: Law) -> str:
+    """The element asked for, or the one that is right for the law."""
+    if name is None:
+        return defaults.LOCKING_FREE_ELEMENT if law.poisson.max() > defaults.LOCKING_POISSON else defaults.ELEMENT
+    if name not in ELEMENTS:
+        raise VisceraError(f"unknown element {name!r}; {did_you_mean(str(name), ELEMENTS)}")
+    return name
 
 
 def _distances(points: Floats, others: Floats) -> Floats:

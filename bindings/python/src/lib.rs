@@ -19,6 +19,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(mesh::surface, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::quadratic, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::quadratic_surface, m)?)?;
     m.add_function(wrap_pyfunction!(path::vector_pade, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;

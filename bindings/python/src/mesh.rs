@@ -35,6 +35,30 @@ pub fn surface<'py>(
 }
 
 #[pyfunction]
+pub fn quadratic<'py>(
+    py: Python<'py>,
+    n_points: usize,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<u32>>)> {
+    let cells = convert::cells(&cells)?;
+    let edges = mesh::edges(&cells);
+    let nodes = mesh::quadratic_cells(n_points, &cells, &edges);
+    Ok((convert::table(py, &edges)?, convert::table(py, &nodes)?))
+}
+
+#[pyfunction]
+pub fn quadratic_surface<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<Bound<'py, PyArray2<u32>>> {
+    let (points, cells) = checked(&points, &cells)?;
+    let (triangles, edges) = (mesh::surface(&points, &cells), mesh::edges(&cells));
+    let n_corners = points.len().saturating_sub(edges.len());
+    convert::table(py, &mesh::quadratic_surface(n_corners, &triangles, &edges))
+}
+
+#[pyfunction]
 pub fn inspect<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<f64>,
