@@ -59,7 +59,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
 def beam_case(key: str, law: str, material: Law) -> Case:
     """The built-in beam loaded on its axis next to its free end; edges, whose normals are oblique, are left out."""
     mesh = organs.beam()
-    organ = Organ(mesh, material, fixed="clamp")
+    organ = Organ(mesh, material, fixed="clamp", element="P1")
     x, y, _ = mesh.points[mesh.nodes("top")].T
     inside = (x > 0.01) & (x < 0.99) & (y > 0.01) & (y < 0.19)
     positions = mesh.nodes("top")[inside]
