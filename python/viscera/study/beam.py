@@ -46,12 +46,12 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
         facts[key] |= _report_shapes(page, case, found)
         pgd, direct, routes = separation.report_routes(page, case, (0.05,) if quick else (0.1, 0.03, 0.01), say)
         facts[key] |= routes
-        separation.report_modes(page, case, pgd)
+        modes = separation.report_modes(page, case, say)
         separation.report_errors(page, case, direct, (2, 20) if quick else (1, 2, 5, 10, 20, 50, 100))
-        models = {"PGD": pgd, "projected PGD, 1 %": pgd.project(0.01), "every position": direct}
+        models = {"PGD, 20 pairs an order": modes, "PGD": pgd, "every position": direct}
         facts[key] |= separation.report_rate(page, case, models, 0.1 if quick else 2.0)
         say(f"{law}: ParaView files")
-        pgd.project(0.01).truncated(20).write(Path(folder) / f"paraview_{key}")
+        modes.write(Path(folder) / f"paraview_{key}")
     facts["report"] = str(page.write())
     return facts
 

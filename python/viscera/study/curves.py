@@ -197,8 +197,9 @@ def _plot(case: Case, curves: Curves, columns: dict[str, list[Cell]]) -> Figure:
     newton = _numbers(columns["Newton"])[1:]
     converges = np.array(curves.in_one_step)
     plot.plot(curves.loads, newton, "o", color=INK, markersize=4.5, zorder=5, label="Newton, safeguarded")
-    plot.plot(curves.loads[~converges], newton[~converges], "o", color=ALARM, markersize=4.5, zorder=6,
-              label="  where full steps fail")  # fmt: skip
+    if not converges.all():
+        failed = curves.loads[~converges], newton[~converges]
+        plot.plot(*failed, "o", color=ALARM, markersize=4.5, zorder=6, label="  where full steps fail")
     if curves.increments < len(curves.loads):
         stop = curves.increments / len(curves.loads)
         plot.axvline(stop, color=ALARM, linewidth=0.9, linestyle=":", label="equal increments fail beyond")

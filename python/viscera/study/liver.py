@@ -63,17 +63,17 @@ def run(
         _report_vertical(page, case, found)
         pgd, direct, routes = separation.report_routes(page, case, (0.1,) if quick else (0.1, 0.03, 0.01), say)
         facts[key] |= routes
-        separation.report_modes(page, case, pgd)
+        modes = separation.report_modes(page, case, say)
         separation.report_errors(page, case, direct, (2, 20) if quick else (1, 2, 5, 10, 20, 50, 100, 200))
         models = {
             "PGD": pgd,
-            "projected PGD, 20 pairs an order": pgd.project(0.01).truncated(20),
+            "PGD, 20 pairs an order": modes,
             "every position": direct,
         }
         facts[key] |= separation.report_rate(page, case, models, 0.1 if quick else 2.0)
         _report_path(page, case, direct, Path(folder))
         say(f"{law}: ParaView files")
-        pgd.project(0.01).truncated(20).write(Path(folder) / f"paraview_{key}")
+        modes.write(Path(folder) / f"paraview_{key}")
     page.heading("Neo-Hookean, load spread over a patch")
     page.text(
         "The same load spread over a smooth patch with a radius of a tenth of the diagonal: less tied to the mesh, "

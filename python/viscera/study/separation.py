@@ -21,9 +21,10 @@ LOAD = 0.25
 """Load factor at which fields are compared: half the radius of convergence of the series of the curves."""
 
 
-def report_modes(page: Report, case: Case, model: Pgd) -> None:
-    """F_i and G_i of low and high order, on the organ."""
-    mesh = case.mesh
+def report_modes(page: Report, case: Case, say: Say) -> Pgd:
+    """F_i and G_i of low and high order on the organ, as the enrichment finds them; returns the PGD they are of."""
+    say(f"{case.law}: {max(SHOWN_PAIRS)} pairs of each order")
+    model, mesh = case.separate(1e-4, max_terms=max(SHOWN_PAIRS)), case.mesh
     for p, (space, position) in FIGURES.items():
         order = model.orders[p - 1]
         shown = [i for i in SHOWN_PAIRS if i <= len(order.F)]
@@ -38,6 +39,7 @@ def report_modes(page: Report, case: Case, model: Pgd) -> None:
         )
         caption = f"{case.law}: modes over the load position at order {p} (figure {position})."
         page.figure(f"modes_G_order{p}_{case.key}", picture, caption)
+    return model
 
 
 def report_routes(page: Report, case: Case, tolerances: Sequence[float], say: Say) -> tuple[Pgd, Pgd, dict[str, Any]]:
