@@ -15,7 +15,7 @@ c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil
 PREFIX       ?= /usr/local
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python c-library install-c bench pages clean
+.PHONY: help setup demo test lint format test-core test-c test-python c-library install-c bench studies pages clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -66,6 +66,11 @@ bench: $(extension) out/liver.viscera ## the benchmarks
 
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
+
+studies: $(extension) ## the full studies of the papers; their tables go where the pages quote them
+	for name in beam liver; do \
+		$(BIN)/viscera study $$name -o out/$$name && mkdir -p benchmarks/results/$$name && \
+		cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py

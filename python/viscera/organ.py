@@ -254,7 +254,7 @@ class Organ:
         radius: float = 0.0,
         tolerance: float | None = 0.05,
         max_terms: int = 100,
-        stagnation: float = 0.01,
+        stagnation: float = 0.05,
         max_iterations: int = 30,
         progress: Progress | None = None,
     ) -> Pgd:
