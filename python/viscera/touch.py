@@ -177,6 +177,14 @@ def load(path: str | os.PathLike[str]) -> Touch:
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:
-        return Touch(_core.Model.from_bytes(Path(name).read_bytes()))
+        return load_bytes(Path(name).read_bytes())
     except ValueError as error:
         raise VisceraError(f"{name}: {error}") from error
+
+
+def load_bytes(data: bytes) -> Touch:
+    """Read the bytes of a model file; raises `VisceraError` where they are cut short or inconsistent."""
+    try:
+        return Touch(_core.Model.from_bytes(data))
+    except ValueError as error:
+        raise VisceraError(str(error)) from error

@@ -1,0 +1,59 @@
+"""The viewer: touch a reduced model in the browser, or export the page for any web server.
+
+viscera view liver.viscera
+viscera view liver.viscera --export site/
+"""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from viscera.cli.output import Outcome, Output
+from viscera.touch import load
+from viscera.viewer import export, serve
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera view`."""
+    parser.add_argument("model", metavar="organ.viscera")
+    parser.add_argument("--port", type=int, default=0, help="of the page's server on 127.0.0.1 (default: any free one)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument("--export", metavar="DIR", help="write the page there as static files instead")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Serve until Ctrl-C, or export."""
+    return export_page(args.model, args.export, output) if args.export else show(args.model, output, args)
+
+
+def export_page(model: str, folder: str, output: Output) -> Outcome:
+    """Write the page of a model file into a folder."""
+    written = export(load(model), folder, name_of(model))
+    web = written.model
+    output.say(
+        f"{written.folder}: {', '.join(written.files)}\n"
+        f"web version of the model: {len(web.data) / 1e6:.1f} MB, {web.modes} modes, at most "
+        f"{100 * web.worst_error:.2g} % from the full model on the surface in {web.touches} touches"
+    )
+    facts = {"files": written.files, "model_bytes": len(web.data), "modes": web.modes, "worst_error": web.worst_error}
+    return Outcome("exported", facts={"folder": str(written.folder), **facts})
+
+
+def show(model: str, output: Output, args: argparse.Namespace) -> Outcome:
+    """Serve the page of a model file until Ctrl-C."""
+    server = serve(load(model), name_of(model), getattr(args, "port", 0))
+    output.say(f"{server.url}\nCtrl-C ends the viewer")
+    if not getattr(args, "no_browser", False):
+        webbrowser.open(server.url)
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        output.say("the viewer is closed")
+    return Outcome("closed")
+
+
+def name_of(model: str) -> str:
+    """The organ's name, after its file."""
+    return Path(model).stem.replace("_", " ").replace("-", " ").capitalize()
