@@ -22,6 +22,7 @@ export async function open(place: HTMLElement, url: string): Promise<void> {
     if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
     const view = await View.mount(place, await bytes(response, (share) => (status.textContent = `Loading the organ … ${share} %`)));
     window.viscera = view;
+    view.focus();
     document.title = `${view.title} · Viscera`;
     status.remove();
   } catch (error) {

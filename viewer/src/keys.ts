@@ -18,8 +18,8 @@ export const KEYS: readonly [string, string][] = [
 
 const COLOURINGS = ["tissue", "displacement", "error"] as const;
 
-/** Listens on the canvas; returns what ends it. */
-export function listen(canvas: HTMLCanvasElement, view: View): () => void {
+/** Listens wherever in the view the focus is; returns what ends it. */
+export function listen(root: HTMLElement, view: View): () => void {
   let colouring = 0;
   const act = (event: KeyboardEvent): boolean => {
     const step = event.shiftKey ? 0.01 : 0.05;
@@ -48,9 +48,12 @@ export function listen(canvas: HTMLCanvasElement, view: View): () => void {
     return true;
   };
   const listener = (event: KeyboardEvent) => {
-    canvas.parentElement?.classList.add("has-keys");
+    root.classList.add("has-keys");
+    // Sliders and lists need their own keys, and a button its Enter.
+    const control = event.target instanceof Element ? event.target.tagName : "";
+    if (control === "INPUT" || control === "SELECT" || (control === "BUTTON" && event.key === "Enter")) return;
     if (act(event)) event.preventDefault();
   };
-  canvas.addEventListener("keydown", listener);
-  return () => canvas.removeEventListener("keydown", listener);
+  root.addEventListener("keydown", listener);
+  return () => root.removeEventListener("keydown", listener);
 }

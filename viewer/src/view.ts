@@ -90,7 +90,7 @@ export class View implements Touched {
     );
     this.reference = this.referenceForce();
     this.pointer = new Pointer(this.stage, this.body, this);
-    this.deaf = listen(this.canvas, this);
+    this.deaf = listen(this.root, this);
     this.stage.onFrame = (seconds) => this.frame(seconds);
     this.setOrder(this.order);
     this.setColouring("tissue");
@@ -245,6 +245,11 @@ export class View implements Touched {
       : matchMedia("(prefers-color-scheme: dark)").matches;
     this.root.dataset.theme = isDark ? "light" : "dark";
     this.show();
+  }
+
+  /** Makes the keys work. */
+  focus(): void {
+    this.canvas.focus({ preventScroll: true });
   }
 
   toggleHelp(): void {

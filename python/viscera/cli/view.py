@@ -25,7 +25,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Serve until Ctrl-C, or export."""
-    return export_page(args.model, args.export, output) if args.export else show(args.model, output, args)
+    if args.export:
+        return export_page(args.model, args.export, output)
+    show(args.model, output, args.port, opens_browser=not args.no_browser)
+    return Outcome("closed")
 
 
 def export_page(model: str, folder: str, output: Output) -> Outcome:
@@ -41,17 +44,16 @@ def export_page(model: str, folder: str, output: Output) -> Outcome:
     return Outcome("exported", facts={"folder": str(written.folder), **facts})
 
 
-def show(model: str, output: Output, args: argparse.Namespace) -> Outcome:
+def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:
     """Serve the page of a model file until Ctrl-C."""
-    server = serve(load(model), name_of(model), getattr(args, "port", 0))
+    server = serve(load(model), name_of(model), port)
     output.say(f"{server.url}\nCtrl-C ends the viewer")
-    if not getattr(args, "no_browser", False):
+    if opens_browser:
         webbrowser.open(server.url)
     try:
         server.run()
     except KeyboardInterrupt:
         output.say("the viewer is closed")
-    return Outcome("closed")
 
 
 def name_of(model: str) -> str:

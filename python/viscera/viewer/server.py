@@ -89,6 +89,9 @@ class Server:
             return _response(HTTPStatus.MISDIRECTED_REQUEST, b"this server answers to 127.0.0.1 alone\n")
         if any(origin.removeprefix("http://") not in self._hosts for origin in origins):
             return _response(HTTPStatus.FORBIDDEN, b"another origin\n")
+        # Older versions of the library refuse every other method themselves.
+        if getattr(request, "method", "GET") != "GET":
+            return _response(HTTPStatus.METHOD_NOT_ALLOWED, b"only GET\n")
         token, _, name = request.path.partition("?")[0].removeprefix("/").partition("/")
         if not hmac.compare_digest(token.encode(errors="replace"), self._token.encode()):
             return _response(HTTPStatus.FORBIDDEN, b"open the address that viscera view printed\n")
@@ -103,7 +106,9 @@ class Server:
 
 
 def _response(status: HTTPStatus, body: bytes, content_type: str = "text/plain; charset=utf-8") -> Response:
-    headers = Headers({**HEADERS, "Content-Type": content_type, "Content-Length": str(len(body)), "Connection": "close"})
+    headers = Headers(
+        {**HEADERS, "Content-Type": content_type, "Content-Length": str(len(body)), "Connection": "close"}
+    )
     return Response(status.value, status.phrase, headers, body)
 
 

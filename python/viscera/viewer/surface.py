@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from viscera.touch import Touch
 
-ARRAYS = (
-    "points cells fixed law_parameters surface surface_nodes positions touchable edges triangle_edges patch_start "
-    "patch_nodes patch_weights compliance cross_compliance force edge_force norms compression position_region "
-    "edge_region region_start mode_scale surface_modes interior_modes position_coefficients edge_coefficients"
-).split()
+ARRAYS = [
+    "points", "cells", "fixed", "law_parameters", "surface", "surface_nodes", "positions", "touchable", "edges",
+    "triangle_edges", "patch_start", "patch_nodes", "patch_weights", "compliance", "cross_compliance", "force",
+    "edge_force", "norms", "compression", "position_region", "edge_region", "region_start", "mode_scale",
+    "surface_modes", "interior_modes", "position_coefficients", "edge_coefficients",
+]  # fmt: skip
 DTYPES = {"float64": "F64", "float32": "F32", "uint32": "U32", "int16": "I16"}
 
 Arrays = dict[str, NDArray[Any]]

@@ -102,7 +102,9 @@ def _recompressed(arrays: Arrays, regions: list[_Region], kept: list[int]) -> Ar
         "region_start": np.concatenate([[0], np.cumsum(kept)]).astype(np.uint32),
         "mode_scale": scale,
         "surface_modes": np.round(modes / scale[:, None]).astype(np.int16).reshape(-1, 3),
-        "position_coefficients": _gathered([(r.positions, r.own[:, :, :k]) for r, k in zip(regions, kept, strict=True)]),
+        "position_coefficients": _gathered(
+            [(r.positions, r.own[:, :, :k]) for r, k in zip(regions, kept, strict=True)]
+        ),
         "edge_coefficients": _gathered([(r.edges, r.between[:, :, :k]) for r, k in zip(regions, kept, strict=True)]),
         "compression": arrays["compression"].copy(),
     }
@@ -138,9 +140,7 @@ def _size(arrays: Arrays, regions: list[_Region], kept: list[int]) -> int:
     changed = ("surface_modes", "position_coefficients", "edge_coefficients", "mode_scale")
     rest = sum(array.nbytes for name, array in arrays.items() if name not in changed)
     nodes = len(arrays["surface_nodes"])
-    each = [
-        2 * 3 * nodes + 4 + 4 * (r.terms * len(r.positions) + r.edge_terms * len(r.edges)) for r in regions
-    ]
+    each = [2 * 3 * nodes + 4 + 4 * (r.terms * len(r.positions) + r.edge_terms * len(r.edges)) for r in regions]
     return rest + sum(k * size for k, size in zip(kept, each, strict=True))
 
 
