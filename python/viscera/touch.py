@@ -122,6 +122,15 @@ class Touch:
         arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
+    def view(self, name: str = "Organ", height: int = 560) -> Any:
+        """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.
+
+        name: shown above the organ; height: of the view, in pixels.
+        """
+        from viscera.viewer.notebook import widget
+
+        return widget(self, name, height)
+
     def summary(self) -> dict[str, Any]:
         """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
 

@@ -184,6 +184,10 @@ pub unsafe extern "C" fn organ_mode(organ: *mut Organ, mode: usize) -> *const f3
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_mode_amplitude(organ: *mut Organ, mode: usize, term: usize) -> *const f32 {
+pub unsafe extern "C" fn organ_mode_amplitude(
+    organ: *mut Organ,
+    mode: usize,
+    term: usize,
+) -> *const f32 {
     unsafe { &mut *organ }.mode_amplitude(mode, term).as_ptr()
 }
