@@ -122,6 +122,8 @@ struct Run<'a> {
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
+    /// Shift of the last tangent: the next one is rarely far from it.
+    shift: f64,
     seconds: Seconds,
 }
 
@@ -160,6 +162,7 @@ impl<'a> Run<'a> {
             iterations: 0,
             residuals: Vec::new(),
             unstable: None,
+            shift: 0.0,
             seconds: Seconds::default(),
         })
     }
@@ -259,11 +262,12 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.25 * self.shift).max(1e-4) } else { 4.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
         }
+        self.shift = shift;
         self.seconds.factorization += clock.elapsed().as_secs_f64();
         Ok(unstable)
     }
