@@ -18,7 +18,7 @@ export class Arrow {
     private readonly diagonal: number,
     radius: number,
   ) {
-    const width = 0.011 * diagonal;
+    const width = 0.0085 * diagonal;
     this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(width, width, 1, 24).translate(0, 0.5, 0), this.material);
     this.head = new THREE.Mesh(new THREE.ConeGeometry(2.6 * width, 5 * width, 32).translate(0, 2.5 * width, 0), this.material);
     const torus = new THREE.TorusGeometry(radius, 0.003 * diagonal, 12, 64);
@@ -33,7 +33,7 @@ export class Arrow {
     const size = F.length();
     const direction = size > 0 ? F.clone().divideScalar(size) : new THREE.Vector3(...outward).negate();
     const length = this.diagonal * Math.min(0.1 + 0.3 * (size / reference), 0.6);
-    const headLength = 0.055 * this.diagonal;
+    const headLength = 5 * 0.0085 * this.diagonal;
     const point = new THREE.Vector3(...at);
     const isPull = direction.dot(new THREE.Vector3(...outward)) > 0;
     const start = isPull ? point : point.clone().addScaledVector(direction, -length);

@@ -2,11 +2,13 @@
 import * as THREE from "three";
 import { colourAt, linear, type ColourMap, type Rgb } from "./colour";
 import type { Evaluator, Vec3 } from "./evaluator";
+import { Skin } from "./skin";
 
-const TISSUE: Rgb = [0.66, 0.2, 0.165];
-const UNTOUCHABLE: Rgb = [0.45, 0.27, 0.25];
+const TISSUE: Rgb = [0.56, 0.175, 0.14];
+const UNTOUCHABLE: Rgb = [0.4, 0.235, 0.215];
+const GREY: Rgb = [0.6, 0.61, 0.63];
 
-/** Where a ray meets the touchable surface: on the moved organ and at rest. */
+/** Where a ray meets the touchable surface: on the moved organ and at rest [m]. */
 export interface Hit {
   moved: THREE.Vector3;
   rest: Vec3;
@@ -15,46 +17,42 @@ export interface Hit {
 export class Body {
   readonly mesh: THREE.Mesh<THREE.BufferGeometry, THREE.MeshPhysicalMaterial>;
   readonly outline: THREE.LineSegments;
+  private readonly skin: Skin;
+  /** Of the nodes: where they are [m], and their colour. */
   private readonly positions: Float32Array;
-  private readonly normals: Float32Array;
   private readonly colours: Float32Array;
-  /** Which share of the triangles around a node may be touched. */
-  private readonly touchability: Float32Array;
-  private readonly touchableTriangles: Set<string>;
+  /** Of the vertices that are drawn. */
+  private readonly drawnColours: Float32Array;
+  private readonly tissue: Float32Array;
+  private readonly isTouchable: Uint8Array;
 
   constructor(private readonly evaluator: Evaluator) {
     const { rest, triangles } = evaluator;
+    this.skin = new Skin(rest, triangles);
     this.positions = rest.slice();
-    this.normals = new Float32Array(rest.length);
     this.colours = new Float32Array(rest.length);
-    this.touchableTriangles = keys(evaluator.touchable);
-    this.touchability = this.shares();
+    this.drawnColours = new Float32Array(this.skin.positions.length);
+    this.isTouchable = touchableTriangles(evaluator);
+    this.tissue = this.tissueColours();
     const geometry = new THREE.BufferGeometry();
-    geometry.setIndex(new THREE.BufferAttribute(triangles, 1));
+    geometry.setIndex(new THREE.BufferAttribute(this.skin.triangles, 1));
     for (const [name, values] of [
-      ["position", this.positions],
-      ["normal", this.normals],
-      ["color", this.colours],
+      ["position", this.skin.positions],
+      ["normal", this.skin.normals],
+      ["color", this.drawnColours],
     ] as const) {
       geometry.setAttribute(name, new THREE.BufferAttribute(values, 3).setUsage(THREE.DynamicDrawUsage));
     }
     // Large enough for every touch: never recomputed, never culled.
     geometry.computeBoundingSphere();
     geometry.boundingSphere!.radius *= 2;
-    const material = new THREE.MeshPhysicalMaterial({
-      vertexColors: true,
-      roughness: 0.5,
-      clearcoat: 0.45,
-      clearcoatRoughness: 0.32,
-      side: THREE.DoubleSide,
-    });
+    const material = new THREE.MeshPhysicalMaterial({ vertexColors: true, side: THREE.DoubleSide, clearcoatRoughness: 0.3 });
     this.mesh = new THREE.Mesh(geometry, material);
     this.outline = new THREE.LineSegments(
       edges(rest, triangles),
-      new THREE.LineBasicMaterial({ color: 0x6f7f99, transparent: true, opacity: 0.38, depthWrite: false }),
+      new THREE.LineBasicMaterial({ color: 0x7587a5, transparent: true, opacity: 0.42, depthWrite: false }),
     );
     this.outline.visible = false;
-    this.move(null);
     this.paintTissue();
   }
 
@@ -63,17 +61,13 @@ export class Body {
     const { rest } = this.evaluator;
     if (field) for (let i = 0; i < rest.length; i++) this.positions[i] = rest[i]! + field[i]!;
     else this.positions.set(rest);
-    smoothNormals(this.positions, this.evaluator.triangles, this.normals);
+    this.skin.shape(this.positions);
     this.renew("position", "normal");
   }
 
   paintTissue(): void {
-    for (let node = 0; node < this.touchability.length; node++) {
-      const share = this.touchability[node]!;
-      for (let i = 0; i < 3; i++) {
-        this.colours[3 * node + i] = linear(UNTOUCHABLE[i]! + share * (TISSUE[i]! - UNTOUCHABLE[i]!));
-      }
-    }
+    this.drawnColours.set(this.tissue);
+    this.renew("color");
     this.gloss(true);
   }
 
@@ -83,35 +77,32 @@ export class Body {
     const scale = high > low ? 1 / (high - low) : 0;
     for (let node = 0; node < values.length; node++) {
       const value = values[node]!;
-      if (Number.isNaN(value)) rgb.fill(0.55);
-      else colourAt(map, (value - low) * scale, rgb);
-      for (let i = 0; i < 3; i++) this.colours[3 * node + i] = linear(rgb[i]!);
+      const shown = Number.isNaN(value) ? GREY : colourAt(map, (value - low) * scale, rgb);
+      for (let i = 0; i < 3; i++) this.colours[3 * node + i] = linear(shown[i]!);
     }
+    this.skin.spread(this.colours, this.drawnColours);
+    this.renew("color");
     this.gloss(false);
   }
 
   /** The touchable point that a ray meets first, if it meets the organ there. */
   hit(ray: THREE.Raycaster): Hit | null {
     const [first] = ray.intersectObject(this.mesh, false);
-    if (!first?.face) return null;
-    const { a, b, c } = first.face;
-    if (!this.touchableTriangles.has(key(a, b, c))) return null;
+    if (first?.faceIndex == null) return null;
+    const triangle = this.skin.parent(first.faceIndex);
+    if (!this.isTouchable[triangle]) return null;
     const moved = this.mesh.worldToLocal(first.point.clone());
-    const at = (values: Float32Array, row: number) => new THREE.Vector3().fromArray(values, 3 * row);
-    const corners = [a, b, c].map((row) => at(this.positions, row)) as [THREE.Vector3, THREE.Vector3, THREE.Vector3];
+    const rows = this.evaluator.triangles.subarray(3 * triangle, 3 * triangle + 3);
+    const at = (values: Float32Array, k: number) => new THREE.Vector3().fromArray(values, 3 * rows[k]!);
+    const corners = [0, 1, 2].map((k) => at(this.positions, k)) as [THREE.Vector3, THREE.Vector3, THREE.Vector3];
     const weights = THREE.Triangle.getBarycoord(moved, ...corners, new THREE.Vector3());
     if (!weights) return null;
     const rest = new THREE.Vector3();
-    [a, b, c].forEach((row, k) => rest.addScaledVector(at(this.evaluator.rest, row), weights.getComponent(k)));
+    for (let k = 0; k < 3; k++) rest.addScaledVector(at(this.evaluator.rest, k), weights.getComponent(k));
     return { moved, rest: rest.toArray() };
   }
 
-  /** Whether a ray meets the organ at all. */
-  isMet(ray: THREE.Raycaster): boolean {
-    return ray.intersectObject(this.mesh, false).length > 0;
-  }
-
-  /** Outward normal at rest, averaged over the nodes closer than a radius. */
+  /** Outward normal at rest, averaged over the triangles closer than a radius. */
   normalAt(point: Vec3, radius: number): Vec3 {
     const { rest, triangles } = this.evaluator;
     const sum = new THREE.Vector3();
@@ -124,8 +115,9 @@ export class Body {
         middle.copy(corner[0]).add(corner[1]).add(corner[2]).divideScalar(3);
         const share = 1 - middle.distanceToSquared(centre) / (reach * reach);
         if (share <= 0) continue;
-        const normal = corner[1].clone().sub(corner[0]).cross(corner[2].clone().sub(corner[0]));
-        sum.addScaledVector(normal, share);
+        corner[1].sub(corner[0]);
+        corner[2].sub(corner[0]);
+        sum.addScaledVector(corner[1].cross(corner[2]), share);
       }
     }
     return sum.normalize().toArray();
@@ -138,61 +130,48 @@ export class Body {
     }
   }
 
+  /** Wet tissue, or a dull surface whose colours are to be read. */
   private gloss(isTissue: boolean): void {
     const { material } = this.mesh;
-    material.clearcoat = isTissue ? 0.45 : 0.1;
-    material.roughness = isTissue ? 0.5 : 0.75;
-    this.renew("color");
+    material.clearcoat = isTissue ? 0.5 : 0.12;
+    material.roughness = isTissue ? 0.46 : 0.8;
   }
 
   private renew(...names: string[]): void {
     for (const name of names) this.mesh.geometry.getAttribute(name).needsUpdate = true;
   }
 
-  private shares(): Float32Array {
-    const { triangles, rest } = this.evaluator;
+  /** Redder where it may be touched, a little mottled. */
+  private tissueColours(): Float32Array {
+    const { triangles, rest, about } = this.evaluator;
     const [touchable, all] = [new Float32Array(rest.length / 3), new Float32Array(rest.length / 3)];
-    for (let t = 0; t < triangles.length; t += 3) {
-      const corners = triangles.subarray(t, t + 3);
-      const counts = this.touchableTriangles.has(key(corners[0]!, corners[1]!, corners[2]!)) ? 1 : 0;
-      for (const row of corners) {
-        all[row]! += 1;
-        touchable[row]! += counts;
-      }
+    triangles.forEach((row, corner) => {
+      all[row]! += 1;
+      touchable[row]! += this.isTouchable[Math.floor(corner / 3)]!;
+    });
+    const colours = new Float32Array(rest.length);
+    for (let node = 0; node < all.length; node++) {
+      const share = touchable[node]! / Math.max(all[node]!, 1);
+      for (let i = 0; i < 3; i++) colours[3 * node + i] = UNTOUCHABLE[i]! + share * (TISSUE[i]! - UNTOUCHABLE[i]!);
     }
-    return touchable.map((count, row) => count / Math.max(all[row]!, 1));
-  }
-}
-
-/** Normals of nodes as sums of triangle normals, which area weighs. */
-function smoothNormals(x: Float32Array, triangles: Uint32Array, out: Float32Array): void {
-  out.fill(0);
-  for (let t = 0; t < triangles.length; t += 3) {
-    const [a, b, c] = [3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!];
-    const [ux, uy, uz] = [x[b]! - x[a]!, x[b + 1]! - x[a + 1]!, x[b + 2]! - x[a + 2]!];
-    const [vx, vy, vz] = [x[c]! - x[a]!, x[c + 1]! - x[a + 1]!, x[c + 2]! - x[a + 2]!];
-    const [nx, ny, nz] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
-    for (const row of [a, b, c]) {
-      out[row]! += nx;
-      out[row + 1]! += ny;
-      out[row + 2]! += nz;
+    const drawn = new Float32Array(this.skin.positions.length);
+    this.skin.spread(colours, drawn);
+    const size = 0.018 * about.metadata.diagonal;
+    for (let v = 0; v < drawn.length; v += 3) {
+      const [x, y, z] = [0, 1, 2].map((i) => this.skin.positions[v + i]! / size) as [number, number, number];
+      const mottle = 1 + 0.05 * (Math.sin(x + 1.7 * Math.sin(y)) + Math.sin(1.3 * y + 1.9 * Math.sin(z)) * Math.cos(0.8 * z + x));
+      for (let i = 0; i < 3; i++) drawn[v + i] = linear(Math.min(1, drawn[v + i]! * mottle));
     }
-  }
-  for (let row = 0; row < out.length; row += 3) {
-    const size = Math.hypot(out[row]!, out[row + 1]!, out[row + 2]!) || 1;
-    for (let i = 0; i < 3; i++) out[row + i]! /= size;
+    return drawn;
   }
 }
 
-/** A triangle whatever corner comes first. */
-function key(a: number, b: number, c: number): string {
-  return [a, b, c].sort((x, y) => x - y).join();
-}
-
-function keys(triangles: Uint32Array): Set<string> {
-  const found = new Set<string>();
-  for (let t = 0; t < triangles.length; t += 3) found.add(key(triangles[t]!, triangles[t + 1]!, triangles[t + 2]!));
-  return found;
+/** 1 for every surface triangle that is among the touchable ones. */
+function touchableTriangles(evaluator: Evaluator): Uint8Array {
+  const { triangles, touchable } = evaluator;
+  const key = (all: Uint32Array, t: number) => all.slice(3 * t, 3 * t + 3).sort().join();
+  const known = new Set(Array.from({ length: touchable.length / 3 }, (_, t) => key(touchable, t)));
+  return Uint8Array.from({ length: triangles.length / 3 }, (_, t) => Number(known.has(key(triangles, t))));
 }
 
 /** Every edge of the shape at rest once. */

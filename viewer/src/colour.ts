@@ -10,7 +10,7 @@ export const VIRIDIS = table("440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6
 export const INFERNO = table("2a0b52 550f6d 88226a b32a5c d84b40 f0701e fca50a f6d746 fcffa4");
 export const DIVERGING = table("2166ac 4393c3 92c5de d1e5f0 f4f1ee fddbc7 f4a582 d6604d b2182b");
 
-/** The colour at t in [0, 1], sRGB. */
+/** The colour at t in [0, 1], sRGB, written to `out`. */
 export function colourAt(map: ColourMap, t: number, out: Rgb): Rgb {
   const place = Math.min(Math.max(t, 0), 1) * (map.length - 1);
   const k = Math.min(Math.floor(place), map.length - 2);

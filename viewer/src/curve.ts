@@ -4,11 +4,11 @@ import type { Evaluator, Vec3 } from "./evaluator";
 const SAMPLES = 48;
 const MARGIN = { left: 34, right: 10, top: 10, bottom: 24 };
 
-/** What is drawn: depths [m], the force [N] of every order there, and from which depth on not to trust it. */
+/** What is drawn: depths [m], the force [N] of every order there, and whether it is to be trusted. */
 export interface Curves {
   depths: number[];
   forces: number[][];
-  limit: number;
+  isTrusted: boolean[];
 }
 
 /** Samples the answers along a direction to the model's depth; the contact must be touched. */
@@ -18,9 +18,8 @@ export function sample(evaluator: Evaluator, direction: Vec3): Curves {
   const along = (t: number) => direction.map((x) => t * x) as Vec3;
   const orders = Array.from({ length: order }, (_, p) => p + 1);
   const forces = orders.map((p) => depths.map((t) => Math.hypot(...evaluator.force(along(t), p))));
-  const isTrusted = (t: number) => evaluator.evaluate(along(t)).trust === "trusted";
-  const limit = depths.find((t) => t > 0 && !isTrusted(t)) ?? depth;
-  return { depths, forces, limit };
+  const isTrusted = depths.map((t) => evaluator.evaluate(along(t)).trust === "trusted");
+  return { depths, forces, isTrusted };
 }
 
 export class CurvePlot {
@@ -55,10 +54,12 @@ export class CurvePlot {
     context.beginPath();
     context.rect(MARGIN.left, MARGIN.top - 4, width - MARGIN.left - MARGIN.right + 4, height - MARGIN.top - MARGIN.bottom + 4);
     context.clip();
-    if (curves.limit < depth) {
-      context.fillStyle = colour("--doubt");
-      context.fillRect(x(curves.limit), 0, width, height);
-    }
+    context.fillStyle = colour("--doubt");
+    const step = depth / SAMPLES;
+    curves.isTrusted.forEach((trusted, k) => {
+      const from = x(curves.depths[k]! - 0.5 * step);
+      if (!trusted) context.fillRect(from, 0, x(curves.depths[k]! + 0.5 * step) - from, height);
+    });
     const inFront = (p: number) => p === order - 1;
     const lines = curves.forces.map((_, p) => p).sort((a, b) => Number(inFront(a)) - Number(inFront(b)));
     for (const p of lines) {

@@ -16,6 +16,7 @@ export class Modes {
   private field: Float32Array;
   private readonly number = element("output", { class: "mode-number" });
   private readonly caption = element("p", { class: "mode-caption" });
+  private readonly regions: HTMLSelectElement;
   private readonly slider = element("input", { type: "range", min: "0", step: "1", "aria-label": "mode" });
   /** Whether the movement swings; without it the mode stands still at its largest. */
   isSwinging = !matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -29,10 +30,12 @@ export class Modes {
     const regions = Array.from({ length: n_regions }, (_, r) => [String(r), `region ${r + 1}`] as [string, string]);
     const terms = monomials(metadata.order).slice(0, n_terms).map((name, t) => [String(t), name] as [string, string]);
     this.slider.addEventListener("input", () => this.select(this.region, Number(this.slider.value)));
+    this.regions = choice("region", regions, (r) => this.select(Number(r), 0));
+    this.regions.value = String(middleRegion(evaluator));
     this.root = element(
       "section",
       { class: "panel modes", "aria-label": "modes" },
-      element("div", { class: "row" }, this.number, choice("region", regions, (r) => this.select(Number(r), 0))),
+      element("div", { class: "row" }, this.number, this.regions),
       element(
         "div",
         { class: "row" },
@@ -49,7 +52,7 @@ export class Modes {
 
   show(): void {
     this.root.hidden = false;
-    this.select(this.region, this.index);
+    this.select(Number(this.regions.value), this.index);
   }
 
   hide(): void {
@@ -100,6 +103,15 @@ export class Modes {
     this.caption.textContent = `The movement is the mode; the colour is its weight G over the positions of this region, ${range} at full depth.`;
     this.repaint();
   }
+}
+
+/** The region of the load position that is closest to their middle. */
+function middleRegion(evaluator: Evaluator): number {
+  const { positions, positionRegion, rest } = evaluator;
+  const middle = [0, 1, 2].map((i) => positions.reduce((sum, row) => sum + rest[3 * row + i]!, 0) / positions.length);
+  const distance = (row: number) => Math.hypot(...middle.map((x, i) => rest[3 * row + i]! - x));
+  const best = positions.reduce((best, row, p) => (distance(row) < distance(positions[best]!) ? p : best), 0);
+  return positionRegion[best]!;
 }
 
 const POWERS = ["", "", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸"];

@@ -79,11 +79,11 @@ export class Stage {
 
   private light(): void {
     this.scene.environment = studio(this.renderer);
-    this.scene.environmentIntensity = 0.5;
+    this.scene.environmentIntensity = 0.32;
     // The studio is painted with y upright.
     this.scene.environmentRotation.x = Math.PI / 2;
     // Lamps travel with the camera, so no side of the organ is ever in the dark.
-    const key = new THREE.DirectionalLight(0xfff4ea, 1.5);
+    const key = new THREE.DirectionalLight(0xfff4ea, 1.7);
     key.position.set(-1.2, 1.6, 1.4);
     const rim = new THREE.DirectionalLight(0xcfe0ff, 0.9);
     rim.position.set(2.2, 0.4, -1.6);

@@ -5,10 +5,10 @@ const [WIDTH, HEIGHT] = [128, 64];
 
 /** A soft lamp: direction in degrees (around, above the horizon), half its size, brightness. */
 const LAMPS = [
-  { around: 40, above: 48, reach: 26, light: 9 },
-  { around: 150, above: 35, reach: 20, light: 4 },
-  { around: -95, above: 20, reach: 30, light: 2.2 },
-  { around: -30, above: 70, reach: 22, light: 5 },
+  { around: 40, above: 48, reach: 22, light: 8 },
+  { around: 150, above: 35, reach: 18, light: 3.5 },
+  { around: -95, above: 20, reach: 26, light: 2 },
+  { around: -30, above: 70, reach: 20, light: 4.5 },
 ] as const;
 
 /** The environment of a scene with z or y upright alike: bright above, warm below, four lamps. */
@@ -22,7 +22,7 @@ export function studio(renderer: THREE.WebGLRenderer): THREE.Texture {
       const lamps = LAMPS.reduce((sum, lamp) => {
         const turn = ((around - lamp.around + 540) % 360) - 180;
         const off = Math.hypot(turn * Math.cos((above * Math.PI) / 180), above - lamp.above) / lamp.reach;
-        return sum + lamp.light * Math.exp(-(off ** 4));
+        return sum + lamp.light * Math.exp(-(off ** 2));
       }, 0);
       const at = 4 * (WIDTH * (HEIGHT - 1 - row) + column);
       pixels.set([0.3 + 0.55 * sky + lamps, 0.28 + 0.6 * sky + lamps, 0.27 + 0.68 * sky + 1.04 * lamps, 1], at);
