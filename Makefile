@@ -21,7 +21,7 @@ evaluator    := viewer/wasm/viscera.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python test-web viewer c-library install-c bench pages clean
+.PHONY: help setup demo test lint format test-core test-c test-python test-web viewer c-library install-c bench pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -80,6 +80,9 @@ out/liver.viscera: | $(extension)
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py
+
+pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
+	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
 
 # The evaluator alone, without the solvers; all browsers of the last years have these vector instructions.
 $(evaluator): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)

@@ -147,7 +147,7 @@ export class View implements Touched {
   /** Touches what lies under the middle of the canvas. */
   touchMiddle(): void {
     const { clientWidth, clientHeight } = this.canvas;
-    const middle = this.stage.project(new THREE.Vector3(...this.stage.centre));
+    const middle = this.project(this.middle);
     const hit = this.pointer.under(middle.x, middle.y) ?? this.pointer.under(clientWidth / 2, clientHeight / 2);
     if (!hit) return;
     this.grab(hit);
@@ -276,6 +276,11 @@ export class View implements Touched {
       orders: touching?.orders ?? null,
       frame: this.stage.frameTime,
     };
+  }
+
+  /** The middle of the organ at rest [m]. */
+  get middle(): Vec3 {
+    return this.stage.centre;
   }
 
   /** Where a surface point at rest [m] is on the canvas, in CSS pixels. */
