@@ -1,6 +1,7 @@
 //! The reduced model against the exact series it was made from.
 
 mod file;
+mod work;
 
 use super::evaluate::allowance;
 use super::*;

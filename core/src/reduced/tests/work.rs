@@ -1,0 +1,45 @@
+//! Energy: the force on a contact is the slope of an energy, so that a closed loop costs nothing.
+
+use super::*;
+
+/// Nodes and weights of Gauss and Legendre on [0, 1], exact for the work of a model of order 8.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046910077030668, 0.118463442528095),
+    (0.230765344947158, 0.239314335249683),
+    (0.5, 0.284444444444444),
+    (0.769234655052842, 0.239314335249683),
+    (0.953089922969332, 0.118463442528095),
+];
+
+/// Work along the straight way between two displacements of a contact.
+fn work(contact: &Contact, from: [f64; 3], to: [f64; 3]) -> f64 {
+    let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let power = |s: f64| {
+        let force = MODEL.respond(contact, std::array::from_fn(|i| from[i] + s * way[i])).force;
+        (0..3).map(|i| force[i] * way[i]).sum::<f64>()
+    };
+    GAUSS.iter().map(|&(s, weight)| weight * power(s)).sum()
+}
+
+/// At positions and between them, where orders are blended: all of it is a potential.
+#[test]
+fn a_closed_loop_of_a_contact_returns_what_it_took() {
+    let mut worst: f64 = 0.0;
+    for (k, random) in noise(40 * 32, 9).chunks_exact(32).enumerate() {
+        let contact = inside(k % MODEL.triangles.len(), barycentric(random[30], random[31]));
+        let corner = |c: usize| -> [f64; 3] {
+            std::array::from_fn(|i| DEPTH * random[3 * (c % 10) + i] / 3f64.sqrt())
+        };
+        let sides = (0..10).map(|c| work(&contact, corner(c), corner(c + 1)));
+        let (gain, size) = sides.fold((0.0, 0.0), |(gain, size), w| (gain + w, size + w.abs()));
+        worst = worst.max(f64::abs(gain) / size);
+    }
+    println!("a closed loop returns all but {worst:e} of the work");
+    assert!(worst < 1e-9, "{worst:e}");
+}
+
+fn barycentric(a: f64, b: f64) -> [f64; 3] {
+    let (a, b) = (0.5 + 0.5 * a, 0.5 + 0.5 * b);
+    let root = a.sqrt();
+    [1.0 - root, root * (1.0 - b), root * b]
+}
