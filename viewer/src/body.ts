@@ -1,12 +1,20 @@
 // The organ on the stage: a surface that is moved, coloured and hit by rays, and its shape at rest as a wireframe.
 import * as THREE from "three";
 import { colourAt, linear, type ColourMap, type Rgb } from "./colour";
-import type { Evaluator, Vec3 } from "./evaluator";
+import type { Vec3 } from "./evaluator";
 import { Skin } from "./skin";
 
 const TISSUE: Rgb = [0.56, 0.175, 0.14];
 const UNTOUCHABLE: Rgb = [0.4, 0.235, 0.215];
 const GREY: Rgb = [0.6, 0.61, 0.63];
+
+/** A closed surface of triangles at rest [m], and which of its triangles may be touched. */
+export interface Surface {
+  readonly rest: Float32Array;
+  readonly triangles: Uint32Array;
+  readonly touchable: Uint32Array;
+  readonly diagonal: number;
+}
 
 /** Where a ray meets the touchable surface: on the moved organ and at rest [m]. */
 export interface Hit {
@@ -26,13 +34,13 @@ export class Body {
   private readonly tissue: Float32Array;
   private readonly isTouchable: Uint8Array;
 
-  constructor(private readonly evaluator: Evaluator) {
-    const { rest, triangles } = evaluator;
+  constructor(private readonly surface: Surface) {
+    const { rest, triangles } = surface;
     this.skin = new Skin(rest, triangles);
     this.positions = rest.slice();
     this.colours = new Float32Array(rest.length);
     this.drawnColours = new Float32Array(this.skin.positions.length);
-    this.isTouchable = touchableTriangles(evaluator);
+    this.isTouchable = touchableTriangles(surface);
     this.tissue = this.tissueColours();
     const geometry = new THREE.BufferGeometry();
     geometry.setIndex(new THREE.BufferAttribute(this.skin.triangles, 1));
@@ -58,7 +66,7 @@ export class Body {
 
   /** Moves the surface by a field (s, 3) [m]; null is the shape at rest. */
   move(field: Float32Array | null): void {
-    const { rest } = this.evaluator;
+    const { rest } = this.surface;
     if (field) for (let i = 0; i < rest.length; i++) this.positions[i] = rest[i]! + field[i]!;
     else this.positions.set(rest);
     this.skin.shape(this.positions);
@@ -92,19 +100,19 @@ export class Body {
     const triangle = this.skin.parent(first.faceIndex);
     if (!this.isTouchable[triangle]) return null;
     const moved = this.mesh.worldToLocal(first.point.clone());
-    const rows = this.evaluator.triangles.subarray(3 * triangle, 3 * triangle + 3);
+    const rows = this.surface.triangles.subarray(3 * triangle, 3 * triangle + 3);
     const at = (values: Float32Array, k: number) => new THREE.Vector3().fromArray(values, 3 * rows[k]!);
     const corners = [0, 1, 2].map((k) => at(this.positions, k)) as [THREE.Vector3, THREE.Vector3, THREE.Vector3];
     const weights = THREE.Triangle.getBarycoord(moved, ...corners, new THREE.Vector3());
     if (!weights) return null;
     const rest = new THREE.Vector3();
-    for (let k = 0; k < 3; k++) rest.addScaledVector(at(this.evaluator.rest, k), weights.getComponent(k));
+    for (let k = 0; k < 3; k++) rest.addScaledVector(at(this.surface.rest, k), weights.getComponent(k));
     return { moved, rest: rest.toArray() };
   }
 
   /** Outward normal at rest, averaged over the triangles closer than a radius. */
   normalAt(point: Vec3, radius: number): Vec3 {
-    const { rest, triangles } = this.evaluator;
+    const { rest, triangles } = this.surface;
     const sum = new THREE.Vector3();
     const corner = [new THREE.Vector3(), new THREE.Vector3(), new THREE.Vector3()] as const;
     const middle = new THREE.Vector3();
@@ -143,7 +151,7 @@ export class Body {
 
   /** Redder where it may be touched, a little mottled. */
   private tissueColours(): Float32Array {
-    const { triangles, rest, about } = this.evaluator;
+    const { triangles, rest, diagonal } = this.surface;
     const [touchable, all] = [new Float32Array(rest.length / 3), new Float32Array(rest.length / 3)];
     triangles.forEach((row, corner) => {
       all[row]! += 1;
@@ -156,7 +164,7 @@ export class Body {
     }
     const drawn = new Float32Array(this.skin.positions.length);
     this.skin.spread(colours, drawn);
-    const size = 0.018 * about.metadata.diagonal;
+    const size = 0.018 * diagonal;
     for (let v = 0; v < drawn.length; v += 3) {
       const [x, y, z] = [0, 1, 2].map((i) => this.skin.positions[v + i]! / size) as [number, number, number];
       const mottle = 1 + 0.05 * (Math.sin(x + 1.7 * Math.sin(y)) + Math.sin(1.3 * y + 1.9 * Math.sin(z)) * Math.cos(0.8 * z + x));
@@ -166,9 +174,22 @@ export class Body {
   }
 }
 
+/** The middle of a surface, and which way its touchable part faces. */
+export function lookOver(surface: Surface): { centre: Vec3; facing: Vec3 } {
+  const { rest, touchable } = surface;
+  const box = new THREE.Box3().setFromArray(Array.from(rest));
+  const facing = new THREE.Vector3();
+  const corner = (k: number) => new THREE.Vector3().fromArray(rest, 3 * touchable[k]!);
+  for (let t = 0; t < touchable.length; t += 3) {
+    const a = corner(t);
+    facing.add(corner(t + 1).sub(a).cross(corner(t + 2).sub(a)));
+  }
+  return { centre: box.getCenter(new THREE.Vector3()).toArray(), facing: facing.normalize().toArray() };
+}
+
 /** 1 for every surface triangle that is among the touchable ones. */
-function touchableTriangles(evaluator: Evaluator): Uint8Array {
-  const { triangles, touchable } = evaluator;
+function touchableTriangles(surface: Surface): Uint8Array {
+  const { triangles, touchable } = surface;
   const key = (all: Uint32Array, t: number) => all.slice(3 * t, 3 * t + 3).sort().join();
   const known = new Set(Array.from({ length: touchable.length / 3 }, (_, t) => key(touchable, t)));
   return Uint8Array.from({ length: triangles.length / 3 }, (_, t) => Number(known.has(key(triangles, t))));

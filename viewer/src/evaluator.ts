@@ -99,6 +99,11 @@ export class Evaluator {
     return new Evaluator(wasm, organ);
   }
 
+  /** Length of the bounding box's diagonal [m]. */
+  get diagonal(): number {
+    return this.about.metadata.diagonal;
+  }
+
   dispose(): void {
     this.wasm.organ_close(this.organ);
   }

@@ -1,5 +1,6 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
 import { element } from "./dom";
+import { connect, type LiveView } from "./live";
 import { View } from "./view";
 
 export { Evaluator } from "./evaluator";
@@ -8,7 +9,7 @@ export { View } from "./view";
 declare global {
   interface Window {
     /** The view of this page, for the console and for tests. */
-    viscera?: View;
+    viscera?: View | LiveView;
   }
 }
 
@@ -27,6 +28,18 @@ export async function open(place: HTMLElement, url: string): Promise<void> {
     status.remove();
   } catch (error) {
     status.textContent = `The organ cannot be shown: ${error instanceof Error ? error.message : String(error)}`;
+    throw error;
+  }
+}
+
+/** Connects to the stepper of a case and fills the place with its view. */
+export async function openLive(place: HTMLElement, url: string): Promise<void> {
+  try {
+    const view = await connect(place, url);
+    window.viscera = view;
+    document.title = `${view.title} · Viscera`;
+  } catch (error) {
+    place.append(element("p", { role: "status" }, `The organ cannot be shown: ${String(error)}`));
     throw error;
   }
 }

@@ -26,7 +26,7 @@ export class Pointer {
 
   constructor(
     private readonly stage: Stage,
-    private readonly body: Body,
+    private readonly body: Pick<Body, "hit">,
     private readonly touched: Touched,
   ) {
     const { canvas } = stage;

@@ -1,7 +1,7 @@
 // The view: an organ on a stage, a hand, the readings and the tools, and one state that they share.
 import * as THREE from "three";
 import { Arrow } from "./arrow";
-import { Body, type Hit } from "./body";
+import { Body, lookOver, type Hit } from "./body";
 import { INFERNO, VIRIDIS } from "./colour";
 import { element, fixed, newtons } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
@@ -71,7 +71,7 @@ export class View implements Touched {
     this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
     place.append(this.host);
     this.body = new Body(evaluator);
-    const { centre, facing } = this.lookOver();
+    const { centre, facing } = lookOver(evaluator);
     this.stage = new Stage(this.canvas, centre, metadata.diagonal, facing);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
     this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
@@ -401,19 +401,6 @@ export class View implements Touched {
     this.label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
     this.label.textContent = newtons(Math.hypot(...touching.force));
     this.label.classList.toggle("is-doubtful", touching.doubt(this.order) !== "");
-  }
-
-  /** The middle of the organ, and which way its touchable surface faces. */
-  private lookOver(): { centre: Vec3; facing: Vec3 } {
-    const { rest, touchable } = this.evaluator;
-    const box = new THREE.Box3().setFromArray(Array.from(rest));
-    const facing = new THREE.Vector3();
-    const corner = (k: number) => new THREE.Vector3().fromArray(rest, 3 * touchable[k]!);
-    for (let t = 0; t < touchable.length; t += 3) {
-      const a = corner(t);
-      facing.add(corner(t + 1).sub(a).cross(corner(t + 2).sub(a)));
-    }
-    return { centre: box.getCenter(new THREE.Vector3()).toArray(), facing: facing.normalize().toArray() };
   }
 
   /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */

@@ -5,6 +5,6 @@ by the same Rust code. Here it is only given the files it needs.
 """
 
 from viscera.viewer.export import export
-from viscera.viewer.server import Server, serve
+from viscera.viewer.server import Server, serve, serve_live
 
-__all__ = ["Server", "export", "serve"]
+__all__ = ["Server", "export", "serve", "serve_live"]
