@@ -10,7 +10,7 @@ CARGO  := cargo
 
 core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
-c_tests      := tests/python/test_c_library.py
+c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
 
