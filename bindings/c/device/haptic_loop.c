@@ -152,9 +152,10 @@ static double run_free(device *d, hand *h, double seconds, latencies *measured) 
     return (double)k / (time - start);
 }
 
-/* The hand holds on, and the slow thread stops telling where the organ is. Seconds until the force was zero, or -1. */
+/* The hand comes down and holds on; then the slow thread stops telling where the organ is. Seconds until the force was
+ * zero, or -1. */
 static double run_silent(device *d) {
-    const hand_pose pressing = {{0, 0}, 0.5};
+    hand_pose pose = {{0, 0}, -0.5};
     double due = now(CLOCK_MONOTONIC), silence = 0;
     set_guard(d); /* without the random hand's debts */
     for (int k = 0; k < 2 * TICKS_PER_SECOND; k++, due += DT) {
@@ -165,7 +166,8 @@ static double run_silent(device *d) {
             atomic_store(&d->speaks, 0);
             silence = time;
         }
-        tick(d, pressing, time, NULL, due);
+        pose.press = fmin(0.5, 2.0 * k / TICKS_PER_SECOND - 0.5);
+        tick(d, pose, time, NULL, due);
         const double *force = d->guard.force;
         if (silence > 0 && force[0] == 0 && force[1] == 0 && force[2] == 0) return time - silence;
     }
