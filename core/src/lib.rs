@@ -2,7 +2,7 @@
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
 //! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
-//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`].
+//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`pgd`].
 
 pub mod body;
 pub mod element;
@@ -12,6 +12,7 @@ pub mod law;
 pub mod linear;
 pub mod mesh;
 pub mod number;
+pub mod pgd;
 pub mod reduced;
 pub mod series;
 pub mod simd;

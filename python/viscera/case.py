@@ -3,6 +3,7 @@
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
     units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
+    element = "P1 nodal"          # or "P1", "P2"; without it, what is right for the material
 
     [material]
     law = "NeoHookean"
@@ -49,7 +50,7 @@ else:
     import tomli as tomllib
 
 KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
-    "": ("mesh", "units", "fixed", "material", "loads", "settings", "reduce"),
+    "": ("mesh", "units", "fixed", "element", "material", "loads", "settings", "reduce"),
     "loads": ("displacement", "force", "gravity", "density"),
     "loads.displacement": None,
     "loads.force": None,
@@ -68,6 +69,7 @@ class Case:
     fixed: Any
     material: Mapping[str, Any]
     units: str | float | None = None
+    element: str | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
@@ -79,7 +81,7 @@ class Case:
         places = [self.fixed, *self.loads.get("displacement", {}), *self.loads.get("force", {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
-        return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed)
+        return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed, element=self.element)
 
     def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
         """Static equilibrium of the organ under the case's loads."""

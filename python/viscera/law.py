@@ -32,6 +32,12 @@ class Law:
         """This law as the compiled core knows it."""
         return _core.Law(self.name, self.parameters)
 
+    @property
+    def poisson(self) -> Floats:
+        """Poisson's ratio at rest, one value or one per cell: (3 K - 2 mu) / (6 K + 2 mu)."""
+        shear, bulk = self.core().moduli().T
+        return np.asarray((3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear))
+
     def energy(self, F: ArrayLike, cell: int = 0) -> Floats:
         """Energy density psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), with the parameters of one cell."""
         return self._of_cell(cell).energy(_gradients(F))

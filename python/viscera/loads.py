@@ -139,7 +139,11 @@ def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
     if isinstance(where, _core.Patch):
         return where.nodes, where.weights
     nodes = mesh.nodes(where)
-    inside = mesh.surface[np.isin(mesh.surface, nodes).all(axis=1)]
+    faces = np.isin(mesh.surface, nodes).all(axis=1)
+    if len(mesh.edges):  # quadratic shape functions have no mean at the corners of a face, a third at each midpoint
+        inside = mesh.surface[3::4][faces.reshape(-1, 4).all(axis=1)]
+    else:
+        inside = mesh.surface[faces]
     a, b, c = (mesh.points[inside[:, corner]] for corner in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
     lumped = np.zeros(len(mesh.points))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,9 @@ PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Linear tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
+    """Straight tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
+
+    A mesh is linear; `quadratic` gives it the midpoints of its edges as further points.
 
     >>> import viscera as vs
     >>> corner = vs.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]], sets={"floor": [0, 1, 2]})
@@ -47,11 +49,14 @@ class Mesh:
     """Named node sets, ascending indices."""
     messages: tuple[str, ...] = ()
     """What was repaired or dropped on the way in."""
+    edges: Indices = field(default_factory=lambda: np.empty((0, 2), dtype=np.uint32))
+    """Ends (k, 2) of the edges whose midpoints are the last k points; none in a linear mesh."""
 
     @cached_property
     def surface(self) -> Indices:
-        """Boundary triangles (t, 3), oriented outward."""
-        return _read_only(_core.surface(self.points, self.cells))
+        """Boundary triangles (t, 3), oriented outward; each face of a quadratic cell is four, its middle one last."""
+        boundary = _core.quadratic_surface if len(self.edges) else _core.surface
+        return _read_only(boundary(self.points, self.cells))
 
     @cached_property
     def surface_nodes(self) -> Indices:
@@ -62,6 +67,11 @@ class Mesh:
     def volume(self) -> float:
         """Volume [m^3]."""
         return float(_core.inspect(self.points, self.cells)["volume"])
+
+    @property
+    def n_corners(self) -> int:
+        """Number of points that are corners of cells: all of a linear mesh."""
+        return len(self.points) - len(self.edges)
 
     @property
     def bounding_box(self) -> Floats:
@@ -78,7 +88,8 @@ class Mesh:
         """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
 
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes.
+        mesh, and a set without nodes. In a quadratic mesh, nodes given by index bring the midpoint of every edge that
+        they hold both ends of.
         """
         if isinstance(where, str):
             if where not in self.sets:
@@ -96,7 +107,7 @@ class Mesh:
                 low, high = self.bounding_box
                 raise VisceraError(f"the predicate selects no node; the points lie between {low} and {high} m")
             return found.astype(np.uint32)
-        return _indices(where, len(self.points), "the node set")
+        return _with_midpoints(_indices(where, len(self.points), "the node set"), self.edges, self.n_corners)
 
     def near(self, point: ArrayLike, radius: float) -> Indices:
         """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""
@@ -113,14 +124,35 @@ class Mesh:
     def with_sets(self, **sets: Where) -> Mesh:
         """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`."""
         added = {name: _read_only(self.nodes(where)) for name, where in sets.items()}
-        return Mesh(self.points, self.cells, {**self.sets, **added}, self.messages)
+        return replace(self, sets={**self.sets, **added})
+
+    def quadratic(self) -> Mesh:
+        """The mesh with the midpoints of its edges: the nodes of quadratic cells, corners first.
+
+        A set takes in the midpoint of every edge that it holds both ends of.
+        """
+        if len(self.edges):
+            return self
+        edges, _ = _core.quadratic(len(self.points), self.cells)
+        points = np.concatenate([self.points, 0.5 * (self.points[edges[:, 0]] + self.points[edges[:, 1]])])
+        wider = {name: _read_only(_with_midpoints(nodes, edges, len(self.points))) for name, nodes in self.sets.items()}
+        return Mesh(_read_only(points), self.cells, wider, self.messages, _read_only(edges))
+
+    def linear(self) -> Mesh:
+        """The mesh without midpoints."""
+        if not len(self.edges):
+            return self
+        corners = self.points[: self.n_corners]
+        sets = {name: nodes[nodes < len(corners)] for name, nodes in self.sets.items()}
+        return Mesh(corners, self.cells, {name: nodes for name, nodes in sets.items() if len(nodes)}, self.messages)
 
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node sets go along, except in `.mesh`, which cannot hold them.
+        Node sets go along, except in `.mesh`, which cannot hold them; midpoints, which follow from the rest, do not.
         """
-        meshfile.write(Path(path), self.points, self.cells, self.sets)
+        mesh = self.linear()
+        meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets)
 
     def __repr__(self) -> str:
         sets = ", ".join(f"{name} ({len(nodes)})" for name, nodes in self.sets.items()) or "no node sets"
@@ -295,6 +327,13 @@ def _indices(where: ArrayLike, n_points: int, what: str) -> Indices:
     if len(outside):
         raise VisceraError(f"{what} names node {outside[0]}, but the mesh has {n_points} nodes, numbered from 0")
     return np.unique(nodes).astype(np.uint32)
+
+
+def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
+    """The nodes, and the midpoint of every edge (k, 2) that they hold both ends of."""
+    inside = np.isin(edges, nodes).all(axis=1)
+    midpoints = n_corners + np.flatnonzero(inside)
+    return np.union1d(nodes, midpoints).astype(np.uint32)
 
 
 def _listed(noun: str, indices: Indices) -> str:

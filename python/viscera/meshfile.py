@@ -34,6 +34,10 @@ MESHIO_MODULES = {
 }
 FORMATS = (*MESHIO_MODULES, ".feb")
 SET_PREFIX = "set:"
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+"""Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
+STRAIGHT = 1e-3
+"""How far a midpoint may be off the middle of its edge, in edge lengths: what single precision leaves."""
 # An integer array with more values than this numbers things; it does not name sets.
 MAX_SETS_PER_ARRAY = 64
 
@@ -56,7 +60,7 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
     ending = _known_ending(path)
     try:
         points, blocks, sets = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
-        return RawMesh(scale * points, _tetrahedra(blocks), sets)
+        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
@@ -126,16 +130,47 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], dict[str, NDArr
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-    """The linear tetrahedra; surfaces, edges and vertices are passed over, other solids are refused."""
+    """The tetrahedra, of 4 or 10 nodes; surfaces, edges and vertices are passed over, other solids are refused."""
     flat = ("vertex", "line", "triangle", "quad", "polygon")
-    solids = [kind for kind in blocks if kind != "tetra" and not kind.startswith(flat)]
+    found = [kind for kind in blocks if kind in ("tetra", "tetra10")]
+    solids = [kind for kind in blocks if kind not in found and not kind.startswith(flat)]
     if solids:
         kind = solids[0]
-        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only linear tetrahedra are read, remesh it")
-    if "tetra" not in blocks:
+        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only tetrahedra are read, remesh it")
+    if not found:
         held = ", ".join(f"{len(cells)} {kind}" for kind, cells in blocks.items()) or "no cells at all"
         raise VisceraError(f"it has no tetrahedra ({held})")
-    return blocks["tetra"]
+    if len(found) == 2:
+        raise VisceraError("it mixes tetrahedra of 4 and of 10 nodes; remesh it with one kind")
+    return blocks[found[0]]
+
+
+def _without_midpoints(raw: RawMesh) -> RawMesh:
+    """Ten-node tetrahedra as the four-node ones they are when their edges are straight; others are refused."""
+    points, cells = raw.points, raw.cells
+    if cells.ndim != 2 or cells.shape[1] != 10:
+        return raw
+    if cells.min() < 0 or cells.max() >= len(points):
+        raise VisceraError(f"a cell names a point that is not one of {len(points)}")
+    for k, (a, b) in enumerate(EDGES, start=4):
+        ends, middle = (points[cells[:, a]], points[cells[:, b]]), points[cells[:, k]]
+        bend = np.linalg.norm(middle - 0.5 * (ends[0] + ends[1]), axis=1)
+        bent = np.flatnonzero(~(bend <= STRAIGHT * np.linalg.norm(ends[1] - ends[0], axis=1)))
+        if len(bent):
+            share = bend[bent[0]] / np.linalg.norm(ends[1] - ends[0], axis=1)[bent[0]]
+            raise VisceraError(
+                f"cell {bent[0]} is curved: the midpoint of an edge is {share:.2g} edge lengths off its middle; only "
+                "straight cells are read, remesh it with linear ones"
+            )
+    is_kept = np.ones(len(points), dtype=bool)
+    is_kept[cells[:, 4:]] = False
+    is_kept[cells[:, :4]] = True
+    number = np.cumsum(is_kept) - 1
+    sets = {name: number[nodes[is_kept[nodes]]] for name, nodes in raw.sets.items()}
+    message = "left out the midpoints of ten-node cells; the element P2 puts them back"
+    return RawMesh(
+        points[is_kept], number[cells[:, :4]], {k: v for k, v in sets.items() if len(v)}, (*raw.messages, message)
+    )
 
 
 def _sets_of_point_arrays(found: meshio.Mesh) -> dict[str, NDArray[Any]]:

@@ -9,15 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, defaults
-from viscera.errors import NotConverged, VisceraError
+from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
 from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.path import Expansion, Path
+from viscera.pgd import Pgd, separate
 from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
+
+ELEMENTS = ("P1", "P1 nodal", "P2")
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -27,6 +30,9 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
+    element: "P1" (linear cells), "P1 nodal" (linear cells that share their change of volume around nodes) or "P2"
+        (quadratic cells); by default "P1 nodal" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+        below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
     >>> import viscera as vs
@@ -36,17 +42,21 @@ class Organ:
     (True, 10.0)
     """
 
-    def __init__(self, mesh: Mesh, law: Law, fixed: Where) -> None:
+    def __init__(self, mesh: Mesh, law: Law, fixed: Where, *, element: str | None = None) -> None:
         if not isinstance(law, Law):
             raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
         rows = len(law.parameters)
         if rows not in {1, len(mesh.cells)}:
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
-        self.mesh = mesh
+        self.element = _element(element, law)
+        """Name of the element."""
+        self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
+        """The mesh with the nodes of the element."""
         self.law = law
-        self.fixed = fixed_nodes(mesh, fixed)
+        self.fixed = fixed_nodes(self.mesh, fixed)
         """Indices (k,) of the fixed nodes."""
-        self._body = _core.Body(mesh.points, mesh.cells, law.core(), self.fixed)
+        corners = self.mesh.points[: self.mesh.n_corners]
+        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
 
     def solve(
         self,
@@ -198,12 +208,59 @@ class Organ:
         )
         return Touch(model)
 
+    def pgd(
+        self,
+        touchable: Where | None = None,
+        *,
+        load: float,
+        order: int = 4,
+        radius: float = 0.0,
+        tolerance: float | None = 0.05,
+        max_terms: int = 100,
+        stagnation: float = 0.01,
+        max_iterations: int = 30,
+        progress: Progress | None = None,
+    ) -> Pgd:
+        """Paper A's model: a load normal to the surface at any node of a place, u = sum a^p sum_i F_i^p(x) G_i^p(s).
+
+        load [N] at a = 1, pushing in where positive; on single nodes as in the paper, or spread over a contact patch
+        of `radius` [m], which separates better and does not depend on the mesh. order: 1 to 15.
+        tolerance: an order is done when the energy norm of a pair falls below this part of the largest of its order;
+            None solves every position exactly instead, to compare with. max_terms: pairs of an order at most.
+        stagnation, max_iterations: of the alternating directions; a pair is found when the unit vector along its G
+            turns by less.
+        Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
+        """
+        for name, value in (("order", order), ("max_terms", max_terms), ("max_iterations", max_iterations)):
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise VisceraError(f"{name} must be a whole number of at least 1, got {value!r}")
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
+        return separate(
+            self,
+            self.touchable(touchable),
+            load=float(load),
+            radius=float(radius),
+            order=int(order),
+            enrichment=None if tolerance is None else {"tolerance": tolerance, **rules},
+            progress=progress,
+        )
+
     def _length(self, name: str, value: float) -> float:
         if not 0.0 < value <= self.mesh.diagonal:
             raise VisceraError(
                 f"{name} is {value:g} m; it must be positive and at most the organ's diagonal, {self.mesh.diagonal:g} m"
             )
         return float(value)
+
+
+def _element(name: str | None, law: Law) -> str:
+    """The element asked for, or the one that is right for the law."""
+    if name is None:
+        return defaults.LOCKING_FREE_ELEMENT if law.poisson.max() > defaults.LOCKING_POISSON else defaults.ELEMENT
+    if name not in ELEMENTS:
+        raise VisceraError(f"unknown element {name!r}; {did_you_mean(str(name), ELEMENTS)}")
+    return name
 
 
 def _distances(points: Floats, others: Floats) -> Floats:

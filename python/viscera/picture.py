@@ -7,6 +7,7 @@ back to front, look better in matplotlib and draw faster than its own three-dime
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import LinearSegmentedColormap, Normalize
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
@@ -23,6 +24,7 @@ from viscera.mesh import Floats, Indices
 
 INK, PAPER, ACCENT = "#22262e", "#ffffff", "#0b4f6c"
 TISSUE = LinearSegmentedColormap.from_list("tissue", ["#f3e3d7", "#eab08f", "#d9654f", "#a31f3a", "#4f0f2b"])
+SIGNED = LinearSegmentedColormap.from_list("signed", ["#123f5a", "#4f93b0", "#f3eee8", "#dd7a5c", "#8a1c33"])
 LIGHT = np.array([-0.35, 0.55, 0.76])  # in view axes: right, up, towards the eye
 PIECES = 30_000  # small triangles of one picture: enough for smooth shading, a second or two to draw
 
@@ -76,7 +78,14 @@ def view_axes(elevation: float, azimuth: float) -> Floats:
     return np.array([right, np.cross(towards, right), towards])
 
 
-def _shaded(shape: Floats, surface: Indices, values: Floats, scale: Normalize) -> PolyCollection:
+def _shaded(
+    shape: Floats,
+    surface: Indices,
+    values: Floats,
+    scale: Normalize,
+    colours: Colormap = TISSUE,
+    pieces: int = PIECES,
+) -> PolyCollection:
     """The visible side of a surface, in small triangles whose colour and light vary as the corners' do."""
     normals = np.cross(shape[surface[:, 1]] - shape[surface[:, 0]], shape[surface[:, 2]] - shape[surface[:, 0]])
     smooth = np.zeros_like(shape)
@@ -84,18 +93,18 @@ def _shaded(shape: Floats, surface: Indices, values: Floats, scale: Normalize) -
         np.add.at(smooth, surface[:, corner], normals)
     smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
     front = surface[normals[:, 2] > 0.0]
-    split = int(np.clip(np.sqrt(PIECES / max(len(front), 1)), 1, 6))
+    split = int(np.clip(np.sqrt(pieces / max(len(front), 1)), 1, 6))
     weights = _subdivision(split)
     polygons = np.einsum("pkc,tcx->tpkx", weights, shape[front]).reshape(-1, 3, 3)
     middle = weights.mean(axis=1)
-    colours = TISSUE(scale((middle @ values[front].T).T.ravel()))[:, :3]
+    tint = colours(scale((middle @ values[front].T).T.ravel()))[:, :3]
     facing = np.einsum("pc,tcx->tpx", middle, smooth[front]).reshape(-1, 3)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-30)
     light = LIGHT / np.linalg.norm(LIGHT)
     diffuse = np.clip(facing @ light, 0.0, 1.0)[:, None]
     half = light + np.array([0.0, 0.0, 1.0])
     shine = np.clip(facing @ half / np.linalg.norm(half), 0.0, 1.0)[:, None] ** 40
-    lit = np.clip(colours * (0.45 + 0.6 * diffuse) + 0.18 * shine, 0.0, 1.0)
+    lit = np.clip(tint * (0.45 + 0.6 * diffuse) + 0.18 * shine, 0.0, 1.0)
     order = np.argsort(polygons[:, :, 2].mean(axis=1))
     return PolyCollection(
         list(polygons[order, :, :2]), facecolors=lit[order], edgecolors=lit[order], linewidths=0.25, zorder=2
@@ -152,3 +161,68 @@ def _scale_bar(plot: Axes, shape: Floats) -> None:
     y = low[1] - 0.06 * extent[1]
     plot.plot([low[0], low[0] + bar], [y, y], color=INK, linewidth=2.0, solid_capstyle="butt")
     plot.text(low[0] + bar / 2, y - 0.015 * extent[1], f"{bar:g} mm", color=INK, ha="center", va="top", fontsize=9)
+
+
+def draw_panels(
+    points: Floats,
+    surface: Indices,
+    values: Mapping[str, Floats],
+    *,
+    label: str,
+    displacements: Mapping[str, Floats] | None = None,
+    marks: Mapping[str, Floats] | None = None,
+    is_signed: bool = False,
+    is_common: bool = True,
+    columns: int = 2,
+    view: tuple[float, float] = (20.0, -60.0),
+) -> Figure:
+    """Values on the surface of an organ, one panel for each title, with a legend of colours.
+
+    points (n, 3) [m]; values (n,) by title, in the unit that `label` names; displacements (n, 3) [m] by title, over the
+    wireframe of the rest shape; marks: points (k, 3) [m] by title, drawn as dots; is_signed: colours for both signs,
+    zero in the middle; is_common: one scale for all panels, or one each.
+    """
+    axes = view_axes(*view)
+    rest = 1e3 * points @ axes.T
+    shapes = {title: rest + 1e3 * (displacements or {}).get(title, np.zeros_like(points)) @ axes.T for title in values}
+    wide, high = np.ptp(np.concatenate(list(shapes.values()))[:, :2], axis=0)
+    columns = min(columns, len(values))
+    rows = -(-len(values) // columns)
+    panel = 11.0 / columns
+    height = min(rows * (max(0.9 * panel * high / wide, 1.0) + 0.4), 14.0)
+    figure = Figure(figsize=(11.0, height), dpi=150, facecolor=PAPER, layout="constrained")
+    FigureCanvasAgg(figure)
+    plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    colours = SIGNED if is_signed else TISSUE
+    common = _scale_of(np.concatenate(list(values.values())), is_signed)
+    for plot, (title, field) in zip(plots, values.items(), strict=False):
+        scale = common if is_common else _scale_of(field, is_signed)
+        if displacements is not None:
+            plot.add_collection(_wireframe(rest, surface, width=0.4, alpha=0.4))
+        plot.add_collection(_shaded(shapes[title], surface, field, scale, colours, PIECES // len(values)))
+        for dot in (marks or {}).get(title, np.empty((0, 3))):
+            x, y, _ = 1e3 * axes @ dot
+            plot.plot(x, y, "o", color=INK, markersize=5, markeredgecolor=PAPER, zorder=5)
+        plot.set_title(title, color=INK, loc="left", fontsize=10)
+        plot.set_aspect("equal")
+        plot.autoscale_view()
+        if not is_common:
+            _legend(figure, scale, colours, plot, label)
+    for plot in plots:
+        plot.set_axis_off()
+    _scale_bar(plots[0], np.concatenate(list(shapes.values())))
+    if is_common:
+        _legend(figure, common, colours, list(plots), label)
+    return figure
+
+
+def _scale_of(values: Floats, is_signed: bool) -> Normalize:
+    """From the least to the largest value, or symmetric about zero."""
+    largest = max(float(np.abs(values).max()), 1e-30)
+    return Normalize(-largest, largest) if is_signed else Normalize(float(values.min()), float(values.max()) + 1e-30)
+
+
+def _legend(figure: Figure, scale: Normalize, colours: Colormap, plots: Axes | list[Axes], label: str) -> None:
+    bar = figure.colorbar(ScalarMappable(scale, colours), ax=plots, shrink=0.7, pad=0.02, aspect=24)
+    bar.set_label(label, color=INK)
+    bar.outline.set_visible(False)

@@ -100,7 +100,7 @@ class Touch:
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
-        return Organ(self.mesh, full, fixed=self._model.array("fixed"))
+        return Organ(self.mesh, full, fixed=self._model.array("fixed"), element=self.element)
 
     def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
@@ -138,8 +138,10 @@ class Touch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh at rest, without its named sets."""
-        return mesh(self._model.array("points"), self._model.array("cells"))
+        """The mesh at rest, without its named sets; with the midpoints of edges where the element has them."""
+        points, cells = self._model.array("points"), self._model.array("cells")
+        linear = mesh(points[: int(cells.max()) + 1], cells)
+        return linear.quadratic() if self.element == "P2" else linear
 
     @cached_property
     def surface_nodes(self) -> Indices:
@@ -151,6 +153,11 @@ class Touch:
         """Triangles (t, 3) of the surface that may be touched."""
         positions, triangles = self._model.array("positions"), self._model.array("touchable")
         return np.asarray(positions[triangles], dtype=np.uint32)
+
+    @property
+    def element(self) -> str:
+        """The element of the full organ."""
+        return str(self.metadata.get("element", "P1"))
 
     @property
     def radius(self) -> float:

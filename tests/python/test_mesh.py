@@ -278,8 +278,12 @@ def test_other_kinds_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
         vs.read(tmp_path / "shell.vtu")
     quadratic = ("tetra10", np.arange(10)[None])
     meshio.vtu.write(str(tmp_path / "p2.vtu"), meshio.Mesh(bar.points, [quadratic]))
-    with pytest.raises(VisceraError, match="it holds 1 tetra10 cells; only linear tetrahedra are read"):
+    with pytest.raises(VisceraError, match=r"cell 0 is curved: .* edge lengths off its middle; only straight cells"):
         vs.read(tmp_path / "p2.vtu")
+    bricks = ("hexahedron", np.arange(8)[None])
+    meshio.vtu.write(str(tmp_path / "hex.vtu"), meshio.Mesh(bar.points, [bricks]))
+    with pytest.raises(VisceraError, match="it holds 1 hexahedron cells; only tetrahedra are read"):
+        vs.read(tmp_path / "hex.vtu")
 
 
 def test_missing_and_unknown_files(tmp_path: Path) -> None:

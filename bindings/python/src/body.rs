@@ -6,6 +6,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
+use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
 use viscera_core::reduced::Reduction;
 use viscera_core::series::{Continuation, Parameter};
@@ -27,11 +28,13 @@ impl Body {
         cells: PyReadonlyArray2<u32>,
         law: &Law,
         fixed: PyReadonlyArray1<u32>,
+        element: &str,
     ) -> PyResult<Self> {
         let (points, cells) = (convert::points("points", &points)?, convert::cells(&cells)?);
-        let body = body::Body::new(points, cells, law.material.clone()).map_err(convert::error)?;
-        let surface = mesh::surface(body.points(), body.cells());
-        let surface = mesh::Surface::new(body.points(), &surface);
+        let element = Element::named(element).map_err(convert::error)?;
+        let body = body::Body::with_element(element, points, cells, law.material.clone())
+            .map_err(convert::error)?;
+        let surface = mesh::Surface::new(body.points(), &body.surface());
         let mut fixed = fixed.as_array().to_vec();
         fixed.sort_unstable();
         fixed.dedup();

@@ -262,7 +262,7 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { (0.25 * self.shift).max(1e-4) } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }

@@ -167,13 +167,12 @@ fn part_of_nodes(body: &Body) -> Vec<u32> {
         }
         node
     }
-    for cell in body.cells() {
-        let first = root(&mut parent, cell[0]);
-        for &node in &cell[1..] {
-            let other = root(&mut parent, node);
-            parent[other as usize] = first;
-        }
-    }
+    let mut join = |a: u32, b: u32| {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[b as usize] = a;
+    };
+    body.cells().iter().for_each(|cell| cell[1..].iter().for_each(|&node| join(cell[0], node)));
+    (body.n_corners() as u32..).zip(body.edges()).for_each(|(middle, edge)| join(edge[0], middle));
     let mut label = vec![u32::MAX; n];
     let mut labels = Vec::with_capacity(n);
     let mut parts = 0;

@@ -5,7 +5,7 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
-use super::{Law, StrainEnergy, TangentBlocks, series};
+use super::{Law, StrainEnergy, TangentBlocks, blocks, series};
 use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate, tensor_cross,
@@ -31,7 +31,7 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let Z = cofactor(F);
         let [I1, I2, J] = Hessian::variables(invariants::<Self, S>(F, &Z));
         let psi = self.psi(I1, I2, J);
@@ -42,9 +42,65 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
-    fn stress_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        series::stress_series(self, table, deformation, out);
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        let [I1, I2, J] = dilated::<Self, S>(J, &J.cbrt());
+        self.psi(I1, I2, J)
     }
+
+    /// `U' = 2/c psi_1 + 4c psi_2 + psi_J`, `c = J^(1/3)`.
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        let c = J.cbrt();
+        let [I1, I2, J] = Gradient::variables(dilated::<Self, S>(J, &c));
+        let psi = self.psi(I1, I2, J).first;
+        dot(&psi, &directions(&c))
+    }
+
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        let c = J.cbrt();
+        let [I1, I2, J] = Hessian::variables(dilated::<Self, S>(J, &c));
+        let psi = self.psi(I1, I2, J);
+        let d = directions(&c);
+        let slopes: [S; 3] =
+            std::array::from_fn(|n| dot(&std::array::from_fn(|m| psi.second(m, n)), &d));
+        let r2 = c.recip().square();
+        // d2I1/dJ2 = -2/3 c^-4, d2I2/dJ2 = 4/3 c^-2.
+        let curvature = psi.first[1].clone() * r2.clone() * (4.0 / 3.0)
+            - psi.first[0].clone() * r2.square() * (2.0 / 3.0);
+        [dot(&psi.first, &d), dot(&slopes, &d) + curvature]
+    }
+
+    #[inline(always)]
+    fn stress_series<T: Real>(
+        &self,
+        table: &'static Monomials,
+        deformation: &[T],
+        q: &[T],
+        out: &mut [T],
+    ) {
+        series::stress_series(self, table, deformation, q, out);
+    }
+
+    #[inline(always)]
+    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        series::volume_series(table, deformation, out);
+    }
+}
+
+/// The invariants of `F = c I`, `J = c^3`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn dilated<E: StrainEnergy, S: Scalar>(J: &S, c: &S) -> [S; 3] {
+    let c2 = c.square();
+    let I2 = if E::USES_I2 { c2.square() * 3.0 } else { J.constant(0.0) };
+    [c2 * 3.0, I2, J.clone()]
+}
+
+/// Derivatives of the invariants of `F = c I` by `J`.
+#[inline(always)]
+fn directions<S: Scalar>(c: &S) -> [S; 3] {
+    [c.recip() * 2.0, c.clone() * 4.0, c.constant(1.0)]
 }
 
 /// `I1, I2, J`; `I2` is left zero for laws that do not use it.
@@ -83,12 +139,12 @@ fn contract<E: StrainEnergy, S: Scalar>(
     F: &Mat3<S>,
     Z: &Mat3<S>,
     psi: &Hessian<S>,
-    g: &[Vec3<S>; 4],
+    g: &[Vec3<S>; 3],
 ) -> TangentBlocks<S> {
     let Y = tensor_cross(Z, F);
-    let f: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(F, &g[a]));
-    let z: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
-    let y: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
+    let f: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(F, &g[a]));
+    let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
+    let y: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
     let two_psi1 = psi.first[0].clone() * 2.0;
     let two_psi2 = psi.first[1].clone() * 2.0;
     let I1 = double_dot(F, F);
@@ -134,9 +190,5 @@ fn contract<E: StrainEnergy, S: Scalar>(
             entry
         })
     };
-    let zero = F[0][0].constant(0.0);
-    let zero = tabulate(|_, _| zero.clone());
-    std::array::from_fn(|a| {
-        std::array::from_fn(|b| if a <= b { block(a, b) } else { zero.clone() })
-    })
+    blocks(block)
 }

@@ -5,6 +5,7 @@
 
 mod closest;
 mod patch;
+mod quadratic;
 mod report;
 #[cfg(test)]
 pub(crate) mod samples;
@@ -12,6 +13,7 @@ mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use patch::Patch;
+pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
 pub use surface::{Surface, surface};
 

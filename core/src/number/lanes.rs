@@ -98,6 +98,10 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn powf(&self, exponent: f64) -> Self {
         self.map(|x| x.powf(exponent))
     }
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        self.map(f64::cbrt)
+    }
 }
 
 impl<const L: usize> Real for Lanes<L> {

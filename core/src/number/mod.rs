@@ -48,6 +48,11 @@ pub trait Scalar:
     fn exp(&self) -> Self;
     /// `self^exponent` for positive values and a real exponent.
     fn powf(&self, exponent: f64) -> Self;
+    /// The cube root of a positive value.
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        self.powf(1.0 / 3.0)
+    }
     /// `self * self`.
     fn square(&self) -> Self {
         self.clone() * self.clone()
@@ -88,6 +93,10 @@ impl Scalar for f64 {
     #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
         f64::powf(*self, exponent)
+    }
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        f64::cbrt(*self)
     }
 }
 
