@@ -14,8 +14,12 @@ c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
 
+FUZZ_SECONDS   ?= 60
+HAPTIC_SECONDS ?= 600
+
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python c-library install-c bench pages clean
+.PHONY: help setup demo test lint format test-core test-c test-python sanitize fuzz c-library install-c bench bench-haptic
+.PHONY: pages clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -48,6 +52,15 @@ test-c: $(extension) c-library ## the C library: programs in C and C++ against P
 test-python: $(extension) ## the Python tests and doctests
 	$(BIN)/pytest --ignore=$(c_tests)
 
+sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
+	$(BIN)/pytest $(c_tests) -k sanitizers
+
+fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
+	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
+	for target in file edits; do \
+		mkdir -p out/fuzz/$$target && $(CARGO) +nightly fuzz run --features libfuzzer $$target out/fuzz/$$target fuzz/corpus/$$target -- \
+			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
+
 c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
 	$(CARGO) build --release --package viscera-c
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e "s|@VERSION@|$$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)|" \
@@ -63,6 +76,10 @@ install-c: c-library ## header, libraries and pkg-config file of the C library i
 bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
+
+bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz
+	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
+	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS)
 
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 DEVICE = Path(__file__).resolve().parents[2] / "bindings" / "c" / "device"
@@ -61,8 +62,7 @@ def test_a_recording_that_cannot_be_played_is_refused(model: Path, build: Build,
 def test_the_recording_is_what_its_script_writes() -> None:
     sys.path.insert(0, str(DEVICE))
     try:
-        import numpy as np
-        import palpation  # type: ignore[import-not-found]
+        import palpation
     finally:
         sys.path.remove(str(DEVICE))
     recorded = np.loadtxt(DEVICE / "palpation.csv", delimiter=",", skiprows=2)

@@ -98,7 +98,7 @@ class Organ:
         """The closest touchable point (3,) [m] and its distance [m]."""
         contact, distance = Vector(), c.c_double()
         if self.library.viscera_locate(self.handle, vector(point), contact, distance) != OK:
-            raise ValueError(f"no point of the surface is closest to {point}")
+            raise ValueError(f"no point of the surface is closest to {point!r}")
         return np.array(contact), distance.value
 
     def touch(self, point: ArrayLike, displacement: ArrayLike) -> tuple[int, Answer]:
