@@ -11,6 +11,7 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.comparison import compare
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.law import (
@@ -24,6 +25,7 @@ from viscera.law import (
     Yeoh,
 )
 from viscera.mesh import Mesh, mesh, read
+from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.state import State
 from viscera.touch import Answer, Touch, load
@@ -42,9 +44,11 @@ __all__ = [
     "SaintVenantKirchhoff",
     "State",
     "Touch",
+    "Unloaded",
     "VisceraError",
     "Yeoh",
     "__version__",
+    "compare",
     "helical_fibres",
     "laws",
     "load",

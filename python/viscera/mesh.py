@@ -171,7 +171,7 @@ class Mesh:
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node and cell sets go along, except in `.mesh`, which cannot hold them; midpoints follow from the rest and do not.
+        Node and cell sets go along, except in `.mesh`, which cannot hold them; midpoints, which follow, do not.
         """
         mesh = self.linear()
         meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets)

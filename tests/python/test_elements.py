@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from itertools import permutations
+from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from numpy.typing import NDArray

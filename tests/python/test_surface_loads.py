@@ -126,6 +126,26 @@ def test_an_inflated_tube_is_the_closed_form() -> None:
     assert rates == pytest.approx(2.0, abs=0.3)
 
 
+@pytest.mark.parametrize("element", ["P1", "P1 nodal", "P2"])
+def test_every_element_takes_surface_loads(cube: vs.Mesh, element: str) -> None:
+    """Hydrostatic pressure on all sides and as a traction: a dilatation that every element holds exactly."""
+    law = vs.NeoHookean(young=1e5, poisson=0.3)
+    organ = vs.Organ(cube, law, fixed=[0], element=element)
+    sides: dict[Any, float] = {lambda x, k=k, s=s: x[:, k] == s: 2e4 for k in range(3) for s in (0.0, 0.1)}
+    axes: dict[Any, Any] = {
+        lambda x: (x == [0.1, 0.0, 0.0]).all(axis=1): (None, 0.0, 0.0),
+        lambda x: (x == [0.0, 0.1, 0.0]).all(axis=1): (None, None, 0.0),
+    }
+    state = organ.solve(displacement=axes, pressure=sides)
+    shrunk = state.displacement[(organ.mesh.points == 0.1).all(axis=1)][0, 0] / 0.1 + 1
+    assert state.displacement == pytest.approx((shrunk - 1) * organ.mesh.points, abs=1e-10)
+    stress = law.stress(shrunk * np.eye(3)[None])[0]
+    assert stress == pytest.approx(-2e4 * shrunk**2 * np.eye(3), abs=1e-4)
+    sheared = organ.solve(displacement=axes, traction={"top": (0, 0, -50.0), "bottom": (0, 0, 50.0)})
+    lateral = organ.solve(displacement=axes, force={"top": (0, 0, -0.5), "bottom": (0, 0, 0.5)})
+    assert sheared.displacement == pytest.approx(lateral.displacement, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("loads", "words"),
     [

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import viscera as vs
 from viscera.law import Law
+from viscera.study import artery
 
 Floats = NDArray[np.float64]
 Vector = tuple[float | None, float | None, float | None]
 
 GRAVITY = (0.0, -9.81, 0.0)
+FORMS = {"mr": "J-1", "mr2": "J^2-1"}
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,11 @@ class Problem:
     density: float = 0.0
     pressure: Mapping[str, float] = field(default_factory=dict)
     """Follower pressure on the surface triangles of node sets [Pa]."""
+    gravity: tuple[float, float, float] = GRAVITY
     steps: int = 10
     laws: tuple[str, ...] = ("linear", "svk", "nh", "mr")
+    c1_c2_kappa: tuple[float, float, float] | None = None
+    """Of Mooney-Rivlin; by default those of the same moduli at small strain."""
 
     @property
     def mesh(self) -> vs.Mesh:
@@ -56,8 +62,8 @@ class Problem:
 
     @property
     def mooney_rivlin(self) -> tuple[float, float, float]:
-        """c1, c2 and kappa with the same moduli at small strain."""
-        return 0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu
+        """c1, c2 and kappa."""
+        return self.c1_c2_kappa or (0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu)
 
     @property
     def kappa(self) -> float:
@@ -66,8 +72,8 @@ class Problem:
 
     def law(self, name: str) -> Law:
         """Our law by the name the data files use."""
-        if name == "mr":
-            return vs.MooneyRivlin(*self.mooney_rivlin, volumetric="J-1")
+        if name in FORMS:
+            return vs.MooneyRivlin(*self.mooney_rivlin, volumetric=FORMS[name])
         if name == "yeoh":
             return vs.Yeoh(*(c * self.mu for c in YEOH), kappa=self.kappa)
         if name == "ogden":
@@ -78,7 +84,12 @@ class Problem:
             return vs.HolzapfelGasserOgden(
                 c * self.mu, k1 * self.mu, k2, dispersion=dispersion, fibres=FIBRES, kappa=self.kappa
             )
-        laws = {"linear": vs.Linear, "svk": vs.SaintVenantKirchhoff, "nh": vs.NeoHookean}
+        laws = {
+            "linear": vs.Linear,
+            "corotated": vs.Corotated,
+            "svk": vs.SaintVenantKirchhoff,
+            "nh": vs.NeoHookean,
+        }
         return laws[name](mu=self.mu, lam=self.lam)
 
 
@@ -105,6 +116,35 @@ PROBLEMS = {
     "liver": Problem("liver", 1e4, 0.45, "hilum", force={"tip": (0.1, 0.0, 0.4)}),
     "liver_driven": Problem("liver", 1e4, 0.45, "hilum", mean={"tip": (0.0, 0.01, 0.02)}),
 }
+
+# The study of paper B, as the package states it; what the peers find for it goes where `viscera study artery` reads.
+STUDY = {
+    label: Problem(
+        "artery",
+        artery.YOUNG,
+        artery.POISSON,
+        "top",
+        artery.loads(density)["displacement"],
+        density=density,
+        gravity=artery.GRAVITY,
+        steps=artery.STEPS,
+        c1_c2_kappa=(artery.C1, artery.C2, 4 * artery.ALPHA),
+    )
+    for label, density in artery.DENSITIES.items()
+}
+STUDY_LAWS = {
+    "linear": "Linear",
+    "corotated": "Corotated",
+    "svk": "SaintVenantKirchhoff",
+    "nh": "NeoHookean",
+    "mr2": "MooneyRivlin J^2-1",
+    "mr": "MooneyRivlin J-1",
+}
+
+
+def study_data(peer: str) -> Path:
+    """The file in the package that holds what a peer found for the study."""
+    return Path(artery.__file__).with_name(f"artery_{peer}.npz")
 
 
 def area_shares(mesh: vs.Mesh, name: str) -> Floats:

@@ -26,6 +26,20 @@ fn sum(terms: impl Iterator<Item = Mat3<f64>>) -> Mat3<f64> {
     terms.fold(zero(), |sum, term| add(&sum, &term))
 }
 
+/// A linear tetrahedron: gradients of its four shape functions, and its volume.
+struct Shape {
+    gradients: [[f64; 3]; 4],
+    volume: f64,
+}
+
+impl Shape {
+    fn new(x: [[f64; 3]; 4]) -> Self {
+        let Geometry { gradients: [a, b, c], volume } = Geometry::new(x);
+        let first = std::array::from_fn(|i| -a[i] - b[i] - c[i]);
+        Shape { gradients: [first, a, b, c], volume }
+    }
+}
+
 /// The series of one cell, order by order; the last entry of each list is the newest.
 struct Appendix {
     /// `grad u_r`, `C_r`, cofactor `CC_r`, and `C^-1_r`.
@@ -179,10 +193,10 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
         .map(|(p, s)| noise(n, 30 + p).iter().map(|x| s * x).collect())
         .collect();
     let interleaved: Vec<f64> = (0..n).flat_map(|dof| series.iter().map(move |u| u[dof])).collect();
-    let mut literal: Vec<(Geometry, Appendix)> = cells
+    let mut literal: Vec<(Shape, Appendix)> = cells
         .iter()
         .map(|cell| {
-            let element = Geometry::new(cell.map(|node| points[node as usize]));
+            let element = Shape::new(cell.map(|node| points[node as usize]));
             let start = gradient(&element, cell, &series[0]);
             (element, Appendix::new(start))
         })
@@ -193,7 +207,7 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
         let mut expected = vec![0.0; n];
         for (cell, (element, appendix)) in cells.iter().zip(&mut literal) {
             let stress = appendix.right_hand_side(p);
-            for (&node, g) in cell.iter().zip(gradients(element)) {
+            for (&node, g) in cell.iter().zip(&element.gradients) {
                 for i in 0..3 {
                     let share: f64 = (0..3).map(|j| stress[i][j] * g[j]).sum();
                     expected[3 * node as usize + i] += element.volume * share;
@@ -208,15 +222,8 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
     }
 }
 
-fn gradient(element: &Geometry, cell: &[u32; 4], u: &[f64]) -> Mat3<f64> {
-    let gradients = gradients(element);
+fn gradient(element: &Shape, cell: &[u32; 4], u: &[f64]) -> Mat3<f64> {
     tabulate(|i, j| {
-        cell.iter().zip(&gradients).map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum()
+        cell.iter().zip(&element.gradients).map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum()
     })
-}
-
-/// Of all four barycentric coordinates.
-fn gradients(element: &Geometry) -> [[f64; 3]; 4] {
-    let [a, b, c] = element.gradients;
-    [std::array::from_fn(|i| -(a[i] + b[i] + c[i])), a, b, c]
 }
