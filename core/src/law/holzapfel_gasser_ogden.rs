@@ -58,7 +58,7 @@ impl HolzapfelGasserOgden {
     fn families<S: Scalar>(&self, F: &Mat3<S>, Z: &Mat3<S>) -> [(Vec3<S>, [S; 3]); 2] {
         let (I1, J) = (double_dot(F, F), determinant(F, Z));
         self.fibres.map(|a| {
-            let Fa = std::array::from_fn(|i| along(&F[i], &a));
+            let Fa = std::array::from_fn(|i| project(&F[i], &a));
             let I4 = dot(&Fa, &Fa);
             (Fa, [I1.clone(), I4, J.clone()])
         })
@@ -110,11 +110,20 @@ impl Law for HolzapfelGasserOgden {
         let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Z, &g[a]));
         // a . g for each family and vector.
         let s: [[S; 3]; 2] =
-            std::array::from_fn(|m| std::array::from_fn(|a| along(&g[a], &self.fibres[m])));
-        let directions = |m: usize, a: usize, i: usize| -> [S; 3] {
-            let pull = families[m].0[i].clone() * s[m][a].clone();
-            [f[a][i].clone() * 2.0, pull * 2.0, z[a][i].clone()]
-        };
+            std::array::from_fn(|m| std::array::from_fn(|a| project(&g[a], &self.fibres[m])));
+        // The directions of each half along each vector, and their product with the second derivatives.
+        let along: [[Mat3<S>; 3]; 2] = std::array::from_fn(|m| {
+            std::array::from_fn(|a| {
+                std::array::from_fn(|i| {
+                    let pull = families[m].0[i].clone() * s[m][a].clone();
+                    [f[a][i].clone() * 2.0, pull * 2.0, z[a][i].clone()]
+                })
+            })
+        });
+        let weighted: [[Mat3<S>; 3]; 2] = std::array::from_fn(|m| {
+            let second = tabulate(|p, q| psi[m].second(p, q));
+            std::array::from_fn(|b| std::array::from_fn(|k| mul_vector(&second, &along[m][b][k])))
+        });
 
         let block = |a: usize, b: usize| -> Mat3<S> {
             let mut diagonal = two_psi1.clone() * dot(&g[a], &g[b]);
@@ -124,21 +133,14 @@ impl Law for HolzapfelGasserOgden {
             }
             let spin = mul_vector(F, &cross(&g[a], &g[b])).map(|x| x * psiJ.clone());
             tabulate(|i, k| {
-                let mut entry = if i == k {
-                    diagonal.clone()
-                } else {
-                    // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
-                    let w = spin[3 - i - k].clone();
-                    if (i + 1) % 3 == k { w } else { -w }
-                };
-                for m in 0..2 {
-                    let (left, right) = (directions(m, a, i), directions(m, b, k));
-                    for (p, left) in left.into_iter().enumerate() {
-                        let row: Vec3<S> = std::array::from_fn(|q| psi[m].second(p, q));
-                        entry = entry + left * dot(&row, &right);
-                    }
+                let entry = dot(&along[0][a][i], &weighted[0][b][k])
+                    + dot(&along[1][a][i], &weighted[1][b][k]);
+                // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
+                match (3 + k - i) % 3 {
+                    0 => entry + diagonal.clone(),
+                    1 => entry + spin[3 - i - k].clone(),
+                    _ => entry - spin[3 - i - k].clone(),
                 }
-                entry
             })
         };
         (self.stress(F), blocks(block))
@@ -163,6 +165,6 @@ impl Law for HolzapfelGasserOgden {
 
 /// `v . a` for a fixed direction.
 #[inline(always)]
-fn along<S: Scalar>(v: &Vec3<S>, a: &[f64; 3]) -> S {
+fn project<S: Scalar>(v: &Vec3<S>, a: &[f64; 3]) -> S {
     v[0].clone() * a[0] + v[1].clone() * a[1] + v[2].clone() * a[2]
 }
