@@ -103,6 +103,8 @@ class Body:
         values: Floats,  # (k,) displacement there at full load [m]
         force: Floats,  # (n, 3) nodal forces, scaled by the load [N]
         body_force: Floats,  # (n, 3) nodal forces in full at every load level (gravity) [N]
+        pressed: Indices,  # (t, 3) or (t, 6) faces under follower pressure, outward: corners, then midpoints
+        pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,

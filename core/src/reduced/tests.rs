@@ -183,6 +183,41 @@ fn stiffness_is_the_derivative_of_the_force() {
     }
 }
 
+/// A touch by a lower order is the same series with fewer terms; by order 1 it is linear in the displacement.
+#[test]
+fn orders_are_cut_where_they_are_asked_to_be() {
+    let contact = inside(5, [0.2, 0.5, 0.3]);
+    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let mut surface = |d: [f64; 3], order: usize| {
+        let mut out = vec![0.0; 3 * MODEL.arrays.surface_nodes.len()];
+        MODEL.surface_displacement_to_order(&contact, d, order, &mut workspace, &mut out);
+        out.into_iter().map(f64::from).collect::<Vec<f64>>()
+    };
+    let d = [0.001, -0.002, -0.003];
+    let all = MODEL.respond(&contact, d).force;
+    assert!(relative(&MODEL.force_to_order(&contact, d, 3), &all) < 1e-14);
+    // What order p adds grows with the p-th power of the displacement.
+    for order in 1..=3 {
+        let [once, twice] = [1.0, 2.0].map(|factor| {
+            let d = d.map(|x| factor * x);
+            let (mut field, mut force) =
+                (surface(d, order), MODEL.force_to_order(&contact, d, order));
+            if order > 1 {
+                let lower = MODEL.force_to_order(&contact, d, order - 1);
+                field.iter_mut().zip(surface(d, order - 1)).for_each(|(u, lower)| *u -= lower);
+                force.iter_mut().zip(lower).for_each(|(f, lower)| *f -= lower);
+            }
+            (field, force)
+        });
+        let scale = 2f64.powi(order as i32);
+        let expected: Vec<f64> = once.1.iter().map(|f| scale * f).collect();
+        assert!(relative(&twice.1, &expected) < 1e-10, "force of order {order}");
+        let expected: Vec<f64> = once.0.iter().map(|u| scale * u).collect();
+        // Single precision, and modes left out below 1e-5 of the tool's displacement.
+        assert!(relative(&twice.0, &expected) < 2e-3, "field of order {order}");
+    }
+}
+
 #[test]
 fn answers_are_continuous_across_edges() {
     let mut crossed = 0;
