@@ -53,7 +53,7 @@ def test_forces_are_taken_off_too(bar: vs.Mesh) -> None:
 
 def test_an_inner_pressure_is_taken_off() -> None:
     """An artery is imaged under blood pressure, which follows its wall as it deforms."""
-    artery = vs.Organ(vs.organs.artery(), vs.NeoHookean(young=1e6, poisson=0.45), fixed=lambda x: x[:, 2] < 1e-4)
+    artery = vs.Organ(vs.organs.artery(), vs.NeoHookean(young=1e6, poisson=0.4), fixed=lambda x: x[:, 2] < 1e-4)
     loads: dict[str, Any] = {"pressure": {"lumen": 13e3}}
     scan = loaded(artery, **loads)
     assert np.abs(scan.mesh.points - artery.mesh.points).max() > 1e-4
