@@ -190,6 +190,8 @@ class Organ:
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         tolerance: float = 1e-10,
         max_iterations: int = 100,
         throw: bool = False,
@@ -197,7 +199,8 @@ class Organ:
     ) -> Unloaded:
         """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
 
-        gravity, density, force: of the scan, as in `solve`; the density [kg/m^3] is that of the unloaded organ.
+        gravity, density, force, traction, pressure: of the scan, as in `solve`; densities [kg/m^3], areas of tractions
+            and fibres are those of the unloaded organ.
         tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
             bounding-box diagonal.
         max_iterations: for one load step.
@@ -206,7 +209,7 @@ class Organ:
         From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
         displacement from the scan.
         """
-        loads = {"gravity": gravity, "density": density, "force": {} if force is None else force}
+        loads = {"gravity": gravity, "density": density, "force": force, "traction": traction, "pressure": pressure}
         result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
         if throw and not result.is_converged:
             raise VisceraError(result.message)
