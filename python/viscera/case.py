@@ -3,7 +3,7 @@
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
     units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
-    element = "P1 nodal"          # or "P1", "P2"; without it, what is right for the material
+    element = "P1 mean volume"          # or "P1", "P2"; without it, what is right for the material
 
     [material]
     law = "NeoHookean"

@@ -37,7 +37,7 @@ from viscera.touch import Touch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ELEMENTS = ("P1", "P1 nodal", "P2")
+ELEMENTS = ("P1", "P1 mean volume", "P2")
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -47,8 +47,8 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
-    element: "P1" (linear cells), "P1 nodal" (linear cells that share their change of volume around nodes) or "P2"
-        (quadratic cells); by default "P1 nodal" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+    element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
+        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
         below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
