@@ -10,9 +10,12 @@ CARGO  := cargo
 
 core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
-c_tests      := tests/python/test_c_library.py
+c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
+
+FUZZ_SECONDS   ?= 60
+HAPTIC_SECONDS ?= 600
 
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
 page         := python/viscera/viewer/static/viewer.js
@@ -21,7 +24,8 @@ evaluator    := viewer/wasm/viscera.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python test-web viewer c-library install-c bench pages pictures clean
+.PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
+.PHONY: bench bench-haptic studies pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -59,6 +63,15 @@ test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser,
 
 viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
 
+sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
+	$(BIN)/pytest $(c_tests) -k sanitizers
+
+fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
+	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
+	for target in file edits; do \
+		mkdir -p out/fuzz/$$target && $(CARGO) +nightly fuzz run --features libfuzzer $$target out/fuzz/$$target fuzz/corpus/$$target -- \
+			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
+
 c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
 	$(CARGO) build --release --package viscera-c
 	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e "s|@VERSION@|$$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)|" \
@@ -75,8 +88,17 @@ bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
 
+bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz
+	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
+	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS)
+
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
+
+studies: $(extension) ## the full studies of the papers; their tables go where the pages quote them
+	for name in beam liver; do \
+		$(BIN)/viscera study $$name -o out/$$name && mkdir -p benchmarks/results/$$name && \
+		cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py

@@ -7,6 +7,7 @@ import json
 from itertools import permutations, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -33,12 +34,12 @@ def block(n: int) -> bytes:
         return path.read_bytes()
 
 
-def parts(file: bytes) -> tuple[dict, bytes]:
+def parts(file: bytes) -> tuple[dict[str, Any], bytes]:
     end = 8 + int.from_bytes(file[:8], "little")
     return json.loads(file[8:end]), file[end:]
 
 
-def whole(header: dict | bytes, data: bytes = b"") -> bytes:
+def whole(header: dict[str, Any] | bytes, data: bytes = b"") -> bytes:
     text = header if isinstance(header, bytes) else json.dumps(header).encode()
     return len(text).to_bytes(8, "little") + text + data
 

@@ -57,6 +57,15 @@ def test_solve(folder: Path) -> None:
     assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
 
 
+def test_compare(folder: Path) -> None:
+    told = run(folder, "compare", str(folder / "case.toml"), "-o", str(folder), "--models", "Linear")
+    assert set(told) == documented("compare")
+    models = told["models"]
+    assert isinstance(models, list)
+    keys = {key for model in models for key in (*model, *(model["difference"] or {}), *model["times"])}
+    assert all(f"`{key}`" in PAGE for key in keys)
+
+
 def test_reduce_check_and_touch(folder: Path) -> None:
     model = str(folder / "organ.viscera")
     assert set(run(folder, "reduce", str(folder / "case.toml"), "-o", model)) == documented("reduce")

@@ -11,9 +11,11 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.comparison import compare
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.mesh import Mesh, mesh, read
+from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.state import State
 from viscera.touch import Answer, Touch, load
@@ -30,8 +32,10 @@ __all__ = [
     "SaintVenantKirchhoff",
     "State",
     "Touch",
+    "Unloaded",
     "VisceraError",
     "__version__",
+    "compare",
     "laws",
     "load",
     "mesh",

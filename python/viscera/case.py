@@ -16,6 +16,9 @@
     displacement.lobe = [0, "free", -0.01]
     force."z > 90%" = [0, 0, -2.0]
 
+    [scan]                        # the mesh was acquired under these loads, in the words of [loads]
+    gravity = [0, -9.81, 0]       # `solve` takes them off first, and counts displacements from the scan
+
     [settings]
     steps = 4
 
@@ -39,7 +42,8 @@ from typing import Any
 from viscera import law, organs
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh, read
-from viscera.organ import Organ
+from viscera.navigation import Unloaded
+from viscera.organ import Organ, Progress
 from viscera.select import length, select
 from viscera.state import State
 from viscera.touch import Touch
@@ -50,10 +54,12 @@ else:
     import tomli as tomllib
 
 KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
-    "": ("mesh", "units", "fixed", "element", "material", "loads", "settings", "reduce"),
+    "": ("mesh", "units", "fixed", "element", "material", "loads", "scan", "settings", "reduce"),
     "loads": ("displacement", "force", "gravity", "density"),
     "loads.displacement": None,
     "loads.force": None,
+    "scan": ("gravity", "density", "force"),
+    "scan.force": None,
     "settings": ("steps", "newton"),
     "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
     "material": ("law", "young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha", "volumetric"),
@@ -71,6 +77,7 @@ class Case:
     units: str | float | None = None
     element: str | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
+    scan: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
@@ -79,29 +86,50 @@ class Case:
         """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
         plain = load_mesh(self.mesh, self.units, self.folder)
         places = [self.fixed, *self.loads.get("displacement", {}), *self.loads.get("force", {})]
+        places += self.scan.get("force", {})
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
         return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed, element=self.element)
 
-    def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
-        """Static equilibrium of the organ under the case's loads."""
+    def loading(self) -> dict[str, Any]:
+        """Loads and settings as `Organ.solve` takes them."""
         moved = self.loads.get("displacement", {})
-        return organ.solve(
-            displacement={place: _components(place, values) for place, values in moved.items()},
-            force=self.loads.get("force", {}),
-            gravity=self.loads.get("gravity"),
-            density=self.loads.get("density"),
-            steps=self.settings.get("steps", 1),
-            settings=self.settings.get("newton"),
-            progress=progress,
-        )
+        return {
+            "displacement": {place: _components(place, values) for place, values in moved.items()},
+            "force": self.loads.get("force", {}),
+            "gravity": self.loads.get("gravity"),
+            "density": self.loads.get("density"),
+            "steps": self.settings.get("steps", 1),
+            "settings": self.settings.get("newton"),
+        }
+
+    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
+        """Static equilibrium of the organ under the case's loads."""
+        return organ.solve(**self.loading(), progress=progress)
+
+    def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
+        """The organ without the loads of its [scan]; the density is that of the [loads] where it is given there."""
+        density = self.scan.get("density", self.loads.get("density"))
+        force = self.scan.get("force", {})
+        return organ.unloaded(gravity=self.scan.get("gravity"), density=density, force=force, progress=progress)
+
+    def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
+        """Equilibrium under the case's loads of an organ found by `unloaded`; displacements count from the scan."""
+        return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
+
+    def require_unloaded(self, verb: str) -> None:
+        """Raise `VisceraError` where the case has a [scan], which only `viscera solve` takes off."""
+        if self.scan:
+            raise VisceraError(
+                f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
+            )
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
-    def reduce(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> Touch:
+    def reduce(self, organ: Organ, progress: Progress | None = None) -> Touch:
         """The reduced model of the organ with the case's [reduce] settings."""
         options = dict(self.reduction)
         for name in ("radius", "depth"):

@@ -8,11 +8,12 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, defaults
+from viscera import _core, defaults, navigation
 from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
 from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
 from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
 from viscera.state import State
@@ -57,6 +58,14 @@ class Organ:
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
+
+    def with_law(self, law: Law) -> Organ:
+        """The same mesh, supports and element with another law."""
+        return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
+
+    def with_mesh(self, mesh: Mesh) -> Organ:
+        """The same law, fixed nodes and element on another mesh of as many nodes and cells."""
+        return Organ(mesh, self.law, fixed=self.fixed, element=self.element)
 
     def solve(
         self,
@@ -150,6 +159,34 @@ class Organ:
         )
         return Path([Expansion(**expansion) for expansion in expansions])
 
+    def unloaded(
+        self,
+        *,
+        gravity: ArrayLike | None = None,
+        density: ArrayLike | None = None,
+        force: Forces | None = None,
+        tolerance: float = 1e-10,
+        max_iterations: int = 100,
+        throw: bool = False,
+        progress: Progress | None = None,
+    ) -> Unloaded:
+        """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
+
+        gravity, density, force: of the scan, as in `solve`; the density [kg/m^3] is that of the unloaded organ.
+        tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
+            bounding-box diagonal.
+        max_iterations: for one load step.
+        throw: raise `VisceraError` where no unloaded shape is found, instead of returning the last one found.
+
+        From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
+        displacement from the scan.
+        """
+        loads = {"gravity": gravity, "density": density, "force": {} if force is None else force}
+        result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
+        if throw and not result.is_converged:
+            raise VisceraError(result.message)
+        return result
+
     def patch(self, point: ArrayLike, radius: float) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
@@ -217,7 +254,7 @@ class Organ:
         radius: float = 0.0,
         tolerance: float | None = 0.05,
         max_terms: int = 100,
-        stagnation: float = 0.01,
+        stagnation: float = 0.05,
         max_iterations: int = 30,
         progress: Progress | None = None,
     ) -> Pgd:

@@ -51,19 +51,64 @@ def draw(
     FigureCanvasAgg(figure)
     plot = figure.add_subplot()
     scale = Normalize(0.0, max(length.max(), 1e-9))
-    plot.add_collection(_wireframe(rest, surface, width=0.5, alpha=0.55))
-    plot.add_collection(_shaded(shape, surface, length, scale))
-    plot.add_collection(_wireframe(rest, surface, width=0.25, alpha=0.10))
+    _organ(plot, rest, shape, surface, length, scale)
     if force is not None:
         _arrow(plot, 1e3 * force[0] @ axes.T, force[1], axes, reach=0.22 * float(np.ptp(rest[:, :2], axis=0).max()))
     _scale_bar(plot, np.concatenate([rest, shape]))
-    bar = figure.colorbar(ScalarMappable(scale, TISSUE), ax=plot, shrink=0.6, pad=0.02, aspect=28)
-    bar.set_label("displacement [mm]", color=INK)
-    bar.outline.set_visible(False)
+    _colour_bar(figure, scale, plot)
     plot.set_title(title, color=INK, loc="left", fontsize=11)
+    return _saved(figure, path)
+
+
+def draw_side_by_side(
+    points: Floats,
+    surface: Indices,
+    displacements: Mapping[str, Floats],
+    *,
+    view: tuple[float, float] = (20.0, -60.0),
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Several deformations of one organ by title, in one scale of colours and lengths; otherwise as `draw`."""
+    axes = view_axes(*view)
+    rest = 1e3 * points @ axes.T
+    shapes = {title: 1e3 * (points + displacement) @ axes.T for title, displacement in displacements.items()}
+    lengths = {title: 1e3 * np.linalg.norm(displacement, axis=1) for title, displacement in displacements.items()}
+    wide, high = np.ptp(np.concatenate([rest, *shapes.values()])[:, :2], axis=0)
+    columns = len(shapes) if high > wide else int(np.ceil(np.sqrt(len(shapes))))
+    rows = -(-len(shapes) // columns)
+    panel = 10.0 / columns
+    size = (10.0, min(rows * max(panel * high / wide, 1.5), 10.0))
+    figure = Figure(figsize=size, dpi=150, facecolor=PAPER, layout="constrained")
+    FigureCanvasAgg(figure)
+    plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    scale = Normalize(0.0, max(1e-9, *(length.max() for length in lengths.values())))
+    for plot, (title, shape) in zip(plots, shapes.items(), strict=False):
+        _organ(plot, rest, shape, surface, lengths[title], scale)
+        plot.set_title(title, color=INK, loc="left", fontsize=9)
+    for plot in plots[len(shapes) :]:
+        plot.set_axis_off()
+    _scale_bar(plots[0], np.concatenate([rest, *shapes.values()]))
+    _colour_bar(figure, scale, list(plots))
+    return _saved(figure, path)
+
+
+def _organ(plot: Axes, rest: Floats, shape: Floats, surface: Indices, values: Floats, scale: Normalize) -> None:
+    """A shape in view axes, coloured by values, over the wireframe of its rest."""
+    plot.add_collection(_wireframe(rest, surface, width=0.5, alpha=0.55))
+    plot.add_collection(_shaded(shape, surface, values, scale))
+    plot.add_collection(_wireframe(rest, surface, width=0.25, alpha=0.10))
     plot.set_aspect("equal")
     plot.set_axis_off()
     plot.autoscale_view()
+
+
+def _colour_bar(figure: Figure, scale: Normalize, plots: Axes | list[Axes]) -> None:
+    bar = figure.colorbar(ScalarMappable(scale, TISSUE), ax=plots, shrink=0.6, pad=0.02, aspect=28)
+    bar.set_label("displacement [mm]", color=INK)
+    bar.outline.set_visible(False)
+
+
+def _saved(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     if path is not None:
         with replacing(path) as scratch:
             figure.savefig(scratch, format="png", facecolor=PAPER)

@@ -70,13 +70,13 @@ def test_curves_make_sense(study: str, key: str, request: pytest.FixtureRequest)
     linear = [float(row["order 1"]) / float(row["load factor"]) for row in curve]
     assert linear == pytest.approx([linear[0]] * len(curve))
     assert linear[0] > 0, "a push goes in"
-    assert facts[key]["radius"] == pytest.approx(0.6)
+    assert facts[key]["radius"] == pytest.approx(0.5)
     first = {row["sum"]: float(row["a = 0.125"]) for row in table(folder, f"errors_{key}")}
     assert first["order 1"] > first["order 2"] > first["order 4"] > first["order 6"] > first["order 15"]
     assert first["Padé 6"] < first["order 6"]
-    reached = {row["solver"]: float(row["load factor reached"]) for row in table(folder, f"reach_{key}")}
-    assert all(0.0 <= load <= 1.0 for load in reached.values())
-    assert reached["Newton, line search and load steps"] > 0.0
+    reached = {row["solver"]: row["load factor reached"] for row in table(folder, f"reach_{key}")}
+    assert all(0.0 <= float(load) <= 1.0 for load in reached.values() if load != "none")
+    assert float(reached["Newton, line search and load steps"]) > 0.0
 
 
 def test_low_orders_gain_volume_that_newton_does_not(beam: tuple[Path, dict[str, Any]]) -> None:

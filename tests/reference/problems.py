@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import viscera as vs
 from viscera.law import Law
+from viscera.study import artery
 
 Floats = NDArray[np.float64]
 Vector = tuple[float | None, float | None, float | None]
 
 GRAVITY = (0.0, -9.81, 0.0)
+FORMS = {"mr": "J-1", "mr2": "J^2-1"}
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,10 @@ class Problem:
     mean: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Prescribed mean displacement of node sets [m], each node weighted by its share of the set's area."""
     density: float = 0.0
+    gravity: tuple[float, float, float] = GRAVITY
     steps: int = 10
+    c1_c2_kappa: tuple[float, float, float] | None = None
+    """Of Mooney-Rivlin; by default those of the same moduli at small strain."""
 
     @property
     def mesh(self) -> vs.Mesh:
@@ -53,14 +59,19 @@ class Problem:
 
     @property
     def mooney_rivlin(self) -> tuple[float, float, float]:
-        """c1, c2 and kappa with the same moduli at small strain."""
-        return 0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu
+        """c1, c2 and kappa."""
+        return self.c1_c2_kappa or (0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu)
 
     def law(self, name: str) -> Law:
         """Our law by the name the data files use."""
-        if name == "mr":
-            return vs.MooneyRivlin(*self.mooney_rivlin, volumetric="J-1")
-        laws = {"linear": vs.Linear, "svk": vs.SaintVenantKirchhoff, "nh": vs.NeoHookean}
+        if name in FORMS:
+            return vs.MooneyRivlin(*self.mooney_rivlin, volumetric=FORMS[name])
+        laws = {
+            "linear": vs.Linear,
+            "corotated": vs.Corotated,
+            "svk": vs.SaintVenantKirchhoff,
+            "nh": vs.NeoHookean,
+        }
         return laws[name](mu=self.mu, lam=self.lam)
 
 
@@ -77,6 +88,35 @@ PROBLEMS = {
     "liver": Problem("liver", 1e4, 0.45, "hilum", force={"tip": (0.1, 0.0, 0.4)}),
     "liver_driven": Problem("liver", 1e4, 0.45, "hilum", mean={"tip": (0.0, 0.01, 0.02)}),
 }
+
+# The study of paper B, as the package states it; what the peers find for it goes where `viscera study artery` reads.
+STUDY = {
+    label: Problem(
+        "artery",
+        artery.YOUNG,
+        artery.POISSON,
+        "top",
+        artery.loads(density)["displacement"],
+        density=density,
+        gravity=artery.GRAVITY,
+        steps=artery.STEPS,
+        c1_c2_kappa=(artery.C1, artery.C2, 4 * artery.ALPHA),
+    )
+    for label, density in artery.DENSITIES.items()
+}
+STUDY_LAWS = {
+    "linear": "Linear",
+    "corotated": "Corotated",
+    "svk": "SaintVenantKirchhoff",
+    "nh": "NeoHookean",
+    "mr2": "MooneyRivlin J^2-1",
+    "mr": "MooneyRivlin J-1",
+}
+
+
+def study_data(peer: str) -> Path:
+    """The file in the package that holds what a peer found for the study."""
+    return Path(artery.__file__).with_name(f"artery_{peer}.npz")
 
 
 def area_shares(mesh: vs.Mesh, name: str) -> Floats:

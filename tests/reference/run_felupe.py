@@ -13,12 +13,24 @@ from typing import Any
 
 import felupe as fem
 import numpy as np
-from problems import GRAVITY, PROBLEMS, Problem, area_shares, nodal_forces, prescribed
+import tensortrax.math as tm
+from problems import PROBLEMS, STUDY, STUDY_LAWS, Problem, area_shares, nodal_forces, prescribed, study_data
 from scipy.sparse import block_array, csr_array
 from scipy.sparse.linalg import splu
 
 DATA = Path(__file__).parent / "data" / "felupe.npz"
 TOLERANCE = 1e-12
+
+
+def corotated(C: Any, mu: float, lam: float) -> Any:
+    """The corotated energy in the principal stretches."""
+    stretches = tm.sqrt(tm.linalg.eigvalsh(C))
+    return mu * tm.sum((stretches - 1) ** 2, axis=0) + lam / 2 * (tm.sum(stretches, axis=0) - 3) ** 2
+
+
+def squared(C: Any, kappa: float) -> Any:
+    """The volumetric energy kappa/8 (J^2 - 1)^2."""
+    return kappa / 8 * (tm.linalg.det(C) - 1) ** 2
 
 
 def material(problem: Problem, law: str) -> fem.ConstitutiveMaterial:
@@ -27,6 +39,8 @@ def material(problem: Problem, law: str) -> fem.ConstitutiveMaterial:
         "linear": lambda: fem.LinearElastic(E=problem.young, nu=problem.poisson),
         "svk": lambda: fem.Hyperelastic(fem.saint_venant_kirchhoff, mu=problem.mu, lmbda=problem.lam),
         "nh": lambda: fem.NeoHookeCompressible(mu=problem.mu, lmbda=problem.lam),
+        "corotated": lambda: fem.Hyperelastic(corotated, mu=problem.mu, lam=problem.lam),
+        "mr2": lambda: fem.Hyperelastic(fem.mooney_rivlin, C10=c1, C01=c2) & fem.Hyperelastic(squared, kappa=kappa),
         "mr": lambda: fem.Hyperelastic(fem.mooney_rivlin, C10=c1, C01=c2) & fem.Volumetric(bulk=kappa),
     }[law]()
 
@@ -49,7 +63,12 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
     mesh = fem.Mesh(problem.mesh.points, problem.mesh.cells.astype(int), "tetra")
     field = fem.FieldContainer([fem.Field(fem.RegionTetra(mesh), dim=3)])
     body = fem.SolidBody(material(problem, law), field)
-    weight = fem.SolidBodyForce(field, values=problem.density * np.array(GRAVITY)).assemble.vector().toarray().ravel()
+    weight = (
+        fem.SolidBodyForce(field, values=problem.density * np.array(problem.gravity))
+        .assemble.vector()
+        .toarray()
+        .ravel()
+    )
     dead, target = nodal_forces(problem).ravel(), prescribed(problem).ravel()
     is_free = np.isnan(target)
     B, c = means(problem)
@@ -57,7 +76,7 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
     for load in np.linspace(0, 1, problem.steps + 1)[1:]:
         for iteration in range(30):
             internal = body.assemble.vector(field).toarray().ravel()
-            residual = load * dead + weight - internal - B.T @ multipliers
+            residual = load * (dead + weight) - internal - B.T @ multipliers
             move = np.where(is_free, 0.0, load * target - u.ravel())
             gap = load * c - B @ u.ravel()
             if iteration > 0 and np.linalg.norm(residual[is_free]) <= TOLERANCE * np.linalg.norm(internal):
@@ -82,14 +101,24 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> None:
     versions = [f"{package} {version(package)}" for package in ("felupe", "tensortrax", "numpy", "scipy")]
-    data: dict[str, Any] = {"versions": np.array([*versions, f"Python {platform.python_version()}"])}
+    stamp = {"versions": np.array([*versions, f"Python {platform.python_version()}"])}
+    data: dict[str, Any] = dict(stamp)
     for name, problem in PROBLEMS.items():
         for law in ("linear", "svk", "nh", "mr"):
             data[f"{name}/{law}/u"], data[f"{name}/{law}/reaction"] = solve(problem, law)
-            largest = np.linalg.norm(data[f"{name}/{law}/u"], axis=1).max()
-            print(f"{name:16} {law:7} largest displacement {largest:.9g} m", flush=True)
+            report(name, law, data[f"{name}/{law}/u"])
     DATA.parent.mkdir(exist_ok=True)
     np.savez_compressed(DATA, **data)
+    study: dict[str, Any] = dict(stamp)
+    for label, problem in STUDY.items():
+        for law, name in STUDY_LAWS.items():
+            study[f"{label}/{name}"], _ = solve(problem, law)
+            report(label, law, study[f"{label}/{name}"])
+    np.savez_compressed(study_data("felupe"), **study)
+
+
+def report(name: str, law: str, u: np.ndarray) -> None:
+    print(f"{name:16} {law:9} largest displacement {np.linalg.norm(u, axis=1).max():.9g} m", flush=True)
 
 
 if __name__ == "__main__":

@@ -62,13 +62,13 @@ static hand_pose played(const hand *h, double seconds) {
     return (hand_pose){{spline(x[0], t), spline(x[1], t)}, spline(x[2], t)};
 }
 
-/* Most of the way to the new place is done in 3 to 20 ms: a start that no wrist could make. */
+/* Off to the new place at full speed, most of the way in 20 to 100 ms: a start that no wrist could make. */
 static hand_pose jerked(hand *h, double seconds, double dt) {
     if (seconds >= h->next_jerk) {
-        h->next_jerk = seconds + 0.01 + 0.14 * next(h);
-        h->to = (hand_pose){{4 * next(h) - 2, 4 * next(h) - 2}, 1.4 * next(h) - 0.3};
+        h->next_jerk = seconds + 0.01 + 0.19 * next(h);
+        h->to = (hand_pose){{4 * next(h) - 2, 4 * next(h) - 2}, 1.5 * next(h) - 0.5};
     }
-    const double part = 1 - exp(-dt / (0.003 + 0.017 * next(h)));
+    const double part = 1 - exp(-dt / (0.02 + 0.08 * next(h)));
     for (int i = 0; i < 2; i++) h->at.across[i] += part * (h->to.across[i] - h->at.across[i]);
     h->at.press += part * (h->to.press - h->at.press);
     return h->at;

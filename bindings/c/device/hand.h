@@ -26,7 +26,7 @@ typedef struct hand {
  * sentence that comes back says why it cannot; null where it can. */
 const char *hand_open(hand *h, const char *path);
 
-/* A hand that jumps to somewhere else every 10 to 150 ms, sometimes off the organ, sometimes too deep. */
+/* A hand that jumps to somewhere else every 10 to 200 ms, sometimes off the organ, sometimes too deep. */
 void hand_random(hand *h, uint64_t seed);
 
 /* Where the hand is at a time [s] that grows from call to call by `dt`. Allocates nothing. */

@@ -94,6 +94,11 @@ static void *slow_thread(void *argument) {
     return NULL;
 }
 
+static void set_guard(device *d) {
+    viscera_guard_init(&d->guard, FORCE_LIMIT, RATE_LIMIT, WATCHDOG, FADE);
+    viscera_guard_keep_passive(&d->guard, ENERGY_LIMIT, DAMPING);
+}
+
 /* One millisecond of the device; all of what the 1 kHz thread does for the organ. */
 static void tick(device *d, hand_pose pose, double time, latencies *measured, double due) {
     const frame *f = exchange_take(&d->frames);
@@ -147,10 +152,12 @@ static double run_free(device *d, hand *h, double seconds, latencies *measured) 
     return (double)k / (time - start);
 }
 
-/* The hand holds on, and the slow thread stops telling where the organ is. Seconds until the force was zero, or -1. */
+/* The hand comes down and holds on; then the slow thread stops telling where the organ is. Seconds until the force was
+ * zero, or -1. */
 static double run_silent(device *d) {
-    const hand_pose pressing = {{0, 0}, 0.5};
+    hand_pose pose = {{0, 0}, -0.5};
     double due = now(CLOCK_MONOTONIC), silence = 0;
+    set_guard(d); /* without the random hand's debts */
     for (int k = 0; k < 2 * TICKS_PER_SECOND; k++, due += DT) {
         sleep_until(due);
         const double time = now(CLOCK_MONOTONIC);
@@ -159,7 +166,8 @@ static double run_silent(device *d) {
             atomic_store(&d->speaks, 0);
             silence = time;
         }
-        tick(d, pressing, time, NULL, due);
+        pose.press = fmin(0.5, 2.0 * k / TICKS_PER_SECOND - 0.5);
+        tick(d, pose, time, NULL, due);
         const double *force = d->guard.force;
         if (silence > 0 && force[0] == 0 && force[1] == 0 && force[2] == 0) return time - silence;
     }
@@ -179,8 +187,7 @@ static int open_device(device *d, const char *path) {
     d->workspace = calloc(d->workspace_len, sizeof(float));
     d->positions = calloc(d->positions_len, sizeof(float));
     if (!d->workspace || !d->positions) return 0;
-    viscera_guard_init(&d->guard, FORCE_LIMIT, RATE_LIMIT, WATCHDOG, FADE);
-    viscera_guard_keep_passive(&d->guard, ENERGY_LIMIT, DAMPING);
+    set_guard(d);
     exchange_init(&d->frames, d->frame_slots, sizeof(frame));
     exchange_init(&d->touches, d->touch_slots, sizeof(touch));
     atomic_init(&d->runs, 1);

@@ -35,7 +35,7 @@ def palpation() -> np.ndarray:
     phase = random.uniform(0, 2 * np.pi, (len(cycles), 3))
     turns = 2 * np.pi * cycles * np.arange(len(motion))[:, None] / len(motion)
     tremor = np.cos(turns[:, :, None] + phase).sum(axis=1) / np.sqrt(len(cycles))
-    return motion + tremor * [0.004, 0.004, 0.006]
+    return np.asarray(motion + tremor * [0.004, 0.004, 0.006])
 
 
 if __name__ == "__main__":

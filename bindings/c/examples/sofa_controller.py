@@ -20,10 +20,8 @@ from viscera_ctypes import OFF_SURFACE, Guard, Organ, load_library
 class VisceraController(Sofa.Core.Controller):  # type: ignore[misc]
     """Presses `organ` with `tool`, writes its surface to `visual` and the force on the hand to `feedback`."""
 
-    def __init__(
-        self, *args: Any, organ: Organ, guard: Guard, tool: Any, visual: Any, feedback: Any, **kwargs: Any
-    ) -> None:
-        Sofa.Core.Controller.__init__(self, *args, **kwargs)
+    def __init__(self, organ: Organ, guard: Guard, tool: Any, visual: Any, feedback: Any) -> None:
+        Sofa.Core.Controller.__init__(self, name="viscera")
         self.organ, self.guard = organ, guard
         self.tool, self.visual, self.feedback = tool, visual, feedback
         self.touches, self.contact, self.outward = False, np.zeros(3), np.zeros(3)

@@ -98,7 +98,7 @@ class Organ:
         """The closest touchable point (3,) [m] and its distance [m]."""
         contact, distance = Vector(), c.c_double()
         if self.library.viscera_locate(self.handle, vector(point), contact, distance) != OK:
-            raise ValueError(f"no point of the surface is closest to {point}")
+            raise ValueError(f"no point of the surface is closest to {point!r}")
         return np.array(contact), distance.value
 
     def touch(self, point: ArrayLike, displacement: ArrayLike) -> tuple[int, Answer]:
@@ -121,9 +121,8 @@ class Guard:
     def __init__(self, library: c.CDLL, force_limit: float, rate_limit: float, watchdog: float, fade: float) -> None:
         self.library, self.state = library, GuardState()
         if library.viscera_guard_init(self.state, force_limit, rate_limit, watchdog, fade) != OK:
-            raise ValueError(
-                f"the settings {force_limit}, {rate_limit}, {watchdog}, {fade} of a guard must be positive"
-            )
+            settings = f"{force_limit} N, {rate_limit} N/s, {watchdog} s and {fade} s"
+            raise ValueError(f"a guard with {settings}; all four must be positive")
 
     def keep_passive(self, energy_limit: float, damping: float) -> None:
         if self.library.viscera_guard_keep_passive(self.state, energy_limit, damping) != OK:

@@ -101,7 +101,8 @@ impl Rings {
         for group in tissues(cells.len(), material) {
             let [shear, bulk] = material.moduli(material.of_cell(group[0]));
             for cell in group {
-                let kept = std::env::var("VISCERA_KEPT").ok().and_then(|k| k.parse().ok()).unwrap_or(KEPT);
+                let kept =
+                    std::env::var("VISCERA_KEPT").ok().and_then(|k| k.parse().ok()).unwrap_or(KEPT);
                 share[cell] = (1.0 - kept * shear / bulk).max(0.0);
                 kind[cell] = [shear, bulk].map(|modulus| modulus.log2().round() as i32);
             }
@@ -308,7 +309,9 @@ impl Averaged<'_> {
     #[inline(always)]
     fn mean_pressure(&self, batch: usize) -> Lane {
         let at = |corner: u32| self.pressure[corner as usize];
-        Lanes(self.averages.corners[batch].map(|[a, b, c, d]| 0.25 * (at(a) + at(b) + at(c) + at(d))))
+        Lanes(
+            self.averages.corners[batch].map(|[a, b, c, d]| 0.25 * (at(a) + at(b) + at(c) + at(d))),
+        )
     }
 }
 
@@ -346,9 +349,7 @@ impl Surroundings for Averaged<'_> {
         for a in 0..3 {
             for b in a..3 {
                 let (block, curvature) = (&mut blocks[a][b], &curvature[a][b]);
-                *block = tabulate(|i, k| {
-                    block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]
-                });
+                *block = tabulate(|i, k| block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]);
             }
         }
     }

@@ -158,9 +158,7 @@ fn add_tangents<const N: usize>(
 ) {
     let blocks: TangentBlocks<Lane> = std::array::from_fn(|k| {
         std::array::from_fn(|l| {
-            tabulate(|i, j| {
-                (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight
-            })
+            tabulate(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
         })
     });
     for b in 0..N {
@@ -219,9 +217,7 @@ struct EnergyKernel<'a, L, E, A, const N: usize> {
     shape: PhantomData<E>,
 }
 
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel
-    for EnergyKernel<'_, L, E, A, N>
-{
+impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKernel<'_, L, E, A, N> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
@@ -257,8 +253,7 @@ impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Evaluate<'_, E
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
         let Evaluate { cells, around, u, forces, tangents } = self;
         let shape = PhantomData::<E>;
-        let tasks =
-            cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
+        let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
         if tangents.is_empty() {
             tasks.for_each(|(task, (batches, forces))| {
                 let first = task * TASK;

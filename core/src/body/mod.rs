@@ -105,8 +105,7 @@ impl Body {
                 let pattern = BlockPattern::new(n, local.chain(averages::pairs(&rings)));
                 let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
                 let slots = &batched.slots;
-                let averages =
-                    Averages::new(rings, &cells, slots, &geometry, &material, &pattern);
+                let averages = Averages::new(rings, &cells, slots, &geometry, &material, &pattern);
                 (pattern, Assembly::P1Nodal(batched, averages))
             }
             Element::P2 => {

@@ -305,9 +305,11 @@ fn gravity_adds_up_to_the_weight_at_the_centre_of_mass() {
                 }
             }
         }
-        for (density, words) in
-            [(vec![1.0; 3], "3 densities for 48 cells"), (vec![-1.0], "-1"), (vec![f64::NAN], "NaN")]
-        {
+        for (density, words) in [
+            (vec![1.0; 3], "3 densities for 48 cells"),
+            (vec![-1.0], "-1"),
+            (vec![f64::NAN], "NaN"),
+        ] {
             let error = body.gravity(g, &density).unwrap_err().to_string();
             assert!(error.contains(words), "{error}");
         }

@@ -23,7 +23,9 @@ pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
 
 use crate::error::Error;
 use crate::number::{Jet, Monomials, Real, Scalar};
-use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, tabulate, trace};
+use crate::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, tabulate, trace,
+};
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
 pub trait StrainEnergy: Copy + Send + Sync {
@@ -97,7 +99,8 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
         let c = J.cbrt();
         let unit = spherical(&c.constant(1.0));
         let (P, A) = self.tangent(&spherical(&c), &unit);
-        let at = |a: usize, b: usize| if a <= b { A[a][b][a][b].clone() } else { A[b][a][b][a].clone() };
+        let at =
+            |a: usize, b: usize| if a <= b { A[a][b][a][b].clone() } else { A[b][a][b][a].clone() };
         let row = |a: usize| at(a, 0) + at(a, 1) + at(a, 2);
         // With T = tr P: U' = T / (3 c^2), U'' = (dT/dc - 2 T / c) / (9 c^4).
         let (T, r) = (trace(&P), c.recip());

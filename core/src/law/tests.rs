@@ -174,9 +174,8 @@ fn series_agree_with_generic_jets(law: impl Law) {
         let path: Vec<f64> = (0..9 * n)
             .map(|k| if k % n == 0 { F0[k / n / 3][k / n % 3] } else { 0.2 * (k as f64).sin() })
             .collect();
-        let deformation = tabulate(|i, j| {
-            Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec())
-        });
+        let deformation =
+            tabulate(|i, j| Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()));
         let generic = law.stress(&deformation);
         let top = table.of_degree(order);
         let mut series = vec![0.0; 9 * top.len()];
@@ -194,8 +193,7 @@ fn series_agree_with_generic_jets(law: impl Law) {
         // With a pressure on top.
         let (J, Z) = law.volume_ratio(&deformation);
         let q = Jet::new(table, (0..n).map(|k| 0.3 * (1.0 + k as f64).cos()).collect());
-        let loaded =
-            tabulate(|i, j| generic[i][j].clone() + q.clone() * Z[i][j].clone());
+        let loaded = tabulate(|i, j| generic[i][j].clone() + q.clone() * Z[i][j].clone());
         series.fill(0.0);
         law.stress_series(table, &path, q.coefficients(), &mut series);
         compare(&series, &loaded);

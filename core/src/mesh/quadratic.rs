@@ -43,8 +43,7 @@ pub fn quadratic_surface(
     edges: &[[u32; 2]],
 ) -> Vec<[u32; 3]> {
     let split = |&[a, b, c]: &[u32; 3]| {
-        let [ab, bc, ca] =
-            [(a, b), (b, c), (c, a)].map(|(p, q)| midpoint(n_corners, edges, p, q));
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| midpoint(n_corners, edges, p, q));
         [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
     };
     triangles.iter().flat_map(split).collect()
@@ -71,7 +70,11 @@ mod tests {
         let (points, cells) = block([2, 1, 1], [2.0, 1.0, 1.0]);
         let edges = edges(&cells);
         let all = with_midpoints(&points, &edges);
-        assert_eq!(all.len(), 5 * 3 * 3, "midpoints of a block's edges, diagonals included, are half a step apart");
+        assert_eq!(
+            all.len(),
+            5 * 3 * 3,
+            "midpoints of a block's edges, diagonals included, are half a step apart"
+        );
         for (cell, nodes) in cells.iter().zip(quadratic_cells(points.len(), &cells, &edges)) {
             assert_eq!(cell, &nodes[..4]);
             for (k, [a, b]) in EDGES.into_iter().enumerate() {

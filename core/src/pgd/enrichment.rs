@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// Rows per task.
 const ROWS: usize = 1024;
 
-/// When to stop: the text of paper A gives no rule, so these are settings; the defaults follow the non-incremental
-/// code that the authors published with their 2016 book, but for its looser fixed point.
+/// When to stop. The readable text of paper A gives no rule, so these are settings; the tolerances by default are
+/// those of the code that its authors published with their book of 2016.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enrichment {
     /// An order is done when the energy norm of a pair falls below this part of the largest of its order; that pair
@@ -30,7 +30,7 @@ pub struct Enrichment {
 
 impl Default for Enrichment {
     fn default() -> Self {
-        Enrichment { tolerance: 0.05, max_terms: 100, stagnation: 0.01, max_iterations: 30 }
+        Enrichment { tolerance: 0.05, max_terms: 100, stagnation: 0.05, max_iterations: 30 }
     }
 }
 
@@ -83,8 +83,7 @@ impl Enrichment {
     ) -> Result<Enriched, Error> {
         let mut found = Enriched::default();
         let mut largest: f64 = 0.0;
-        loop {
-            let Some(pair) = self.pair(rest, residual, weights)? else { break };
+        while let Some(pair) = self.pair(rest, residual, weights)? {
             largest = largest.max(pair.size);
             if pair.size < self.tolerance * largest {
                 break;

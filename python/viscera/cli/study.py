@@ -15,9 +15,9 @@ from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
 from viscera.select import select
-from viscera.study import beam, liver
+from viscera.study import artery, beam, liver
 
-STUDIES: dict[str, Callable[..., dict[str, Any]]] = {"beam": beam.run, "liver": liver.run}
+STUDIES: dict[str, Callable[..., dict[str, Any]]] = {"artery": artery.run, "beam": beam.run, "liver": liver.run}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

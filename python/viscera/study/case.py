@@ -25,7 +25,7 @@ PGD_ORDER = 4
 """Of the separated series: the paper draws orders 1 to 4 and judges 4 to 6 enough."""
 ORDER = 15
 """Of the one expansion from which the curves of all orders are cut."""
-RADIUS = 0.6
+RADIUS = 0.5
 """Load factor at which the series of a case ceases to converge: the paper gives no loads, so this is where a = 1 is."""
 
 

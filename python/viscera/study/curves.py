@@ -34,9 +34,11 @@ class Curves:
     series: Floats
     """u_p (order + 1, n, 3) [m] of one expansion about the state of rest."""
     path: Path
-    """The same, continued from expansion to expansion."""
+    """The same, continued from expansion to expansion in the arc length, which passes limit points."""
     newton: list[Floats | None]
     """(n, 3) [m] by Newton with line search and load steps; None where it gave up."""
+    statuses: list[str]
+    """How Newton ended; "converged past an instability" where it jumped to another branch."""
     in_one_step: list[bool]
     """Whether Newton with full steps converges with the whole load at once."""
     increments: int
@@ -52,21 +54,24 @@ def compute(case: Case, samples: int) -> Curves:
     series = case.organ.path(force=case.force, order=ORDER, max_expansions=1).expansions[0].displacement
     seconds["one expansion"] = perf_counter() - began
     began = perf_counter()
-    path = case.organ.path(force=case.force, order=ORDER, max_expansions=12)
+    path = case.organ.path(force=case.force, order=ORDER, parameter="arc length", max_expansions=20)
     seconds["all expansions"] = perf_counter() - began
     began = perf_counter()
     newton: list[Floats | None] = []
+    statuses: list[str] = []
     state = None
     for a in loads:
         found = case.organ.solve(force=a * case.force, start=state, settings=SAFE)
+        statuses.append(found.status)
         if not found.is_converged:
             break
         newton.append(found.displacement)
         state = found
     newton += [None] * (samples - len(newton))
+    statuses += [""] * (samples - len(statuses))
     seconds["Newton with line search"] = perf_counter() - began
     in_one_step = [_plain(case, a, 1) == 1 for a in loads]
-    return Curves(loads, series, path, newton, in_one_step, _plain(case, 1.0, samples), seconds)
+    return Curves(loads, series, path, newton, statuses, in_one_step, _plain(case, 1.0, samples), seconds)
 
 
 def _plain(case: Case, a: float, increments: int) -> int:
@@ -93,18 +98,19 @@ def report(page: Report, case: Case, curves: Curves, figure: str) -> dict[str, A
     rows: list[list[Cell]] = [list(row) for row in zip(*columns.values(), strict=True)]
     page.table(f"curves_{case.key}", list(columns), rows, f"{case.law}: the curves [mm].")
     good = _report_errors(page, case, curves)
-    last = curves.path.expansions[-1]
     loads, radius = len(curves.loads), radius_of_convergence(curves.series)
     at_once = _largest_run(curves.in_one_step, curves.loads)
     increments = curves.increments / loads
     safe = sum(u is not None for u in curves.newton) / loads
-    continued = min(1.0, last.at(last.range)[0])
+    reached = curves.path.curve(20)[0]
+    continued, limit = float(min(1.0, reached.max())), _first_maximum(reached)
     expansions = len(curves.path.expansions)
     rows = [
         ["Newton, full steps, whole load at once", at_once],
         [f"Newton, full steps, {loads} equal increments", increments],
         ["Newton, line search and load steps", safe],
-        [f"series of order {ORDER}, continued ({expansions} tangents)", continued],
+        [f"series of order {ORDER}, continued in the arc length ({expansions} tangents)", continued],
+        ["the same, first limit point", "none" if limit is None else limit],
         [f"series of order {ORDER}, one tangent, estimated radius of convergence", radius],
     ]
     caption = f"{case.law}: how far each comes; a = 1 is {case.load:.4g} N."
@@ -116,6 +122,7 @@ def report(page: Report, case: Case, curves: Curves, figure: str) -> dict[str, A
         "equal_increments_reach": increments,
         "safe_newton_reaches": safe,
         "continuation_reaches": continued,
+        "limit_point": limit,
         "expansions": expansions,
         "radius": radius,
         "good_up_to": good,
@@ -133,6 +140,7 @@ def _columns(case: Case, curves: Curves) -> dict[str, list[Cell]]:
     for order in RATIONALS:
         columns[f"Padé {order}"] = [along(partial_sum(curves.series, a, order, True)) for a in curves.loads]
     columns["Newton"] = [along(u) for u in curves.newton]
+    columns["status of Newton"] = list(curves.statuses)
     columns["Newton with full steps converges"] = [str(ok) for ok in curves.in_one_step]
     return columns
 
@@ -164,6 +172,12 @@ def _largest_run(is_good: list[bool], loads: Floats) -> float:
     return float(loads[count - 1]) if count else 0.0
 
 
+def _first_maximum(loads: Floats) -> float | None:
+    """Where a load that grows begins to fall: a limit point."""
+    falls = np.flatnonzero(np.diff(loads) < -1e-9)
+    return float(loads[falls[0]]) if len(falls) else None
+
+
 def _relative(u: Floats, exact: Floats) -> float:
     return float(np.linalg.norm(u - exact) / np.linalg.norm(exact))
 
@@ -183,8 +197,9 @@ def _plot(case: Case, curves: Curves, columns: dict[str, list[Cell]]) -> Figure:
     newton = _numbers(columns["Newton"])[1:]
     converges = np.array(curves.in_one_step)
     plot.plot(curves.loads, newton, "o", color=INK, markersize=4.5, zorder=5, label="Newton, safeguarded")
-    plot.plot(curves.loads[~converges], newton[~converges], "o", color=ALARM, markersize=4.5, zorder=6,
-              label="  where full steps fail")  # fmt: skip
+    if not converges.all():
+        failed = curves.loads[~converges], newton[~converges]
+        plot.plot(*failed, "o", color=ALARM, markersize=4.5, zorder=6, label="  where full steps fail")
     if curves.increments < len(curves.loads):
         stop = curves.increments / len(curves.loads)
         plot.axvline(stop, color=ALARM, linewidth=0.9, linestyle=":", label="equal increments fail beyond")

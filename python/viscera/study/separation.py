@@ -17,13 +17,14 @@ from viscera.study.report import Cell, Report
 SHOWN_PAIRS = (1, 2, 3, 20)
 FIGURES = {1: ("8", "10"), 4: ("9", "11")}
 """Of the modes in space and over the position, by order."""
-LOAD = 0.5
-"""Load factor at which fields are compared: within the radius of convergence, where orders matter."""
+LOAD = 0.25
+"""Load factor at which fields are compared: half the radius of convergence of the series of the curves."""
 
 
-def report_modes(page: Report, case: Case, model: Pgd) -> None:
-    """F_i and G_i of low and high order, on the organ."""
-    mesh = case.mesh
+def report_modes(page: Report, case: Case, say: Say) -> Pgd:
+    """F_i and G_i of low and high order on the organ, as the enrichment finds them; returns the PGD they are of."""
+    say(f"{case.law}: {max(SHOWN_PAIRS)} pairs of each order")
+    model, mesh = case.separate(1e-4, max_terms=max(SHOWN_PAIRS)), case.mesh
     for p, (space, position) in FIGURES.items():
         order = model.orders[p - 1]
         shown = [i for i in SHOWN_PAIRS if i <= len(order.F)]
@@ -38,6 +39,7 @@ def report_modes(page: Report, case: Case, model: Pgd) -> None:
         )
         caption = f"{case.law}: modes over the load position at order {p} (figure {position})."
         page.figure(f"modes_G_order{p}_{case.key}", picture, caption)
+    return model
 
 
 def report_routes(page: Report, case: Case, tolerances: Sequence[float], say: Say) -> tuple[Pgd, Pgd, dict[str, Any]]:
@@ -59,7 +61,7 @@ def report_routes(page: Report, case: Case, tolerances: Sequence[float], say: Sa
     ]  # fmt: skip
     caption = (
         f"{case.law}, {len(case.positions)} positions: pairs of modes, off-line time, and error against every position "
-        "solved; of each order over all positions, and of the displacement at half the load, mean and worst position. "
+        "solved; of each order over all positions, and of the displacement at a = 0.25, mean and worst position. "
         "A star marks orders whose number of pairs was cut at the limit. The tolerance of a PGD ends its enrichment; "
         "that of a projection bounds the error it adds to an order."
     )
@@ -91,7 +93,7 @@ def report_errors(page: Report, case: Case, direct: Pgd, terms: Sequence[int]) -
     rows = [list(row) for row in zip(*(column.tolist() for column in table.values()), strict=True)]
     caption = (
         f"{case.law}: the series cut at an order and at the first pairs of each order, the best there are (SVD), "
-        f"against order {PGD_ORDER} at {len(places)} positions, at half the load."
+        f"against order {PGD_ORDER} at {len(places)} positions, at a = 0.25."
     )
     page.table(f"error_analysis_{case.key}", list(table), rows, caption)
 

@@ -2,7 +2,7 @@
 //! by hand, with nothing of the library but 3x3 algebra, and compared with the series that any law gets here.
 
 use crate::body::Body;
-use crate::element::Tet4;
+use crate::element::Geometry;
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::number::Monomials;
@@ -24,6 +24,20 @@ fn zero() -> Mat3<f64> {
 
 fn sum(terms: impl Iterator<Item = Mat3<f64>>) -> Mat3<f64> {
     terms.fold(zero(), |sum, term| add(&sum, &term))
+}
+
+/// A linear tetrahedron: gradients of its four shape functions, and its volume.
+struct Shape {
+    gradients: [[f64; 3]; 4],
+    volume: f64,
+}
+
+impl Shape {
+    fn new(x: [[f64; 3]; 4]) -> Self {
+        let Geometry { gradients: [a, b, c], volume } = Geometry::new(x);
+        let first = std::array::from_fn(|i| -a[i] - b[i] - c[i]);
+        Shape { gradients: [first, a, b, c], volume }
+    }
 }
 
 /// The series of one cell, order by order; the last entry of each list is the newest.
@@ -179,10 +193,10 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
         .map(|(p, s)| noise(n, 30 + p).iter().map(|x| s * x).collect())
         .collect();
     let interleaved: Vec<f64> = (0..n).flat_map(|dof| series.iter().map(move |u| u[dof])).collect();
-    let mut literal: Vec<(Tet4, Appendix)> = cells
+    let mut literal: Vec<(Shape, Appendix)> = cells
         .iter()
         .map(|cell| {
-            let element = Tet4::new(cell.map(|node| points[node as usize]));
+            let element = Shape::new(cell.map(|node| points[node as usize]));
             let start = gradient(&element, cell, &series[0]);
             (element, Appendix::new(start))
         })
@@ -208,7 +222,7 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
     }
 }
 
-fn gradient(element: &Tet4, cell: &[u32; 4], u: &[f64]) -> Mat3<f64> {
+fn gradient(element: &Shape, cell: &[u32; 4], u: &[f64]) -> Mat3<f64> {
     tabulate(|i, j| {
         cell.iter().zip(&element.gradients).map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum()
     })
