@@ -95,7 +95,7 @@ class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
     def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices, element: str) -> None:
-        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 nodal" or "P2"."""
+        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 mean volume" or "P2"."""
     def solve(
         self,
         *,
@@ -103,6 +103,8 @@ class Body:
         values: Floats,  # (k,) displacement there at full load [m]
         force: Floats,  # (n, 3) nodal forces, scaled by the load [N]
         body_force: Floats,  # (n, 3) nodal forces in full at every load level (gravity) [N]
+        pressed: Indices,  # (t, 3) or (t, 6) faces under follower pressure, outward: corners, then midpoints
+        pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,

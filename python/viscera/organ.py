@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +13,18 @@ from numpy.typing import ArrayLike
 from viscera import _core, defaults, navigation
 from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
-from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
+from viscera.loads import (
+    Displacements,
+    Forces,
+    Pressures,
+    Tractions,
+    density_per_cell,
+    nodal_forces,
+    prescribed,
+    pressed_faces,
+    traction_forces,
+    vector,
+)
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
@@ -21,7 +34,10 @@ from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 
-ELEMENTS = ("P1", "P1 nodal", "P2")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ELEMENTS = ("P1", "P1 mean volume", "P2")
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -31,8 +47,8 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
-    element: "P1" (linear cells), "P1 nodal" (linear cells that share their change of volume around nodes) or "P2"
-        (quadratic cells); by default "P1 nodal" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+    element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
+        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
         below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
@@ -72,6 +88,8 @@ class Organ:
         *,
         displacement: Displacements | None = None,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
@@ -80,12 +98,15 @@ class Organ:
         throw: bool = False,
         progress: Progress | None = None,
     ) -> State:
-        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces and gravity.
+        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
 
         displacement: `{where: (x, y, z)}` [m], None leaving a component free; an array (k, 3) moves each node of a set
             on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
+        traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
+        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
+            on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.
@@ -101,6 +122,8 @@ class Organ:
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         weight = np.zeros_like(applied)
         if gravity is not None and density is not None:
             acceleration = vector(gravity, "gravity", "m/s^2")
@@ -111,6 +134,8 @@ class Organ:
             values=moved.values,
             force=applied,
             body_force=weight,
+            pressed=pressed,
+            pressure=pressures,
             patches=moved.patches,
             start=None if start is None else start.displacement,
             steps=int(steps),
@@ -232,6 +257,11 @@ class Organ:
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
         if not isinstance(order, int | np.integer):
             raise VisceraError(f"order must be a whole number, got {order!r}")
+        if not self.law.is_analytic:
+            raise VisceraError(
+                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
+                "are compressed; reduce with bear_compression=True, or use solve"
+            )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
         model = self._body.reduce(
@@ -244,6 +274,14 @@ class Organ:
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )
         return Touch(model)
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
+        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
+        from viscera.picture import draw_rest
+
+        mesh = self.mesh
+        parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
+        return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
 
     def pgd(
         self,

@@ -6,6 +6,7 @@ back to front, look better in matplotlib and draw faster than its own three-dime
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -18,11 +19,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 
 from viscera.atomic import replacing
 from viscera.mesh import Floats, Indices
 
 INK, PAPER, ACCENT = "#22262e", "#ffffff", "#0b4f6c"
+PARTS = ("#0b4f6c", "#6a8d3a", "#7a4b94", "#c98b1b")
 TISSUE = LinearSegmentedColormap.from_list("tissue", ["#f3e3d7", "#eab08f", "#d9654f", "#a31f3a", "#4f0f2b"])
 SIGNED = LinearSegmentedColormap.from_list("signed", ["#123f5a", "#4f93b0", "#f3eee8", "#dd7a5c", "#8a1c33"])
 LIGHT = np.array([-0.35, 0.55, 0.76])  # in view axes: right, up, towards the eye
@@ -115,6 +118,47 @@ def _saved(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     return figure
 
 
+def draw_rest(
+    points: Floats,
+    surface: Indices,
+    *,
+    fixed: Indices,
+    parts: Mapping[str, Indices],
+    view: tuple[float, float] = (20.0, -60.0),
+    title: str = "",
+    path: str | os.PathLike[str] | None = None,
+) -> Figure:
+    """Draw the organ at rest with its fixed nodes, and save it as a PNG where a path is given.
+
+    points (n, 3) [m]; surface (t, 3), outward; fixed: node indices; parts: the surfaces of named parts within.
+    """
+    axes = view_axes(*view)
+    rest = 1e3 * points @ axes.T
+    figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
+    FigureCanvasAgg(figure)
+    plot = figure.add_subplot()
+    plot.add_collection(_shaded(rest, surface, np.full(len(points), 0.15), Normalize(0.0, 1.0)))
+    plot.add_collection(_wireframe(rest, surface, width=0.25, alpha=0.25))
+    seen = _visible(rest, surface, fixed)
+    hidden, shown = rest[fixed[~seen]], rest[fixed[seen]]
+    plot.scatter(hidden[:, 0], hidden[:, 1], s=7, color=INK, alpha=0.2, linewidths=0.0, zorder=4)
+    plot.scatter(shown[:, 0], shown[:, 1], s=9, color=INK, zorder=4, label=f"fixed ({len(fixed)} nodes)")
+    for (name, inner), colour in zip(parts.items(), itertools.cycle(PARTS)):
+        lines = _wireframe(rest, inner, width=0.8, alpha=0.2)
+        lines.set(color=colour, alpha=0.8, zorder=5, label=name)
+        plot.add_collection(lines)
+    _scale_bar(plot, rest)
+    plot.legend(loc="upper right", frameon=False, fontsize=9)
+    plot.set_title(title, color=INK, loc="left", fontsize=11)
+    plot.set_aspect("equal")
+    plot.set_axis_off()
+    plot.autoscale_view()
+    if path is not None:
+        with replacing(path) as scratch:
+            figure.savefig(scratch, format="png", facecolor=PAPER)
+    return figure
+
+
 def view_axes(elevation: float, azimuth: float) -> Floats:
     """Rows: the directions to the right, up and towards the eye; z is up in space."""
     e, a = np.radians([elevation, azimuth])
@@ -154,6 +198,26 @@ def _shaded(
     return PolyCollection(
         list(polygons[order, :, :2]), facecolors=lit[order], edgecolors=lit[order], linewidths=0.25, zorder=2
     )
+
+
+def _visible(shape: Floats, surface: Indices, nodes: Indices) -> NDArray[np.bool_]:
+    """Which nodes (k,) no triangle hides from the eye."""
+    corners = shape[surface]
+    a, b, c = corners[:, :, :2].transpose(1, 0, 2)
+    double = _cross(b - a, c - a)
+    seen = np.ones(len(nodes), dtype=bool)
+    for k, node in enumerate(nodes):
+        p = shape[node, :2]
+        weights = np.stack([_cross(b - p, c - p), _cross(c - p, a - p), _cross(a - p, b - p)], axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weights /= double[:, None]
+        covers = (weights > 1e-9).all(axis=1) & ~(surface == node).any(axis=1)
+        seen[k] = not (np.einsum("tc,tc->t", weights[covers], corners[covers, :, 2]) > shape[node, 2]).any()
+    return seen
+
+
+def _cross(u: Floats, v: Floats) -> Floats:
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
 
 
 def _subdivision(split: int) -> Floats:

@@ -130,7 +130,7 @@ def errors(law: vs.laws.Law, element: str, n: int) -> tuple[float, float]:
     ("element", "poisson", "meshes", "rates"),
     [
         ("P1", 0.3, (6, 9), (1.7, 0.85)),
-        ("P1 nodal", NEARLY_INCOMPRESSIBLE, (6, 9), (1.7, 0.85)),
+        ("P1 mean volume", NEARLY_INCOMPRESSIBLE, (6, 9), (1.7, 0.85)),
         ("P2", NEARLY_INCOMPRESSIBLE, (3, 5), (2.5, 1.7)),
     ],
 )

@@ -175,7 +175,7 @@ def test_an_unknown_word_of_a_scan_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "did you mean 'gravity'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("element", ["P1 nodal", "P2"])
+@pytest.mark.parametrize("element", ["P1 mean volume", "P2"])
 def test_other_elements_there_and_back(bar: vs.Mesh, element: str) -> None:
     """The scan gives the corners of quadratic cells; their edges are straight without loads."""
     organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.47), fixed="root", element=element)

@@ -6,7 +6,7 @@ Moduli are given once for an organ; each law takes its parameters from them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,8 +39,11 @@ class Problem:
     mean: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """Prescribed mean displacement of node sets [m], each node weighted by its share of the set's area."""
     density: float = 0.0
+    pressure: Mapping[str, float] = field(default_factory=dict)
+    """Follower pressure on the surface triangles of node sets [Pa]."""
     gravity: tuple[float, float, float] = GRAVITY
     steps: int = 10
+    laws: tuple[str, ...] = ("linear", "svk", "nh", "mr")
     c1_c2_kappa: tuple[float, float, float] | None = None
     """Of Mooney-Rivlin; by default those of the same moduli at small strain."""
 
@@ -62,10 +65,25 @@ class Problem:
         """c1, c2 and kappa."""
         return self.c1_c2_kappa or (0.4 * self.mu, 0.1 * self.mu, self.lam + 2 / 3 * self.mu)
 
+    @property
+    def kappa(self) -> float:
+        """Bulk modulus."""
+        return self.lam + 2 / 3 * self.mu
+
     def law(self, name: str) -> Law:
         """Our law by the name the data files use."""
         if name in FORMS:
             return vs.MooneyRivlin(*self.mooney_rivlin, volumetric=FORMS[name])
+        if name == "yeoh":
+            return vs.Yeoh(*(c * self.mu for c in YEOH), kappa=self.kappa)
+        if name == "ogden":
+            mu = [2 * share * self.mu / exponent for share, exponent in OGDEN]
+            return vs.Ogden(mu, [exponent for _, exponent in OGDEN], kappa=self.kappa)
+        if name == "hgo":
+            c, k1, k2, dispersion = HOLZAPFEL_GASSER_OGDEN
+            return vs.HolzapfelGasserOgden(
+                c * self.mu, k1 * self.mu, k2, dispersion=dispersion, fibres=FIBRES, kappa=self.kappa
+            )
         laws = {
             "linear": vs.Linear,
             "corotated": vs.Corotated,
@@ -74,6 +92,12 @@ class Problem:
         }
         return laws[name](mu=self.mu, lam=self.lam)
 
+
+# In units of the shear modulus: c10, c20, c30; shares of the modulus and exponents; c, k1, then k2 and dispersion.
+YEOH = (0.5, 0.3, 0.2)
+OGDEN = ((0.7, 2.3), (0.1, 9.0), (0.2, -3.4))
+HOLZAPFEL_GASSER_OGDEN = (1.0, 0.8, 1.1, 0.1)
+FIBRES = np.array([[0.8, 0.6, 0.0], [0.8, 0.0, -0.6]])
 
 # The artery's protocol is that of Niroomandi et al., IJNME 96 (2013) 129: the top ring fixed, the middle one driven
 # by half the outer diameter across, the bottom one by 30 % of the height along the vessel.
@@ -84,6 +108,10 @@ PROBLEMS = {
     ),
     "artery_compress": Problem(  # a tenth of the way: the vessel has not buckled
         "artery", 5e5, 0.45, "top", {"middle": (0.00035, None, None), "bottom": (None, None, 0.0012)}, density=510.0
+    ),
+    "beam_rubber": Problem("beam", 1e5, 0.45, "clamp", force={"tip": (9.0, -6.0, -8.0)}, laws=("yeoh", "ogden", "hgo")),
+    "artery_inflated": Problem(  # the rim of the branch is free; CalculiX errs with the square of its increments here
+        "artery", 5e5, 0.45, "top", {"bottom": (0.0, 0.0, 0.0)}, pressure={"lumen": 13e3}, steps=160, laws=("svk", "mr")
     ),
     "liver": Problem("liver", 1e4, 0.45, "hilum", force={"tip": (0.1, 0.0, 0.4)}),
     "liver_driven": Problem("liver", 1e4, 0.45, "hilum", mean={"tip": (0.0, 0.01, 0.02)}),
@@ -137,6 +165,13 @@ def nodal_forces(problem: Problem) -> Floats:
     for name, total in problem.force.items():
         forces[problem.mesh.nodes(name)] += area_shares(problem.mesh, name)[:, None] * total
     return forces
+
+
+def pressed(problem: Problem) -> Iterator[tuple[NDArray[np.uint32], float]]:
+    """Surface triangles, outward, and the pressure on each."""
+    for name, value in problem.pressure.items():
+        inside = np.isin(problem.mesh.surface, problem.mesh.nodes(name)).all(axis=1)
+        yield from ((triangle, value) for triangle in problem.mesh.surface[inside])
 
 
 def prescribed(problem: Problem) -> Floats:

@@ -204,6 +204,10 @@ impl<T: Scalar> Scalar for Gradient<T> {
         let slope = power.clone() * self.value.recip() * exponent;
         self.chain(power, slope)
     }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Gradient { value: self.value.heaviside(), ..self.constant(0.0) }
+    }
 }
 
 impl<T: Scalar> Scalar for Hessian<T> {
@@ -240,5 +244,9 @@ impl<T: Scalar> Scalar for Hessian<T> {
         let slope = power.clone() * r.clone() * exponent;
         let curvature = slope.clone() * r * (exponent - 1.0);
         self.chain(power, slope, curvature)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Hessian { value: self.value.heaviside(), ..self.constant(0.0) }
     }
 }
