@@ -88,8 +88,8 @@ class Mesh:
         """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
 
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes. In a quadratic mesh, nodes given by index bring the midpoint of every edge that
-        they hold both ends of.
+        mesh, and a set without nodes. In a quadratic mesh, corners given by index bring the midpoint of every edge
+        that they hold both ends of.
         """
         if isinstance(where, str):
             if where not in self.sets:
@@ -107,7 +107,9 @@ class Mesh:
                 low, high = self.bounding_box
                 raise VisceraError(f"the predicate selects no node; the points lie between {low} and {high} m")
             return found.astype(np.uint32)
-        return _with_midpoints(_indices(where, len(self.points), "the node set"), self.edges, self.n_corners)
+        nodes = _indices(where, len(self.points), "the node set")
+        names_corners_alone = nodes[-1] < self.n_corners
+        return _with_midpoints(nodes, self.edges, self.n_corners) if names_corners_alone else nodes
 
     def near(self, point: ArrayLike, radius: float) -> Indices:
         """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""

@@ -5,10 +5,11 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
-use super::{Law, StrainEnergy, TangentBlocks, blocks, series};
+use super::{Law, StrainEnergy, TangentBlocks, blocks, determinant_curvature, series};
 use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate, tensor_cross,
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
+    tensor_cross,
 };
 
 #[allow(non_snake_case)]
@@ -42,33 +43,44 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        if E::VOLUME_IS_TRACE {
+            return ((double_dot(F, F) - 1.0) * 0.5, F.clone());
+        }
+        let Z = cofactor(F);
+        (determinant(F, &Z), Z)
+    }
+
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        if E::VOLUME_IS_TRACE {
+            return blocks(|a, b| spherical(&dot(&g[a], &g[b])));
+        }
+        determinant_curvature(F, g)
+    }
+
+    #[inline(always)]
     fn dilatation<S: Scalar>(&self, J: &S) -> S {
-        let [I1, I2, J] = dilated::<Self, S>(J, &J.cbrt());
+        let [I1, I2, J] = Dilated::new::<Self>(J).invariants;
         self.psi(I1, I2, J)
     }
 
-    /// `U' = 2/c psi_1 + 4c psi_2 + psi_J`, `c = J^(1/3)`.
     #[inline(always)]
     fn pressure<S: Scalar>(&self, J: &S) -> S {
-        let c = J.cbrt();
-        let [I1, I2, J] = Gradient::variables(dilated::<Self, S>(J, &c));
-        let psi = self.psi(I1, I2, J).first;
-        dot(&psi, &directions(&c))
+        let state = Dilated::new::<Self>(J);
+        let [I1, I2, J] = Gradient::variables(state.invariants);
+        dot(&self.psi(I1, I2, J).first, &state.slopes)
     }
 
     #[inline(always)]
     fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        let c = J.cbrt();
-        let [I1, I2, J] = Hessian::variables(dilated::<Self, S>(J, &c));
+        let state = Dilated::new::<Self>(J);
+        let [I1, I2, J] = Hessian::variables(state.invariants);
         let psi = self.psi(I1, I2, J);
-        let d = directions(&c);
-        let slopes: [S; 3] =
+        let d = state.slopes;
+        let along: [S; 3] =
             std::array::from_fn(|n| dot(&std::array::from_fn(|m| psi.second(m, n)), &d));
-        let r2 = c.recip().square();
-        // d2I1/dJ2 = -2/3 c^-4, d2I2/dJ2 = 4/3 c^-2.
-        let curvature = psi.first[1].clone() * r2.clone() * (4.0 / 3.0)
-            - psi.first[0].clone() * r2.square() * (2.0 / 3.0);
-        [dot(&psi.first, &d), dot(&slopes, &d) + curvature]
+        [dot(&psi.first, &d), dot(&along, &d) + dot(&psi.first, &state.curvatures)]
     }
 
     #[inline(always)]
@@ -84,23 +96,42 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
 
     #[inline(always)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        series::volume_series(table, deformation, out);
+        series::volume_series::<Self, T>(table, deformation, out);
     }
 }
 
-/// The invariants of `F = c I`, `J = c^3`.
-#[inline(always)]
-#[allow(non_snake_case)]
-fn dilated<E: StrainEnergy, S: Scalar>(J: &S, c: &S) -> [S; 3] {
-    let c2 = c.square();
-    let I2 = if E::USES_I2 { c2.square() * 3.0 } else { J.constant(0.0) };
-    [c2 * 3.0, I2, J.clone()]
+/// The invariants of `F = c I` and their first two derivatives by the volume ratio that the law sees.
+struct Dilated<S> {
+    invariants: [S; 3],
+    slopes: [S; 3],
+    curvatures: [S; 3],
 }
 
-/// Derivatives of the invariants of `F = c I` by `J`.
-#[inline(always)]
-fn directions<S: Scalar>(c: &S) -> [S; 3] {
-    [c.recip() * 2.0, c.clone() * 4.0, c.constant(1.0)]
+#[allow(non_snake_case)]
+impl<S: Scalar> Dilated<S> {
+    /// `c^3 = J`, or `c^2 = (2 J + 1) / 3` where the volume ratio is `1 + tr E`.
+    #[inline(always)]
+    fn new<E: StrainEnergy>(J: &S) -> Self {
+        let (zero, one) = (J.constant(0.0), J.constant(1.0));
+        if E::VOLUME_IS_TRACE {
+            let c2 = (J.clone() * 2.0 + 1.0) * (1.0 / 3.0);
+            let c = c2.powf(0.5);
+            return Dilated {
+                invariants: [c2.clone() * 3.0, c2.square() * 3.0, c.clone() * c2.clone()],
+                slopes: [one * 2.0, c2 * 4.0, c.clone()],
+                curvatures: [zero, J.constant(8.0 / 3.0), c.recip() * (1.0 / 3.0)],
+            };
+        }
+        let c = J.cbrt();
+        let (c2, r) = (c.square(), c.recip());
+        let r2 = r.square();
+        let I2 = if E::USES_I2 { c2.square() * 3.0 } else { zero.clone() };
+        Dilated {
+            invariants: [c2 * 3.0, I2, J.clone()],
+            slopes: [r * 2.0, c * 4.0, one],
+            curvatures: [r2.square() * (-2.0 / 3.0), r2 * (4.0 / 3.0), zero],
+        }
+    }
 }
 
 /// `I1, I2, J`; `I2` is left zero for laws that do not use it.

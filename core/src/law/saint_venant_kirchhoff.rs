@@ -15,6 +15,8 @@ pub struct SaintVenantKirchhoff {
 
 #[allow(non_snake_case)]
 impl StrainEnergy for SaintVenantKirchhoff {
+    const VOLUME_IS_TRACE: bool = true;
+
     /// `tr E = (I1 - 3) / 2` and `tr E^2 = (tr C^2 - 2 I1 + 3) / 4` with `tr C^2 = I1^2 - 2 I2`.
     #[inline(always)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, _J: S) -> S {
