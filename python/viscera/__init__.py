@@ -11,9 +11,21 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.comparison import compare
 from viscera.errors import NotConverged, VisceraError
-from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
+from viscera.fibres import helical_fibres
+from viscera.law import (
+    Corotated,
+    HolzapfelGasserOgden,
+    Linear,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    SaintVenantKirchhoff,
+    Yeoh,
+)
 from viscera.mesh import Mesh, mesh, read
+from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.state import State
 from viscera.touch import Answer, Touch, load
@@ -21,17 +33,23 @@ from viscera.touch import Answer, Touch, load
 __all__ = [
     "Answer",
     "Corotated",
+    "HolzapfelGasserOgden",
     "Linear",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
     "NotConverged",
+    "Ogden",
     "Organ",
     "SaintVenantKirchhoff",
     "State",
     "Touch",
+    "Unloaded",
     "VisceraError",
+    "Yeoh",
     "__version__",
+    "compare",
+    "helical_fibres",
     "laws",
     "load",
     "mesh",

@@ -32,6 +32,36 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
 
+def pgd(
+    body: Body,
+    *,
+    positions: Indices,  # nodes where the load may act
+    radius: float,  # of the patch each load is spread over; 0 = the node alone
+    load: float,  # at a = 1 [N], along the inward normal
+    order: int,
+    enrichment: dict[str, float] | None,  # core/src/pgd/enrichment.rs; None = every position exactly
+    on_progress: Callable[[int, int], None] | None,  # order in hand, its pairs so far; may raise to stop
+) -> dict[str, Any]:
+    """positions (m,) ascending, weights (m,), units [(dofs, forces)] of the unit loads, orders: one dict each with
+    F (k, n, 3), G (k, m), sizes, iterations, is_cut, seconds_rhs, seconds_solve."""
+
+def compress(space: Floats, position: Floats, weights: Floats, tolerance: float) -> tuple[Floats, Floats]:
+    """F (r, n, 3) and G (r, m) of the field sum_i space[i] position[i] in as few pairs as the tolerance allows;
+    space (k, 3 n), position (k, m), weights (m,)."""
+
+def plain_newton(
+    body: Body, *, force: Floats, increments: int, max_iterations: int, tolerance: float
+) -> tuple[Floats, int, int]:
+    """Newton with full steps and equal load increments: the last equilibrium (n, 3), the increments that converged,
+    and the iterations in all."""
+
+class Surface:
+    """Triangles (t, 3) over points (n, 3), to find the closest point on."""
+
+    def __init__(self, points: Floats, triangles: Indices) -> None: ...
+    def closest(self, point: Floats) -> tuple[int, list[float], float]:
+        """Triangle, weights of its corners, and distance [m]."""
+
 class Law:
     """A constitutive law by name with its parameters, one row for all cells or one row per cell.
 
@@ -73,6 +103,8 @@ class Body:
         values: Floats,  # (k,) displacement there at full load [m]
         force: Floats,  # (n, 3) nodal forces, scaled by the load [N]
         body_force: Floats,  # (n, 3) nodal forces in full at every load level (gravity) [N]
+        pressed: Indices,  # (t, 3) or (t, 6) faces under follower pressure, outward: corners, then midpoints
+        pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,

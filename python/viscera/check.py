@@ -109,7 +109,7 @@ class Check:
         return "\n".join(head + [line for summary in self.depths for line in _lines(summary)])
 
 
-PATIENCE = {"smallest_step": 1 / 16, "tolerance": 1e-6}
+PATIENCE = {"smallest_step": 1 / 4, "max_iterations": 25, "tolerance": 1e-6}
 """For Newton: residuals two orders below the errors to be measured, since local instabilities converge slowly; and
 where it needs smaller load steps the organ is collapsing, and a truth is dear and doubtful."""
 

@@ -122,6 +122,15 @@ class Touch:
         arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
+    def view(self, name: str = "Organ", height: int = 560) -> Any:
+        """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.
+
+        name: shown above the organ; height: of the view, in pixels.
+        """
+        from viscera.viewer.notebook import widget
+
+        return widget(self, name, height)
+
     def summary(self) -> dict[str, Any]:
         """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
 
@@ -184,6 +193,14 @@ def load(path: str | os.PathLike[str]) -> Touch:
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:
-        return Touch(_core.Model.from_bytes(Path(name).read_bytes()))
+        return load_bytes(Path(name).read_bytes())
     except ValueError as error:
         raise VisceraError(f"{name}: {error}") from error
+
+
+def load_bytes(data: bytes) -> Touch:
+    """Read the bytes of a model file; raises `VisceraError` where they are cut short or inconsistent."""
+    try:
+        return Touch(_core.Model.from_bytes(data))
+    except ValueError as error:
+        raise VisceraError(str(error)) from error

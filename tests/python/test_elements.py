@@ -69,7 +69,9 @@ def shapes(element: str, l: Array) -> tuple[Array, Array]:
         return l, unit
     edges = np.array(vs.meshfile.EDGES)
     a, b = edges.T
-    slopes = np.concatenate([(4 * l - 1)[:, :, None] * unit, 4 * (l[:, a, None] * unit[:, b] + l[:, b, None] * unit[:, a])], 1)
+    slopes = np.concatenate(
+        [(4 * l - 1)[:, :, None] * unit, 4 * (l[:, a, None] * unit[:, b] + l[:, b, None] * unit[:, a])], 1
+    )
     return np.concatenate([l * (2 * l - 1), 4 * l[:, a] * l[:, b]], axis=1), slopes
 
 

@@ -103,3 +103,34 @@ impl Patch {
         PyArray1::from_slice(py, &self.patch.weights)
     }
 }
+
+/// Triangles to find the closest point on.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Surface {
+    surface: mesh::Surface,
+}
+
+#[pymethods]
+impl Surface {
+    #[new]
+    fn new(points: PyReadonlyArray2<f64>, triangles: PyReadonlyArray2<u32>) -> PyResult<Self> {
+        let points = convert::points("points", &points)?;
+        let triangles = convert::triangles(&triangles)?;
+        if let Some(node) = triangles.iter().flatten().find(|&&n| n as usize >= points.len()) {
+            return Err(PyValueError::new_err(format!(
+                "a triangle uses point {node}; there are {} points",
+                points.len()
+            )));
+        }
+        Ok(Surface { surface: mesh::Surface::new(&points, &triangles) })
+    }
+
+    /// Triangle, weights of its corners, and distance [m] of the closest point.
+    fn closest(&self, point: PyReadonlyArray1<f64>) -> PyResult<(u32, [f64; 3], f64)> {
+        let point = convert::vector("point", &point)?;
+        let closest = self.surface.closest(point).ok_or_else(|| {
+            PyValueError::new_err(format!("there is no triangle, or {point:?} is not finite"))
+        })?;
+        Ok((closest.triangle, closest.barycentric, closest.distance))
+    }
+}

@@ -4,7 +4,7 @@ use crate::{body::Body, convert, mesh::Patch};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use viscera_core::equilibrium::{self, PatchLoad, Problem};
+use viscera_core::equilibrium::{self, PatchLoad, Pressure, Problem};
 
 /// A body in the hands of a simulator.
 #[pyclass(module = "viscera._core")]
@@ -35,6 +35,7 @@ impl Stepper {
             body: &held.body,
             prescribed: dofs.chain(free.iter().copied()).map(|dof| (dof, 0.0)).collect(),
             force: vec![0.0; 3 * n],
+            pressure: Pressure::default(),
             patches: patches.iter().map(at_rest).collect(),
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };

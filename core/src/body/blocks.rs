@@ -30,6 +30,20 @@ impl SymmetricBlocks {
         }
     }
 
+    /// Where the block of two nodes is stored, whichever comes first; none for nodes that share no cell.
+    pub fn position(&self, a: u32, b: u32) -> Option<usize> {
+        let (row, column) = (a.min(b), a.max(b) as usize);
+        let blocks = (column < self.pattern.n()).then(|| self.pattern.column(column))?;
+        let found = self.pattern.row[blocks.clone()].binary_search(&row).ok()?;
+        Some(blocks.start + found)
+    }
+
+    /// Adds to the block at a [`position`](Self::position), entries `[i][k]` with `i` of the lower node.
+    pub fn add(&mut self, position: usize, entries: &[f64; 9]) {
+        let block = &mut self.values[9 * position..9 * position + 9];
+        block.iter_mut().zip(entries).for_each(|(b, e)| *b += e);
+    }
+
     /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for
     /// each of its entries the position of its value in this matrix.
     pub fn restrict(&self, free: &[u32]) -> (Pattern, Vec<u32>) {

@@ -1,9 +1,12 @@
 //! Equilibrium: find `u` with `f_int(u) = f_ext`, some of its components and weighted means
 //! prescribed.
 
+mod ending;
 mod newton;
 mod outcome;
+mod pressure;
 mod problem;
+mod skew;
 mod stepper;
 mod system;
 #[cfg(test)]
@@ -11,6 +14,7 @@ mod tests;
 
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
+pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem};
 pub use stepper::{Frame, Stepper};
 pub use system::{System, patch_mean};

@@ -1,12 +1,14 @@
 //! Newton's method with an energy line search and adaptive load steps.
 //!
 //! A load step leads from an equilibrium to the target along a straight homotopy: the out-of-
-//! balance force of the start fades as `1 - load`, prescribed values move linearly. A step that
-//! fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
+//! balance force of the start fades as `1 - load`, pressure and prescribed values grow linearly. A step
+//! that fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
 //! descent direction, and said so.
 
-use super::outcome::{Equilibrium, Seconds, Status};
+use super::ending::{Cut, Ending, Slopes};
+use super::outcome::{Equilibrium, Seconds};
 use super::problem::Problem;
+use super::skew;
 use super::system::{System, patch_mean};
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
@@ -38,14 +40,6 @@ impl Default for Newton {
             smallest_step: 1.0 / 1024.0,
         }
     }
-}
-
-/// Why a load step was given up.
-enum Cut {
-    Inverted { cell: usize, jacobian: f64 },
-    NoDescent { residual: f64 },
-    Iterations { residual: f64 },
-    Factor(FactorError),
 }
 
 impl Newton {
@@ -90,7 +84,7 @@ impl Newton {
             }
         }
         run.seconds.total = clock.elapsed().as_secs_f64();
-        Ok(run.finish(last_cut))
+        Ok(run.finish(last_cut, step))
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -122,6 +116,9 @@ struct Run<'a> {
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
+    slopes: Slopes,
+    /// Shift of the last tangent: the next one is rarely far from it.
+    shift: f64,
     seconds: Seconds,
 }
 
@@ -160,6 +157,8 @@ impl<'a> Run<'a> {
             iterations: 0,
             residuals: Vec::new(),
             unstable: None,
+            slopes: Slopes::new(),
+            shift: 0.0,
             seconds: Seconds::default(),
         })
     }
@@ -168,15 +167,17 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// External force at a load: the target plus what is left of the start's imbalance.
-    fn external_force(&self, load: f64) -> Vec<f64> {
+    /// External force at a load: the dead target plus what is left of the start's imbalance, and pressure.
+    fn external_force(&self, load: f64, u: &[f64]) -> Vec<f64> {
         let left = 1.0 - load;
-        self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r).collect()
+        let dead = self.problem.force.iter().zip(&self.imbalance);
+        let mut force = dead.map(|(f, r)| f + left * r).collect::<Vec<_>>();
+        self.problem.pressure.add_force(self.body(), u, load, &mut force);
+        force
     }
 
     /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
     fn advance(&mut self, load: f64) -> Result<usize, Cut> {
-        let external = self.external_force(load);
         let mut u = self.u.clone();
         let mut multipliers = self.multipliers.clone();
         let mut force = vec![0.0; u.len()];
@@ -184,6 +185,8 @@ impl<'a> Run<'a> {
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
             self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            let external = self.external_force(load, &u);
+            self.problem.pressure.add_stiffness(self.body(), &u, load, &mut self.tangent);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
@@ -208,10 +211,11 @@ impl<'a> Run<'a> {
             let (step, change) = self.newton_step(&u, &residual, load, moving)?;
             self.seconds.solve += clock.elapsed().as_secs_f64();
             let length = if moving {
+                self.note_slope(&step, load);
                 self.check_inversion(&u, &step)?;
                 1.0
             } else {
-                self.line_search(&u, &step, &external, &residual, norm)?
+                self.line_search(&u, &step, load, &residual, norm)?
             };
             u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
             multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
@@ -259,11 +263,12 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { 1e-4 } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
         }
+        self.shift = shift;
         self.seconds.factorization += clock.elapsed().as_secs_f64();
         Ok(unstable)
     }
@@ -302,11 +307,36 @@ impl<'a> Run<'a> {
                 })
             })
             .collect();
-        let change = self.system.solve(&mut rhs, &gap).map_err(Cut::Factor)?;
+        let change = if self.problem.pressure.is_empty() {
+            self.system.solve(&mut rhs, &gap)
+        } else {
+            // What is prescribed pulls through the skew part too.
+            rhs.iter_mut().zip(self.skew(u, load, &step)).for_each(|(b, s)| *b -= s);
+            let skew = |s: &[f64]| {
+                let mut full = vec![0.0; u.len()];
+                s.iter().zip(self.system.free()).for_each(|(s, &dof)| full[dof as usize] = *s);
+                self.skew(u, load, &full)
+            };
+            skew::solve(&self.system, skew, &mut rhs, &gap)
+        }
+        .map_err(Cut::Factor)?;
         for (s, &dof) in rhs.iter().zip(self.system.free()) {
             step[dof as usize] = *s;
         }
         Ok((step, change))
+    }
+
+    /// The first step of a load step is the tangent of the path.
+    fn note_slope(&mut self, step: &[f64], load: f64) {
+        let square: f64 = self.system.free().iter().map(|&dof| step[dof as usize].powi(2)).sum();
+        self.slopes.note(self.load, square.sqrt() / (load - self.load));
+    }
+
+    /// The skew part of the pressure's stiffness times `x`, on the free degrees of freedom.
+    fn skew(&self, u: &[f64], load: f64, x: &[f64]) -> Vec<f64> {
+        let mut force = vec![0.0; u.len()];
+        self.problem.pressure.add_skew(self.body(), u, load, x, &mut force);
+        self.system.free().iter().map(|&dof| force[dof as usize]).collect()
     }
 
     fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
@@ -323,13 +353,16 @@ impl<'a> Run<'a> {
         &self,
         u: &[f64],
         step: &[f64],
-        external: &[f64],
+        load: f64,
         residual: &[f64],
         norm: f64,
     ) -> Result<f64, Cut> {
+        let (left, pressure) = (1.0 - load, &self.problem.pressure);
         let potential = |length: f64| {
             let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + length * s).collect();
-            let work: f64 = trial.iter().zip(external).map(|(u, f)| u * f).sum();
+            let dead = self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r);
+            let dead: f64 = trial.iter().zip(dead).map(|(u, f)| u * f).sum();
+            let work = dead + load * pressure.work(self.body(), u, step, length);
             let energy = self.body().energy(&trial);
             (energy - work, energy.abs() + work.abs())
         };
@@ -349,72 +382,32 @@ impl<'a> Run<'a> {
         Err(Cut::NoDescent { residual: norm })
     }
 
-    fn finish(mut self, cut: Option<Cut>) -> Equilibrium {
+    fn finish(mut self, cut: Option<Cut>, step: f64) -> Equilibrium {
         let body = self.body();
         let mut internal_force = vec![0.0; body.n_dofs()];
         body.internal_force(&self.u, &mut internal_force);
-        let status = match (self.load >= 1.0, self.unstable) {
-            (false, _) => Status::StepTooSmall,
-            (true, None) => Status::Converged,
-            (true, Some(_)) => Status::ConvergedPastInstability,
+        let mut external_force = self.problem.force.clone();
+        self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        let ending = Ending {
+            load: self.load,
+            iterations: self.iterations,
+            cut,
+            // The smallest step that failed is twice the one that was not tried any more.
+            turn: self.slopes.limit_point(self.load, 4.0 * step),
+            unstable: self.unstable,
         };
-        let message = self.message(status, cut);
         Equilibrium {
             energy: body.energy(&self.u),
             displacement: std::mem::take(&mut self.u),
             internal_force,
+            external_force,
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
-            status,
-            message,
+            status: ending.status(),
+            message: ending.message(self.problem),
             load: self.load,
             iterations: self.iterations,
             residuals: self.residuals,
             seconds: self.seconds,
-        }
-    }
-
-    fn message(&self, status: Status, cut: Option<Cut>) -> String {
-        let load = self.load;
-        let mut text = match status {
-            Status::Converged => format!("converged in {} iterations", self.iterations),
-            Status::ConvergedPastInstability | Status::StepTooSmall => match (status, cut) {
-                (Status::StepTooSmall, Some(cut)) => {
-                    format!("stopped at load {load:.4}: {}", cut.sentence())
-                }
-                _ => format!("converged in {} iterations", self.iterations),
-            },
-        };
-        if let Some((load, dof)) = self.unstable {
-            text += &format!(
-                "; the tangent was not positive definite at load {load:.4} (point {}): \
-                 the path passes an instability",
-                dof / 3
-            );
-        }
-        let law = self.body().material().name();
-        if status == Status::StepTooSmall && law == "saint_venant_kirchhoff" {
-            text += "; Saint Venant-Kirchhoff collapses in compression, a known flaw of the law: \
-                     use neo_hookean";
-        }
-        text
-    }
-}
-
-impl Cut {
-    fn sentence(&self) -> String {
-        match self {
-            Cut::Inverted { cell, jacobian } => {
-                format!(
-                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
-                )
-            }
-            Cut::NoDescent { residual } => {
-                format!("no step lowers the energy (relative residual {residual:.1e})")
-            }
-            Cut::Iterations { residual } => {
-                format!("too many iterations (relative residual {residual:.1e})")
-            }
-            Cut::Factor(error) => error.to_string(),
         }
     }
 }

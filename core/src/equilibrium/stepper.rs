@@ -208,7 +208,7 @@ impl Stepper {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::equilibrium::Newton;
+    use crate::equilibrium::{Newton, Pressure};
     use crate::law::Material;
     use crate::mesh::Patch;
     use crate::mesh::samples::block;
@@ -238,6 +238,7 @@ mod tests {
             body,
             prescribed: held.collect(),
             force: vec![0.0; body.n_dofs()],
+            pressure: Pressure::default(),
             patches: vec![PatchLoad { patch: tip(body), displacement: d }],
             start: None,
         }

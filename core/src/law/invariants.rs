@@ -61,26 +61,21 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
 
     #[inline(always)]
     fn dilatation<S: Scalar>(&self, J: &S) -> S {
-        let [I1, I2, J] = Dilated::new::<Self>(J).invariants;
-        self.psi(I1, I2, J)
+        self.volumetric(J.clone())
     }
 
     #[inline(always)]
     fn pressure<S: Scalar>(&self, J: &S) -> S {
-        let state = Dilated::new::<Self>(J);
-        let [I1, I2, J] = Gradient::variables(state.invariants);
-        dot(&self.psi(I1, I2, J).first, &state.slopes)
+        let [J, _, _] = Gradient::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let [pressure, _, _] = self.volumetric(J).first;
+        pressure
     }
 
     #[inline(always)]
     fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        let state = Dilated::new::<Self>(J);
-        let [I1, I2, J] = Hessian::variables(state.invariants);
-        let psi = self.psi(I1, I2, J);
-        let d = state.slopes;
-        let along: [S; 3] =
-            std::array::from_fn(|n| dot(&std::array::from_fn(|m| psi.second(m, n)), &d));
-        [dot(&psi.first, &d), dot(&along, &d) + dot(&psi.first, &state.curvatures)]
+        let [J, _, _] = Hessian::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let U = self.volumetric(J);
+        [U.first[0].clone(), U.second(0, 0)]
     }
 
     #[inline(always)]
@@ -97,40 +92,6 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     #[inline(always)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
         series::volume_series::<Self, T>(table, deformation, out);
-    }
-}
-
-/// The invariants of `F = c I` and their first two derivatives by the volume ratio that the law sees.
-struct Dilated<S> {
-    invariants: [S; 3],
-    slopes: [S; 3],
-    curvatures: [S; 3],
-}
-
-#[allow(non_snake_case)]
-impl<S: Scalar> Dilated<S> {
-    /// `c^3 = J`, or `c^2 = (2 J + 1) / 3` where the volume ratio is `1 + tr E`.
-    #[inline(always)]
-    fn new<E: StrainEnergy>(J: &S) -> Self {
-        let (zero, one) = (J.constant(0.0), J.constant(1.0));
-        if E::VOLUME_IS_TRACE {
-            let c2 = (J.clone() * 2.0 + 1.0) * (1.0 / 3.0);
-            let c = c2.powf(0.5);
-            return Dilated {
-                invariants: [c2.clone() * 3.0, c2.square() * 3.0, c.clone() * c2.clone()],
-                slopes: [one * 2.0, c2 * 4.0, c.clone()],
-                curvatures: [zero, J.constant(8.0 / 3.0), c.recip() * (1.0 / 3.0)],
-            };
-        }
-        let c = J.cbrt();
-        let (c2, r) = (c.square(), c.recip());
-        let r2 = r.square();
-        let I2 = if E::USES_I2 { c2.square() * 3.0 } else { zero.clone() };
-        Dilated {
-            invariants: [c2 * 3.0, I2, J.clone()],
-            slopes: [r * 2.0, c * 4.0, one],
-            curvatures: [r2.square() * (-2.0 / 3.0), r2 * (4.0 / 3.0), zero],
-        }
     }
 }
 

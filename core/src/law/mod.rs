@@ -6,20 +6,27 @@
 //! one line in [`laws!`] and one line of tests.
 
 mod corotated;
+mod holzapfel_gasser_ogden;
 mod invariants;
 mod linear;
 mod mooney_rivlin;
 mod neo_hookean;
+mod ogden;
+mod power;
 mod saint_venant_kirchhoff;
 mod series;
 #[cfg(test)]
 mod tests;
+mod yeoh;
 
 pub use corotated::Corotated;
+pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use linear::Linear;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
 pub use neo_hookean::NeoHookean;
+pub use ogden::Ogden;
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
+pub use yeoh::Yeoh;
 
 use crate::error::Error;
 use crate::number::{Jet, Monomials, Real, Scalar};
@@ -35,12 +42,21 @@ pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether a derivative of `psi` depends on `I1`; if not, its power series is not computed.
     const DERIVATIVES_USE_I1: bool = true;
 
-    /// Whether `psi` resists `1 + tr E = (I1 - 1) / 2` rather than `J`, so that this is the volume ratio to average.
+    /// Whether the law resists `1 + tr E = (I1 - 1) / 2` rather than `J`: then this is the volume ratio that
+    /// elements average, and [`StrainEnergy::volumetric`] is a function of it.
     const VOLUME_IS_TRACE: bool = false;
 
     /// `psi(I1, I2, J)` with `I1 = tr C`, `I2 = (I1^2 - tr C^2) / 2 = |cof F|^2`, `J = det F`.
     #[allow(non_snake_case)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S;
+
+    /// `U(J)`, the energy of a pure dilatation `F = J^(1/3) I`; laws that write it as a term of its own give that.
+    #[inline(always)]
+    #[allow(non_snake_case)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        let c2 = J.cbrt().square();
+        self.psi(c2.clone() * 3.0, c2.square() * 3.0, J)
+    }
 }
 
 /// A fourth-order tensor seen along three vectors: `blocks[a][b]_ik = g_a,J A_iJkL g_b,L`, for `a <= b`.
@@ -236,6 +252,9 @@ impl LawVisitor for Moduli<'_> {
     }
 }
 
+/// Parameters that no law can do with at zero or below.
+const POSITIVE: &[&str] = &["mu", "c1", "kappa", "c10", "c", "k1", "k2"];
+
 fn check_parameters(law: &str, row: usize, names: &[&str], values: &[f64]) -> Result<(), Error> {
     if values.len() != names.len() {
         return Err(Error::input(format!(
@@ -244,11 +263,11 @@ fn check_parameters(law: &str, row: usize, names: &[&str], values: &[f64]) -> Re
         )));
     }
     for (name, &value) in names.iter().zip(values) {
-        let may_be_negative = *name == "lam" || *name == "c2";
-        if !value.is_finite() || (value <= 0.0 && !may_be_negative) {
+        let must_be_positive = POSITIVE.contains(name);
+        if !value.is_finite() || (value <= 0.0 && must_be_positive) {
             return Err(Error::input(format!(
                 "law {law}: {name} = {value} in row {row}; it must be finite{}",
-                if may_be_negative { "" } else { " and positive" }
+                if must_be_positive { " and positive" } else { "" }
             )));
         }
     }
@@ -303,4 +322,19 @@ laws! {
         |p| MooneyRivlin { c1: p[0], c2: p[1], kappa: p[2], volumetric: Volumetric::JacobianSquared };
     "mooney_rivlin ln J", ["c1", "c2", "kappa"], MooneyRivlin,
         |p| MooneyRivlin { c1: p[0], c2: p[1], kappa: p[2], volumetric: Volumetric::Logarithm };
+    "yeoh", ["c10", "c20", "c30", "kappa"], Yeoh, |p| Yeoh { c: [p[0], p[1], p[2]], kappa: p[3] };
+    "ogden", ["mu1", "mu2", "mu3", "alpha1", "alpha2", "alpha3", "kappa"], Ogden,
+        |p| Ogden { mu: [p[0], p[1], p[2]], alpha: [p[3], p[4], p[5]], kappa: p[6] };
+    "holzapfel_gasser_ogden",
+        ["c", "k1", "k2", "dispersion", "kappa", "a0x", "a0y", "a0z", "a1x", "a1y", "a1z"],
+        HolzapfelGasserOgden, |p| holzapfel_gasser_ogden(p, false);
+    "holzapfel_gasser_ogden both ways",
+        ["c", "k1", "k2", "dispersion", "kappa", "a0x", "a0y", "a0z", "a1x", "a1y", "a1z"],
+        HolzapfelGasserOgden, |p| holzapfel_gasser_ogden(p, true);
+}
+
+fn holzapfel_gasser_ogden(p: &[f64], bear_compression: bool) -> HolzapfelGasserOgden {
+    let fibres = [[p[5], p[6], p[7]], [p[8], p[9], p[10]]];
+    let [c, k1, k2, dispersion, kappa] = [p[0], p[1], p[2], p[3], p[4]];
+    HolzapfelGasserOgden { c, k1, k2, dispersion, kappa, fibres, bear_compression }
 }

@@ -24,4 +24,10 @@ impl StrainEnergy for SaintVenantKirchhoff {
         let trace_E2 = (I1.square() - I2 * 2.0 - I1 * 2.0 + 3.0) * 0.25;
         trace_E.square() * (0.5 * self.lam) + trace_E2 * self.mu
     }
+
+    /// `K/2 (tr E)^2`, as `tr E^2 = (tr E)^2 / 3` in a dilatation.
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        (J - 1.0).square() * (0.5 * self.lam + self.mu / 3.0)
+    }
 }

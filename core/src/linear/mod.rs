@@ -7,6 +7,7 @@ mod analysis;
 mod cholesky;
 pub mod conjugate_gradients;
 mod error;
+mod gmres;
 mod ldlt;
 mod ordering;
 mod pattern;
@@ -16,6 +17,7 @@ mod test_matrices;
 
 pub use cholesky::Cholesky;
 pub use error::FactorError;
+pub use gmres::gmres;
 pub use ldlt::{Inertia, Ldlt};
 pub use pattern::Pattern;
 

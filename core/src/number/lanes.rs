@@ -102,6 +102,10 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn cbrt(&self) -> Self {
         self.map(f64::cbrt)
     }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        self.map(|x| x.heaviside())
+    }
 }
 
 impl<const L: usize> Real for Lanes<L> {

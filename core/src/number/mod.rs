@@ -53,6 +53,9 @@ pub trait Scalar:
     fn cbrt(&self) -> Self {
         self.powf(1.0 / 3.0)
     }
+    /// The constant 1 where the value is positive, 0 elsewhere: the switch of a one-sided law. A series goes by its
+    /// constant term.
+    fn heaviside(&self) -> Self;
     /// `self * self`.
     fn square(&self) -> Self {
         self.clone() * self.clone()
@@ -97,6 +100,10 @@ impl Scalar for f64 {
     #[inline(always)]
     fn cbrt(&self) -> Self {
         f64::cbrt(*self)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        f64::from(u8::from(*self > 0.0))
     }
 }
 
