@@ -10,22 +10,34 @@ CARGO  := cargo
 
 core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
-c_tests      := tests/python/test_c_library.py
+c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
 
+# What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
+fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16
+FUZZ_SECONDS   ?= 60
+HAPTIC_SECONDS ?= 600
+
+# The viewer's page is a build product inside the package; without Node everything else still builds and tests.
+page         := python/viscera/viewer/static/viewer.js
+page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
+evaluator    := viewer/wasm/viscera.wasm
+node_page    := $(if $(shell command -v npm),$(page))
+
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python c-library install-c bench pages clean
+.PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
+.PHONY: bench bench-haptic studies pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(extension) ## make .venv and build the package into it; quick when nothing changed
+setup: $(extension) $(node_page) ## make .venv and build the package into it; quick when nothing changed
 
 demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(BIN)/viscera demo --no-view --output out
 
-test: lint test-core test-c test-python ## everything that must be green
+test: lint test-core test-c test-python test-web ## everything that must be green
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
@@ -46,7 +58,22 @@ test-c: $(extension) c-library ## the C library: programs in C and C++ against P
 	$(BIN)/pytest $(c_tests)
 
 test-python: $(extension) ## the Python tests and doctests
-	$(BIN)/pytest --ignore=$(c_tests)
+	$(BIN)/pytest --ignore=$(c_tests) --ignore=tests/web
+
+test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser, against Python
+	$(BIN)/pytest tests/web
+
+viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
+
+sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
+	$(BIN)/pytest $(c_tests) -k sanitizers
+
+fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
+	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
+	for target in file edits; do \
+		mkdir -p out/fuzz/$$target && $(fuzz_profile) $(CARGO) +nightly fuzz run --target-dir target/fuzz --features libfuzzer \
+			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
+			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
 
 c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
 	$(CARGO) build --release --package viscera-c
@@ -64,15 +91,44 @@ bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
 
+bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz
+	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
+	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS)
+
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
+
+studies: $(extension) ## the full studies of the papers; their tables go where the pages quote them
+	for name in beam liver; do \
+		$(BIN)/viscera study $$name -o out/$$name && mkdir -p benchmarks/results/$$name && \
+		cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/pages.py
 
+pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
+	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
+
+# The evaluator alone, without the solvers; all browsers of the last years have these vector instructions.
+$(evaluator): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
+	rustup target add wasm32-unknown-unknown
+	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown
+	install -D -m 644 target/wasm32-unknown-unknown/wasm/viscera_wasm.wasm $@
+
+$(page): $(evaluator) $(page_sources) viewer/node_modules/.package-lock.json
+	npm --prefix viewer run build
+
+viewer/node_modules/.package-lock.json: viewer/package-lock.json
+	npm --prefix viewer ci --no-audit --no-fund
+	touch $@
+
+$(VENV)/chromium: | $(VENV)/installed
+	command -v chromium chromium-browser google-chrome || apt-get install -y --no-install-recommends chromium || sudo apt-get install -y --no-install-recommends chromium
+	touch $@
+
 clean: ## forget .venv, build products and results
 	$(CARGO) clean
-	rm -rf $(VENV) out dist $(extension)
+	rm -rf $(VENV) out dist $(extension) $(dir $(page)) $(dir $(evaluator)) viewer/node_modules
 
 # The first installation brings the dependencies and the `viscera` command; afterwards only the compiled core is renewed.
 $(VENV)/installed: pyproject.toml

@@ -129,7 +129,9 @@ def middle_surface() -> tuple[Array, Indices, Array, dict[str, Indices]]:
 
 
 def artery() -> tuple[Array, Indices, dict[str, Indices]]:
-    """Points [m], cells and node sets: the rings `bottom`, `middle`, `top`, and `branch`, the side branch's end."""
+    """Points [m], cells and node sets: the rings `bottom`, `middle`, `top`, the `lumen`, and `branch`, the side branch's
+    end.
+    """
     middle, triangles, normals, rings = middle_surface()
     n = len(middle)
     points = np.concatenate([middle - 0.5 * WALL * normals, middle + 0.5 * WALL * normals])
@@ -139,4 +141,5 @@ def artery() -> tuple[Array, Indices, dict[str, Indices]]:
     cells = np.concatenate([np.stack(cell, axis=-1) for cell in corners])
     is_inverted = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]]) < 0.0
     cells[is_inverted] = cells[is_inverted][:, [0, 2, 1, 3]]
-    return points, cells, {name: np.concatenate([ring, ring + n]) for name, ring in rings.items()}
+    sets = {name: np.concatenate([ring, ring + n]) for name, ring in rings.items()}
+    return points, cells, {**sets, "lumen": np.arange(n)}

@@ -1,9 +1,9 @@
 """Runs the marked programs of README.md and docs/, and writes what they really print below each of them.
 
 A marked program is a fenced `sh` or `python` block between `<!-- run -->` and `<!-- output -->`; everything from there
-to `<!-- end -->` is replaced. A page's programs share one scratch folder, where `examples` is the repository's, and
-its Python blocks one namespace. A picture that a page shows from `docs/` is the one of that name which a program of the
-page wrote.
+to `<!-- end -->` is replaced. A page's programs share one scratch folder, where `benchmarks`, `examples` and `scripts`
+are the repository's, and its Python blocks one namespace. A picture that a page shows from `docs/` is the one of that
+name which a program of the page wrote.
 
     python scripts/pages.py [PAGE ...]
 """
@@ -79,7 +79,8 @@ def renew(page: Path) -> None:
     if not MARKED.search(text):
         return
     with tempfile.TemporaryDirectory() as scratch:
-        Path(scratch, "examples").symlink_to(ROOT / "examples")
+        for folder in ("benchmarks", "examples", "scripts"):
+            Path(scratch, folder).symlink_to(ROOT / folder)
         text = render(text, runner(Path(scratch)))
         for name in PICTURE.findall(text):
             drawn = next(Path(scratch).rglob(name), None)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from viscera import cli
+from viscera import VisceraError, cli
+from viscera.viewer import page
 
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "cli.md").read_text(encoding="utf-8")
 
@@ -56,6 +57,15 @@ def test_solve(folder: Path) -> None:
     assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
 
 
+def test_compare(folder: Path) -> None:
+    told = run(folder, "compare", str(folder / "case.toml"), "-o", str(folder), "--models", "Linear")
+    assert set(told) == documented("compare")
+    models = told["models"]
+    assert isinstance(models, list)
+    keys = {key for model in models for key in (*model, *(model["difference"] or {}), *model["times"])}
+    assert all(f"`{key}`" in PAGE for key in keys)
+
+
 def test_reduce_check_and_touch(folder: Path) -> None:
     model = str(folder / "organ.viscera")
     assert set(run(folder, "reduce", str(folder / "case.toml"), "-o", model)) == documented("reduce")
@@ -67,3 +77,8 @@ def test_reduce_check_and_touch(folder: Path) -> None:
     assert all(f"`{key}`" in PAGE for key in touch)
     at, push = map(str, touch["point"]), map(str, touch["displacement"])
     assert set(run(folder, "touch", model, "--at", *at, "--push", *push)) == documented("touch")
+    try:
+        page.files()
+    except VisceraError:
+        return  # built without its viewer
+    assert set(run(folder, "view", model, "--export", str(folder / "site"))) == documented("view")

@@ -45,6 +45,11 @@ def test_relative_links_lead_somewhere(page: Path) -> None:
     assert not missing
 
 
+def test_the_law_that_contributors_are_shown_is_the_one_in_use() -> None:
+    shown = pages.programs((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), "rust")
+    assert shown == [(ROOT / "core" / "src" / "law" / "yeoh.rs").read_text(encoding="utf-8")]
+
+
 def test_the_readme_has_a_program() -> None:
     assert pages.programs((ROOT / "README.md").read_text(encoding="utf-8"), "python")
 

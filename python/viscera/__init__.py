@@ -11,10 +11,22 @@ SI units throughout: metres, newtons, pascals, joules.
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.comparison import compare
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
-from viscera.law import Corotated, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
+from viscera.fibres import helical_fibres
+from viscera.law import (
+    Corotated,
+    HolzapfelGasserOgden,
+    Linear,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    SaintVenantKirchhoff,
+    Yeoh,
+)
 from viscera.mesh import Mesh, mesh, read
+from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.solver import ConjugateGradients
 from viscera.state import State
@@ -28,20 +40,26 @@ __all__ = [
     "Corotated",
     "Frame",
     "Hand",
+    "HolzapfelGasserOgden",
     "Linear",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
     "Newmark",
     "NotConverged",
+    "Ogden",
     "Organ",
     "Prony",
     "SaintVenantKirchhoff",
     "State",
     "Stepper",
     "Touch",
+    "Unloaded",
     "VisceraError",
+    "Yeoh",
     "__version__",
+    "compare",
+    "helical_fibres",
     "laws",
     "load",
     "mesh",

@@ -18,6 +18,12 @@ __version__: str
 def surface(points: Floats, cells: Indices) -> Indices:
     """Boundary triangles (t, 3), oriented outward."""
 
+def quadratic(n_points: int, cells: Indices) -> tuple[Indices, Indices]:
+    """Edges (k, 2), ascending, and the ten nodes (m, 10) of each cell, midpoints numbered from `n_points` by edge."""
+
+def quadratic_surface(points: Floats, cells: Indices) -> Indices:
+    """Boundary triangles of a quadratic mesh, four for each face; points with midpoints, corner cells (m, 4)."""
+
 def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],
     `inverted`, `degenerate`, `duplicate` (cell indices), `loose_points` (point indices), `part` (n,) label of the
@@ -25,6 +31,36 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
+
+def pgd(
+    body: Body,
+    *,
+    positions: Indices,  # nodes where the load may act
+    radius: float,  # of the patch each load is spread over; 0 = the node alone
+    load: float,  # at a = 1 [N], along the inward normal
+    order: int,
+    enrichment: dict[str, float] | None,  # core/src/pgd/enrichment.rs; None = every position exactly
+    on_progress: Callable[[int, int], None] | None,  # order in hand, its pairs so far; may raise to stop
+) -> dict[str, Any]:
+    """positions (m,) ascending, weights (m,), units [(dofs, forces)] of the unit loads, orders: one dict each with
+    F (k, n, 3), G (k, m), sizes, iterations, is_cut, seconds_rhs, seconds_solve."""
+
+def compress(space: Floats, position: Floats, weights: Floats, tolerance: float) -> tuple[Floats, Floats]:
+    """F (r, n, 3) and G (r, m) of the field sum_i space[i] position[i] in as few pairs as the tolerance allows;
+    space (k, 3 n), position (k, m), weights (m,)."""
+
+def plain_newton(
+    body: Body, *, force: Floats, increments: int, max_iterations: int, tolerance: float
+) -> tuple[Floats, int, int]:
+    """Newton with full steps and equal load increments: the last equilibrium (n, 3), the increments that converged,
+    and the iterations in all."""
+
+class Surface:
+    """Triangles (t, 3) over points (n, 3), to find the closest point on."""
+
+    def __init__(self, points: Floats, triangles: Indices) -> None: ...
+    def closest(self, point: Floats) -> tuple[int, list[float], float]:
+        """Triangle, weights of its corners, and distance [m]."""
 
 class Law:
     """A constitutive law by name with its parameters, one row for all cells or one row per cell.
@@ -39,6 +75,8 @@ class Law:
     def name(self) -> str: ...
     @property
     def parameters(self) -> Floats: ...
+    def moduli(self) -> Floats:
+        """Shear and bulk modulus at rest (rows, 2) [Pa]."""
     def energy(self, F: Floats) -> Floats:
         """psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), law of the first cell."""
     def stress(self, F: Floats) -> Floats:
@@ -56,7 +94,8 @@ class Patch:
 class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
-    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices) -> None: ...
+    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices, element: str) -> None:
+        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 mean volume" or "P2"."""
     def solve(
         self,
         *,
@@ -64,6 +103,8 @@ class Body:
         values: Floats,  # (k,) displacement there at full load [m]
         force: Floats,  # (n, 3) nodal forces, scaled by the load [N]
         body_force: Floats,  # (n, 3) nodal forces in full at every load level (gravity) [N]
+        pressed: Indices,  # (t, 3) or (t, 6) faces under follower pressure, outward: corners, then midpoints
+        pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,

@@ -3,17 +3,26 @@
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
     units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
+    element = "P1 mean volume"          # or "P1", "P2"; without it, what is right for the material
 
     [material]
     law = "NeoHookean"
     young = 0.17e6
     poisson = 0.48
 
+    [material.nodule]             # what differs in a set of cells, or where a condition such as "x > 80%" holds
+    young = 1.7e6
+
     [loads]
     gravity = [0, 0, -9.81]
     density = 1060
     displacement.lobe = [0, "free", -0.01]
     force."z > 90%" = [0, 0, -2.0]
+    traction.capsule = [0, 0, 50] # Pa
+    pressure.vein = 2e3           # Pa, against the outward normal
+
+    [scan]                        # the mesh was acquired under these loads, in the words of [loads]
+    gravity = [0, -9.81, 0]       # `solve` takes them off first, and counts displacements from the scan
 
     [settings]
     steps = 4
@@ -35,11 +44,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from viscera import law, organs
 from viscera.errors import VisceraError, did_you_mean
-from viscera.mesh import Mesh, read
-from viscera.organ import Organ
-from viscera.select import length, select
+from viscera.fibres import helical_fibres
+from viscera.mesh import Indices, Mesh, read
+from viscera.navigation import Unloaded
+from viscera.organ import Organ, Progress
+from viscera.select import length, select, select_cells
 from viscera.state import State
 from viscera.touch import Touch
 
@@ -48,14 +61,25 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+PARAMETERS = (
+    *("young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha"),
+    *("c10", "c20", "c30", "c", "k1", "k2", "dispersion"),
+)
 KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
-    "": ("mesh", "units", "fixed", "material", "loads", "settings", "reduce"),
-    "loads": ("displacement", "force", "gravity", "density"),
+    "": ("mesh", "units", "fixed", "element", "material", "loads", "scan", "settings", "reduce"),
+    "loads": ("displacement", "force", "traction", "pressure", "gravity", "density"),
     "loads.displacement": None,
     "loads.force": None,
+    "loads.traction": None,
+    "loads.pressure": None,
+    "scan": ("force", "traction", "pressure", "gravity", "density"),
+    "scan.force": None,
+    "scan.traction": None,
+    "scan.pressure": None,
     "settings": ("steps", "newton"),
     "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
-    "material": ("law", "young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha", "volumetric"),
+    "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
+    "material.fibres": ("angle", "axis", "through"),
 }
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
@@ -68,7 +92,9 @@ class Case:
     fixed: Any
     material: Mapping[str, Any]
     units: str | float | None = None
+    element: str | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
+    scan: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     reduction: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
@@ -76,30 +102,54 @@ class Case:
     def organ(self) -> Organ:
         """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
         plain = load_mesh(self.mesh, self.units, self.folder)
-        places = [self.fixed, *self.loads.get("displacement", {}), *self.loads.get("force", {})]
+        places = [self.fixed]
+        for kind in ("displacement", "force", "traction", "pressure"):
+            places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
-        return Organ(plain.with_sets(**named), material(self.material), fixed=self.fixed)
+        named_mesh = plain.with_sets(**named)
+        return Organ(named_mesh, material(self.material, plain), fixed=self.fixed, element=self.element)
 
-    def solve(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> State:
-        """Static equilibrium of the organ under the case's loads."""
+    def loading(self) -> dict[str, Any]:
+        """Loads and settings as `Organ.solve` takes them."""
         moved = self.loads.get("displacement", {})
-        return organ.solve(
-            displacement={place: _components(place, values) for place, values in moved.items()},
-            force=self.loads.get("force", {}),
-            gravity=self.loads.get("gravity"),
-            density=self.loads.get("density"),
-            steps=self.settings.get("steps", 1),
-            settings=self.settings.get("newton"),
-            progress=progress,
-        )
+        return {
+            "displacement": {place: _components(place, values) for place, values in moved.items()},
+            "force": self.loads.get("force", {}),
+            "traction": self.loads.get("traction", {}),
+            "pressure": self.loads.get("pressure", {}),
+            "gravity": self.loads.get("gravity"),
+            "density": self.loads.get("density"),
+            "steps": self.settings.get("steps", 1),
+            "settings": self.settings.get("newton"),
+        }
+
+    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
+        """Static equilibrium of the organ under the case's loads."""
+        return organ.solve(**self.loading(), progress=progress)
+
+    def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
+        """The organ without the loads of its [scan]; the density is that of the [loads] where it is given there."""
+        density = self.loads.get("density")
+        return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
+
+    def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
+        """Equilibrium under the case's loads of an organ found by `unloaded`; displacements count from the scan."""
+        return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
+
+    def require_unloaded(self, verb: str) -> None:
+        """Raise `VisceraError` where the case has a [scan], which only `viscera solve` takes off."""
+        if self.scan:
+            raise VisceraError(
+                f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
+            )
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
-    def reduce(self, organ: Organ, progress: Callable[[int, int, str], None] | None = None) -> Touch:
+    def reduce(self, organ: Organ, progress: Progress | None = None) -> Touch:
         """The reduced model of the organ with the case's [reduce] settings."""
         options = dict(self.reduction)
         for name in ("radius", "depth"):
@@ -137,16 +187,49 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
     return read(folder / name, units=units)
 
 
-def material(words: Mapping[str, Any]) -> law.Law:
-    """The law that a [material] table or the command line's options describe."""
-    parameters = dict(words)
+def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
+    """The law that a [material] table describes, its tables naming what differs in a part of the mesh."""
+    parameters = {name: value for name, value in words.items() if not _is_part(name, value)}
     if "law" not in parameters:
         raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
     kind = law.named(parameters.pop("law"))
+    if isinstance(parameters.get("fibres"), Mapping):
+        parameters["fibres"] = _called(helical_fibres, "fibres", mesh, **parameters["fibres"])
+    for place, part in words.items():
+        if not _is_part(place, part):
+            continue
+        cells = select_cells(mesh, place)
+        for name, value in part.items():
+            if name not in parameters:
+                raise VisceraError(f"material: {place!r} gives {name!r}, which the rest of the organ has no value for")
+            parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
+    made: law.Law = _called(kind, f"material {kind.__name__}", **parameters)
+    return made
+
+
+def _is_part(name: str, value: Any) -> bool:
+    """Whether an entry of [material] is a table about a part of the mesh."""
+    return isinstance(value, Mapping) and name != "fibres"
+
+
+def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
+    """A parameter per cell: `value` in the given cells, what it was in the others; lists (of terms) entry by entry."""
+    if isinstance(whole, list):
+        if not isinstance(value, list) or len(value) != len(whole):
+            raise VisceraError(f"material: {name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
+        return [_in_part(*pair, mesh=mesh, name=name) for pair in zip(whole, [cells] * len(whole), value, strict=True)]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise VisceraError(f"material: {name} must be a number, got {value!r}")
+    values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
+    values[cells] = value
+    return values
+
+
+def _called(make: Callable[..., Any], what: str, *arguments: Any, **words: Any) -> Any:
     try:
-        return kind(**parameters)
+        return make(*arguments, **words)
     except TypeError as error:
-        raise VisceraError(f"material {kind.__name__}: {str(error).split('__init__() ')[-1]}") from error
+        raise VisceraError(f"{what}: {str(error).split('() ')[-1]}") from error
 
 
 def _components(name: str, values: Any) -> list[float | None]:
@@ -163,9 +246,21 @@ def _require_known(source: Path, words: Mapping[str, Any]) -> None:
         inside: Any = words
         for name in table.split(".") if table else []:
             inside = inside.get(name, {})
+        if table == "material.fibres" and isinstance(inside, list):
+            continue
         if not isinstance(inside, Mapping):
             raise VisceraError(f"{source}: {table!r} is a table, written as [{table}], got {inside!r}")
-        for key in inside:
-            if keys is not None and key not in keys:
+        for key, value in inside.items():
+            if table == "material" and _is_part(key, value):
+                _require_parameters(source, key, value)
+            elif keys is not None and key not in keys:
                 where = f" in [{table}]" if table else ""
                 raise VisceraError(f"{source}: unknown key {key!r}{where}; {did_you_mean(key, keys)}")
+
+
+def _require_parameters(source: Path, place: str, part: Mapping[str, Any]) -> None:
+    for name in part:
+        if name not in PARAMETERS:
+            raise VisceraError(
+                f"{source}: unknown key {name!r} in [material.{place}]; {did_you_mean(name, PARAMETERS)}"
+            )

@@ -1,4 +1,13 @@
-"""The defaults of the reduction and its check, in one place: the API, case files and the command line all read them."""
+"""The defaults of elements, the reduction and its check: the API, case files and the command line all read them."""
+
+ELEMENT = "P1"
+"""The element of compressible tissue."""
+
+LOCKING_POISSON = 0.45
+"""Poisson's ratio above which linear tetrahedra lock."""
+
+LOCKING_FREE_ELEMENT = "P1 mean volume"
+"""The element of nearly incompressible tissue (docs/elements.md)."""
 
 RADIUS_FRACTION = 0.10
 """Radius of the contact patch, in units of the organ's bounding-box diagonal."""

@@ -1,4 +1,4 @@
-"""FEBio's XML meshes: `<Mesh>` of versions 3 and 4, `<Geometry>` of the older ones. Geometry and node sets only."""
+"""FEBio's XML meshes: `<Mesh>` of versions 3 and 4, `<Geometry>` of the older ones. Geometry and sets only."""
 
 from __future__ import annotations
 
@@ -23,8 +23,12 @@ KINDS = {
 }
 
 
-def read(data: bytes) -> tuple[NDArray[Any], dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """Points (n, 3) in the file's unit, node indices of the elements by kind (m, nodes of the kind), node sets."""
+Arrays = dict[str, NDArray[Any]]
+
+
+def read(data: bytes) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
+    """Points (n, 3) in the file's unit, node indices of the elements by kind (m, nodes of the kind), sets of nodes and
+    of tetrahedra: named parts where there are several, and element sets."""
     root = ET.fromstring(data)
     mesh = root.find("Mesh") if root.find("Mesh") is not None else root.find("Geometry")
     if root.tag != "febio_spec" or mesh is None:
@@ -36,20 +40,37 @@ def read(data: bytes) -> tuple[NDArray[Any], dict[str, NDArray[Any]], dict[str, 
     number = {int(node.attrib["id"]): i for i, node in enumerate(nodes)}
 
     elements: dict[str, list[list[int]]] = {}
+    place: dict[int, int] = {}
+    parts: dict[str, list[int]] = {}
     for block in mesh.iter("Elements"):
         for element in block:
             kind = block.get("type", element.tag).lower()
-            elements.setdefault(KINDS.get(kind, kind), []).append(_nodes(element, number))
+            listed = elements.setdefault(KINDS.get(kind, kind), [])
+            if KINDS.get(kind) == "tetra":
+                place[int(element.get("id", -1))] = len(listed)
+                parts.setdefault(block.get("name", ""), []).append(len(listed))
+            listed.append(_nodes(element, number))
+    cell_sets = {name: np.array(cells) for name, cells in parts.items() if name and len(parts) > 1}
+    for group in mesh.iter("ElementSet"):
+        ids = _numbers(group, int) or [int(element.attrib["id"]) for element in group]
+        cells = sorted({place[i] for i in ids if i in place})
+        if cells and group.get("name"):
+            cell_sets[group.attrib["name"]] = np.array(cells)
 
     sets: dict[str, NDArray[Any]] = {}
     for group in [*mesh.iter("NodeSet"), *mesh.iter("Surface")]:
         members = [i for element in (group, *group) for i in _nodes(element, number)]
         if members and group.get("name"):
             sets[group.attrib["name"]] = np.unique(members)
-    return points, {kind: np.array(listed) for kind, listed in elements.items()}, sets
+    return points, {kind: np.array(listed) for kind, listed in elements.items()}, sets, cell_sets
 
 
-def write(points: NDArray[np.float64], cells: NDArray[np.uint32], sets: Mapping[str, NDArray[Any]]) -> bytes:
+def write(
+    points: NDArray[np.float64],
+    cells: NDArray[np.uint32],
+    sets: Mapping[str, NDArray[Any]],
+    cell_sets: Mapping[str, NDArray[Any]],
+) -> bytes:
     """The mesh as a FEBio 4 model without material or steps, numbered from 1."""
     lines = ['<?xml version="1.0" encoding="UTF-8"?>', '<febio_spec version="4.0">', "<Mesh>", '<Nodes name="nodes">']
     lines += [f'<node id="{i}">{x!r},{y!r},{z!r}</node>' for i, (x, y, z) in enumerate(points.tolist(), start=1)]
@@ -58,6 +79,8 @@ def write(points: NDArray[np.float64], cells: NDArray[np.uint32], sets: Mapping[
     lines.append("</Elements>")
     for name, nodes in sets.items():
         lines.append(f"<NodeSet name={quoteattr(name)}>{_joined((nodes + 1).tolist())}</NodeSet>")
+    for name, chosen in cell_sets.items():
+        lines.append(f"<ElementSet name={quoteattr(name)}>{_joined((chosen + 1).tolist())}</ElementSet>")
     lines += ["</Mesh>", "</febio_spec>", ""]
     return "\n".join(lines).encode()
 

@@ -6,16 +6,33 @@ Invariants: I1 = tr C, I2 = (tr^2 C - tr C^2) / 2, J = det F, with C = F^T F and
 
 from __future__ import annotations
 
-from typing import ClassVar
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError, did_you_mean
+from viscera.fibres import directions
 from viscera.mesh import Floats
+from viscera.parameters import bulk_modulus, columns, compressibility, require, shown
 
-__all__ = ["Corotated", "Law", "Linear", "MooneyRivlin", "NeoHookean", "SaintVenantKirchhoff"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "Corotated",
+    "HolzapfelGasserOgden",
+    "Law",
+    "Linear",
+    "MooneyRivlin",
+    "NeoHookean",
+    "Ogden",
+    "SaintVenantKirchhoff",
+    "Yeoh",
+]
 
 
 class Law:
@@ -28,9 +45,20 @@ class Law:
         self.name = name
         self.parameters = parameters
 
+    @property
+    def is_analytic(self) -> bool:
+        """Whether the energy is analytic at rest, as power series about it assume."""
+        return True
+
     def core(self) -> _core.Law:
         """This law as the compiled core knows it."""
         return _core.Law(self.name, self.parameters)
+
+    @property
+    def poisson(self) -> Floats:
+        """Poisson's ratio at rest, one value or one per cell: (3 K - 2 mu) / (6 K + 2 mu)."""
+        shear, bulk = self.core().moduli().T
+        return np.asarray((3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear))
 
     def energy(self, F: ArrayLike, cell: int = 0) -> Floats:
         """Energy density psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), with the parameters of one cell."""
@@ -43,6 +71,32 @@ class Law:
     def tangent(self, F: ArrayLike, cell: int = 0) -> Floats:
         """Tangent dP / dF (k, 3, 3, 3, 3) [Pa]."""
         return self._of_cell(cell).tangent(_gradients(F))
+
+    def curve(self, mode: str, stretch: tuple[float, float] = (0.6, 1.6), cell: int = 0) -> tuple[Floats, Floats]:
+        """Stretches (k,) and nominal stress (k,) [Pa] in a homogeneous deformation; see `viscera.curves.curve`.
+
+        >>> stretch, stress = NeoHookean(mu=1e3, lam=1e5).curve("uniaxial", (0.9, 1.2))
+        >>> round(float(stress[-1]))
+        504
+        """
+        from viscera.curves import curve
+
+        return curve(self, mode, stretch, cell)
+
+    def plot(
+        self,
+        *others: Law,
+        stretch: tuple[float, float] = (0.6, 1.6),
+        cell: int = 0,
+        path: str | os.PathLike[str] | None = None,
+    ) -> Figure:
+        """Nominal stress in uniaxial, equibiaxial and planar tension and in simple shear, beside that of other laws.
+
+        stretch: range of stretches, 1 within; cell: whose parameters; a PNG where a path is given.
+        """
+        from viscera.curves import draw
+
+        return draw([self, *others], stretch=stretch, cell=cell, path=path)
 
     def _of_cell(self, cell: int) -> _core.Law:
         rows = len(self.parameters)
@@ -72,14 +126,14 @@ class _Isotropic(Law):
         """
         law = type(self).__name__
         if young is not None and poisson is not None and mu is None and lam is None:
-            E, nu = _columns(law, young=young, poisson=poisson)
-            _require(law, "young", E, E > 0.0, "must be positive [Pa]")
-            _require(law, "poisson", nu, (nu > -1.0) & (nu < 0.5), "must lie above -1 and below 0.5")
+            E, nu = columns(law, young=young, poisson=poisson)
+            require(law, "young", E, E > 0.0, "must be positive [Pa]")
+            require(law, "poisson", nu, (nu > -1.0) & (nu < 0.5), "must lie above -1 and below 0.5")
             shear, first = E / (2.0 * (1.0 + nu)), E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
         elif mu is not None and lam is not None and young is None and poisson is None:
-            shear, first = _columns(law, mu=mu, lam=lam)
-            _require(law, "mu", shear, shear > 0.0, "must be positive [Pa]")
-            _require(law, "lam", first, first > -2.0 / 3.0 * shear, "must exceed -2 mu / 3 (a positive bulk modulus)")
+            shear, first = columns(law, mu=mu, lam=lam)
+            require(law, "mu", shear, shear > 0.0, "must be positive [Pa]")
+            require(law, "lam", first, first > -2.0 / 3.0 * shear, "must exceed -2 mu / 3 (a positive bulk modulus)")
         else:
             raise VisceraError(f"{law} takes either young and poisson, or mu and lam")
         super().__init__(self.core_name, np.column_stack([shear, first]))
@@ -95,7 +149,7 @@ class _Isotropic(Law):
         return self.parameters[:, 1]
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}(mu={_shown(self.mu)}, lam={_shown(self.lam)})"
+        return f"{type(self).__name__}(mu={shown(self.mu)}, lam={shown(self.lam)})"
 
 
 class Linear(_Isotropic):
@@ -170,19 +224,171 @@ class MooneyRivlin(Law):
             kappa = np.asarray(alpha, dtype=float) * self.bulk_moduli_per_alpha[volumetric]
         elif kappa is None or alpha is not None:
             raise VisceraError("MooneyRivlin takes either kappa or alpha")
-        first, second, bulk = _columns("MooneyRivlin", c1=c1, c2=c2, kappa=kappa)
-        _require("MooneyRivlin", "c1 + c2", first + second, first + second > 0.0, "must be positive [Pa]")
-        _require("MooneyRivlin", "the bulk modulus", bulk, bulk > 0.0, "must be positive [Pa]")
+        first, second, bulk = columns("MooneyRivlin", c1=c1, c2=c2, kappa=kappa)
+        require("MooneyRivlin", "c1 + c2", first + second, first + second > 0.0, "must be positive [Pa]")
+        require("MooneyRivlin", "the bulk modulus", bulk, bulk > 0.0, "must be positive [Pa]")
         super().__init__(f"mooney_rivlin {volumetric}", np.column_stack([first, second, bulk]))
         self.volumetric = volumetric
 
     def __repr__(self) -> str:
-        c1, c2, kappa = (_shown(column) for column in self.parameters.T)
+        c1, c2, kappa = (shown(column) for column in self.parameters.T)
         return f"MooneyRivlin(c1={c1}, c2={c2}, kappa={kappa}, volumetric={self.volumetric!r})"
 
 
+class Yeoh(Law):
+    """psi = sum_i c_i0 (I1 J^(-2/3) - 3)^i + kappa / 2 (J - 1)^2, i = 1..3: stiffens with stretch.
+
+    c10, c20, c30 [Pa], and kappa (the bulk modulus) [Pa] or poisson, Poisson's ratio at small strain. The shear modulus
+    there is 2 c10. Yeoh, Rubber Chem. Technol. 66 (1993) 754. Raises `VisceraError` unless c10 > 0 and kappa > 0.
+
+    >>> Yeoh(c10=500.0, c20=200.0, poisson=0.45)
+    Yeoh(c10=500, c20=200, c30=0, kappa=9666.67)
+    """
+
+    def __init__(
+        self,
+        c10: ArrayLike,
+        c20: ArrayLike = 0.0,
+        c30: ArrayLike = 0.0,
+        *,
+        kappa: ArrayLike | None = None,
+        poisson: ArrayLike | None = None,
+    ) -> None:
+        bulk, given = compressibility("Yeoh", kappa, poisson)
+        first, second, third, given = columns("Yeoh", c10=c10, c20=c20, c30=c30, **{bulk: given})
+        require("Yeoh", "c10", first, first > 0.0, "must be positive [Pa]")
+        modulus = bulk_modulus("Yeoh", bulk, given, 2.0 * first)
+        super().__init__("yeoh", np.column_stack([first, second, third, modulus]))
+
+    def __repr__(self) -> str:
+        c10, c20, c30, kappa = (shown(column) for column in self.parameters.T)
+        return f"Yeoh(c10={c10}, c20={c20}, c30={c30}, kappa={kappa})"
+
+
+class Ogden(Law):
+    """psi = sum_p mu_p / alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3) + kappa / 2 (J - 1)^2.
+
+    l_i = J^(-1/3) lambda_i are the isochoric principal stretches. mu [Pa] and alpha: one entry for each of up to three
+    terms, an entry being a number or an array (m,) over cells; or one number for a single term. kappa (the bulk
+    modulus) [Pa] or poisson. The shear modulus at small strain is sum(mu_p alpha_p) / 2: codes that write
+    2 mu / alpha^2 in front of the stretches mean mu_p = 2 mu / alpha here. Exact to round-off for isochoric stretches
+    from 1/5 to 5. Ogden, Proc. R. Soc. Lond. A 326 (1972) 565. Raises `VisceraError` unless the shear and bulk moduli
+    are positive.
+
+    >>> Ogden(mu=[500.0, -100.0], alpha=[3.0, -4.0], poisson=0.45)
+    Ogden(mu=[500, -100], alpha=[3, -4], kappa=9183.33)
+    """
+
+    terms: ClassVar[int] = 3
+
+    def __init__(
+        self,
+        mu: ArrayLike | Sequence[ArrayLike],
+        alpha: ArrayLike | Sequence[ArrayLike],
+        *,
+        kappa: ArrayLike | None = None,
+        poisson: ArrayLike | None = None,
+    ) -> None:
+        moduli, exponents = _terms("mu", mu), _terms("alpha", alpha)
+        if len(moduli) != len(exponents):
+            raise VisceraError(f"Ogden: {len(moduli)} terms in mu but {len(exponents)} in alpha")
+        bulk, given = compressibility("Ogden", kappa, poisson)
+        names = [f"mu{p + 1}" for p in range(len(moduli))] + [f"alpha{p + 1}" for p in range(len(moduli))]
+        parts = dict(zip(names, [*moduli, *exponents], strict=True))
+        *both, given = columns("Ogden", **parts, **{bulk: given})
+        moduli, exponents = both[: len(moduli)], both[len(moduli) :]
+        for name, exponent in zip(names[len(moduli) :], exponents, strict=True):
+            require("Ogden", name, exponent, exponent != 0.0, "must not be zero")
+        shear = 0.5 * np.einsum("pm,pm->m", moduli, exponents)
+        require("Ogden", "the shear modulus, half the sum of mu alpha,", shear, shear > 0.0, "must be positive [Pa]")
+        modulus = bulk_modulus("Ogden", bulk, given, shear)
+        absent = self.terms - len(moduli)
+        moduli += absent * [np.zeros_like(shear)]
+        exponents += absent * [np.ones_like(shear)]
+        super().__init__("ogden", np.column_stack([*moduli, *exponents, modulus]))
+
+    def __repr__(self) -> str:
+        words = [shown(column) for column in self.parameters.T]
+        used = [p for p in range(self.terms) if self.parameters[:, p].any()]
+        mu, alpha = (", ".join(words[start + p] for p in used) for start in (0, self.terms))
+        return f"Ogden(mu=[{mu}], alpha=[{alpha}], kappa={words[-1]})"
+
+
+class HolzapfelGasserOgden(Law):
+    """psi = c / 2 (I1' - 3) + kappa / 2 (J - 1)^2 + sum_i k1 / (2 k2) (exp(k2 E_i^2) - 1), fibre families i = 1, 2.
+
+    E_i = d (I1' - 3) + (1 - 3 d) (I4_i' - 1), with I1' = I1 J^(-2/3) and I4_i' = |F a_i|^2 J^(-2/3).
+    c: shear modulus of the ground substance [Pa]; k1 [Pa] and k2: stiffness of the fibres and how fast they stiffen;
+    fibres: the directions a_i (2, 3), or (2, m, 3) over cells, of any length (`helical_fibres` makes them);
+    dispersion d from 0 (parallel) to 1/3 (isotropic); kappa (the bulk modulus) [Pa], or poisson, Poisson's ratio of the
+    ground substance. Fibres bear no compression: a family counts where E_i >= 0, which a power series decides by its
+    base state. So the law serves statics; a reduced model about rest needs the analytic variant bear_compression=True.
+    Holzapfel, Gasser and Ogden, J. Elasticity 61 (2000) 1; Gasser, Ogden and Holzapfel, J. R. Soc. Interface 3 (2006)
+    15. Raises `VisceraError` for moduli that are not positive, a dispersion outside 0..1/3, a fibre of no length.
+
+    >>> HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=[(1, 0, 1), (1, 0, -1)], kappa=1e5)
+    HolzapfelGasserOgden(c=3000, k1=2400, k2=0.84, dispersion=0, kappa=100000)
+    """
+
+    def __init__(
+        self,
+        c: ArrayLike,
+        k1: ArrayLike,
+        k2: ArrayLike,
+        *,
+        fibres: ArrayLike,
+        dispersion: ArrayLike = 0.0,
+        kappa: ArrayLike | None = None,
+        poisson: ArrayLike | None = None,
+        bear_compression: bool = False,
+    ) -> None:
+        name = "HolzapfelGasserOgden"
+        bulk, given = compressibility(name, kappa, poisson)
+        axes = {f"fibre {family + 1}{axis}": values for family, axis, values in directions(fibres)}
+        scalars = {"c": c, "k1": k1, "k2": k2, "dispersion": dispersion, bulk: given}
+        *moduli, spread, given, a, b, c_, d, e, f = columns(name, **scalars, **axes)
+        for key, column in zip(("c", "k1", "k2"), moduli, strict=True):
+            require(name, key, column, column > 0.0, f"must be positive{'' if key == 'k2' else ' [Pa]'}")
+        require(name, "dispersion", spread, (spread >= 0.0) & (spread <= 1.0 / 3.0), "must lie between 0 and 1/3")
+        modulus = bulk_modulus(name, bulk, given, moduli[0])
+        super().__init__(
+            "holzapfel_gasser_ogden both ways" if bear_compression else "holzapfel_gasser_ogden",
+            np.column_stack([*moduli, spread, modulus, a, b, c_, d, e, f]),
+        )
+
+    @property
+    def fibres(self) -> Floats:
+        """Unit directions (2, m, 3), m = 1 where they are the same everywhere."""
+        return np.stack([self.parameters[:, 5:8], self.parameters[:, 8:11]])
+
+    @property
+    def bear_compression(self) -> bool:
+        """Whether the fibres bear compression too."""
+        return self.name.endswith("both ways")
+
+    @property
+    def is_analytic(self) -> bool:
+        """Only where the fibres bear compression too: else each goes slack at rest."""
+        return self.bear_compression
+
+    def __repr__(self) -> str:
+        c, k1, k2, dispersion, kappa = (shown(column) for column in self.parameters.T[:5])
+        both = ", bear_compression=True" if self.bear_compression else ""
+        return f"HolzapfelGasserOgden(c={c}, k1={k1}, k2={k2}, dispersion={dispersion}, kappa={kappa}{both})"
+
+
 LAWS: dict[str, type[Law]] = {
-    law.__name__: law for law in (Linear, Corotated, SaintVenantKirchhoff, NeoHookean, MooneyRivlin)
+    law.__name__: law
+    for law in (
+        Linear,
+        Corotated,
+        SaintVenantKirchhoff,
+        NeoHookean,
+        MooneyRivlin,
+        Yeoh,
+        Ogden,
+        HolzapfelGasserOgden,
+    )
 }
 
 
@@ -195,13 +401,25 @@ def named(name: str) -> type[Law]:
 
 def from_core(name: str, parameters: ArrayLike) -> Law:
     """The law that a model file carries: the core's name and its parameter rows."""
-    columns = np.atleast_2d(np.asarray(parameters, dtype=float)).T
-    if name.startswith("mooney_rivlin ") and len(columns) == 3:
-        return MooneyRivlin(*columns, volumetric=name.removeprefix("mooney_rivlin "))
+    rows = np.atleast_2d(np.asarray(parameters, dtype=float)).T
+    if name.startswith("mooney_rivlin ") and len(rows) == 3:
+        return MooneyRivlin(*rows, volumetric=name.removeprefix("mooney_rivlin "))
+    if name == "yeoh" and len(rows) == 4:
+        return Yeoh(*rows[:3], kappa=rows[3])
+    if name == "ogden" and len(rows) == 7:
+        used = [p for p in range(3) if rows[p].any()]
+        return Ogden([rows[p] for p in used], [rows[3 + p] for p in used], kappa=rows[6])
+    if name.startswith("holzapfel_gasser_ogden") and len(rows) == 11:
+        c, k1, k2, dispersion, kappa = rows[:5]
+        directions = np.stack([rows[5:8].T, rows[8:11].T])
+        both = name.endswith("both ways")
+        return HolzapfelGasserOgden(
+            c, k1, k2, fibres=directions, dispersion=dispersion, kappa=kappa, bear_compression=both
+        )
     for law in (Linear, Corotated, SaintVenantKirchhoff, NeoHookean):
-        if law.core_name == name and len(columns) == 2:
-            return law(mu=columns[0], lam=columns[1])
-    raise VisceraError(f"the model's law {name!r} with {len(columns)} parameters is not known to this version")
+        if law.core_name == name and len(rows) == 2:
+            return law(mu=rows[0], lam=rows[1])
+    raise VisceraError(f"the model's law {name!r} with {len(rows)} parameters is not known to this version")
 
 
 def _gradients(F: ArrayLike) -> Floats:
@@ -211,26 +429,11 @@ def _gradients(F: ArrayLike) -> Floats:
     return gradients
 
 
-def _columns(law: str, **parameters: ArrayLike) -> list[Floats]:
-    """The parameters as arrays of one common length: 1, or the number of cells."""
-    columns = {name: np.atleast_1d(np.asarray(values, dtype=float)) for name, values in parameters.items()}
-    for name, values in columns.items():
-        if values.ndim != 1 or values.size == 0:
-            raise VisceraError(f"{law}: {name} is one number or an array (m,), got shape {values.shape}")
-        _require(law, name, values, np.isfinite(values), "must be finite")
-    lengths = {name: len(values) for name, values in columns.items() if len(values) > 1}
-    if len(set(lengths.values())) > 1:
-        raise VisceraError(f"{law}: per-cell parameters have different lengths: {lengths}")
-    return [np.ascontiguousarray(values) for values in np.broadcast_arrays(*columns.values())]
-
-
-def _require(law: str, name: str, values: Floats, holds: NDArray[np.bool_], demand: str) -> None:
-    if not holds.all():
-        cell = int(np.argmin(holds))
-        where = f" of cell {cell}" if len(values) > 1 else ""
-        raise VisceraError(f"{law}: {name}{where} is {values[cell]:g}; it {demand}")
-
-
-def _shown(values: Floats) -> str:
-    low, high = values.min(), values.max()
-    return f"{low:g}" if low == high else f"{low:g}..{high:g}"
+def _terms(name: str, values: ArrayLike | Sequence[ArrayLike]) -> list[Any]:
+    """The terms of a sum: a number stands for a single one."""
+    terms: list[Any] = [values] if np.isscalar(values) else list(values)  # type: ignore[arg-type]
+    if not 1 <= len(terms) <= Ogden.terms:
+        raise VisceraError(
+            f"Ogden: {name} has {len(terms)} terms; give one to {Ogden.terms}, values per cell as one term: [values]"
+        )
+    return terms

@@ -1,4 +1,4 @@
-"""From a user's words to the core's arrays: prescribed displacements, forces and gravity over sets of nodes."""
+"""From a user's words to the core's arrays: prescribed displacements, forces, tractions, pressures and gravity."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ Where: TypeAlias = Nodes | _core.Patch
 
 Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]]
 Forces: TypeAlias = Mapping[Any, ArrayLike] | ArrayLike
+Tractions: TypeAlias = Mapping[Any, ArrayLike]
+Pressures: TypeAlias = Mapping[Any, float]
 
 AXES = "xyz"
 
@@ -87,6 +89,29 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
     return nodal
 
 
+def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
+    """Nodal forces (n, 3) [N] of dead tractions `{where: (x, y, z)}` [Pa] on the surface triangles of each place."""
+    nodal = np.zeros_like(mesh.points)
+    for where, value in traction.items():
+        faces = _loaded(mesh, fixed, where, "traction")
+        pull = vector(value, f"traction on {name_of(where)}", "Pa")
+        nodal += _lumped_areas(mesh, faces)[:, None] * pull
+    return nodal
+
+
+def pressed_faces(mesh: Mesh, fixed: Indices, pressure: Pressures) -> tuple[Indices, Floats]:
+    """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; where places overlap they add."""
+    faces, values = [np.empty((0, 6 if len(mesh.edges) else 3), dtype=np.uint32)], [np.empty(0)]
+    for where, value in pressure.items():
+        if isinstance(value, bool) or not isinstance(value, float | int | np.floating | np.integer):
+            raise VisceraError(f"the pressure on {name_of(where)} must be a number [Pa], got {value!r}")
+        if not np.isfinite(value):
+            raise VisceraError(f"the pressure on {name_of(where)} must be finite [Pa], got {value}")
+        faces.append(_loaded(mesh, fixed, where, "pressure"))
+        values.append(np.full(len(faces[-1]), float(value)))
+    return np.ascontiguousarray(np.concatenate(faces)), np.concatenate(values)
+
+
 def density_per_cell(mesh: Mesh, density: ArrayLike) -> Floats:
     """Density (1,) or (m,) [kg/m^3], checked."""
     values = np.atleast_1d(np.asarray(density, dtype=float))
@@ -139,10 +164,41 @@ def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
     if isinstance(where, _core.Patch):
         return where.nodes, where.weights
     nodes = mesh.nodes(where)
-    inside = mesh.surface[np.isin(mesh.surface, nodes).all(axis=1)]
-    a, b, c = (mesh.points[inside[:, corner]] for corner in range(3))
+    faces = _faces(mesh, nodes)
+    shares = _lumped_areas(mesh, faces)[nodes] if len(faces) else np.ones(len(nodes))
+    return nodes, shares / shares.sum()
+
+
+def _loaded(mesh: Mesh, fixed: Indices, where: Any, load: str) -> Indices:
+    """The faces of a place under a load of the surface, some of their nodes free."""
+    if isinstance(where, _core.Patch):
+        raise VisceraError(f"a {load} acts on the surface of a set; a contact patch takes a force")
+    faces = _faces(mesh, mesh.nodes(where))
+    if len(faces) == 0:
+        raise VisceraError(
+            f"{name_of(where)} holds no whole triangle of the surface, so a {load} has nothing to act on; "
+            "take a set with the nodes of a piece of surface"
+        )
+    if np.isin(faces, fixed).all():
+        raise VisceraError(f"all nodes of {name_of(where)} are fixed: a {load} there would move nothing")
+    return faces
+
+
+def _faces(mesh: Mesh, nodes: Indices) -> Indices:
+    """The surface triangles (t, 3) all of whose corners are among the nodes; in a quadratic mesh the faces (t, 6),
+    corners first, then the midpoints of the edges that follow them."""
+    inside = np.isin(mesh.surface, nodes).all(axis=1)
+    if not len(mesh.edges):
+        return np.asarray(mesh.surface[inside])
+    quarters = mesh.surface.reshape(-1, 4, 3)[inside.reshape(-1, 4).all(axis=1)]
+    return np.asarray(quarters[:, [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]])
+
+
+def _lumped_areas(mesh: Mesh, faces: Indices) -> Floats:
+    """Area at rest (n,) [m^2] that each node bears of a uniform traction: a third of a triangle at each corner, of a
+    quadratic face at each midpoint, whose corners bear nothing."""
+    a, b, c = (mesh.points[faces[:, corner]] for corner in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
     lumped = np.zeros(len(mesh.points))
-    np.add.at(lumped, inside, areas[:, None] / 3.0)
-    shares = lumped[nodes] if areas.sum() > 0.0 else np.ones(len(nodes))
-    return nodes, shares / shares.sum()
+    np.add.at(lumped, faces[:, -3:], areas[:, None] / 3.0)
+    return lumped

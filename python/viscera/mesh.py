@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,9 @@ PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Linear tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
+    """Straight tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
+
+    A mesh is linear; `quadratic` gives it the midpoints of its edges as further points.
 
     >>> import viscera as vs
     >>> corner = vs.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]], sets={"floor": [0, 1, 2]})
@@ -47,11 +49,16 @@ class Mesh:
     """Named node sets, ascending indices."""
     messages: tuple[str, ...] = ()
     """What was repaired or dropped on the way in."""
+    edges: Indices = field(default_factory=lambda: np.empty((0, 2), dtype=np.uint32))
+    """Ends (k, 2) of the edges whose midpoints are the last k points; none in a linear mesh."""
+    cell_sets: Mapping[str, Indices] = field(default_factory=dict)
+    """Named sets of cells, ascending indices: parts of another tissue."""
 
     @cached_property
     def surface(self) -> Indices:
-        """Boundary triangles (t, 3), oriented outward."""
-        return _read_only(_core.surface(self.points, self.cells))
+        """Boundary triangles (t, 3), oriented outward; each face of a quadratic cell is four, its middle one last."""
+        boundary = _core.quadratic_surface if len(self.edges) else _core.surface
+        return _read_only(boundary(self.points, self.cells))
 
     @cached_property
     def surface_nodes(self) -> Indices:
@@ -62,6 +69,16 @@ class Mesh:
     def volume(self) -> float:
         """Volume [m^3]."""
         return float(_core.inspect(self.points, self.cells)["volume"])
+
+    @cached_property
+    def centroids(self) -> Floats:
+        """Centroids of the cells (m, 3) [m]."""
+        return _read_only(self.points[self.cells].mean(axis=1))
+
+    @property
+    def n_corners(self) -> int:
+        """Number of points that are corners of cells: all of a linear mesh."""
+        return len(self.points) - len(self.edges)
 
     @property
     def bounding_box(self) -> Floats:
@@ -78,25 +95,35 @@ class Mesh:
         """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
 
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes.
+        mesh, and a set without nodes. In a quadratic mesh, corners given by index bring the midpoint of every edge
+        that they hold both ends of.
         """
-        if isinstance(where, str):
-            if where not in self.sets:
-                raise VisceraError(f"the mesh has no node set {where!r}; {did_you_mean(where, self.sets)}")
-            return self.sets[where]
-        if callable(where):
-            mask = np.asarray(where(self.points))
-            if mask.shape != (len(self.points),) or mask.dtype != np.bool_:
-                raise VisceraError(
-                    f"a predicate takes points ({len(self.points)}, 3) and returns bool ({len(self.points)},), "
-                    f"but this one returned {mask.dtype} {mask.shape}"
-                )
-            found = np.flatnonzero(mask)
-            if len(found) == 0:
-                low, high = self.bounding_box
-                raise VisceraError(f"the predicate selects no node; the points lie between {low} and {high} m")
-            return found.astype(np.uint32)
-        return _indices(where, len(self.points), "the node set")
+        found = _members(where, self.sets, self.points, "node")
+        names_corners_alone = not (isinstance(where, str) or callable(where)) and found[-1] < self.n_corners
+        return _with_midpoints(found, self.edges, self.n_corners) if names_corners_alone else found
+
+    def cells_in(self, where: Where) -> Indices:
+        """The cells of a cell set, ascending: its name, cell indices, or a predicate on centroids (m, 3) -> bool (m,).
+
+        Raises `VisceraError` as `nodes` does.
+        """
+        return _members(where, self.cell_sets, self.centroids, "cell")
+
+    def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
+        """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
+
+        Places as in `cells_in`; the later one wins where two overlap.
+
+        >>> import viscera as vs
+        >>> liver = vs.organs.liver()
+        >>> young = liver.per_cell(3e3, {lambda x: np.linalg.norm(x - [0.02, 0.0, 0.0], axis=1) < 0.02: 30e3})
+        >>> vs.NeoHookean(young=young, poisson=0.45)
+        NeoHookean(mu=1034.48..10344.8, lam=9310.34..93103.4)
+        """
+        values = np.full(len(self.cells), float(value))
+        for where, other in elsewhere.items():
+            values[self.cells_in(where)] = float(other)
+        return values
 
     def near(self, point: ArrayLike, radius: float) -> Indices:
         """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""
@@ -113,35 +140,69 @@ class Mesh:
     def with_sets(self, **sets: Where) -> Mesh:
         """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`."""
         added = {name: _read_only(self.nodes(where)) for name, where in sets.items()}
-        return Mesh(self.points, self.cells, {**self.sets, **added}, self.messages)
+        return replace(self, sets={**self.sets, **added})
+
+    def with_cell_sets(self, **sets: Where) -> Mesh:
+        """The same mesh with more sets of cells, each a name, indices or a predicate as in `cells_in`."""
+        added = {name: _read_only(self.cells_in(where)) for name, where in sets.items()}
+        return replace(self, cell_sets={**self.cell_sets, **added})
+
+    def quadratic(self) -> Mesh:
+        """The mesh with the midpoints of its edges: the nodes of quadratic cells, corners first.
+
+        A set takes in the midpoint of every edge that it holds both ends of.
+        """
+        if len(self.edges):
+            return self
+        edges, _ = _core.quadratic(len(self.points), self.cells)
+        points = np.concatenate([self.points, 0.5 * (self.points[edges[:, 0]] + self.points[edges[:, 1]])])
+        wider = {name: _read_only(_with_midpoints(nodes, edges, len(self.points))) for name, nodes in self.sets.items()}
+        return replace(self, points=_read_only(points), sets=wider, edges=_read_only(edges))
+
+    def linear(self) -> Mesh:
+        """The mesh without midpoints."""
+        if not len(self.edges):
+            return self
+        corners = self.points[: self.n_corners]
+        sets = {name: nodes[nodes < len(corners)] for name, nodes in self.sets.items()}
+        kept = {name: nodes for name, nodes in sets.items() if len(nodes)}
+        return replace(self, points=corners, sets=kept, edges=self.edges[:0])
 
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node sets go along, except in `.mesh`, which cannot hold them.
+        Node and cell sets go along, except in `.mesh`, which cannot hold them; midpoints, which follow, do not.
         """
-        meshfile.write(Path(path), self.points, self.cells, self.sets)
+        mesh = self.linear()
+        meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets)
 
     def __repr__(self) -> str:
         sets = ", ".join(f"{name} ({len(nodes)})" for name, nodes in self.sets.items()) or "no node sets"
         return f"Mesh: {len(self.points)} points, {len(self.cells)} cells, {1e6 * self.volume:.4g} ml, {sets}"
 
 
-def mesh(points: ArrayLike, cells: ArrayLike, sets: Mapping[str, ArrayLike] | None = None) -> Mesh:
-    """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets by name.
+def mesh(
+    points: ArrayLike,
+    cells: ArrayLike,
+    sets: Mapping[str, ArrayLike] | None = None,
+    cell_sets: Mapping[str, ArrayLike] | None = None,
+) -> Mesh:
+    """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets of nodes and of cells by name.
 
     Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
     coordinates that are not finite, indices out of range, cells of zero volume or given twice, points without a cell.
     """
-    return _checked(RawMesh(np.asarray(points), np.asarray(cells), {k: np.asarray(v) for k, v in (sets or {}).items()}))
+    named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
+    return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
 
 
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     """Reads a mesh file: VTU, legacy VTK, Gmsh (2.2, 4.1), Medit, Abaqus, FEBio.
 
     `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit. Node sets come from point sets and integer
-    point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio). Points that
-    belong to no cell are dropped with a message; otherwise as `mesh`.
+    point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio); cell sets from
+    integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell are dropped with a
+    message; otherwise as `mesh`.
     """
     raw = meshfile.read(Path(path), units)
     try:
@@ -162,8 +223,8 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
     """Facts and problems of a mesh, without repairing or refusing anything.
 
     n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
-    regular tetrahedron), problems (sentences), sets {name: number of nodes}, parts (number of connected parts),
-    messages. Numbers that a broken mesh does not have are None.
+    regular tetrahedron), problems (sentences), sets {name: number of nodes}, cell_sets {name: number of cells},
+    parts (number of connected parts), messages. Numbers that a broken mesh does not have are None.
     """
     result: dict[str, Any] = {
         "n_points": len(raw.points),
@@ -174,6 +235,7 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
         "quality": None,
         "parts": None,
         "sets": {name: len(nodes) for name, nodes in raw.sets.items()},
+        "cell_sets": {name: len(cells) for name, cells in raw.cell_sets.items()},
         "messages": list(raw.messages),
     }
     try:
@@ -239,7 +301,11 @@ def _checked(raw: RawMesh) -> Mesh:
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
         log.info(messages[-1])
     sets = {name: _read_only(_indices(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
-    return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages))
+    parts = {
+        name: _read_only(_indices(chosen, len(cells), f"cell set {name!r}", "cell"))
+        for name, chosen in raw.cell_sets.items()
+    }
+    return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages), cell_sets=parts)
 
 
 def _arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
@@ -279,22 +345,52 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     sets = {name: number[nodes] for name, nodes in kept.items() if len(nodes)}
     message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
     log.warning(message)  # in a format without an end mark, all that shows of a file cut short
-    return RawMesh(raw.points[is_used], number[raw.cells], sets, (*raw.messages, message))
+    return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message))
 
 
-def _indices(where: ArrayLike, n_points: int, what: str) -> Indices:
-    """Ascending, unique node indices from integers or a mask (n,)."""
-    nodes = np.atleast_1d(np.asarray(where))
-    if nodes.dtype == np.bool_ and nodes.shape == (n_points,):
-        nodes = np.flatnonzero(nodes)
-    if nodes.size == 0:
-        raise VisceraError(f"{what} has no nodes")
-    if nodes.ndim != 1 or not np.issubdtype(nodes.dtype, np.integer):
-        raise VisceraError(f"{what} must be integers (k,) or a mask ({n_points},), not {nodes.dtype} {nodes.shape}")
-    outside = nodes[(nodes < 0) | (nodes >= n_points)]
+def _members(where: Where, sets: Mapping[str, Indices], places: Floats, noun: str) -> Indices:
+    """The nodes or cells that a set's name, indices or a predicate on their places (k, 3) select."""
+    if isinstance(where, str):
+        if where not in sets:
+            raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
+        return sets[where]
+    if callable(where):
+        mask = np.asarray(where(places))
+        if mask.shape != (len(places),) or mask.dtype != np.bool_:
+            of = "points" if noun == "node" else "centroids"
+            raise VisceraError(
+                f"a predicate takes {of} ({len(places)}, 3) and returns bool ({len(places)},), "
+                f"but this one returned {mask.dtype} {mask.shape}"
+            )
+        found = np.flatnonzero(mask)
+        if len(found) == 0:
+            low, high = places.min(axis=0), places.max(axis=0)
+            of = "points" if noun == "node" else "centroids"
+            raise VisceraError(f"the predicate selects no {noun}; the {of} lie between {low} and {high} m")
+        return found.astype(np.uint32)
+    return _indices(where, len(places), f"the {noun} set", noun)
+
+
+def _indices(where: ArrayLike, count: int, what: str, noun: str = "node") -> Indices:
+    """Ascending, unique indices from integers or a mask (count,)."""
+    chosen = np.atleast_1d(np.asarray(where))
+    if chosen.dtype == np.bool_ and chosen.shape == (count,):
+        chosen = np.flatnonzero(chosen)
+    if chosen.size == 0:
+        raise VisceraError(f"{what} has no {noun}s")
+    if chosen.ndim != 1 or not np.issubdtype(chosen.dtype, np.integer):
+        raise VisceraError(f"{what} must be integers (k,) or a mask ({count},), not {chosen.dtype} {chosen.shape}")
+    outside = chosen[(chosen < 0) | (chosen >= count)]
     if len(outside):
-        raise VisceraError(f"{what} names node {outside[0]}, but the mesh has {n_points} nodes, numbered from 0")
-    return np.unique(nodes).astype(np.uint32)
+        raise VisceraError(f"{what} names {noun} {outside[0]}, but the mesh has {count} {noun}s, numbered from 0")
+    return np.unique(chosen).astype(np.uint32)
+
+
+def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
+    """The nodes, and the midpoint of every edge (k, 2) that they hold both ends of."""
+    inside = np.isin(edges, nodes).all(axis=1)
+    midpoints = n_corners + np.flatnonzero(inside)
+    return np.union1d(nodes, midpoints).astype(np.uint32)
 
 
 def _listed(noun: str, indices: Indices) -> str:

@@ -34,17 +34,22 @@ MESHIO_MODULES = {
 }
 FORMATS = (*MESHIO_MODULES, ".feb")
 SET_PREFIX = "set:"
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+"""Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
+STRAIGHT = 1e-3
+"""How far a midpoint may be off the middle of its edge, in edge lengths: what single precision leaves."""
 # An integer array with more values than this numbers things; it does not name sets.
 MAX_SETS_PER_ARRAY = 64
 
 
 @dataclass(frozen=True)
 class RawMesh:
-    """What a file says, unchecked: points (n, 3) [m], cells (m, 4), node sets by name."""
+    """What a file says, unchecked: points (n, 3) [m], cells (m, 4), sets of nodes and of cells by name."""
 
     points: NDArray[Any]
     cells: NDArray[Any]
     sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    cell_sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
 
 
@@ -55,8 +60,9 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
     ending = _known_ending(path)
     try:
-        points, blocks, sets = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
-        return RawMesh(scale * points, _tetrahedra(blocks), sets)
+        found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
+        points, blocks, sets, cell_sets = found
+        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
@@ -64,13 +70,19 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
         raise VisceraError(f"{path}: not a readable {ending} file, or cut short ({reason})") from error
 
 
-def write(path: Path, points: NDArray[np.float64], cells: NDArray[np.uint32], sets: Mapping[str, Any]) -> None:
-    """Writes points, cells and node sets in the format of the file's ending."""
+def write(
+    path: Path,
+    points: NDArray[np.float64],
+    cells: NDArray[np.uint32],
+    sets: Mapping[str, Any],
+    cell_sets: Mapping[str, Any],
+) -> None:
+    """Writes points, cells and the sets of both in the format of the file's ending."""
     ending = _known_ending(path)
     if not path.parent.is_dir():
         raise VisceraError(f"{path}: there is no folder {path.parent}")
     if ending == ".feb":
-        path.write_bytes(febio.write(points, cells, sets))
+        path.write_bytes(febio.write(points, cells, sets, cell_sets))
         return
     import meshio
 
@@ -78,13 +90,21 @@ def write(path: Path, points: NDArray[np.float64], cells: NDArray[np.uint32], se
     extra: dict[str, Any] = {}
     if ending in (".vtu", ".vtk"):
         extra["point_data"] = {SET_PREFIX + name: _mask(nodes, len(points)) for name, nodes in sets.items()}
+        extra["cell_data"] = {SET_PREFIX + name: [_mask(chosen, len(cells))] for name, chosen in cell_sets.items()}
     elif ending == ".inp":
         extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
+        extra["cell_sets"] = {name: [np.asarray(chosen, dtype=np.int64)] for name, chosen in cell_sets.items()}
     elif ending == ".msh":  # a node set is a physical group of dimension 0
         blocks += [("vertex", np.asarray(nodes, dtype=np.int64)[:, None]) for nodes in sets.values()]
         groups = [np.full(len(block), tag, dtype=np.int32) for tag, (_, block) in enumerate(blocks)]
+        first = len(sets) + 1
+        for tag, (name, chosen) in enumerate(cell_sets.items(), start=first):
+            if groups[0][chosen].any():
+                raise VisceraError(f"{path}: cells are in {name!r} and in another set, which .msh cannot say; use .vtu")
+            groups[0][chosen] = tag
         extra["cell_data"] = {"gmsh:physical": groups, "gmsh:geometrical": groups}
         extra["field_data"] = {name: np.array([tag, 0]) for tag, name in enumerate(sets, start=1)}
+        extra["field_data"] |= {name: np.array([tag, 3]) for tag, name in enumerate(cell_sets, start=first)}
     options: dict[str, Any] = {
         ".msh": {"fmt_version": "2.2", "binary": False},
         ".vtk": {"fmt_version": "4.2"},
@@ -111,8 +131,11 @@ def _known_ending(path: Path) -> str:
     return ending
 
 
-def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-    """Points, node indices of the cells by kind, and node sets."""
+Arrays = dict[str, NDArray[Any]]
+
+
+def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
+    """Points, node indices of the cells by kind, node sets and cell sets."""
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     found = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}").read(str(path))
     declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
@@ -122,42 +145,103 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], dict[str, NDArr
     blocks = {kind: np.concatenate([block.data for block in found.cells if block.type == kind]) for kind in kinds}
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
     sets |= _sets_of_point_arrays(found) | _sets_of_cell_groups(found)
-    return np.asarray(found.points, dtype=np.float64), blocks, sets
+    return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found)
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-    """The linear tetrahedra; surfaces, edges and vertices are passed over, other solids are refused."""
+    """The tetrahedra, of 4 or 10 nodes; surfaces, edges and vertices are passed over, other solids are refused."""
     flat = ("vertex", "line", "triangle", "quad", "polygon")
-    solids = [kind for kind in blocks if kind != "tetra" and not kind.startswith(flat)]
+    found = [kind for kind in blocks if kind in ("tetra", "tetra10")]
+    solids = [kind for kind in blocks if kind not in found and not kind.startswith(flat)]
     if solids:
         kind = solids[0]
-        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only linear tetrahedra are read, remesh it")
-    if "tetra" not in blocks:
+        raise VisceraError(f"it holds {len(blocks[kind])} {kind} cells; only tetrahedra are read, remesh it")
+    if not found:
         held = ", ".join(f"{len(cells)} {kind}" for kind, cells in blocks.items()) or "no cells at all"
         raise VisceraError(f"it has no tetrahedra ({held})")
-    return blocks["tetra"]
+    if len(found) == 2:
+        raise VisceraError("it mixes tetrahedra of 4 and of 10 nodes; remesh it with one kind")
+    return blocks[found[0]]
 
 
-def _sets_of_point_arrays(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
-    """Integer arrays over the points: a mask names one set, a few labels name one set each (`ARRAY:LABEL`)."""
-    sets = {}
+def _without_midpoints(raw: RawMesh) -> RawMesh:
+    """Ten-node tetrahedra as the four-node ones they are when their edges are straight; others are refused."""
+    points, cells = raw.points, raw.cells
+    if cells.ndim != 2 or cells.shape[1] != 10:
+        return raw
+    if cells.min() < 0 or cells.max() >= len(points):
+        raise VisceraError(f"a cell names a point that is not one of {len(points)}")
+    for k, (a, b) in enumerate(EDGES, start=4):
+        ends, middle = (points[cells[:, a]], points[cells[:, b]]), points[cells[:, k]]
+        bend = np.linalg.norm(middle - 0.5 * (ends[0] + ends[1]), axis=1)
+        bent = np.flatnonzero(~(bend <= STRAIGHT * np.linalg.norm(ends[1] - ends[0], axis=1)))
+        if len(bent):
+            share = bend[bent[0]] / np.linalg.norm(ends[1] - ends[0], axis=1)[bent[0]]
+            raise VisceraError(
+                f"cell {bent[0]} is curved: the midpoint of an edge is {share:.2g} edge lengths off its middle; only "
+                "straight cells are read, remesh it with linear ones"
+            )
+    is_kept = np.ones(len(points), dtype=bool)
+    is_kept[cells[:, 4:]] = False
+    is_kept[cells[:, :4]] = True
+    number = np.cumsum(is_kept) - 1
+    sets = {name: number[nodes[is_kept[nodes]]] for name, nodes in raw.sets.items()}
+    message = "left out the midpoints of ten-node cells; the element P2 puts them back"
+    kept = {name: nodes for name, nodes in sets.items() if len(nodes)}
+    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, (*raw.messages, message))
+
+
+def _sets_of_point_arrays(found: meshio.Mesh) -> Arrays:
+    sets: Arrays = {}
     for name, values in found.point_data.items():
-        if values.ndim > 1 and values.shape[1:] == (1,):
-            values = values[:, 0]
-        if values.ndim != 1 or values.dtype.kind not in "iub":
-            continue
-        name = name.removeprefix(SET_PREFIX)
-        labels = np.unique(values)
-        labels = labels[labels != 0]
-        if labels.tolist() == [1] and name != "medit:ref":
-            sets[name] = np.flatnonzero(values)
-        elif len(labels) <= MAX_SETS_PER_ARRAY:
-            prefix = "ref:0" if name == "medit:ref" else name
-            sets |= {f"{prefix}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
-    return {name: nodes for name, nodes in sets.items() if ":" not in name or len(nodes) < len(found.points)}
+        sets |= _sets_of_array("ref:0" if name == "medit:ref" else name, values)
+    return _informative(sets, len(found.points))
 
 
-def _sets_of_cell_groups(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
+def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
+    """An integer array over points or cells: a mask names one set, a few labels name one set each (`ARRAY:LABEL`)."""
+    if values.ndim > 1 and values.shape[1:] == (1,):
+        values = values[:, 0]
+    if values.ndim != 1 or values.dtype.kind not in "iub":
+        return {}
+    name = name.removeprefix(SET_PREFIX)
+    labels = np.unique(values)
+    labels = labels[labels != 0]
+    if labels.tolist() == [1] and not name.startswith("ref:"):
+        return {name: np.flatnonzero(values)}
+    if len(labels) > MAX_SETS_PER_ARRAY:
+        return {}
+    return {f"{name}:{label}": np.flatnonzero(values == label) for label in labels.tolist()}
+
+
+def _informative(sets: Arrays, count: int) -> Arrays:
+    """Without the sets that have no name of their own and hold everything."""
+    return {name: members for name, members in sets.items() if ":" not in name or len(members) < count}
+
+
+def _cell_sets(found: meshio.Mesh) -> Arrays:
+    """Sets of tetrahedra: integer cell arrays, Gmsh's physical groups, Medit's references, named groups of cells."""
+    solid = [k for k, block in enumerate(found.cells) if block.type in ("tetra", "tetra10")]
+    names = {int(tag): name for name, (tag, dim) in found.field_data.items() if int(dim) == 3}
+    sets: Arrays = {}
+    for key, arrays in found.cell_data.items():
+        values = np.concatenate([np.asarray(arrays[k]) for k in solid]) if solid else np.empty(0)
+        if key in ("gmsh:physical", "medit:ref"):
+            word = "physical" if key == "gmsh:physical" else "ref"
+            labels = np.unique(values[values != 0]).tolist()
+            sets |= {names.get(label, f"{word}:3:{label}"): np.flatnonzero(values == label) for label in labels}
+        elif key != "gmsh:geometrical":
+            sets |= _sets_of_array(key, values)
+    starts = np.cumsum([0, *(len(found.cells[k]) for k in solid)])
+    for name, per_block in found.cell_sets.items():
+        chosen = [(start, per_block[k]) for start, k in zip(starts, solid, strict=False)]
+        members = [start + np.asarray(c, dtype=np.int64) for start, c in chosen if c is not None and len(c)]
+        if ":" not in name and members:
+            sets[name] = np.concatenate(members)
+    return _informative(sets, int(starts[-1]))
+
+
+def _sets_of_cell_groups(found: meshio.Mesh) -> Arrays:
     """Nodes of named and numbered groups of cells of any dimension: Gmsh's physical groups, Medit's references."""
     names = {(int(dim), int(tag)): name for name, (tag, dim) in found.field_data.items()}
     members: dict[str, list[NDArray[Any]]] = {}
@@ -173,10 +257,10 @@ def _sets_of_cell_groups(found: meshio.Mesh) -> dict[str, NDArray[Any]]:
                 if chosen is not None and len(chosen):
                     members.setdefault(name, []).append(block.data[np.asarray(chosen, dtype=np.int64)].ravel())
     sets = {name: np.unique(np.concatenate(nodes)) for name, nodes in members.items()}
-    return {name: nodes for name, nodes in sets.items() if ":" not in name or len(nodes) < len(found.points)}
+    return _informative(sets, len(found.points))
 
 
-def _mask(nodes: NDArray[Any], n_points: int) -> NDArray[np.uint8]:
-    mask = np.zeros(n_points, dtype=np.uint8)
-    mask[nodes] = 1
+def _mask(members: NDArray[Any], count: int) -> NDArray[np.uint8]:
+    mask = np.zeros(count, dtype=np.uint8)
+    mask[members] = 1
     return mask

@@ -2,24 +2,44 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, defaults
+from viscera import _core, defaults, navigation
 from viscera.dynamics import Integration, Prony
-from viscera.errors import NotConverged, VisceraError
+from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
-from viscera.loads import Displacements, Forces, density_per_cell, nodal_forces, prescribed, vector
+from viscera.loads import (
+    Displacements,
+    Forces,
+    Pressures,
+    Tractions,
+    density_per_cell,
+    nodal_forces,
+    prescribed,
+    pressed_faces,
+    traction_forces,
+    vector,
+)
 from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
+from viscera.pgd import Pgd, separate
 from viscera.solver import Solver, core_solver
 from viscera.state import State
 from viscera.stepper import Stepper, settings_of
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ELEMENTS = ("P1", "P1 mean volume", "P2")
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -29,6 +49,9 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
+    element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
+        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+        below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
     >>> import viscera as vs
@@ -38,23 +61,37 @@ class Organ:
     (True, 10.0)
     """
 
-    def __init__(self, mesh: Mesh, law: Law, fixed: Where) -> None:
+    def __init__(self, mesh: Mesh, law: Law, fixed: Where, *, element: str | None = None) -> None:
         if not isinstance(law, Law):
             raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
         rows = len(law.parameters)
         if rows not in {1, len(mesh.cells)}:
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
-        self.mesh = mesh
+        self.element = _element(element, law)
+        """Name of the element."""
+        self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
+        """The mesh with the nodes of the element."""
         self.law = law
-        self.fixed = fixed_nodes(mesh, fixed)
+        self.fixed = fixed_nodes(self.mesh, fixed)
         """Indices (k,) of the fixed nodes."""
-        self._body = _core.Body(mesh.points, mesh.cells, law.core(), self.fixed)
+        corners = self.mesh.points[: self.mesh.n_corners]
+        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
+
+    def with_law(self, law: Law) -> Organ:
+        """The same mesh, supports and element with another law."""
+        return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
+
+    def with_mesh(self, mesh: Mesh) -> Organ:
+        """The same law, fixed nodes and element on another mesh of as many nodes and cells."""
+        return Organ(mesh, self.law, fixed=self.fixed, element=self.element)
 
     def solve(
         self,
         *,
         displacement: Displacements | None = None,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
@@ -64,12 +101,15 @@ class Organ:
         throw: bool = False,
         progress: Progress | None = None,
     ) -> State:
-        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces and gravity.
+        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
 
         displacement: `{where: (x, y, z)}` [m], None leaving a component free; an array (k, 3) moves each node of a set
             on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
+        traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
+        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
+            on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from; rest otherwise.
@@ -86,6 +126,8 @@ class Organ:
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         weight = np.zeros_like(applied)
         if gravity is not None and density is not None:
             acceleration = vector(gravity, "gravity", "m/s^2")
@@ -96,6 +138,8 @@ class Organ:
             values=moved.values,
             force=applied,
             body_force=weight,
+            pressed=pressed,
+            pressure=pressures,
             patches=moved.patches,
             start=None if start is None else start.displacement,
             steps=int(steps),
@@ -180,6 +224,37 @@ class Organ:
         )
         return Path([Expansion(**expansion) for expansion in expansions])
 
+    def unloaded(
+        self,
+        *,
+        gravity: ArrayLike | None = None,
+        density: ArrayLike | None = None,
+        force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
+        tolerance: float = 1e-10,
+        max_iterations: int = 100,
+        throw: bool = False,
+        progress: Progress | None = None,
+    ) -> Unloaded:
+        """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
+
+        gravity, density, force, traction, pressure: of the scan, as in `solve`; densities [kg/m^3], areas of tractions
+            and fibres are those of the unloaded organ.
+        tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
+            bounding-box diagonal.
+        max_iterations: for one load step.
+        throw: raise `VisceraError` where no unloaded shape is found, instead of returning the last one found.
+
+        From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
+        displacement from the scan.
+        """
+        loads = {"gravity": gravity, "density": density, "force": force, "traction": traction, "pressure": pressure}
+        result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
+        if throw and not result.is_converged:
+            raise VisceraError(result.message)
+        return result
+
     def patch(self, point: ArrayLike, radius: float) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
@@ -225,6 +300,11 @@ class Organ:
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
         if not isinstance(order, int | np.integer):
             raise VisceraError(f"order must be a whole number, got {order!r}")
+        if not self.law.is_analytic:
+            raise VisceraError(
+                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
+                "are compressed; reduce with bear_compression=True, or use solve"
+            )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
         model = self._body.reduce(
@@ -238,12 +318,67 @@ class Organ:
         )
         return Touch(model)
 
+    def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
+        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
+        from viscera.picture import draw_rest
+
+        mesh = self.mesh
+        parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
+        return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
+
+    def pgd(
+        self,
+        touchable: Where | None = None,
+        *,
+        load: float,
+        order: int = 4,
+        radius: float = 0.0,
+        tolerance: float | None = 0.05,
+        max_terms: int = 100,
+        stagnation: float = 0.05,
+        max_iterations: int = 30,
+        progress: Progress | None = None,
+    ) -> Pgd:
+        """Paper A's model: a load normal to the surface at any node of a place, u = sum a^p sum_i F_i^p(x) G_i^p(s).
+
+        load [N] at a = 1, pushing in where positive; on single nodes as in the paper, or spread over a contact patch
+        of `radius` [m], which separates better and does not depend on the mesh. order: 1 to 15.
+        tolerance: an order is done when the energy norm of a pair falls below this part of the largest of its order;
+            None solves every position exactly instead, to compare with. max_terms: pairs of an order at most.
+        stagnation, max_iterations: of the alternating directions; a pair is found when the unit vector along its G
+            turns by less.
+        Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
+        """
+        for name, value in (("order", order), ("max_terms", max_terms), ("max_iterations", max_iterations)):
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise VisceraError(f"{name} must be a whole number of at least 1, got {value!r}")
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
+        return separate(
+            self,
+            self.touchable(touchable),
+            load=float(load),
+            radius=float(radius),
+            order=int(order),
+            enrichment=None if tolerance is None else {"tolerance": tolerance, **rules},
+            progress=progress,
+        )
+
     def _length(self, name: str, value: float) -> float:
         if not 0.0 < value <= self.mesh.diagonal:
             raise VisceraError(
                 f"{name} is {value:g} m; it must be positive and at most the organ's diagonal, {self.mesh.diagonal:g} m"
             )
         return float(value)
+
+
+def _element(name: str | None, law: Law) -> str:
+    """The element asked for, or the one that is right for the law."""
+    if name is None:
+        return defaults.LOCKING_FREE_ELEMENT if law.poisson.max() > defaults.LOCKING_POISSON else defaults.ELEMENT
+    if name not in ELEMENTS:
+        raise VisceraError(f"unknown element {name!r}; {did_you_mean(str(name), ELEMENTS)}")
+    return name
 
 
 def _distances(points: Floats, others: Floats) -> Floats:

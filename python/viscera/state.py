@@ -68,7 +68,10 @@ class State:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write rest points [m], cells, `displacement` [m] and `reaction` [N] to a file; VTU by its suffix `.vtu`."""
         fields = {"displacement": self.displacement, "reaction": self._held}
-        grid = meshio.Mesh(self.mesh.points, [("tetra", self.mesh.cells)], point_data=fields)
+        mesh = self.mesh
+        is_quadratic = len(mesh.edges) > 0
+        cells = _core.quadratic(mesh.n_corners, mesh.cells)[1] if is_quadratic else mesh.cells
+        grid = meshio.Mesh(mesh.points, [("tetra10" if is_quadratic else "tetra", cells)], point_data=fields)
         with replacing(path) as scratch:
             try:
                 grid.write(scratch)

@@ -57,7 +57,9 @@ def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.
 
 
 def _parts(mesh: Mesh) -> NDArray[np.int64]:
-    return np.asarray(_core.inspect(mesh.points, mesh.cells)["part"], dtype=np.int64)
+    part = np.asarray(_core.inspect(mesh.points, mesh.cells)["part"], dtype=np.int64)
+    part[mesh.n_corners :] = part[mesh.edges[:, 0]]
+    return part
 
 
 def _rigid_motions(arms: Floats) -> Floats:

@@ -100,7 +100,7 @@ class Touch:
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
-        return Organ(self.mesh, full, fixed=self._model.array("fixed"))
+        return Organ(self.mesh, full, fixed=self._model.array("fixed"), element=self.element)
 
     def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
@@ -122,6 +122,15 @@ class Touch:
         arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
+    def view(self, name: str = "Organ", height: int = 560) -> Any:
+        """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.
+
+        name: shown above the organ; height: of the view, in pixels.
+        """
+        from viscera.viewer.notebook import widget
+
+        return widget(self, name, height)
+
     def summary(self) -> dict[str, Any]:
         """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
 
@@ -138,8 +147,10 @@ class Touch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh at rest, without its named sets."""
-        return mesh(self._model.array("points"), self._model.array("cells"))
+        """The mesh at rest, without its named sets; with the midpoints of edges where the element has them."""
+        points, cells = self._model.array("points"), self._model.array("cells")
+        linear = mesh(points[: int(cells.max()) + 1], cells)
+        return linear.quadratic() if self.element == "P2" else linear
 
     @cached_property
     def surface_nodes(self) -> Indices:
@@ -151,6 +162,11 @@ class Touch:
         """Triangles (t, 3) of the surface that may be touched."""
         positions, triangles = self._model.array("positions"), self._model.array("touchable")
         return np.asarray(positions[triangles], dtype=np.uint32)
+
+    @property
+    def element(self) -> str:
+        """The element of the full organ."""
+        return str(self.metadata.get("element", "P1"))
 
     @property
     def radius(self) -> float:
@@ -177,6 +193,14 @@ def load(path: str | os.PathLike[str]) -> Touch:
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:
-        return Touch(_core.Model.from_bytes(Path(name).read_bytes()))
+        return load_bytes(Path(name).read_bytes())
     except ValueError as error:
         raise VisceraError(f"{name}: {error}") from error
+
+
+def load_bytes(data: bytes) -> Touch:
+    """Read the bytes of a model file; raises `VisceraError` where they are cut short or inconsistent."""
+    try:
+        return Touch(_core.Model.from_bytes(data))
+    except ValueError as error:
+        raise VisceraError(str(error)) from error

@@ -120,3 +120,74 @@ def test_the_same_place_in_other_words_may_not_contradict(folder: Path) -> None:
 def test_a_missing_case_file(tmp_path: Path) -> None:
     with pytest.raises(vs.VisceraError, match=r"none\.toml: no such case file"):
         read_case(tmp_path / "none.toml")
+
+
+def test_a_part_of_another_stiffness(folder: Path, bar: vs.Mesh) -> None:
+    """By a cell set's name, by a condition on centroids, and as the API says it."""
+    bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3).write(folder / "bar.vtu")
+    by_name = read_case(case_with(folder, "[loads]", "[material.nodule]\nyoung = 1e6\n[loads]")).organ()
+    by_words = read_case(case_with(folder, "[loads]", '[material."x > 75%"]\nyoung = 1e6\n[loads]')).organ()
+    young = bar.per_cell(1e5, {lambda x: x[:, 0] > 0.3: 1e6})
+    expected = vs.NeoHookean(young=young, poisson=0.3).parameters
+    assert by_name.law.parameters == pytest.approx(expected)
+    assert by_words.law.parameters == pytest.approx(expected)
+
+
+def test_laws_with_lists_and_fibres(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    head = 'mesh = "organ:artery"\nfixed = "top"\n[material]\n'
+    path.write_text(
+        head + 'law = "Ogden"\nmu = [1e3, -50]\nalpha = [2, -4]\npoisson = 0.4\n'
+        '[material."z < 50%"]\nmu = [2e3, -100]\n'
+    )
+    rows = read_case(path).organ().law.parameters
+    assert sorted({tuple(row[:2]) for row in rows.tolist()}) == [(1e3, -50.0), (2e3, -100.0)]
+    fibres = "fibres = {angle = 30, axis = [0, 0, 1]}"
+    wall = 'law = "HolzapfelGasserOgden"\nc = 3e3\nk1 = 2e3\nk2 = 0.8\npoisson = 0.45\n'
+    path.write_text(head + wall + fibres)
+    law = read_case(path).organ().law
+    assert isinstance(law, vs.HolzapfelGasserOgden)
+    assert law.fibres == pytest.approx(vs.helical_fibres(vs.organs.artery(), 30.0))
+    path.write_text(head + wall + "fibres = [[1, 0, 1], [1, 0, -1]]")
+    assert len(read_case(path).organ().law.parameters) == 1
+    path.write_text(head + wall + "fibres = {angel = 30}")
+    with pytest.raises(vs.VisceraError, match=r"unknown key 'angel' in \[material.fibres\]; did you mean 'angle'"):
+        read_case(path)
+    path.write_text(head + wall + "fibres = {axis = [0, 0, 1]}")
+    with pytest.raises(vs.VisceraError, match=r"fibres: .*'angle'"):
+        read_case(path).organ()
+
+
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [
+        ("[material.nodule]\nyuong = 1e6", r"unknown key 'yuong' in \[material.nodule\]; did you mean 'young'"),
+        ("[material.nodul]\nyoung = 1e6", "no cell set 'nodul'; did you mean 'nodule'"),
+        ("[material.nodule]\nmu = 1e6", "'nodule' gives 'mu', which the rest of the organ has no value for"),
+        ('[material.nodule]\nyoung = "hard"', "'young' of 'nodule' must be a number, got 'hard'"),
+        ("[material.nodule]\nyoung = -1", "young of cell .* is -1"),
+        ('[material."x > 110%"]\nyoung = 1', "'x > 110%' selects no cell"),
+    ],
+)
+def test_wrong_parts_are_named(folder: Path, bar: vs.Mesh, part: str, words: str) -> None:
+    bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3).write(folder / "bar.vtu")
+    with pytest.raises(vs.VisceraError, match=words):
+        read_case(case_with(folder, "[loads]", f"{part}\n[loads]")).organ()
+
+
+def test_surface_loads_in_a_case(folder: Path, bar: vs.Mesh) -> None:
+    loads = 'traction."x >= 100%" = [10, 0, -5]\npressure."z >= 100%" = 40\nforce.'
+    case = read_case(case_with(folder, "force.", loads))
+    organ = case.organ()
+    by_hand = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root").solve(
+        displacement={"tip": (0.02, None, -0.01)},
+        force={lambda x: x[:, 2] >= 0.1: (0, 0, -0.5)},
+        traction={"tip": (10, 0, -5)},
+        pressure={lambda x: x[:, 2] >= 0.1: 40},
+        gravity=(0, 0, -9.81),
+        density=100,
+    )
+    assert case.solve(organ).displacement == pytest.approx(by_hand.displacement, abs=1e-9)
+    wrong = read_case(case_with(folder, "force.", 'pressure."z >= 100%" = "40"\nforce.'))
+    with pytest.raises(vs.VisceraError, match="pressure on 'z >= 100%' must be a number"):
+        wrong.solve(organ)

@@ -92,12 +92,101 @@ def test_corotated_energy_is_its_formula() -> None:
     assert law.energy(F) == pytest.approx(formula, rel=1e-12)
 
 
+def test_yeoh_energy_is_its_formula() -> None:
+    law = vs.Yeoh(3.0, -2.0, 1.5, kappa=7.0)
+    I1, _, J = invariants(F)
+    x = I1 * J ** (-2 / 3) - 3
+    assert law.energy(F) == pytest.approx(3 * x - 2 * x**2 + 1.5 * x**3 + 3.5 * (J - 1) ** 2, rel=1e-12)
+
+
+def test_ogden_energy_is_its_formula() -> None:
+    law = vs.Ogden([3.0, -0.5], [1.7, -6.4], kappa=7.0)
+    J = np.linalg.det(F)
+    stretches = np.linalg.svd(F, compute_uv=False) * J[:, None] ** (-1 / 3)
+    formula = sum(mu / a * ((stretches**a).sum(axis=1) - 3) for mu, a in ((3.0, 1.7), (-0.5, -6.4)))
+    assert law.energy(F) == pytest.approx(formula + 3.5 * (J - 1) ** 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_holzapfel_gasser_ogden_energy_is_its_formula(both: bool) -> None:
+    fibres = np.array([[1.0, 2.0, 2.0], [0.0, 0.0, 5.0]])
+    law = vs.HolzapfelGasserOgden(3.0, 2.0, 0.7, fibres=fibres, dispersion=0.2, kappa=7.0, bear_compression=both)
+    I1, _, J = invariants(F)
+    formula = 1.5 * (I1 * J ** (-2 / 3) - 3) + 3.5 * (J - 1) ** 2
+    for a in fibres / np.linalg.norm(fibres, axis=1, keepdims=True):
+        I4 = ((F @ a) ** 2).sum(axis=1)
+        E = 0.2 * (I1 * J ** (-2 / 3) - 3) + 0.4 * (I4 * J ** (-2 / 3) - 1)
+        assert E.min() < 0 < E.max(), "both sides of the switch are tried"
+        formula += 2.0 / 1.4 * (np.exp(0.7 * (E if both else np.maximum(E, 0.0)) ** 2) - 1)
+    assert law.energy(F) == pytest.approx(formula, rel=1e-12)
+    assert law.is_analytic == both
+
+
+def test_compressibility_by_poissons_ratio() -> None:
+    """Each law's bulk modulus is that of Hooke's law with its own shear modulus."""
+    nu, fibres = 0.4, np.eye(3)[:2]
+    for law, mu in [
+        (vs.Yeoh(50.0, poisson=nu), 100.0),
+        (vs.Ogden([80.0, -20.0], [2.0, -2.0], poisson=nu), 100.0),
+        (vs.HolzapfelGasserOgden(100.0, 1.0, 1.0, fibres=fibres, dispersion=1 / 3, poisson=nu), 100.0),
+    ]:
+        hooke = vs.Linear(young=2 * mu * (1 + nu), poisson=nu)
+        assert law.tangent(np.eye(3)[None]) == pytest.approx(hooke.tangent(np.eye(3)[None]), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: vs.Yeoh(0.0, kappa=1.0), "Yeoh: c10 is 0"),
+        (lambda: vs.Yeoh(1.0), r"Yeoh takes either kappa \[Pa\] or poisson"),
+        (lambda: vs.Yeoh(1.0, kappa=1.0, poisson=0.3), "either kappa"),
+        (lambda: vs.Yeoh(1.0, poisson=0.5), "poisson is 0.5"),
+        (lambda: vs.Yeoh(1.0, kappa=-1.0), "kappa is -1"),
+        (lambda: vs.Yeoh("soft", kappa=1.0), "c10 is one number or an array"),
+        (lambda: vs.Ogden([1.0, 2.0], [1.0], kappa=1.0), "2 terms in mu but 1 in alpha"),
+        (lambda: vs.Ogden(np.ones(9), 2.0, kappa=1.0), "mu has 9 terms; give one to 3"),
+        (lambda: vs.Ogden(1.0, -2.0, kappa=1.0), "half the sum of mu alpha, is -1"),
+        (lambda: vs.Ogden([1.0, 1.0], [2.0, 0.0], kappa=1.0), "alpha2 is 0; it must not be zero"),
+        (lambda: vs.HolzapfelGasserOgden(1, 1, 0, fibres=np.eye(3)[:2], kappa=1), "k2 is 0"),
+        (lambda: vs.HolzapfelGasserOgden(1, 1, 1, fibres=np.eye(3)[:2], dispersion=0.4, kappa=1), "dispersion is 0.4"),
+        (lambda: vs.HolzapfelGasserOgden(1, 1, 1, fibres=np.eye(3), kappa=1), r"two directions .* got shape \(3, 3\)"),
+        (lambda: vs.HolzapfelGasserOgden(1, 1, 1, fibres=np.zeros((2, 3)), kappa=1), "fibre 1 of cell 0 is .0.0"),
+        (
+            lambda: vs.HolzapfelGasserOgden([1, 1], 1, 1, fibres=np.ones((2, 3, 3)), kappa=1),
+            "different lengths: {'c': 2, 'fibre 1x': 3",
+        ),
+    ],
+)
+def test_refusals_of_the_other_laws(make: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        make()
+
+
+def test_helical_fibres_wind_round_their_axis() -> None:
+    artery = vs.organs.artery()
+    fibres = vs.helical_fibres(artery, 30.0, axis=(0, 0, 2))
+    assert np.linalg.norm(fibres, axis=-1) == pytest.approx(1.0)
+    assert fibres[0, :, 2] == pytest.approx(0.5)
+    assert fibres[1, :, 2] == pytest.approx(-0.5)
+    radial = artery.centroids * [1, 1, 0]
+    assert np.abs(np.einsum("fmi,mi->fm", fibres, radial)).max() < 1e-15
+    with pytest.raises(vs.VisceraError, match="axis of helical fibres must be three numbers"):
+        vs.helical_fibres(artery, 30.0, axis=(0, 0, 0))
+    with pytest.raises(vs.VisceraError, match="centroid of cell 7 lies on the axis"):
+        vs.helical_fibres(artery, 30.0, through=artery.centroids[7])
+
+
+FIBRES = [(1.0, 0.5, 0.0), (1.0, -0.5, 0.0)]
 ALL = [
     vs.Linear(young=2.0, poisson=0.3),
     vs.Corotated(young=2.0, poisson=0.3),
     vs.SaintVenantKirchhoff(young=2.0, poisson=0.3),
     vs.NeoHookean(young=2.0, poisson=0.3),
     vs.MooneyRivlin(0.3, 0.1, 2.0),
+    vs.Yeoh(0.4, 0.1, 0.02, poisson=0.3),
+    vs.Ogden([0.5, -0.2], [1.6, -2.7], poisson=0.3),
+    vs.HolzapfelGasserOgden(0.4, 0.3, 0.9, fibres=FIBRES, dispersion=0.1, poisson=0.3),
+    vs.HolzapfelGasserOgden(0.4, 0.3, 0.9, fibres=FIBRES, poisson=0.3, bear_compression=True),
 ]
 
 

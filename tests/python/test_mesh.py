@@ -155,6 +155,56 @@ def test_what_is_written_is_read_again(bar: vs.Mesh, tmp_path: Path, ending: str
     assert ending == ".mesh" or same_sets(again, bar)
 
 
+@pytest.mark.parametrize("ending", sorted(set(ENDINGS) - {".mesh"}))
+def test_cell_sets_are_written_and_read_again(bar: vs.Mesh, tmp_path: Path, ending: str) -> None:
+    parts = bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3, core=[3, 4, 5])
+    parts.write(tmp_path / f"bar{ending}")
+    again = vs.read(tmp_path / f"bar{ending}")
+    assert {name: cells.tolist() for name, cells in again.cell_sets.items()} == {
+        name: cells.tolist() for name, cells in parts.cell_sets.items()
+    }
+    assert inspect(tmp_path / f"bar{ending}")["cell_sets"] == {"nodule": 48, "core": 3}
+
+
+def test_overlapping_cell_sets_are_too_much_for_gmsh(bar: vs.Mesh, tmp_path: Path) -> None:
+    with pytest.raises(VisceraError, match=r"cells are in 'b' and in another set, which \.msh cannot say; use \.vtu"):
+        bar.with_cell_sets(a=[0, 1], b=[1, 2]).write(tmp_path / "bar.msh")
+
+
+def test_cell_sets_of_other_programs(bar: vs.Mesh, tmp_path: Path) -> None:
+    """A labelled array, as segmentations give it, and groups and references without names."""
+    label = np.where(bar.centroids[:, 0] > 0.3, 2, 1)
+    grid = meshio.Mesh(bar.points, [("tetra", bar.cells.astype(int))], cell_data={"tissue": [label]})
+    meshio.vtu.write(str(tmp_path / "a.vtu"), grid)
+    assert sorted(vs.read(tmp_path / "a.vtu").cell_sets) == ["tissue:1", "tissue:2"]
+    tags = {key: [label.astype(np.int32)] for key in ("gmsh:physical", "gmsh:geometrical")}
+    meshio.gmsh.write(str(tmp_path / "a.msh"), meshio.Mesh(bar.points, grid.cells, cell_data=tags), "2.2", binary=False)
+    assert sorted(vs.read(tmp_path / "a.msh").cell_sets) == ["physical:3:1", "physical:3:2"]
+    meshio.medit.write(str(tmp_path / "a.mesh"), meshio.Mesh(bar.points, grid.cells, cell_data={"medit:ref": [label]}))
+    assert len(vs.read(tmp_path / "a.mesh").cells_in("ref:3:2")) == 48
+
+
+def test_cells_by_name_indices_mask_and_predicate(bar: vs.Mesh) -> None:
+    parts = bar.with_cell_sets(far=lambda x: x[:, 0] > 0.3)
+    assert parts.with_sets(again="tip").cells_in("far").tolist() == parts.cells_in("far").tolist()
+    assert parts.cells_in([5, 2, 5]).tolist() == [2, 5]
+    assert parts.cells_in(np.arange(192) == 7).tolist() == [7]
+    values = parts.per_cell(1.0, {"far": 2.0, (0, 191): 3.0})
+    assert np.flatnonzero(values == 3.0).tolist() == [0, 191], "the later place wins"
+    assert np.flatnonzero(values == 2.0).tolist() == np.setdiff1d(parts.cells_in("far"), [0, 191]).tolist()
+    for where, sentence in [
+        ("fra", "no cell set 'fra'; did you mean 'far'"),
+        ([192], "names cell 192, but the mesh has 192 cells"),
+        ([], "has no cells"),
+        (lambda x: x[:, 0] > 1, "the predicate selects no cell; the centroids lie between"),
+        (lambda x: x[:5, 0] > 0, r"takes centroids \(192, 3\) and returns bool \(192,\)"),
+    ]:
+        with pytest.raises(VisceraError, match=sentence):
+            parts.per_cell(1.0, {where if not isinstance(where, list) else tuple(where): 2.0})
+    with pytest.raises(VisceraError, match="cell set 'x' names cell 400"):
+        vs.mesh(bar.points, bar.cells, cell_sets={"x": [400]})
+
+
 @pytest.mark.parametrize(
     ("units", "factor"), [("mm", 1e-3), ("cm", 1e-2), ("inch", 0.0254), ("m", 1.0), (0.035, 0.035), (2, 2.0)]
 )
@@ -251,6 +301,7 @@ def test_every_generation_of_febio_is_read(tmp_path: Path, version: str) -> None
     (tmp_path / "a.feb").write_text(text)
     found = vs.read(tmp_path / "a.feb")
     assert found.volume == pytest.approx(1e-3 / 6)
+    assert found.cell_sets == {}, "one part is no part"
     expected = {"1.2": {}, "2.5": {"fix": [0, 2]}, "4.0": {"fix": [0, 2], "load": [1, 2, 3]}}[version]
     assert {name: nodes.tolist() for name, nodes in found.sets.items()} == expected
 
@@ -278,8 +329,12 @@ def test_other_kinds_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
         vs.read(tmp_path / "shell.vtu")
     quadratic = ("tetra10", np.arange(10)[None])
     meshio.vtu.write(str(tmp_path / "p2.vtu"), meshio.Mesh(bar.points, [quadratic]))
-    with pytest.raises(VisceraError, match="it holds 1 tetra10 cells; only linear tetrahedra are read"):
+    with pytest.raises(VisceraError, match=r"cell 0 is curved: .* edge lengths off its middle; only straight cells"):
         vs.read(tmp_path / "p2.vtu")
+    bricks = ("hexahedron", np.arange(8)[None])
+    meshio.vtu.write(str(tmp_path / "hex.vtu"), meshio.Mesh(bar.points, [bricks]))
+    with pytest.raises(VisceraError, match="it holds 1 hexahedron cells; only tetrahedra are read"):
+        vs.read(tmp_path / "hex.vtu")
 
 
 def test_missing_and_unknown_files(tmp_path: Path) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.collections import PathCollection
 
 import viscera as vs
 
@@ -107,6 +110,35 @@ def test_failure_is_a_status_and_an_exception_on_request(clamped: Organ) -> None
     with pytest.raises(vs.NotConverged) as raised:
         clamped.solve(**hopeless, throw=True)
     assert not raised.value.state.is_converged
+
+
+def test_a_load_beyond_the_limit_point_says_where_the_path_turns(cube: vs.Mesh) -> None:
+    """Uniaxial stress of Saint Venant-Kirchhoff is at most E / (3 sqrt 3) in compression."""
+    planes: dict[Any, Any] = {
+        lambda x, k=k: x[:, k] == 0: tuple(0.0 if axis == k else None for axis in range(3)) for k in range(3)
+    }
+    organ = Organ(cube, vs.SaintVenantKirchhoff(young=1e5, poisson=0.3), fixed=[0])
+    state = organ.solve(displacement=planes, traction={"top": (0, 0, -0.4e5)})
+    assert state.status == "limit point"
+    turn = 1 / (3 * np.sqrt(3) * 0.4)
+    assert turn - 0.01 < state.load < turn
+    assert f"turns back at load {turn:.3f}" in state.message
+    assert "known flaw of the law" in state.message
+    assert "use neo_hookean" in state.message
+
+
+def test_a_limit_point_under_dead_load_offers_the_arc_length(cube: vs.Mesh) -> None:
+    """The load at which the path turns, from two slopes before it, is the largest on the path by arc length."""
+    organ = Organ(cube, vs.SaintVenantKirchhoff(young=1e5, poisson=0.3), fixed="bottom")
+    force = {"top": (0.0, 0.0, -300.0)}
+    state = organ.solve(force=force)
+    assert state.status == "limit point"
+    assert "Organ.path(parameter='arc length')" in state.message
+    load, _ = organ.path(force=force, parameter="arc length", max_expansions=3).curve(50)
+    assert load[-1] < load.max(), "the path has passed the limit point"
+    said = re.search(r"turns back at load ([\d.]+),", state.message)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(load.max(), abs=1e-4)
 
 
 def test_what_a_progress_callback_raises_stops_the_solve(clamped: Organ) -> None:
@@ -229,3 +261,30 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
 def test_reductions_that_are_refused(clamped: Organ, options: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         clamped.reduce(**options)
+
+
+def test_an_organ_at_rest_is_drawn(bar: vs.Mesh, tmp_path: Path) -> None:
+    """Fixed nodes that face the eye as strong dots, the others faint; parts by their names."""
+    organ = Organ(bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3), SOFT, fixed="root")
+    figure = organ.plot(tmp_path / "organ.png", title="a bar")
+    assert (tmp_path / "organ.png").read_bytes().startswith(b"\x89PNG")
+    (plot,) = figure.axes
+    assert plot.get_title(loc="left") == "a bar"
+    legend = plot.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["fixed (9 nodes)", "nodule"]
+    hidden, seen = (len(np.asarray(c.get_offsets())) for c in plot.collections if isinstance(c, PathCollection))
+    assert (hidden, seen) == (4, 5), "the eye is above, in front and to the right: it sees the upper and front edges"
+
+
+def test_slack_fibres_are_no_ground_for_a_series(cube: vs.Mesh) -> None:
+    fibres = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    slack = vs.HolzapfelGasserOgden(1e4, 1e4, 1.0, fibres=fibres, poisson=0.3)
+    with pytest.raises(vs.VisceraError, match="fibres that go slack have no power series about rest"):
+        Organ(cube, slack, fixed="bottom").reduce(order=2)
+    both = vs.HolzapfelGasserOgden(1e4, 1e4, 1.0, fibres=fibres, poisson=0.3, bear_compression=True)
+    touch = Organ(cube, both, fixed="bottom").reduce(radius=0.03, depth=0.005, order=2, tolerance=1e-2)
+    law = touch.organ().law
+    assert isinstance(law, vs.HolzapfelGasserOgden)
+    assert law.bear_compression
+    assert law.fibres == pytest.approx(both.fibres)

@@ -16,9 +16,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from problems import GRAVITY, PROBLEMS, Problem, area_shares, nodal_forces, prescribed
+from problems import (
+    PROBLEMS,
+    STUDY,
+    STUDY_LAWS,
+    Problem,
+    area_shares,
+    nodal_forces,
+    prescribed,
+    pressed,
+    study_data,
+)
 
 DATA = Path(__file__).parent / "data" / "calculix.npz"
+LAWS = ("linear", "svk", "mr")
+FACES = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]
 TOLERANCE = 1e-8  # of the residual and of the last correction; the default, 5e-3, is for engineers
 
 
@@ -42,6 +54,16 @@ def means(problem: Problem, free_number: int) -> Iterator[tuple[list[str], list[
             terms = [f"{node},{axis},{number(share)}" for node, share in zip(nodes, shares, strict=True)]
             terms.append(f"{free_number},{axis},-1.")
             yield ["*EQUATION", str(len(terms)), *terms], [f"{free_number},{axis},{axis},{number(target[axis - 1])}"]
+
+
+def faces(problem: Problem) -> Iterator[str]:
+    """Pressures on faces of cells; CalculiX's face k + 1 of a tetrahedron has the corners FACES[k]."""
+    cells = {
+        tuple(sorted(cell[face])): (i, k) for i, cell in enumerate(problem.mesh.cells) for k, face in enumerate(FACES)
+    }
+    for triangle, pressure in pressed(problem):
+        cell, k = cells[tuple(sorted(triangle))]
+        yield f"{cell + 1},P{k + 1},{number(pressure)}"
 
 
 def deck(problem: Problem, law: str) -> str:
@@ -73,8 +95,10 @@ def deck(problem: Problem, law: str) -> str:
     if forces.any():
         lines += ["*CLOAD"] + [f"{i + 1},{a + 1},{number(forces[i, a])}" for i, a in np.argwhere(forces).tolist()]
     if problem.density:
-        size = float(np.linalg.norm(GRAVITY))
-        lines += ["*DLOAD", f"BODY,GRAV,{number(size)}," + ",".join(number(g / size) for g in GRAVITY)]
+        size = float(np.linalg.norm(problem.gravity))
+        lines += ["*DLOAD", f"BODY,GRAV,{number(size)}," + ",".join(number(g / size) for g in problem.gravity)]
+    if problem.pressure:
+        lines += ["*DLOAD", *faces(problem)]
     lines += [f"*NODE PRINT, NSET=ALL, FREQUENCY={problem.steps}", "U", "*END STEP"]
     return "\n".join(lines) + "\n"
 
@@ -94,14 +118,24 @@ def solve(problem: Problem, law: str) -> np.ndarray:
 
 def main() -> None:
     version = subprocess.run(["ccx", "-v"], capture_output=True, text=True, check=False).stdout.split()[-1]
-    data: dict[str, Any] = {"versions": np.array([f"CalculiX {version}"])}
+    stamp = {"versions": np.array([f"CalculiX {version}"])}
+    data: dict[str, Any] = dict(stamp)
     for name, problem in PROBLEMS.items():
-        for law in ("linear", "svk", "mr"):
+        for law in [law for law in LAWS if law in problem.laws]:
             data[f"{name}/{law}/u"] = solve(problem, law)
-            largest = np.linalg.norm(data[f"{name}/{law}/u"], axis=1).max()
-            print(f"{name:16} {law:7} largest displacement {largest:.7g} m", flush=True)
+            report(name, law, data[f"{name}/{law}/u"])
     DATA.parent.mkdir(exist_ok=True)
     np.savez_compressed(DATA, **data)
+    study: dict[str, Any] = dict(stamp)
+    for label, problem in STUDY.items():
+        for law in LAWS:
+            study[f"{label}/{STUDY_LAWS[law]}"] = solve(problem, law)
+            report(label, law, study[f"{label}/{STUDY_LAWS[law]}"])
+    np.savez_compressed(study_data("calculix"), **study)
+
+
+def report(name: str, law: str, u: np.ndarray) -> None:
+    print(f"{name:16} {law:7} largest displacement {np.linalg.norm(u, axis=1).max():.7g} m", flush=True)
 
 
 if __name__ == "__main__":

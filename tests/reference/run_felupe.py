@@ -13,7 +13,21 @@ from typing import Any
 
 import felupe as fem
 import numpy as np
-from problems import GRAVITY, PROBLEMS, Problem, area_shares, nodal_forces, prescribed
+import tensortrax.math as tm
+from problems import (
+    FIBRES,
+    HOLZAPFEL_GASSER_OGDEN,
+    OGDEN,
+    PROBLEMS,
+    STUDY,
+    STUDY_LAWS,
+    YEOH,
+    Problem,
+    area_shares,
+    nodal_forces,
+    prescribed,
+    study_data,
+)
 from scipy.sparse import block_array, csr_array
 from scipy.sparse.linalg import splu
 
@@ -21,12 +35,45 @@ DATA = Path(__file__).parent / "data" / "felupe.npz"
 TOLERANCE = 1e-12
 
 
+def holzapfel_gasser_ogden(C: Any, c: float, k1: float, k2: float, dispersion: float) -> Any:
+    """The isochoric energy as printed, differentiated by tensortrax; fibres bear no compression."""
+    isochoric = tm.linalg.det(C) ** (-1 / 3) * C
+    shear = tm.trace(isochoric) - 3
+    energy = c / 2 * shear
+    for a in FIBRES:
+        along = sum(a[i] * a[j] * isochoric[i, j] for i in range(3) for j in range(3))
+        E = tm.maximum(dispersion * shear + (1 - 3 * dispersion) * (along - 1), 0.0 * shear)
+        energy = energy + k1 / (2 * k2) * (tm.exp(k2 * E**2) - 1)
+    return energy
+
+
+def corotated(C: Any, mu: float, lam: float) -> Any:
+    """The corotated energy in the principal stretches."""
+    stretches = tm.sqrt(tm.linalg.eigvalsh(C))
+    return mu * tm.sum((stretches - 1) ** 2, axis=0) + lam / 2 * (tm.sum(stretches, axis=0) - 3) ** 2
+
+
+def squared(C: Any, kappa: float) -> Any:
+    """The volumetric energy kappa/8 (J^2 - 1)^2."""
+    return kappa / 8 * (tm.linalg.det(C) - 1) ** 2
+
+
 def material(problem: Problem, law: str) -> fem.ConstitutiveMaterial:
     c1, c2, kappa = problem.mooney_rivlin
+    mu, volume = problem.mu, fem.Volumetric(bulk=problem.kappa)
+    c, k1, k2, dispersion = HOLZAPFEL_GASSER_OGDEN
+    fibres = {"c": c * mu, "k1": k1 * mu, "k2": k2, "dispersion": dispersion}
+    shares, exponents = zip(*OGDEN, strict=True)
+    yeoh = dict(zip(("C10", "C20", "C30"), mu * np.array(YEOH), strict=True))
     return {
         "linear": lambda: fem.LinearElastic(E=problem.young, nu=problem.poisson),
         "svk": lambda: fem.Hyperelastic(fem.saint_venant_kirchhoff, mu=problem.mu, lmbda=problem.lam),
         "nh": lambda: fem.NeoHookeCompressible(mu=problem.mu, lmbda=problem.lam),
+        "yeoh": lambda: fem.Hyperelastic(fem.yeoh, **yeoh) & volume,
+        "ogden": lambda: fem.Hyperelastic(fem.ogden, mu=[mu * s for s in shares], alpha=list(exponents)) & volume,
+        "hgo": lambda: fem.Hyperelastic(holzapfel_gasser_ogden, **fibres) & volume,
+        "corotated": lambda: fem.Hyperelastic(corotated, mu=problem.mu, lam=problem.lam),
+        "mr2": lambda: fem.Hyperelastic(fem.mooney_rivlin, C10=c1, C01=c2) & fem.Hyperelastic(squared, kappa=kappa),
         "mr": lambda: fem.Hyperelastic(fem.mooney_rivlin, C10=c1, C01=c2) & fem.Volumetric(bulk=kappa),
     }[law]()
 
@@ -49,7 +96,12 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
     mesh = fem.Mesh(problem.mesh.points, problem.mesh.cells.astype(int), "tetra")
     field = fem.FieldContainer([fem.Field(fem.RegionTetra(mesh), dim=3)])
     body = fem.SolidBody(material(problem, law), field)
-    weight = fem.SolidBodyForce(field, values=problem.density * np.array(GRAVITY)).assemble.vector().toarray().ravel()
+    weight = (
+        fem.SolidBodyForce(field, values=problem.density * np.array(problem.gravity))
+        .assemble.vector()
+        .toarray()
+        .ravel()
+    )
     dead, target = nodal_forces(problem).ravel(), prescribed(problem).ravel()
     is_free = np.isnan(target)
     B, c = means(problem)
@@ -57,7 +109,7 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
     for load in np.linspace(0, 1, problem.steps + 1)[1:]:
         for iteration in range(30):
             internal = body.assemble.vector(field).toarray().ravel()
-            residual = load * dead + weight - internal - B.T @ multipliers
+            residual = load * (dead + weight) - internal - B.T @ multipliers
             move = np.where(is_free, 0.0, load * target - u.ravel())
             gap = load * c - B @ u.ravel()
             if iteration > 0 and np.linalg.norm(residual[is_free]) <= TOLERANCE * np.linalg.norm(internal):
@@ -82,14 +134,26 @@ def solve(problem: Problem, law: str) -> tuple[np.ndarray, np.ndarray]:
 
 def main() -> None:
     versions = [f"{package} {version(package)}" for package in ("felupe", "tensortrax", "numpy", "scipy")]
-    data: dict[str, Any] = {"versions": np.array([*versions, f"Python {platform.python_version()}"])}
+    stamp = {"versions": np.array([*versions, f"Python {platform.python_version()}"])}
+    data: dict[str, Any] = dict(stamp)
     for name, problem in PROBLEMS.items():
-        for law in ("linear", "svk", "nh", "mr"):
+        if problem.pressure:  # FElupe has no boundary of tetrahedra to press on
+            continue
+        for law in problem.laws:
             data[f"{name}/{law}/u"], data[f"{name}/{law}/reaction"] = solve(problem, law)
-            largest = np.linalg.norm(data[f"{name}/{law}/u"], axis=1).max()
-            print(f"{name:16} {law:7} largest displacement {largest:.9g} m", flush=True)
+            report(name, law, data[f"{name}/{law}/u"])
     DATA.parent.mkdir(exist_ok=True)
     np.savez_compressed(DATA, **data)
+    study: dict[str, Any] = dict(stamp)
+    for label, problem in STUDY.items():
+        for law, name in STUDY_LAWS.items():
+            study[f"{label}/{name}"], _ = solve(problem, law)
+            report(label, law, study[f"{label}/{name}"])
+    np.savez_compressed(study_data("felupe"), **study)
+
+
+def report(name: str, law: str, u: np.ndarray) -> None:
+    print(f"{name:16} {law:9} largest displacement {np.linalg.norm(u, axis=1).max():.9g} m", flush=True)
 
 
 if __name__ == "__main__":

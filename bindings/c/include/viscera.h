@@ -22,7 +22,7 @@ extern "C" {
 #endif
 
 /* Compare with viscera_abi_version() once at the start: they differ where header and library do not belong together. */
-#define VISCERA_ABI_VERSION 1
+#define VISCERA_ABI_VERSION 2
 
 /* What a call came to. The first three come with an answer; only the first answer is to be relied on. */
 enum viscera_status {
@@ -68,14 +68,17 @@ typedef struct viscera_frame {
 
 /* Owned by the caller, set up by viscera_guard_init. Read the state if you like; write only the settings. */
 typedef struct viscera_guard {
-    double force_limit; /* largest force given out */
-    double rate_limit;  /* largest change of it per second */
-    double watchdog;    /* longest time without an answer [s] */
-    double fade;        /* time in which the force then fades to zero [s] */
-    double force[3];    /* given out last */
-    double target[3];   /* last trusted force */
-    double age;         /* of the last answer [s] */
-    double fade_rate;   /* force lost per second while fading */
+    double force_limit;  /* largest force given out */
+    double rate_limit;   /* largest change of it per second */
+    double watchdog;     /* longest time without an answer [s] */
+    double fade;         /* time in which the force then fades to zero [s] */
+    double force[3];     /* given out last */
+    double target[3];    /* last trusted force */
+    double age;          /* of the last answer [s] */
+    double fade_rate;    /* force lost per second while fading */
+    double energy_limit; /* most energy given out beyond what came in; 0: not counted */
+    double damping;      /* most damping that pays such a debt, force per velocity */
+    double energy;       /* put into the organ by the hand since it touched; negative: the debt */
 } viscera_guard;
 
 /* What a guard did at a step. */
@@ -84,7 +87,8 @@ enum viscera_guard_mode {
     VISCERA_GUARD_LIMITS = 1,  /* it is on its way there, or shortened to the limit */
     VISCERA_GUARD_HOLDS = 2,   /* no trusted answer: the last trusted force stays */
     VISCERA_GUARD_FADES = 3,   /* stale or faulty: on its way to zero */
-    VISCERA_GUARD_REFUSES = 4  /* a null guard, a setting or a time step out of range: zero */
+    VISCERA_GUARD_REFUSES = 4, /* a null guard, a setting or a time step out of range: zero */
+    VISCERA_GUARD_DAMPS = 5    /* energy is owed: damped, or held down to what may still be given out */
 };
 
 /* The interface version of the library. */
@@ -144,6 +148,17 @@ int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate
 int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32_t status, double dt,
                            double force_out[3]);
 
+/* Makes a guard passive. It counts the energy (force unit times length unit) that the hand puts in and gets back, pays a
+ * debt by damping of at most `damping` (0: none), and lowers the force to zero as the debt nears `energy_limit`, whatever
+ * the rate limit. Of a hand that moves by m in a step, the debt stays below the larger of `energy_limit` and
+ * force_limit * m. VISCERA_BAD_SETTING leaves a guard that gives no force. */
+int32_t viscera_guard_keep_passive(viscera_guard *guard, double energy_limit, double damping);
+
+/* REAL TIME. viscera_guard_step for a tool that has moved by `moved` since the last step, in the frame and the unit of
+ * the displacement. A passive guard needs it: without a finite `moved` the force fades. */
+int32_t viscera_guard_step_moved(viscera_guard *guard, const double force_in[3], int32_t status, const double moved[3],
+                                 double dt, double force_out[3]);
+
 #if defined(__cplusplus) ? __cplusplus >= 201103L : (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L)
 #ifdef __cplusplus
 #define VISCERA_ASSERT(claim) static_assert(claim, "viscera.h: a struct is not laid out as in the library")
@@ -153,7 +168,7 @@ int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32
 VISCERA_ASSERT(sizeof(viscera_info_t) == 56);
 VISCERA_ASSERT(sizeof(viscera_answer) == 128);
 VISCERA_ASSERT(sizeof(viscera_frame) == 112);
-VISCERA_ASSERT(sizeof(viscera_guard) == 96);
+VISCERA_ASSERT(sizeof(viscera_guard) == 120);
 #undef VISCERA_ASSERT
 #endif
 

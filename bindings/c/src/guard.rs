@@ -1,9 +1,16 @@
-//! Between the evaluator and a motor: a force limit, a rate limit and a watchdog.
+//! Between the evaluator and a motor: a force limit, a rate limit, a watchdog and a passivity
+//! controller.
 //!
 //! Trusted answers are followed. Answers that are not trusted leave the last trusted force standing,
 //! because a series beyond its range may turn round and pull the hand in. No answer at all, for
 //! longer than the watchdog allows, lets the force fade linearly to zero; so does a number that is
 //! not finite, at once.
+//!
+//! A force that is held for a step while the hand moves on gives back more than it took. The work is
+//! counted as a passivity observer does (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18,
+//! 2002), and a debt is paid by damping; but damping guesses the next move from the last. What holds
+//! for any move is the ceiling of the force, which falls to zero as the debt reaches its limit: from
+//! a debt `D` a step `m` can lead no higher than `D + force_limit (1 - D / energy_limit) |m|`.
 
 use crate::status::{self, Status};
 use crate::{all_finite, norm, vector};
@@ -24,9 +31,15 @@ pub struct Guard {
     pub age: f64,
     /// Force lost per second while fading, 0 otherwise.
     pub fade_rate: f64,
+    /// Largest debt of energy; 0 for a guard that does not count.
+    pub energy_limit: f64,
+    /// Largest damping that pays a debt.
+    pub damping: f64,
+    /// Work of the hand on the organ since the touch began; a debt where negative.
+    pub energy: f64,
 }
 
-const _: () = assert!(size_of::<Guard>() == 96);
+const _: () = assert!(size_of::<Guard>() == 120);
 
 pub type Mode = i32;
 pub const FOLLOWS: Mode = 0;
@@ -34,6 +47,7 @@ pub const LIMITS: Mode = 1;
 pub const HOLDS: Mode = 2;
 pub const FADES: Mode = 3;
 pub const REFUSES: Mode = 4;
+pub const DAMPS: Mode = 5;
 
 /// What a step has been told.
 enum News {
@@ -53,9 +67,63 @@ impl Guard {
             && all_finite(&self.target)
             && self.age >= 0.0
             && self.fade_rate >= 0.0
+            && [self.energy_limit, self.damping].iter().all(|&s| s.is_finite() && s >= 0.0)
+            && self.energy.is_finite()
     }
 
-    fn step(&mut self, news: News, dt: f64) -> Mode {
+    /// One step of a tool that moved since the last one.
+    fn step_moved(&mut self, news: News, moved: Option<[f64; 3]>, dt: f64) -> Mode {
+        if self.energy_limit == 0.0 || !self.is_usable() {
+            return self.step(news, [0.0; 3], dt);
+        }
+        // Work that is not known cannot be counted.
+        let Some(moved) = moved.filter(|m| all_finite(m) && norm(*m).is_finite()) else {
+            return self.step(News::Fault, [0.0; 3], dt);
+        };
+        self.count(moved, dt);
+        let is_free = matches!(news, News::Free);
+        let payment = if is_free { [0.0; 3] } else { self.payment(moved, dt) };
+        let mode = self.step(news, payment, dt);
+        let given = self.force;
+        self.force = shortened(given, self.ceiling());
+        let is_owing = self.force != given || payment != [0.0; 3];
+        if is_owing && [FOLLOWS, LIMITS, HOLDS].contains(&mode) { DAMPS } else { mode }
+    }
+
+    fn ceiling(&self) -> f64 {
+        self.force_limit * (1.0 - self.debt() / self.energy_limit).max(0.0)
+    }
+
+    fn debt(&self) -> f64 {
+        (-self.energy).max(0.0)
+    }
+
+    /// Adds the work of the force that was held during the step. Without force a touch is over: what
+    /// it took is not lent to the next, and a debt is forgiven in the time of a fade, about what the
+    /// friction of a device takes.
+    fn count(&mut self, moved: [f64; 3], dt: f64) {
+        self.energy += (0..3).map(|i| self.force[i] * moved[i]).sum::<f64>();
+        if self.force == [0.0; 3] && dt >= 0.0 {
+            let forgiven = self.energy_limit * (dt / self.fade);
+            self.energy = -(self.debt() - forgiven).max(0.0);
+        }
+        if !self.energy.is_finite() {
+            self.energy = -self.energy_limit;
+        }
+    }
+
+    /// The damping force that would pay the debt if the hand went on as it did.
+    fn payment(&self, moved: [f64; 3], dt: f64) -> [f64; 3] {
+        let square = moved.iter().map(|m| m * m).sum::<f64>();
+        if !(square > 0.0) {
+            return [0.0; 3];
+        }
+        let share = (self.damping / dt).min(self.debt() / square);
+        moved.map(|m| if share.is_finite() { share * m } else { 0.0 })
+    }
+
+    /// One step; `damping` is a force that is added to the answer's.
+    fn step(&mut self, news: News, damping: [f64; 3], dt: f64) -> Mode {
         // A clock that runs backwards leaves no time to fade in.
         if !(self.is_usable() && dt.is_finite() && dt >= 0.0) {
             self.force = [0.0; 3];
@@ -77,14 +145,16 @@ impl Guard {
         };
         self.fade_rate = 0.0;
         self.target = shortened(wanted, self.force_limit);
-        let way = std::array::from_fn(|i| self.target[i] - self.force[i]);
+        let damped = std::array::from_fn(|i| self.target[i] + damping[i]);
+        let goal = shortened(damped, self.force_limit);
+        let way = std::array::from_fn(|i| goal[i] - self.force[i]);
         let step = shortened(way, self.rate_limit * dt);
         self.force = std::array::from_fn(|i| self.force[i] + step[i]);
         // Rounding must not carry the force over the limit.
         self.force = shortened(self.force, self.force_limit);
         match news {
             News::NotTrusted | News::Nothing => HOLDS,
-            _ if self.target != wanted || step != way => LIMITS,
+            _ if self.target != wanted || goal != damped || step != way => LIMITS,
             _ => FOLLOWS,
         }
     }
@@ -134,6 +204,9 @@ pub unsafe extern "C" fn viscera_guard_init(
         target: [0.0; 3],
         age: 0.0,
         fade_rate: 0.0,
+        energy_limit: 0.0,
+        damping: 0.0,
+        energy: 0.0,
     };
     // SAFETY: the caller's contract.
     unsafe { crate::put(guard, fresh) };
@@ -142,6 +215,24 @@ pub unsafe extern "C" fn viscera_guard_init(
         false if fresh.is_usable() => status::OK,
         false => status::BAD_SETTING,
     }
+}
+
+/// Lets a guard count energy; settings that are out of range leave it without force.
+///
+/// # Safety
+/// `guard` is null or set up.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_guard_keep_passive(
+    guard: *mut Guard,
+    energy_limit: f64,
+    damping: f64,
+) -> Status {
+    // SAFETY: the caller's contract.
+    let Some(guard) = (unsafe { guard.as_mut() }) else { return status::NULL_POINTER };
+    // Asked for none, a guard must not go on without counting.
+    guard.energy_limit = if energy_limit > 0.0 { energy_limit } else { f64::NAN };
+    (guard.damping, guard.energy) = (damping, 0.0);
+    if guard.is_usable() { status::OK } else { status::BAD_SETTING }
 }
 
 /// The force to send to the device after `dt` seconds.
@@ -156,8 +247,25 @@ pub unsafe extern "C" fn viscera_guard_step(
     dt: f64,
     force_out: *mut f64,
 ) -> Mode {
+    // SAFETY: the caller's contract.
+    unsafe { viscera_guard_step_moved(guard, force_in, status, std::ptr::null(), dt, force_out) }
+}
+
+/// The same for a tool that moved by `moved` since the last step.
+///
+/// # Safety
+/// As above; `moved` is null or readable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_guard_step_moved(
+    guard: *mut Guard,
+    force_in: *const f64,
+    status: Status,
+    moved: *const f64,
+    dt: f64,
+    force_out: *mut f64,
+) -> Mode {
     // SAFETY: the caller's contract, here and below.
-    let force = unsafe { vector(force_in) };
+    let (force, moved) = unsafe { (vector(force_in), vector(moved)) };
     let news = match (status, force) {
         (status::OK, Some(force)) if all_finite(&force) => News::Trusted(force),
         (status::BEYOND_DEPTH | status::ERROR_TOO_LARGE, Some(force)) if all_finite(&force) => {
@@ -168,7 +276,7 @@ pub unsafe extern "C" fn viscera_guard_step(
         _ => News::Fault,
     };
     let (mode, force) = match unsafe { guard.as_mut() } {
-        Some(guard) => (guard.step(news, dt), guard.force),
+        Some(guard) => (guard.step_moved(news, moved, dt), guard.force),
         None => (REFUSES, [0.0; 3]),
     };
     unsafe { crate::put(force_out.cast::<[f64; 3]>(), force) };

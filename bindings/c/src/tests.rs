@@ -190,3 +190,101 @@ fn no_sequence_gives_more_than_the_limits() {
         last = out;
     }
 }
+
+fn step_moved(guard: &mut Guard, force: [f64; 3], moved: [f64; 3]) -> (Mode, [f64; 3]) {
+    let (moved, mut out) = (moved.as_ptr(), [f64::NAN; 3]);
+    // SAFETY: the arrays live, and have three numbers each.
+    let mode = unsafe {
+        let (force, out) = (force.as_ptr(), out.as_mut_ptr());
+        viscera_guard_step_moved(guard, force, status::OK, moved, 1e-3, out)
+    };
+    (mode, out)
+}
+
+fn passive(energy_limit: f64, damping: f64) -> Guard {
+    let mut guard = guard();
+    // SAFETY: the guard lives.
+    let done = unsafe { viscera_guard_keep_passive(&mut guard, energy_limit, damping) };
+    assert_eq!(done, status::OK);
+    guard
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|i| a[i] * b[i]).sum()
+}
+
+#[test]
+fn a_debt_is_paid_by_damping() {
+    let mut guard = passive(1e-3, 2.0);
+    let (force, still) = ([0.0, 0.0, -1.0], [0.0; 3]);
+    assert_eq!(step_moved(&mut guard, force, still), (FOLLOWS, force));
+    // Pressed in by 0.2 mm, let out by 0.5 mm, all at 1 N: 0.3 mJ owed.
+    assert_eq!(step_moved(&mut guard, force, [0.0, 0.0, -2e-4]).0, FOLLOWS);
+    let (mode, out) = step_moved(&mut guard, force, [0.0, 0.0, 5e-4]);
+    assert!(mode == DAMPS && (guard.energy + 3e-4).abs() < 1e-12);
+    // 2 N s/m would be 1 N at 0.5 m/s; 0.3 mJ over the next 0.5 mm are 0.6 N.
+    assert!((out[2] + 0.4).abs() < 1e-12, "{out:?}");
+    step_moved(&mut guard, still, [0.0, 0.0, 5e-4]);
+    assert!((guard.energy + 5e-4).abs() < 1e-12, "held down by the rate limit, it went on owing");
+}
+
+/// Whatever the hand does: an adversary that moves with the force it has just been given.
+#[test]
+fn no_hand_wins_more_than_the_energy_limit() {
+    for damping in [0.0, 3.0] {
+        let (mut guard, mut won, mut most) = (passive(1e-3, damping), 0.0, 0.0f64);
+        let (mut force, mut forgiven) = ([0.0; 3], 0.0);
+        for (k, random) in samples::noise(18000, 5).chunks_exact(6).enumerate() {
+            let size = 1e-4 * random[3].abs(); // no more than 1 mJ at 10 N
+            let against = dot(force, force).sqrt().max(1e-12);
+            let moved = match k % 7 {
+                0 => std::array::from_fn(|i| size * random[i] / 2.0),
+                _ => force.map(|f| -size * f / against),
+            };
+            won -= dot(force, moved);
+            // 1 mJ in 20 ms without force.
+            forgiven += if force == [0.0; 3] { 5e-5 } else { 0.0 };
+            most = most.max(won - forgiven);
+            let field = std::array::from_fn(|i| 20.0 * random[i]);
+            force = step_moved(&mut guard, field, moved).1;
+            assert!(norm_of(force) <= 10.0 * (1.0 + 1e-12));
+        }
+        assert!(most <= 1e-3 * (1.0 + 1e-9), "{most} J");
+        assert!(most > 0.9e-3, "the adversary is no good: {most} J");
+    }
+}
+
+fn norm_of(v: [f64; 3]) -> f64 {
+    dot(v, v).sqrt()
+}
+
+#[test]
+fn work_that_is_not_known_lets_the_force_fade() {
+    let force = [0.0, 0.0, -1.0];
+    for moved in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [f64::MAX; 3]] {
+        let mut guard = passive(1e-3, 1.0);
+        step_moved(&mut guard, force, [0.0; 3]);
+        let (mode, out) = step_moved(&mut guard, force, moved);
+        assert!(mode == FADES && out[2] > -1.0, "{moved:?}: {mode} {out:?}");
+    }
+    let mut guard = passive(1e-3, 1.0);
+    assert_eq!(step(&mut guard, -1.0, status::OK).0, FADES, "no movement given at all");
+}
+
+#[test]
+fn a_free_hand_is_forgiven_and_lent_nothing() {
+    let mut guard = passive(1e-3, 0.0);
+    let (force, still) = ([0.0, 0.0, -0.5], [0.0; 3]);
+    step_moved(&mut guard, force, still);
+    step_moved(&mut guard, still, [0.0, 0.0, -1e-3]);
+    assert!((guard.energy - 5e-4).abs() < 1e-12);
+    step_moved(&mut guard, force, still);
+    assert_eq!(guard.energy, 0.0, "what the last touch took is not lent to the next");
+    step_moved(&mut guard, still, [0.0, 0.0, 8e-4]);
+    assert!((guard.energy + 4e-4).abs() < 1e-12);
+    // 1 mJ in 20 ms, the time of a fade.
+    for tick in 1..=10 {
+        step_moved(&mut guard, still, still);
+        assert!((guard.energy - (-4e-4 + 5e-5 * f64::from(tick)).min(0.0)).abs() < 1e-12);
+    }
+}

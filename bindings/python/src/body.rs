@@ -6,7 +6,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
-use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem};
+use viscera_core::element::Element;
+use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Pressure, Problem};
 use viscera_core::reduced::Reduction;
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -27,11 +28,13 @@ impl Body {
         cells: PyReadonlyArray2<u32>,
         law: &Law,
         fixed: PyReadonlyArray1<u32>,
+        element: &str,
     ) -> PyResult<Self> {
         let (points, cells) = (convert::points("points", &points)?, convert::cells(&cells)?);
-        let body = body::Body::new(points, cells, law.material.clone()).map_err(convert::error)?;
-        let surface = mesh::surface(body.points(), body.cells());
-        let surface = mesh::Surface::new(body.points(), &surface);
+        let element = Element::named(element).map_err(convert::error)?;
+        let body = body::Body::with_element(element, points, cells, law.material.clone())
+            .map_err(convert::error)?;
+        let surface = mesh::Surface::new(body.points(), &body.surface());
         let mut fixed = fixed.as_array().to_vec();
         fixed.sort_unstable();
         fixed.dedup();
@@ -44,7 +47,7 @@ impl Body {
         Ok(Body { body, surface, fixed })
     }
 
-    #[pyo3(signature = (*, prescribed, values, force, body_force, patches, start, steps, settings, solver, on_progress))]
+    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, start, steps, settings, solver, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn solve<'py>(
         &self,
@@ -53,6 +56,8 @@ impl Body {
         values: PyReadonlyArray1<f64>,
         force: PyReadonlyArray2<f64>,
         body_force: PyReadonlyArray2<f64>,
+        pressed: PyReadonlyArray2<u32>,
+        pressure: PyReadonlyArray1<f64>,
         patches: Vec<(PyRef<'py, Patch>, PyReadonlyArray1<'py, f64>)>,
         start: Option<PyReadonlyArray2<f64>>,
         steps: usize,
@@ -83,7 +88,11 @@ impl Body {
         let problem = Problem {
             body: &self.body,
             prescribed: fixed.chain(dofs.iter().copied().zip(values.iter().copied())).collect(),
-            force: total.clone(),
+            force: total,
+            pressure: Pressure {
+                faces: pressed.as_array().rows().into_iter().map(|row| row.to_vec()).collect(),
+                values: pressure.as_array().to_vec(),
+            },
             patches,
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };
@@ -91,7 +100,7 @@ impl Body {
         let mut watch = Watch::new(on_progress);
         let result = py.detach(|| newton.solve(&problem, &mut |load| watch.report((load,))));
         let state = watch.outcome(result)?;
-        state_dict(py, &self.body, state, total)
+        state_dict(py, &self.body, state)
     }
 
     fn internal_force<'py>(
@@ -219,13 +228,12 @@ fn state_dict<'py>(
     py: Python<'py>,
     body: &body::Body,
     state: Equilibrium,
-    external_force: Vec<f64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("volume", body.volume(&state.displacement))?;
     dict.set_item("displacement", convert::field(py, state.displacement)?)?;
     dict.set_item("internal_force", convert::field(py, state.internal_force)?)?;
-    dict.set_item("external_force", convert::field(py, external_force)?)?;
+    dict.set_item("external_force", convert::field(py, state.external_force)?)?;
     dict.set_item("patch_forces", convert::table(py, &state.patch_forces)?)?;
     dict.set_item("energy", state.energy)?;
     dict.set_item("status", state.status.name())?;

@@ -23,6 +23,11 @@ pub fn cells(array: &PyReadonlyArray2<u32>) -> PyResult<Vec<[u32; 4]>> {
     rows("cells", array)
 }
 
+/// A (t, 3) uint32 array as triangles.
+pub fn triangles(array: &PyReadonlyArray2<u32>) -> PyResult<Vec<[u32; 3]>> {
+    rows("triangles", array)
+}
+
 fn rows<T: numpy::Element + Copy + Default, const N: usize>(
     name: &str,
     array: &PyReadonlyArray2<T>,

@@ -34,6 +34,11 @@ impl Law {
         Ok(PyArray2::from_vec2(py, self.material.parameters())?)
     }
 
+    fn moduli<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rows = self.material.parameters().iter().map(|row| self.material.moduli(row));
+        convert::table(py, &rows.collect::<Vec<_>>())
+    }
+
     #[pyo3(name = "energy")]
     #[allow(non_snake_case)]
     fn energy<'py>(

@@ -9,6 +9,7 @@ mod law;
 mod mesh;
 mod model;
 mod path;
+mod pgd;
 mod stepper;
 
 use pyo3::prelude::*;
@@ -18,8 +19,14 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(mesh::surface, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::quadratic, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::quadratic_surface, m)?)?;
     m.add_function(wrap_pyfunction!(path::vector_pade, m)?)?;
+    m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
+    m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
+    m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
     m.add_class::<law::Law>()?;
+    m.add_class::<mesh::Surface>()?;
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;

@@ -35,6 +35,30 @@ pub fn surface<'py>(
 }
 
 #[pyfunction]
+pub fn quadratic<'py>(
+    py: Python<'py>,
+    n_points: usize,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<u32>>)> {
+    let cells = convert::cells(&cells)?;
+    let edges = mesh::edges(&cells);
+    let nodes = mesh::quadratic_cells(n_points, &cells, &edges);
+    Ok((convert::table(py, &edges)?, convert::table(py, &nodes)?))
+}
+
+#[pyfunction]
+pub fn quadratic_surface<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    cells: PyReadonlyArray2<u32>,
+) -> PyResult<Bound<'py, PyArray2<u32>>> {
+    let (points, cells) = checked(&points, &cells)?;
+    let (triangles, edges) = (mesh::surface(&points, &cells), mesh::edges(&cells));
+    let n_corners = points.len().saturating_sub(edges.len());
+    convert::table(py, &mesh::quadratic_surface(n_corners, &triangles, &edges))
+}
+
+#[pyfunction]
 pub fn inspect<'py>(
     py: Python<'py>,
     points: PyReadonlyArray2<f64>,
@@ -77,5 +101,36 @@ impl Patch {
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, &self.patch.weights)
+    }
+}
+
+/// Triangles to find the closest point on.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Surface {
+    surface: mesh::Surface,
+}
+
+#[pymethods]
+impl Surface {
+    #[new]
+    fn new(points: PyReadonlyArray2<f64>, triangles: PyReadonlyArray2<u32>) -> PyResult<Self> {
+        let points = convert::points("points", &points)?;
+        let triangles = convert::triangles(&triangles)?;
+        if let Some(node) = triangles.iter().flatten().find(|&&n| n as usize >= points.len()) {
+            return Err(PyValueError::new_err(format!(
+                "a triangle uses point {node}; there are {} points",
+                points.len()
+            )));
+        }
+        Ok(Surface { surface: mesh::Surface::new(&points, &triangles) })
+    }
+
+    /// Triangle, weights of its corners, and distance [m] of the closest point.
+    fn closest(&self, point: PyReadonlyArray1<f64>) -> PyResult<(u32, [f64; 3], f64)> {
+        let point = convert::vector("point", &point)?;
+        let closest = self.surface.closest(point).ok_or_else(|| {
+            PyValueError::new_err(format!("there is no triangle, or {point:?} is not finite"))
+        })?;
+        Ok((closest.triangle, closest.barycentric, closest.distance))
     }
 }

@@ -1,14 +1,11 @@
-//! The tangent as symmetric 3x3 node blocks, its assembly map, and its restriction to free
-//! degrees of freedom.
+//! The tangent as symmetric 3x3 node blocks, its pattern, and its restriction to free degrees of freedom.
 
-use super::Slot;
 use crate::linear::Pattern;
 
 /// Upper triangle (row node <= column node) of a symmetric block matrix, in compressed columns.
 #[derive(Clone)]
 pub struct SymmetricBlocks {
-    column_start: Vec<u32>,
-    row: Vec<u32>,
+    pattern: BlockPattern,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
 }
@@ -16,9 +13,9 @@ pub struct SymmetricBlocks {
 impl SymmetricBlocks {
     /// Row and column node of every block, in the order of [`SymmetricBlocks::values`].
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        let columns = self.column_start.windows(2).enumerate();
-        let column_of = columns.flat_map(|(c, range)| (range[0]..range[1]).map(move |_| c as u32));
-        self.row.iter().copied().zip(column_of)
+        let columns = (0..self.pattern.n())
+            .flat_map(|column| self.pattern.column(column).map(move |_| column as u32));
+        self.pattern.row.iter().copied().zip(columns)
     }
 
     /// Entries `[i][k]` of each block, 9 per block.
@@ -34,10 +31,10 @@ impl SymmetricBlocks {
     /// `y = A x` over all degrees of freedom.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
-        for column in 0..self.column_start.len() - 1 {
-            for block in self.column_start[column]..self.column_start[column + 1] {
-                let row = self.row[block as usize] as usize;
-                let values = &self.values[9 * block as usize..9 * block as usize + 9];
+        for column in 0..self.pattern.n() {
+            for block in self.pattern.column(column) {
+                let row = self.pattern.row[block] as usize;
+                let values = &self.values[9 * block..9 * block + 9];
                 for i in 0..3 {
                     for k in 0..3 {
                         y[3 * row + i] += values[3 * i + k] * x[3 * column + k];
@@ -50,23 +47,37 @@ impl SymmetricBlocks {
         }
     }
 
+    /// Where the block of two nodes is stored, whichever comes first; none for nodes that share no cell.
+    pub fn position(&self, a: u32, b: u32) -> Option<usize> {
+        let (row, column) = (a.min(b), a.max(b) as usize);
+        let blocks = (column < self.pattern.n()).then(|| self.pattern.column(column))?;
+        let found = self.pattern.row[blocks.clone()].binary_search(&row).ok()?;
+        Some(blocks.start + found)
+    }
+
+    /// Adds to the block at a [`position`](Self::position), entries `[i][k]` with `i` of the lower node.
+    pub fn add(&mut self, position: usize, entries: &[f64; 9]) {
+        let block = &mut self.values[9 * position..9 * position + 9];
+        block.iter_mut().zip(entries).for_each(|(b, e)| *b += e);
+    }
+
     /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for
     /// each of its entries the position of its value in this matrix.
     pub fn restrict(&self, free: &[u32]) -> (Pattern, Vec<u32>) {
-        let mut index = vec![u32::MAX; 3 * (self.column_start.len() - 1)];
+        let mut index = vec![u32::MAX; 3 * self.pattern.n()];
         for (k, &dof) in free.iter().enumerate() {
             index[dof as usize] = k as u32;
         }
         let (mut column_start, mut row, mut position) = (vec![0], Vec::new(), Vec::new());
         for &dof in free {
             let (node, k) = (dof as usize / 3, dof as usize % 3);
-            for block in self.column_start[node]..self.column_start[node + 1] {
-                let row_node = self.row[block as usize];
+            for block in self.pattern.column(node) {
+                let row_node = self.pattern.row[block];
                 for i in 0..3 {
                     let r = 3 * row_node + i as u32;
                     if r <= dof && index[r as usize] != u32::MAX {
                         row.push(index[r as usize]);
-                        position.push(9 * block + 3 * i as u32 + k as u32);
+                        position.push(9 * block as u32 + 3 * i as u32 + k as u32);
                     }
                 }
             }
@@ -81,13 +92,18 @@ impl SymmetricBlocks {
         out.extend(positions.iter().map(|&p| self.values[p as usize]));
     }
 
+    /// Number of stored blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.pattern.row.len()
+    }
+
     /// Mean of the diagonal entries: the scale of a shift.
     pub fn mean_diagonal(&self) -> f64 {
-        let columns = self.column_start.len() - 1;
+        let columns = self.pattern.n();
         let sum: f64 = (0..columns)
             .map(|c| {
                 // Rows are sorted and at most the column, so its diagonal block comes last.
-                let block = 9 * (self.column_start[c + 1] as usize - 1);
+                let block = 9 * (self.pattern.column(c).end - 1);
                 self.values[block] + self.values[block + 4] + self.values[block + 8]
             })
             .sum();
@@ -95,67 +111,92 @@ impl SymmetricBlocks {
     }
 }
 
-/// A contribution of a cell to a block: local block index, and whether it comes transposed.
-#[derive(Clone, Copy)]
-pub(super) struct Contribution {
-    pub slot: Slot,
-    pub block: u8,
-    pub transposed: bool,
-}
-
-/// Which cell blocks add up to each matrix block.
-pub(super) struct BlockMap {
+/// Which blocks a symmetric matrix has, upper triangle, in compressed columns.
+#[derive(Clone)]
+pub(super) struct BlockPattern {
     column_start: Vec<u32>,
     row: Vec<u32>,
-    contribution_start: Vec<u32>,
-    contributions: Vec<Contribution>,
 }
 
-/// Local node pairs `a <= b` of a cell, in the order its blocks are stored.
-pub(super) const LOCAL_PAIRS: [(usize, usize); 10] =
-    [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
-
-impl BlockMap {
-    pub fn new(n: usize, cells: &[[u32; 4]], slots: &[Slot]) -> Self {
-        let mut entries = Vec::with_capacity(10 * cells.len());
-        for (cell, nodes) in cells.iter().enumerate() {
-            for (block, &(a, b)) in LOCAL_PAIRS.iter().enumerate() {
-                let transposed = nodes[a] > nodes[b];
-                let (row, column) = (nodes[a].min(nodes[b]), nodes[a].max(nodes[b]));
-                let slot = slots[cell];
-                entries.push((column, row, Contribution { slot, block: block as u8, transposed }));
-            }
-        }
-        // A node without cells would leave a column without its diagonal; it is no body's node.
-        entries.sort_by_key(|&(column, row, _)| (column, row));
-        let mut map = BlockMap {
-            column_start: vec![0; n + 1],
-            row: Vec::new(),
-            contribution_start: vec![0],
-            contributions: Vec::with_capacity(entries.len()),
-        };
-        for group in entries.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            map.row.push(group[0].1);
-            map.column_start[group[0].0 as usize + 1] += 1;
-            map.contributions.extend(group.iter().map(|e| e.2));
-            map.contribution_start.push(map.contributions.len() as u32);
-        }
-        for column in 0..n {
-            map.column_start[column + 1] += map.column_start[column];
-        }
-        map
+impl BlockPattern {
+    /// Of `n` nodes, from the pairs of nodes that share a block, in any order and any number of times.
+    pub fn new(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
+        let mut entries: Vec<[u32; 2]> = pairs.map(|[a, b]| [a.max(b), a.min(b)]).collect();
+        entries.sort_unstable();
+        entries.dedup();
+        let mut column_start = vec![0; n + 1];
+        entries.iter().for_each(|&[column, _]| column_start[column as usize + 1] += 1);
+        (0..n).for_each(|column| column_start[column + 1] += column_start[column]);
+        BlockPattern { column_start, row: entries.iter().map(|&[_, row]| row).collect() }
     }
 
     pub fn zeros(&self) -> SymmetricBlocks {
-        SymmetricBlocks {
-            column_start: self.column_start.clone(),
-            row: self.row.clone(),
-            values: vec![0.0; 9 * self.row.len()],
-        }
+        SymmetricBlocks { pattern: self.clone(), values: vec![0.0; 9 * self.row.len()] }
     }
 
-    pub fn contributions(&self, block: usize) -> &[Contribution] {
-        let range = self.contribution_start[block]..self.contribution_start[block + 1];
-        &self.contributions[range.start as usize..range.end as usize]
+    /// Number of blocks.
+    pub fn len(&self) -> usize {
+        self.row.len()
+    }
+
+    /// The block of two nodes that share one.
+    pub fn block(&self, a: u32, b: u32) -> u32 {
+        let column = self.column(a.max(b) as usize);
+        let rows = &self.row[column.clone()];
+        // Asked only for pairs the pattern was made of.
+        (column.start + rows.binary_search(&a.min(b)).expect("a pair of the pattern")) as u32
+    }
+
+    fn n(&self) -> usize {
+        self.column_start.len() - 1
+    }
+
+    fn column(&self, column: usize) -> std::ops::Range<usize> {
+        self.column_start[column] as usize..self.column_start[column + 1] as usize
+    }
+}
+
+/// Items sorted into numbered groups.
+#[derive(Clone)]
+pub(super) struct Grouped<T> {
+    start: Vec<u32>,
+    items: Vec<T>,
+}
+
+impl<T: Copy> Grouped<T> {
+    /// `count` groups; within a group items keep the order they come in.
+    pub fn new(count: usize, entries: &[(u32, T)]) -> Self {
+        let mut start = vec![0u32; count + 1];
+        entries.iter().for_each(|&(group, _)| start[group as usize + 1] += 1);
+        (0..count).for_each(|group| start[group + 1] += start[group]);
+        let mut next = start.clone();
+        let mut order = vec![0; entries.len()];
+        for (entry, &(group, _)) in entries.iter().enumerate() {
+            order[next[group as usize] as usize] = entry;
+            next[group as usize] += 1;
+        }
+        Grouped { start, items: order.into_iter().map(|entry| entries[entry].1).collect() }
+    }
+
+    /// The items of a group.
+    #[inline(always)]
+    pub fn of(&self, group: usize) -> &[T] {
+        &self.items[self.range(group)]
+    }
+
+    /// Where its items are among all.
+    #[inline(always)]
+    pub fn range(&self, group: usize) -> std::ops::Range<usize> {
+        self.start[group] as usize..self.start[group + 1] as usize
+    }
+
+    /// Number of groups.
+    pub fn len(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    /// Number of items of all groups.
+    pub fn total(&self) -> usize {
+        self.items.len()
     }
 }

@@ -1,60 +1,100 @@
 //! Energy, internal force and tangent: loops over batches, compiled for the processor's vectors.
 
-use super::blocks::{LOCAL_PAIRS, SymmetricBlocks};
-use super::{Batch, Body, LANES, Lane};
-use crate::law::{Law, LawVisitor};
-use crate::number::Lanes;
+use super::Lane;
+use super::blocks::SymmetricBlocks;
+use super::cells::{Batch, Cells, add_product};
+use crate::element::Shape;
+use crate::law::{Law, LawVisitor, Material, TangentBlocks};
 use crate::simd::{Kernel, dispatch};
-use crate::tensor::{Mat3, cofactor, determinant, mul_vector, tabulate};
+use crate::tensor::{Mat3, Vec3, cofactor, determinant, mul_vector, tabulate};
 use rayon::prelude::*;
+use std::marker::PhantomData;
 
 /// Batches per parallel task: large enough to hide the hand-over, fixed so that results do not
 /// depend on the number of threads.
-const TASK: usize = 64;
+pub(super) const TASK: usize = 64;
 
-/// Nodal forces of a batch.
-type Forces = [[Lane; 3]; 4];
-/// Blocks of a batch, in the order of `LOCAL_PAIRS`.
-type Tangents = [Mat3<Lane>; 10];
+/// What a cell's neighbours add to its own response; `batch` is its number.
+pub(super) trait Surroundings: Copy + Send + Sync {
+    /// Added to the energy density.
+    fn energy<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, energy: &mut Lane);
+    /// Added to the stress.
+    fn stress<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, stress: &mut Mat3<Lane>);
+    /// Added to stress and tangent, what the neighbours do being kept.
+    fn tangent<L: Law>(
+        &self,
+        law: &L,
+        batch: usize,
+        at: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
+        stress: &mut Mat3<Lane>,
+        blocks: &mut TangentBlocks<Lane>,
+    );
+}
 
-impl Body {
+/// A cell on its own.
+#[derive(Clone, Copy)]
+pub(super) struct Alone;
+
+impl Surroundings for Alone {
+    #[inline(always)]
+    fn energy<L: Law>(&self, _: &L, _: usize, _: &Mat3<Lane>, _: &mut Lane) {}
+    #[inline(always)]
+    fn stress<L: Law>(&self, _: &L, _: usize, _: &Mat3<Lane>, _: &mut Mat3<Lane>) {}
+    #[inline(always)]
+    fn tangent<L: Law>(
+        &self,
+        _: &L,
+        _: usize,
+        _: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
+        _: &mut Mat3<Lane>,
+        _: &mut TangentBlocks<Lane>,
+    ) {
+    }
+}
+
+impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
-    pub fn energy(&self, u: &[f64]) -> f64 {
-        self.material.visit(Energy { body: self, u })
+    pub fn energy(&self, material: &Material, around: impl Surroundings, u: &[f64]) -> f64 {
+        material.visit(Energy { cells: self, around, u })
     }
 
     /// Internal force `f_int = dW/du` [N].
-    pub fn internal_force(&self, u: &[f64], force: &mut [f64]) {
-        let mut forces = vec![Forces::default(); self.batches.len()];
-        self.material.visit(Evaluate { body: self, u, forces: &mut forces, tangents: &mut [] });
-        self.gather_forces(&forces, force);
-    }
-
-    /// Internal force and tangent `d f_int / du`, in place.
-    pub fn internal_force_and_tangent(
+    pub fn force(
         &self,
+        material: &Material,
+        around: impl Surroundings,
         u: &[f64],
-        force: &mut [f64],
-        tangent: &mut SymmetricBlocks,
+        out: &mut [f64],
     ) {
-        let mut forces = vec![Forces::default(); self.batches.len()];
-        let mut tangents = vec![Tangents::default(); self.batches.len()];
-        let evaluate = Evaluate { body: self, u, forces: &mut forces, tangents: &mut tangents };
-        self.material.visit(evaluate);
-        self.gather_forces(&forces, force);
-        self.gather_tangents(&tangents, tangent);
+        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
+        let tangents = &mut [];
+        material.visit(Evaluate { cells: self, around, u, forces: &mut forces, tangents });
+        self.gather_forces(&forces, out);
     }
 
-    /// A tangent of the right shape, zero.
-    pub fn zero_tangent(&self) -> SymmetricBlocks {
-        self.block_map.zeros()
+    /// Internal force and tangent, to each block of which `rest` adds.
+    pub fn force_and_tangent(
+        &self,
+        material: &Material,
+        around: impl Surroundings,
+        u: &[f64],
+        out: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+        rest: impl Fn(usize, &mut [f64; 9]) + Sync,
+    ) {
+        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
+        let mut tangents = vec![Mat3::<Lane>::default(); Self::PAIRS * self.batches.len()];
+        let evaluate =
+            Evaluate { cells: self, around, u, forces: &mut forces, tangents: &mut tangents };
+        material.visit(evaluate);
+        self.gather_forces(&forces, out);
+        self.gather_tangents(&tangents, tangent, rest);
     }
 
-    fn gather_forces(&self, forces: &[Forces], out: &mut [f64]) {
+    fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
         out.par_chunks_mut(3).enumerate().with_min_len(1024).for_each(|(node, out)| {
-            let range = self.incidence_start[node]..self.incidence_start[node + 1];
             out.fill(0.0);
-            for &(slot, a) in &self.incidence[range.start as usize..range.end as usize] {
+            for &(slot, a) in self.incidence.of(node) {
                 let f = &forces[slot.batch as usize][a as usize];
                 for i in 0..3 {
                     out[i] += f[i][slot.lane as usize];
@@ -63,11 +103,16 @@ impl Body {
         });
     }
 
-    fn gather_tangents(&self, tangents: &[Tangents], out: &mut SymmetricBlocks) {
+    fn gather_tangents(
+        &self,
+        tangents: &[Mat3<Lane>],
+        out: &mut SymmetricBlocks,
+        rest: impl Fn(usize, &mut [f64; 9]) + Sync,
+    ) {
         out.values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
             let mut sum = [0.0; 9];
-            for c in self.block_map.contributions(block) {
-                let local = &tangents[c.slot.batch as usize][c.block as usize];
+            for c in self.contributions.of(block) {
+                let local = &tangents[Self::PAIRS * c.slot.batch as usize + c.pair as usize];
                 for i in 0..3 {
                     for k in 0..3 {
                         let (p, q) = if c.transposed { (k, i) } else { (i, k) };
@@ -75,142 +120,216 @@ impl Body {
                     }
                 }
             }
+            rest(block, &mut sum);
             out.copy_from_slice(&sum);
         });
     }
 }
 
-impl Batch {
-    /// `F = I + sum_a u_a (x) g_a`.
+impl<const N: usize> Batch<N> {
+    /// Adds `f_a = w P grad N_a` of a quadrature point of weight `w`.
     #[inline(always)]
-    fn deformation(&self, u: &[f64]) -> Mat3<Lane> {
-        let mut f = tabulate(|i, j| Lanes([(i == j) as u8 as f64; LANES]));
-        for a in 0..4 {
-            for i in 0..3 {
-                let value = Lanes(std::array::from_fn(|l| u[3 * self.nodes[l][a] as usize + i]));
-                for j in 0..3 {
-                    f[i][j] = f[i][j] + value * self.gradients[a][j];
+    fn add_forces(
+        &self,
+        slopes: &[[f64; 3]; N],
+        weight: Lane,
+        stress: &Mat3<Lane>,
+        forces: &mut [Vec3<Lane>; N],
+    ) {
+        let flux: [Vec3<Lane>; 3] =
+            std::array::from_fn(|k| mul_vector(stress, &self.gradients[k]).map(|f| f * weight));
+        for a in 0..N {
+            for k in 0..3 {
+                for i in 0..3 {
+                    add_product(&mut forces[a][i], slopes[a][k], &flux[k][i]);
                 }
             }
         }
-        f
-    }
-
-    /// `f_a = V P g_a`.
-    #[inline(always)]
-    fn forces(&self, stress: &Mat3<Lane>) -> Forces {
-        std::array::from_fn(|a| {
-            mul_vector(stress, &self.gradients[a]).map(|component| component * self.volume)
-        })
     }
 }
 
-struct Energy<'a> {
-    body: &'a Body,
+/// Adds `K_ab = w sum_kl slopes[a][k] blocks[k][l] slopes[b][l]` for all pairs `a <= b`.
+#[inline(always)]
+fn add_tangents<const N: usize>(
+    slopes: &[[f64; 3]; N],
+    weight: Lane,
+    blocks: &TangentBlocks<Lane>,
+    out: &mut [Mat3<Lane>],
+) {
+    let blocks: TangentBlocks<Lane> = std::array::from_fn(|k| {
+        std::array::from_fn(|l| {
+            tabulate(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
+        })
+    });
+    for b in 0..N {
+        // sum_l blocks[k][l] slopes[b][l]
+        let mut column = [Mat3::<Lane>::default(); 3];
+        for k in 0..3 {
+            for l in 0..3 {
+                add_scaled(&mut column[k], slopes[b][l], &blocks[k][l]);
+            }
+        }
+        for a in 0..=b {
+            let pair = a * (2 * N + 1 - a) / 2 + b - a;
+            for k in 0..3 {
+                add_scaled(&mut out[pair], slopes[a][k], &column[k]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_scaled(sum: &mut Mat3<Lane>, slope: f64, block: &Mat3<Lane>) {
+    for i in 0..3 {
+        for j in 0..3 {
+            add_product(&mut sum[i][j], slope, &block[i][j]);
+        }
+    }
+}
+
+struct Energy<'a, E, A, const N: usize> {
+    cells: &'a Cells<E, N>,
+    around: A,
     u: &'a [f64],
 }
 
-impl LawVisitor for Energy<'_> {
+impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Energy<'_, E, A, N> {
     type Output = f64;
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let sums: Vec<f64> = self
-            .body
-            .batches
-            .par_chunks(TASK)
-            .map(|batches| dispatch(EnergyKernel { batches, u: self.u, make }))
+        let Energy { cells, around, u } = self;
+        let tasks = cells.batches.par_chunks(TASK).enumerate();
+        let sums: Vec<f64> = tasks
+            .map(|(task, batches)| {
+                let shape = PhantomData::<E>;
+                dispatch(EnergyKernel { first: task * TASK, batches, around, u, make, shape })
+            })
             .collect();
         sums.iter().sum()
     }
 }
 
-struct EnergyKernel<'a, L> {
-    batches: &'a [Batch],
+struct EnergyKernel<'a, L, E, A, const N: usize> {
+    first: usize,
+    batches: &'a [Batch<N>],
+    around: A,
     u: &'a [f64],
     make: fn(&[f64]) -> L,
+    shape: PhantomData<E>,
 }
 
-impl<L: Law> Kernel for EnergyKernel<'_, L> {
+impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKernel<'_, L, E, A, N> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
         let mut sum = 0.0;
-        for batch in self.batches {
-            let f = batch.deformation(self.u);
-            let inverted = determinant(&f, &cofactor(&f)).0.iter().any(|&j| !(j > 0.0));
-            if L::FORBIDS_INVERSION && inverted {
-                return f64::INFINITY;
+        for (number, batch) in (self.first..).zip(self.batches) {
+            let law = (self.make)(&batch.parameters);
+            let weight = batch.volume * (1.0 / E::POINTS as f64);
+            for point in 0..E::POINTS {
+                let f = batch.deformation(E::slopes(point), self.u);
+                let inverted = determinant(&f, &cofactor(&f)).0.iter().any(|&j| !(j > 0.0));
+                if L::FORBIDS_INVERSION && inverted {
+                    return f64::INFINITY;
+                }
+                let mut energy: Lane = law.energy(&f);
+                self.around.energy(&law, number, &f, &mut energy);
+                sum += (energy * weight).0.iter().sum::<f64>();
             }
-            let energy: Lane = (self.make)(&batch.parameters).energy(&f) * batch.volume;
-            sum += energy.0.iter().sum::<f64>();
         }
         sum
     }
 }
 
-struct Evaluate<'a> {
-    body: &'a Body,
+struct Evaluate<'a, E, A, const N: usize> {
+    cells: &'a Cells<E, N>,
+    around: A,
     u: &'a [f64],
-    forces: &'a mut [Forces],
-    tangents: &'a mut [Tangents],
+    forces: &'a mut [[Vec3<Lane>; N]],
+    tangents: &'a mut [Mat3<Lane>],
 }
 
-impl LawVisitor for Evaluate<'_> {
+impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Evaluate<'_, E, A, N> {
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let u = self.u;
-        let batches = self.body.batches.par_chunks(TASK);
-        let forces = self.forces.par_chunks_mut(TASK);
-        if self.tangents.is_empty() {
-            batches.zip(forces).for_each(|(batches, forces)| {
-                dispatch(ForceKernel { batches, u, make, forces });
+        let Evaluate { cells, around, u, forces, tangents } = self;
+        let shape = PhantomData::<E>;
+        let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
+        if tangents.is_empty() {
+            tasks.for_each(|(task, (batches, forces))| {
+                let first = task * TASK;
+                dispatch(ForceKernel { first, batches, around, u, make, forces, shape });
             });
         } else {
-            let tangents = self.tangents.par_chunks_mut(TASK);
-            batches.zip(forces).zip(tangents).for_each(|((batches, forces), tangents)| {
-                dispatch(TangentKernel { batches, u, make, forces, tangents });
+            let tangents = tangents.par_chunks_mut(TASK * Cells::<E, N>::PAIRS);
+            tasks.zip(tangents).for_each(|((task, (batches, forces)), tangents)| {
+                let first = task * TASK;
+                let force = ForceKernel { first, batches, around, u, make, forces, shape };
+                dispatch(TangentKernel { force, tangents });
             });
         }
     }
 }
 
-struct ForceKernel<'a, L> {
-    batches: &'a [Batch],
+struct ForceKernel<'a, L, E, A, const N: usize> {
+    first: usize,
+    batches: &'a [Batch<N>],
+    around: A,
     u: &'a [f64],
     make: fn(&[f64]) -> L,
-    forces: &'a mut [Forces],
+    forces: &'a mut [[Vec3<Lane>; N]],
+    shape: PhantomData<E>,
 }
 
-impl<L: Law> Kernel for ForceKernel<'_, L> {
+impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKernel<'_, L, E, A, N> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        for (batch, forces) in self.batches.iter().zip(self.forces) {
+        for (number, (batch, forces)) in (self.first..).zip(self.batches.iter().zip(self.forces)) {
             let law = (self.make)(&batch.parameters);
-            *forces = batch.forces(&law.stress(&batch.deformation(self.u)));
+            let weight = batch.volume * (1.0 / E::POINTS as f64);
+            let mut sum = [[Lane::default(); 3]; N];
+            for point in 0..E::POINTS {
+                let slopes = E::slopes(point);
+                let f = batch.deformation(slopes, self.u);
+                let mut stress = law.stress(&f);
+                self.around.stress(&law, number, &f, &mut stress);
+                batch.add_forces(slopes, weight, &stress, &mut sum);
+            }
+            *forces = sum;
         }
     }
 }
 
-struct TangentKernel<'a, L> {
-    batches: &'a [Batch],
-    u: &'a [f64],
-    make: fn(&[f64]) -> L,
-    forces: &'a mut [Forces],
-    tangents: &'a mut [Tangents],
+struct TangentKernel<'a, L, E, A, const N: usize> {
+    force: ForceKernel<'a, L, E, A, N>,
+    tangents: &'a mut [Mat3<Lane>],
 }
 
-impl<L: Law> Kernel for TangentKernel<'_, L> {
+impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel
+    for TangentKernel<'_, L, E, A, N>
+{
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let results = self.forces.iter_mut().zip(self.tangents);
-        for (batch, (forces, tangents)) in self.batches.iter().zip(results) {
-            let law = (self.make)(&batch.parameters);
-            let (stress, blocks) = law.tangent(&batch.deformation(self.u), &batch.gradients);
-            *forces = batch.forces(&stress);
-            for (out, &(a, b)) in tangents.iter_mut().zip(&LOCAL_PAIRS) {
-                *out = blocks[a][b].map(|row| row.map(|entry| entry * batch.volume));
+        let ForceKernel { first, batches, around, u, make, forces, .. } = self.force;
+        let tangents = self.tangents.chunks_exact_mut(Cells::<E, N>::PAIRS);
+        for (number, ((batch, forces), tangents)) in
+            (first..).zip(batches.iter().zip(forces).zip(tangents))
+        {
+            let law = make(&batch.parameters);
+            let weight = batch.volume * (1.0 / E::POINTS as f64);
+            let mut sum = [[Lane::default(); 3]; N];
+            tangents.fill(Mat3::default());
+            for point in 0..E::POINTS {
+                let slopes = E::slopes(point);
+                let f = batch.deformation(slopes, u);
+                let (mut stress, mut blocks) = law.tangent(&f, &batch.gradients);
+                let at = (&f, &batch.gradients);
+                around.tangent(&law, number, at, &mut stress, &mut blocks);
+                batch.add_forces(slopes, weight, &stress, &mut sum);
+                add_tangents(slopes, weight, &blocks, tangents);
             }
+            *forces = sum;
         }
     }
 }

@@ -5,18 +5,28 @@
 //! come out the same whatever the number of threads.
 
 mod blocks;
+mod cells;
+mod check;
+mod clusters;
 mod kernels;
+mod partition;
 mod series;
 #[cfg(test)]
 mod tests;
 
 pub use blocks::SymmetricBlocks;
 
-use crate::element::Tet4;
+use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
 use crate::error::Error;
 use crate::law::Material;
+use crate::mesh;
 use crate::number::Lanes;
-use blocks::BlockMap;
+use crate::tensor::{cofactor, determinant};
+use blocks::BlockPattern;
+use cells::{Cells, deformation, pairs_of};
+use clusters::Clusters;
+use kernels::Alone;
+use partition::Partition;
 
 /// Cells per batch.
 pub const LANES: usize = 4;
@@ -24,77 +34,123 @@ pub const LANES: usize = 4;
 /// One number per cell of a batch.
 pub(crate) type Lane = Lanes<LANES>;
 
-/// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
-struct Batch {
-    nodes: [[u32; 4]; LANES],
-    gradients: [[Lane; 3]; 4],
-    volume: Lane,
-    parameters: Vec<f64>,
-}
-
-/// Where a cell's results are: batch and lane.
-#[derive(Clone, Copy)]
-struct Slot {
-    batch: u32,
-    lane: u8,
-}
-
-/// A hyperelastic body of linear tetrahedra, Total Lagrangian.
+/// A hyperelastic body of tetrahedra, Total Lagrangian.
 pub struct Body {
+    element: Element,
     points: Vec<[f64; 3]>,
     cells: Vec<[u32; 4]>,
-    elements: Vec<Tet4>,
+    /// Edges whose midpoints are nodes.
+    edges: Vec<[u32; 2]>,
+    geometry: Vec<Geometry>,
     material: Material,
-    batches: Vec<Batch>,
-    /// Cell, local node, of every cell at a node; `incidence_start[n]..incidence_start[n + 1]`.
-    incidence: Vec<(Slot, u8)>,
-    incidence_start: Vec<u32>,
-    block_map: BlockMap,
+    pattern: BlockPattern,
+    assembly: Assembly,
+}
+
+enum Assembly {
+    P1(Cells<Tet4, 4>),
+    P1MeanVolume(Cells<Tet4, 4>, Clusters),
+    P2(Cells<Tet10, 10>),
+}
+
+/// The same expression on the cells of any element.
+macro_rules! on_cells {
+    ($body:expr, $cells:ident => $expression:expr) => {
+        match &$body.assembly {
+            Assembly::P1($cells) | Assembly::P1MeanVolume($cells, _) => $expression,
+            Assembly::P2($cells) => $expression,
+        }
+    };
 }
 
 impl Body {
-    /// Builds the element geometry and the assembly maps.
+    /// A body of linear tetrahedra, see [`Body::with_element`].
     ///
     /// # Errors
-    /// No cells; a node index out of range; a coordinate that is not finite; a cell of no or
-    /// negative volume; a number of law parameter rows that is neither 1 nor the number of cells.
+    /// As there.
     pub fn new(
         points: Vec<[f64; 3]>,
         cells: Vec<[u32; 4]>,
         material: Material,
     ) -> Result<Self, Error> {
-        let elements = check_mesh(&points, &cells)?;
-        let rows = material.parameters().len();
-        if rows != 1 && rows != cells.len() {
-            return Err(Error::input(format!(
-                "law {}: {rows} parameter rows for {} cells; give one row, or one per cell",
-                material.name(),
-                cells.len()
-            )));
-        }
-        let (batches, slots) = batches(&cells, &elements, &material);
-        let (incidence, incidence_start) = incidence(points.len(), &cells, &slots);
-        let block_map = BlockMap::new(points.len(), &cells, &slots);
-        Ok(Body {
-            points,
-            cells,
-            elements,
-            material,
-            batches,
-            incidence,
-            incidence_start,
-            block_map,
-        })
+        Self::with_element(Element::P1, points, cells, material)
     }
 
-    /// Rest positions [m].
+    /// Builds the element geometry and the assembly maps from the points and cells of a linear
+    /// mesh; the midpoints of quadratic cells are added after its points.
+    ///
+    /// # Errors
+    /// No cells; a node index out of range; a coordinate that is not finite; a cell of no or
+    /// negative volume; a number of law parameter rows that is neither 1 nor the number of cells.
+    pub fn with_element(
+        element: Element,
+        points: Vec<[f64; 3]>,
+        cells: Vec<[u32; 4]>,
+        material: Material,
+    ) -> Result<Self, Error> {
+        let geometry = check::mesh(&points, &cells)?;
+        check::parameter_rows(&material, cells.len())?;
+        let corners = points.len();
+        let is_quadratic = element == Element::P2;
+        let edges = if is_quadratic { mesh::edges(&cells) } else { Vec::new() };
+        let points = mesh::with_midpoints(&points, &edges);
+        let n = points.len();
+        let (pattern, assembly) = match element {
+            Element::P1 => {
+                let pattern = BlockPattern::new(n, cells.iter().flat_map(pairs_of));
+                let cells = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
+                (pattern, Assembly::P1(cells))
+            }
+            Element::P1MeanVolume => {
+                let parts = Partition::new(&cells, &material);
+                let pattern = BlockPattern::new(n, parts.pairs());
+                let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
+                let slots = &batched.slots;
+                let clusters = Clusters::new(&parts, &cells, slots, &geometry, &material, &pattern);
+                (pattern, Assembly::P1MeanVolume(batched, clusters))
+            }
+            Element::P2 => {
+                let nodes = mesh::quadratic_cells(corners, &cells, &edges);
+                let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
+                let cells = Cells::new(nodes, &geometry, &material, &pattern, n);
+                (pattern, Assembly::P2(cells))
+            }
+        };
+        Ok(Body { element, points, cells, edges, geometry, material, pattern, assembly })
+    }
+
+    /// The element.
+    pub fn element(&self) -> Element {
+        self.element
+    }
+
+    /// Rest positions of all nodes [m]: the corners of the cells, then the midpoints of [`Body::edges`].
     pub fn points(&self) -> &[[f64; 3]] {
         &self.points
     }
 
-    /// Cells, positively oriented.
+    /// Corners of the cells, positively oriented.
     pub fn cells(&self) -> &[[u32; 4]] {
         &self.cells
+    }
+
+    /// The edges whose midpoints are nodes, none for linear elements.
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// Number of nodes that are corners of cells.
+    pub fn n_corners(&self) -> usize {
+        self.points.len() - self.edges.len()
+    }
+
+    /// Boundary triangles, oriented outward; a quadratic face counts as four.
+    pub fn surface(&self) -> Vec<[u32; 3]> {
+        let triangles = mesh::surface(&self.points, &self.cells);
+        if self.edges.is_empty() {
+            return triangles;
+        }
+        mesh::quadratic_surface(self.n_corners(), &triangles, &self.edges)
     }
 
     /// The law.
@@ -102,28 +158,29 @@ impl Body {
         &self.material
     }
 
-    /// Number of degrees of freedom, three per point.
+    /// Number of degrees of freedom, three per node.
     pub fn n_dofs(&self) -> usize {
         3 * self.points.len()
     }
 
     /// Volume at rest [m^3].
     pub fn rest_volume(&self) -> f64 {
-        self.elements.iter().map(|e| e.volume).sum()
+        self.geometry.iter().map(|g| g.volume).sum()
     }
 
     /// Sum of volumes times their largest law parameter [J]: the size of the terms that cancel in
     /// the energy.
     pub fn energy_scale(&self) -> f64 {
-        self.elements.iter().enumerate().map(|(cell, e)| e.volume * self.modulus(cell)).sum()
+        self.geometry.iter().enumerate().map(|(cell, g)| g.volume * self.modulus(cell)).sum()
     }
 
     /// Norm of the nodal forces of a stress of the size of the moduli [N]: their rounding is this
     /// times machine precision, however small the strain.
     pub fn force_scale(&self) -> f64 {
-        let squares = self.elements.iter().enumerate().map(|(cell, e)| {
-            let gradients = e.gradients.iter().flatten().map(|g| g * g).sum::<f64>();
-            (self.modulus(cell) * e.volume).powi(2) * gradients
+        let squares = self.geometry.iter().enumerate().map(|(cell, g)| {
+            let sum: [f64; 3] = std::array::from_fn(|i| g.gradients.iter().map(|g| g[i]).sum());
+            let gradients = g.gradients.iter().flatten().chain(&sum).map(|g| g * g).sum::<f64>();
+            (self.modulus(cell) * g.volume).powi(2) * gradients
         });
         squares.sum::<f64>().sqrt()
     }
@@ -134,144 +191,120 @@ impl Body {
 
     /// Volume at displacement `u` [m^3].
     pub fn volume(&self, u: &[f64]) -> f64 {
-        self.jacobians(u).zip(&self.elements).map(|(j, e)| j * e.volume).sum()
+        let jacobians = on_cells!(self, cells => cells.jacobians(&self.geometry, u));
+        let points = jacobians.len() / self.cells.len();
+        let ratio = |of_cell: &[f64]| of_cell.iter().sum::<f64>() / points as f64;
+        jacobians.chunks(points).zip(&self.geometry).map(|(j, g)| ratio(j) * g.volume).sum()
     }
 
-    /// The smallest volume ratio `J` of a cell, and the cell.
+    /// The smallest volume ratio `J` at a quadrature point, and its cell.
     pub fn smallest_jacobian(&self, u: &[f64]) -> (f64, usize) {
-        self.jacobians(u)
-            .enumerate()
-            .fold((f64::INFINITY, 0), |best, (cell, j)| if j < best.0 { (j, cell) } else { best })
-    }
-
-    fn jacobians<'a>(&'a self, u: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        self.cells.iter().zip(&self.elements).map(|(cell, element)| {
-            let deformed = cell.map(|n| {
-                let n = n as usize;
-                std::array::from_fn(|i| self.points[n][i] + u[3 * n + i])
-            });
-            Tet4::new(deformed).volume / element.volume
+        let jacobians = on_cells!(self, cells => cells.jacobians(&self.geometry, u));
+        let points = jacobians.len() / self.cells.len();
+        jacobians.iter().enumerate().fold((f64::INFINITY, 0), |best, (k, &j)| {
+            if j < best.0 { (j, k / points) } else { best }
         })
     }
 
-    /// Nodal forces of a body force `density * gravity` [N], a quarter of each cell to each node.
+    /// Nodal forces of a body force `density * gravity` [N], the work of a constant force per
+    /// volume in each cell.
     ///
     /// # Errors
     /// A number of densities that is neither 1 nor the number of cells; one negative or not finite.
     pub fn gravity(&self, gravity: [f64; 3], density: &[f64]) -> Result<Vec<f64>, Error> {
-        if density.len() != 1 && density.len() != self.cells.len() {
-            return Err(Error::input(format!(
-                "{} densities for {} cells; give one, or one per cell",
-                density.len(),
-                self.cells.len()
-            )));
-        }
-        if let Some(&bad) = density.iter().find(|d| !d.is_finite() || **d < 0.0) {
-            return Err(Error::input(format!("density {bad} kg/m^3; it must be finite and >= 0")));
-        }
+        check::densities(density, self.cells.len())?;
         let mut force = vec![0.0; self.n_dofs()];
-        for (cell, (nodes, element)) in self.cells.iter().zip(&self.elements).enumerate() {
+        on_cells!(self, cells => cells.for_each_load(|cell, node, part| {
             let rho = if density.len() == 1 { density[0] } else { density[cell] };
-            for &node in nodes {
-                for i in 0..3 {
-                    force[3 * node as usize + i] += rho * gravity[i] * element.volume / 4.0;
-                }
+            for i in 0..3 {
+                let weight = rho * gravity[i] * self.geometry[cell].volume;
+                force[3 * node as usize + i] += part * weight;
             }
-        }
+        }));
         Ok(force)
     }
-}
 
-fn check_mesh(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Result<Vec<Tet4>, Error> {
-    if cells.is_empty() {
-        return Err(Error::input("the mesh has no tetrahedra; give at least one cell"));
-    }
-    if let Some((n, x)) = points.iter().enumerate().find(|(_, x)| x.iter().any(|c| !c.is_finite()))
-    {
-        return Err(Error::input(format!("point {n} is at {x:?}; coordinates must be finite")));
-    }
-    let mut elements = Vec::with_capacity(cells.len());
-    for (cell, nodes) in cells.iter().enumerate() {
-        if let Some(node) = nodes.iter().find(|&&node| node as usize >= points.len()) {
-            return Err(Error::input(format!(
-                "cell {cell} uses point {node}; there are {} points",
-                points.len()
-            )));
-        }
-        let element = Tet4::new(nodes.map(|n| points[n as usize]));
-        if !(element.volume > 0.0) || element.gradients.iter().flatten().any(|g| !g.is_finite()) {
-            return Err(Error::input(format!(
-                "cell {cell} has volume {:.3e} m^3; repair the mesh so that every volume is positive",
-                element.volume
-            )));
-        }
-        elements.push(element);
-    }
-    let mut is_used = vec![false; points.len()];
-    cells.iter().flatten().for_each(|&node| is_used[node as usize] = true);
-    if let Some(loose) = is_used.iter().position(|used| !used) {
-        return Err(Error::input(format!(
-            "point {loose} belongs to no cell; remove loose points from the mesh"
-        )));
-    }
-    Ok(elements)
-}
-
-/// Batches of cells that share a law parameter row, and each cell's place in them.
-fn batches(cells: &[[u32; 4]], elements: &[Tet4], material: &Material) -> (Vec<Batch>, Vec<Slot>) {
-    let mut order: Vec<usize> = (0..cells.len()).collect();
-    let row = |cell: usize| material.of_cell(cell);
-    order.sort_by(|&a, &b| {
-        row(a)
-            .iter()
-            .zip(row(b))
-            .map(|(x, y)| x.total_cmp(y))
-            .find(|o| o.is_ne())
-            .unwrap_or(a.cmp(&b))
-    });
-    let mut batches = Vec::with_capacity(cells.len() / LANES + 1);
-    let mut slots = vec![Slot { batch: 0, lane: 0 }; cells.len()];
-    for group in order.chunk_by(|&a, &b| row(a) == row(b)) {
-        for members in group.chunks(LANES) {
-            for (lane, &cell) in members.iter().enumerate() {
-                slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
+    /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
+    pub fn energy(&self, u: &[f64]) -> f64 {
+        let material = &self.material;
+        match &self.assembly {
+            Assembly::P1(cells) => cells.energy(material, Alone, u),
+            Assembly::P2(cells) => cells.energy(material, Alone, u),
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let local = cells.energy(material, clusters.around(&[]), u);
+                if local.is_infinite() {
+                    return local;
+                }
+                local + clusters.energy(material, &clusters.volumes(material, &cells.batches, u))
             }
-            batches.push(batch(members, cells, elements, row(members[0])));
         }
     }
-    (batches, slots)
-}
 
-fn batch(members: &[usize], cells: &[[u32; 4]], elements: &[Tet4], parameters: &[f64]) -> Batch {
-    let cell_of = |lane: usize| members[lane.min(members.len() - 1)];
-    let lanes = |f: &dyn Fn(&Tet4) -> f64| Lanes(std::array::from_fn(|l| f(&elements[cell_of(l)])));
-    let mut volume = lanes(&|e| e.volume);
-    for lane in members.len()..LANES {
-        volume[lane] = 0.0;
-    }
-    Batch {
-        nodes: std::array::from_fn(|l| cells[cell_of(l)]),
-        gradients: std::array::from_fn(|a| std::array::from_fn(|i| lanes(&|e| e.gradients[a][i]))),
-        volume,
-        parameters: parameters.to_vec(),
-    }
-}
-
-fn incidence(n: usize, cells: &[[u32; 4]], slots: &[Slot]) -> (Vec<(Slot, u8)>, Vec<u32>) {
-    let mut start = vec![0u32; n + 1];
-    for &node in cells.iter().flatten() {
-        start[node as usize + 1] += 1;
-    }
-    for node in 0..n {
-        start[node + 1] += start[node];
-    }
-    let mut fill = start.clone();
-    let mut incidence = vec![(Slot { batch: 0, lane: 0 }, 0); 4 * cells.len()];
-    for (cell, nodes) in cells.iter().enumerate() {
-        for (a, &node) in nodes.iter().enumerate() {
-            incidence[fill[node as usize] as usize] = (slots[cell], a as u8);
-            fill[node as usize] += 1;
+    /// Internal force `f_int = dW/du` [N].
+    pub fn internal_force(&self, u: &[f64], force: &mut [f64]) {
+        let material = &self.material;
+        match &self.assembly {
+            Assembly::P1(cells) => cells.force(material, Alone, u, force),
+            Assembly::P2(cells) => cells.force(material, Alone, u, force),
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let volumes = clusters.volumes(material, &cells.batches, u);
+                let (pressures, _) = clusters.pressures(material, &volumes);
+                cells.force(material, clusters.around(&pressures), u, force);
+            }
         }
     }
-    (incidence, start)
+
+    /// Internal force and tangent `d f_int / du`, in place.
+    pub fn internal_force_and_tangent(
+        &self,
+        u: &[f64],
+        force: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+    ) {
+        let material = &self.material;
+        let nothing = |_: usize, _: &mut [f64; 9]| ();
+        match &self.assembly {
+            Assembly::P1(cells) => {
+                cells.force_and_tangent(material, Alone, u, force, tangent, nothing);
+            }
+            Assembly::P2(cells) => {
+                cells.force_and_tangent(material, Alone, u, force, tangent, nothing);
+            }
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let volumes = clusters.volumes(material, &cells.batches, u);
+                let (pressures, moduli) = clusters.pressures(material, &volumes);
+                let slopes = clusters.slopes(&volumes, &moduli);
+                let products = |block: usize, out: &mut [f64; 9]| {
+                    clusters.add_products(&slopes, block, out);
+                };
+                let around = clusters.around(&pressures);
+                cells.force_and_tangent(material, around, u, force, tangent, products);
+            }
+        }
+    }
+
+    /// A tangent of the right shape, zero.
+    pub fn zero_tangent(&self) -> SymmetricBlocks {
+        self.pattern.zeros()
+    }
+}
+
+impl<E: Shape<N>, const N: usize> Cells<E, N> {
+    /// `det F` at the quadrature points, cell by cell.
+    fn jacobians(&self, geometry: &[Geometry], u: &[f64]) -> Vec<f64> {
+        let at = |nodes: &[u32; N], geometry: &Geometry, point: usize| {
+            let value = |a: usize, i: usize| u[3 * nodes[a] as usize + i];
+            let f = deformation(E::slopes(point), &geometry.gradients, value);
+            determinant(&f, &cofactor(&f))
+        };
+        let cells = self.nodes.iter().zip(geometry);
+        cells.flat_map(|(nodes, g)| (0..E::POINTS).map(move |point| at(nodes, g, point))).collect()
+    }
+
+    /// Calls with cell, node and the integral of the node's shape function over a cell of volume 1.
+    fn for_each_load(&self, mut visit: impl FnMut(usize, u32, f64)) {
+        for (cell, nodes) in self.nodes.iter().enumerate() {
+            nodes.iter().zip(E::LOADS).for_each(|(&node, part)| visit(cell, node, part));
+        }
+    }
 }

@@ -1,9 +1,12 @@
 //! Equilibrium: find `u` with `f_int(u) = f_ext`, some of its components and weighted means
 //! prescribed.
 
+mod ending;
 mod newton;
 mod outcome;
+mod pressure;
 mod problem;
+mod skew;
 mod solver;
 mod stepper;
 mod system;
@@ -12,6 +15,7 @@ mod tests;
 
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
+pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
 pub use solver::{ConjugateGradients, Method, Preconditioner, Solved, Solver};
 pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};

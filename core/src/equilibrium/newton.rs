@@ -1,12 +1,14 @@
 //! Newton's method with an energy line search and adaptive load steps.
 //!
 //! A load step leads from an equilibrium to the target along a straight homotopy: the out-of-
-//! balance force of the start fades as `1 - load`, prescribed values move linearly. A step that
-//! fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
+//! balance force of the start fades as `1 - load`, pressure and prescribed values grow linearly. A step
+//! that fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
 //! descent direction, and said so.
 
-use super::outcome::{Equilibrium, Seconds, Status};
+use super::ending::{Cut, Ending, Slopes};
+use super::outcome::{Equilibrium, Seconds};
 use super::problem::{Problem, patch_mean};
+use super::skew;
 use super::solver::{Method, Solver};
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
@@ -41,14 +43,6 @@ impl Default for Newton {
             method: Method::default(),
         }
     }
-}
-
-/// Why a load step was given up.
-enum Cut {
-    Inverted { cell: usize, jacobian: f64 },
-    NoDescent { residual: f64 },
-    Iterations { residual: f64 },
-    Factor(FactorError),
 }
 
 impl Newton {
@@ -93,7 +87,7 @@ impl Newton {
             }
         }
         run.seconds.total = clock.elapsed().as_secs_f64();
-        Ok(run.finish(last_cut))
+        Ok(run.finish(last_cut, step))
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -125,6 +119,7 @@ struct Run<'a> {
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
+    slopes: Slopes,
     /// Shift of the last tangent: the next one is rarely far from it.
     shift: f64,
     seconds: Seconds,
@@ -166,6 +161,7 @@ impl<'a> Run<'a> {
             iterations: 0,
             residuals: Vec::new(),
             unstable: None,
+            slopes: Slopes::new(),
             shift: 0.0,
             seconds: Seconds::default(),
         })
@@ -175,15 +171,17 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// External force at a load: the target plus what is left of the start's imbalance.
-    fn external_force(&self, load: f64) -> Vec<f64> {
+    /// External force at a load: the dead target plus what is left of the start's imbalance, and pressure.
+    fn external_force(&self, load: f64, u: &[f64]) -> Vec<f64> {
         let left = 1.0 - load;
-        self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r).collect()
+        let dead = self.problem.force.iter().zip(&self.imbalance);
+        let mut force = dead.map(|(f, r)| f + left * r).collect::<Vec<_>>();
+        self.problem.pressure.add_force(self.body(), u, load, &mut force);
+        force
     }
 
     /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
     fn advance(&mut self, load: f64) -> Result<usize, Cut> {
-        let external = self.external_force(load);
         let mut u = self.u.clone();
         let mut multipliers = self.multipliers.clone();
         let mut force = vec![0.0; u.len()];
@@ -191,6 +189,8 @@ impl<'a> Run<'a> {
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
             self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            let external = self.external_force(load, &u);
+            self.problem.pressure.add_stiffness(self.body(), &u, load, &mut self.tangent);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
@@ -216,10 +216,11 @@ impl<'a> Run<'a> {
             unstable = unstable.or(indefinite);
             self.seconds.solve += clock.elapsed().as_secs_f64();
             let length = if moving {
+                self.note_slope(&step, load);
                 self.check_inversion(&u, &step)?;
                 1.0
             } else {
-                self.line_search(&u, &step, &external, &residual, norm)?
+                self.line_search(&u, &step, load, &residual, norm)?
             };
             u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
             multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
@@ -267,7 +268,7 @@ impl<'a> Run<'a> {
                     if shift < 10.0 =>
                 {
                     unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { (0.25 * self.shift).max(1e-4) } else { 4.0 * shift };
+                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
                 }
                 Err(error) => return Err(Cut::Factor(error)),
             }
@@ -312,10 +313,29 @@ impl<'a> Run<'a> {
             })
             .collect();
         let (mut free, mut change) = (vec![0.0; u.len()], Vec::new());
-        let solved = self.solver.solve(&mut rhs, &gap, &mut free, &mut change, None);
-        let solved = solved.map_err(Cut::Factor)?;
+        let (problem, solver) = (self.problem, &mut self.solver);
+        let solved = if problem.pressure.is_empty() {
+            solver.solve(&mut rhs, &gap, &mut free, &mut change, None)
+        } else {
+            let skew = |x: &[f64]| {
+                let mut force = vec![0.0; u.len()];
+                problem.pressure.add_skew(problem.body, u, load, x, &mut force);
+                force
+            };
+            // What is prescribed pulls through the skew part too.
+            rhs.iter_mut().zip(skew(&step)).for_each(|(b, s)| *b -= s);
+            skew::solve(solver, skew, &mut rhs, &gap, &mut free, &mut change)
+        }
+        .map_err(Cut::Factor)?;
         step.iter_mut().zip(&free).for_each(|(s, f)| *s += f);
         Ok((step, change, solved.indefinite))
+    }
+
+    /// The first step of a load step is the tangent of the path.
+    fn note_slope(&mut self, step: &[f64], load: f64) {
+        let free = step.iter().enumerate().filter(|&(dof, _)| !self.solver.is_held(dof));
+        let square: f64 = free.map(|(_, s)| s.powi(2)).sum();
+        self.slopes.note(self.load, square.sqrt() / (load - self.load));
     }
 
     fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
@@ -332,13 +352,16 @@ impl<'a> Run<'a> {
         &self,
         u: &[f64],
         step: &[f64],
-        external: &[f64],
+        load: f64,
         residual: &[f64],
         norm: f64,
     ) -> Result<f64, Cut> {
+        let (left, pressure) = (1.0 - load, &self.problem.pressure);
         let potential = |length: f64| {
             let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + length * s).collect();
-            let work: f64 = trial.iter().zip(external).map(|(u, f)| u * f).sum();
+            let dead = self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r);
+            let dead: f64 = trial.iter().zip(dead).map(|(u, f)| u * f).sum();
+            let work = dead + load * pressure.work(self.body(), u, step, length);
             let energy = self.body().energy(&trial);
             (energy - work, energy.abs() + work.abs())
         };
@@ -357,72 +380,32 @@ impl<'a> Run<'a> {
         Err(Cut::NoDescent { residual: norm })
     }
 
-    fn finish(mut self, cut: Option<Cut>) -> Equilibrium {
+    fn finish(mut self, cut: Option<Cut>, step: f64) -> Equilibrium {
         let body = self.body();
         let mut internal_force = vec![0.0; body.n_dofs()];
         body.internal_force(&self.u, &mut internal_force);
-        let status = match (self.load >= 1.0, self.unstable) {
-            (false, _) => Status::StepTooSmall,
-            (true, None) => Status::Converged,
-            (true, Some(_)) => Status::ConvergedPastInstability,
+        let mut external_force = self.problem.force.clone();
+        self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        let ending = Ending {
+            load: self.load,
+            iterations: self.iterations,
+            cut,
+            // The smallest step that failed is twice the one that was not tried any more.
+            turn: self.slopes.limit_point(self.load, 4.0 * step),
+            unstable: self.unstable,
         };
-        let message = self.message(status, cut);
         Equilibrium {
             energy: body.energy(&self.u),
             displacement: std::mem::take(&mut self.u),
             internal_force,
+            external_force,
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
-            status,
-            message,
+            status: ending.status(),
+            message: ending.message(self.problem),
             load: self.load,
             iterations: self.iterations,
             residuals: self.residuals,
             seconds: self.seconds,
-        }
-    }
-
-    fn message(&self, status: Status, cut: Option<Cut>) -> String {
-        let load = self.load;
-        let mut text = match status {
-            Status::Converged => format!("converged in {} iterations", self.iterations),
-            Status::ConvergedPastInstability | Status::StepTooSmall => match (status, cut) {
-                (Status::StepTooSmall, Some(cut)) => {
-                    format!("stopped at load {load:.4}: {}", cut.sentence())
-                }
-                _ => format!("converged in {} iterations", self.iterations),
-            },
-        };
-        if let Some((load, dof)) = self.unstable {
-            text += &format!(
-                "; the tangent was not positive definite at load {load:.4} (point {}): \
-                 the path passes an instability",
-                dof / 3
-            );
-        }
-        let law = self.body().material().name();
-        if status == Status::StepTooSmall && law == "saint_venant_kirchhoff" {
-            text += "; Saint Venant-Kirchhoff collapses in compression, a known flaw of the law: \
-                     use neo_hookean";
-        }
-        text
-    }
-}
-
-impl Cut {
-    fn sentence(&self) -> String {
-        match self {
-            Cut::Inverted { cell, jacobian } => {
-                format!(
-                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
-                )
-            }
-            Cut::NoDescent { residual } => {
-                format!("no step lowers the energy (relative residual {residual:.1e})")
-            }
-            Cut::Iterations { residual } => {
-                format!("too many iterations (relative residual {residual:.1e})")
-            }
-            Cut::Factor(error) => error.to_string(),
         }
     }
 }

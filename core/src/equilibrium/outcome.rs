@@ -8,6 +8,8 @@ pub enum Status {
     /// Equilibrium at the full load, reached through states whose tangent was not positive
     /// definite: the path passed an instability and another equilibrium may exist.
     ConvergedPastInstability,
+    /// The path turns back before the full load; the result is the last equilibrium before it does.
+    LimitPoint,
     /// The load step became too small; the result is the last equilibrium.
     StepTooSmall,
 }
@@ -15,7 +17,7 @@ pub enum Status {
 impl Status {
     /// Whether the full load was reached.
     pub fn is_converged(self) -> bool {
-        self != Status::StepTooSmall
+        matches!(self, Status::Converged | Status::ConvergedPastInstability)
     }
 
     /// Its name in results.
@@ -23,6 +25,7 @@ impl Status {
         match self {
             Status::Converged => "converged",
             Status::ConvergedPastInstability => "converged past an instability",
+            Status::LimitPoint => "limit point",
             Status::StepTooSmall => "step too small",
         }
     }
@@ -49,6 +52,8 @@ pub struct Equilibrium {
     pub displacement: Vec<f64>,
     /// Internal force [N]; minus the external force, the reactions where something is prescribed.
     pub internal_force: Vec<f64>,
+    /// External force in full [N]: dead, and pressure on the surface as deformed.
+    pub external_force: Vec<f64>,
     /// Force of each patch's tool on the body [N].
     pub patch_forces: Vec<[f64; 3]>,
     /// Strain energy [J].

@@ -1,8 +1,10 @@
 //! What is to be solved: the loads on a body, checked before any work starts.
 
+use super::pressure::Pressure;
 use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::Patch;
+use std::collections::HashSet;
 
 /// A tool that prescribes the weighted mean displacement of a patch, `sum_i w_i u_i = d`.
 #[derive(Clone, Debug)]
@@ -23,6 +25,8 @@ pub fn patch_mean(patch: &Patch, u: &[f64]) -> [f64; 3] {
     }
     mean
 }
+/// Part of a patch that must be its own: with less, forces between patches grow beyond any meaning.
+const DEPENDENT: f64 = 1e-4;
 
 /// One static load case.
 pub struct Problem<'a> {
@@ -32,6 +36,8 @@ pub struct Problem<'a> {
     pub prescribed: Vec<(u32, f64)>,
     /// Dead nodal forces [N], gravity included.
     pub force: Vec<f64>,
+    /// Follower pressure on surface triangles.
+    pub pressure: Pressure,
     /// Prescribed mean displacements.
     pub patches: Vec<PatchLoad>,
     /// Displacement to start from [m]; `None` is the rest state.
@@ -74,11 +80,12 @@ impl Problem<'_> {
             }
         }
         self.check_prescribed(n)?;
+        self.pressure.check(self.body)?;
         for (k, load) in self.patches.iter().enumerate() {
             check_patch(k, load, self.body.points().len())?;
             self.check_patch_moves(k, load)?;
         }
-        Ok(())
+        self.check_patches_differ()
     }
 
     fn check_prescribed(&self, n: usize) -> Result<(), Error> {
@@ -122,6 +129,36 @@ impl Problem<'_> {
             }
             None => Ok(()),
         }
+    }
+
+    /// No patch may be told by the others where it is: their rows of weights on free points must be independent.
+    fn check_patches_differ(&self) -> Result<(), Error> {
+        let held: HashSet<u32> = self.prescribed.iter().map(|&(dof, _)| dof).collect();
+        for i in 0..3 {
+            let mut basis: Vec<Vec<f64>> = Vec::new();
+            for (k, load) in self.patches.iter().enumerate() {
+                let mut row = vec![0.0; self.body.points().len()];
+                for (&node, &w) in load.patch.nodes.iter().zip(&load.patch.weights) {
+                    row[node as usize] += if held.contains(&(3 * node + i)) { 0.0 } else { w };
+                }
+                let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                let size = dot(&row, &row).sqrt();
+                for unit in &basis {
+                    let along = dot(&row, unit);
+                    row.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
+                }
+                let left = dot(&row, &row).sqrt();
+                if left <= DEPENDENT * size {
+                    return Err(Error::input(format!(
+                        "the displacement of patch {k} follows from those of the patches before it; \
+                         leave it out, or move it apart from them"
+                    )));
+                }
+                row.iter_mut().for_each(|x| *x /= left);
+                basis.push(row);
+            }
+        }
+        Ok(())
     }
 
     /// Every connected part needs something to hold it in each direction.
@@ -187,13 +224,12 @@ fn part_of_nodes(body: &Body) -> Vec<u32> {
         }
         node
     }
-    for cell in body.cells() {
-        let first = root(&mut parent, cell[0]);
-        for &node in &cell[1..] {
-            let other = root(&mut parent, node);
-            parent[other as usize] = first;
-        }
-    }
+    let mut join = |a: u32, b: u32| {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        parent[b as usize] = a;
+    };
+    body.cells().iter().for_each(|cell| cell[1..].iter().for_each(|&node| join(cell[0], node)));
+    (body.n_corners() as u32..).zip(body.edges()).for_each(|(middle, edge)| join(edge[0], middle));
     let mut label = vec![u32::MAX; n];
     let mut labels = Vec::with_capacity(n);
     let mut parts = 0;

@@ -1,4 +1,5 @@
-use super::{Law, TangentBlocks};
+use super::linear::{hooke_dilatation, hooke_pressure};
+use super::{Law, TangentBlocks, blocks};
 use crate::number::Scalar;
 use crate::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
@@ -41,42 +42,73 @@ impl Law for Corotated {
         })
     }
 
-    /// `dP = 2 mu dF + lam (R : dF) R + (lam (tr U - 3) - 2 mu) dR`, where `dR = R [w]_x` and
-    /// `(tr U I - U) w = axl(R^T dF - dF^T R)`.
+    /// `dP = 2 mu dF + lam (R : dF) R + (lam (tr U - 3) - 2 mu) dR`.
     #[inline(always)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let R = rotation(F);
-        let U = transpose_mul(&R, F);
-        let trace_U = trace(&U);
-        let diagonal = spherical(&trace_U);
-        let A = tabulate(|i, j| diagonal[i][j].clone() - U[i][j].clone());
-        let cof_A = cofactor(&A);
-        let det_A = determinant(&A, &cof_A);
-        // The cofactor of a symmetric tensor is its inverse times its determinant.
-        let factor = (trace_U - 3.0) * self.lam - 2.0 * self.mu;
-        let spin_factor = factor * det_A.recip();
-        let Rg: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&R, &g[a]));
-        let unit = |k: usize| std::array::from_fn(|i| det_A.constant((i == k) as u8 as f64));
-
-        let block = |a: usize, b: usize| -> Mat3<S> {
+        let factor = (double_dot(&R, F) - 3.0) * self.lam - 2.0 * self.mu;
+        let Rg: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&R, &g[a]));
+        let dR = spin(F, &R, g);
+        let block = |a: usize, b: usize| {
             let gg = dot(&g[a], &g[b]) * (2.0 * self.mu);
-            let columns: [Vec3<S>; 3] = std::array::from_fn(|k| {
-                // dF = e_k (x) g_b: R^T dF = r (x) g_b with r = R^T e_k; its axial vector is g_b x r.
-                let r = transpose_mul_vector(&R, &unit(k));
-                let w = mul_vector(&cof_A, &cross(&g[b], &r));
-                // dR g_a = R (w x g_a).
-                let dR = mul_vector(&R, &cross(&w, &g[a]));
-                std::array::from_fn(|i| {
-                    let pressure = Rg[a][i].clone() * Rg[b][k].clone() * self.lam;
-                    let spin = spin_factor.clone() * dR[i].clone();
-                    let entry = pressure + spin;
-                    if i == k { entry + gg.clone() } else { entry }
-                })
-            });
-            tabulate(|i, k| columns[k][i].clone())
+            tabulate(|i, k| {
+                let pressure = Rg[a][i].clone() * Rg[b][k].clone() * self.lam;
+                let entry = pressure + factor.clone() * dR[a][b][i][k].clone();
+                if i == k { entry + gg.clone() } else { entry }
+            })
         };
-        (self.stress(F), std::array::from_fn(|a| std::array::from_fn(|b| block(a, b))))
+        (self.stress(F), blocks(block))
     }
+
+    /// `J = 1 + tr(R^T F - I)`, whose gradient is `R`: the variation of `R` drops out.
+    #[inline(always)]
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        let R = rotation(F);
+        (double_dot(&R, F) - 2.0, R)
+    }
+
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        spin(F, &rotation(F), g)
+    }
+
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        hooke_dilatation(self.mu, self.lam, J)
+    }
+
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        let [pressure, _] = hooke_pressure(self.mu, self.lam, J);
+        pressure
+    }
+
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        hooke_pressure(self.mu, self.lam, J)
+    }
+}
+
+/// `dR/dF` contracted with three vectors: `dR = R [w]_x` with `(tr U I - U) w = axl(R^T dF - dF^T R)`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn spin<S: Scalar>(F: &Mat3<S>, R: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+    let U = transpose_mul(R, F);
+    let diagonal = spherical(&trace(&U));
+    let A = tabulate(|i, j| diagonal[i][j].clone() - U[i][j].clone());
+    // The cofactor of a symmetric tensor is its inverse times its determinant.
+    let cof_A = cofactor(&A);
+    let per_det_A = determinant(&A, &cof_A).recip();
+    let unit = |k: usize| std::array::from_fn(|i| per_det_A.constant((i == k) as u8 as f64));
+    blocks(|a, b| {
+        let columns: [Vec3<S>; 3] = std::array::from_fn(|k| {
+            // dF = e_k (x) g_b: R^T dF = r (x) g_b with r = R^T e_k; its axial vector is g_b x r.
+            let r = transpose_mul_vector(R, &unit(k));
+            let w = mul_vector(&cof_A, &cross(&g[b], &r));
+            mul_vector(R, &cross(&w, &g[a])).map(|entry| entry * per_det_A.clone())
+        });
+        tabulate(|i, k| columns[k][i].clone())
+    })
 }
 
 /// The rotation of the polar decomposition by Higham's Newton iteration `R <- (R + R^-T)/2`.

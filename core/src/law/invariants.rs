@@ -5,10 +5,11 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
-use super::{Law, StrainEnergy, TangentBlocks, series};
+use super::{Law, StrainEnergy, TangentBlocks, blocks, determinant_curvature, series};
 use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate, tensor_cross,
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
+    tensor_cross,
 };
 
 #[allow(non_snake_case)]
@@ -31,7 +32,7 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let Z = cofactor(F);
         let [I1, I2, J] = Hessian::variables(invariants::<Self, S>(F, &Z));
         let psi = self.psi(I1, I2, J);
@@ -42,8 +43,55 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
-    fn stress_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        series::stress_series(self, table, deformation, out);
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        if E::VOLUME_IS_TRACE {
+            return ((double_dot(F, F) - 1.0) * 0.5, F.clone());
+        }
+        let Z = cofactor(F);
+        (determinant(F, &Z), Z)
+    }
+
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        if E::VOLUME_IS_TRACE {
+            return blocks(|a, b| spherical(&dot(&g[a], &g[b])));
+        }
+        determinant_curvature(F, g)
+    }
+
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        self.volumetric(J.clone())
+    }
+
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        let [J, _, _] = Gradient::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let [pressure, _, _] = self.volumetric(J).first;
+        pressure
+    }
+
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        let [J, _, _] = Hessian::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let U = self.volumetric(J);
+        [U.first[0].clone(), U.second(0, 0)]
+    }
+
+    #[inline(always)]
+    fn stress_series<T: Real>(
+        &self,
+        table: &'static Monomials,
+        deformation: &[T],
+        q: &[T],
+        out: &mut [T],
+    ) {
+        series::stress_series(self, table, deformation, q, out);
+    }
+
+    #[inline(always)]
+    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        series::volume_series::<Self, T>(table, deformation, out);
     }
 }
 
@@ -83,12 +131,12 @@ fn contract<E: StrainEnergy, S: Scalar>(
     F: &Mat3<S>,
     Z: &Mat3<S>,
     psi: &Hessian<S>,
-    g: &[Vec3<S>; 4],
+    g: &[Vec3<S>; 3],
 ) -> TangentBlocks<S> {
     let Y = tensor_cross(Z, F);
-    let f: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(F, &g[a]));
-    let z: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
-    let y: [Vec3<S>; 4] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
+    let f: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(F, &g[a]));
+    let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
+    let y: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
     let two_psi1 = psi.first[0].clone() * 2.0;
     let two_psi2 = psi.first[1].clone() * 2.0;
     let I1 = double_dot(F, F);
@@ -134,9 +182,5 @@ fn contract<E: StrainEnergy, S: Scalar>(
             entry
         })
     };
-    let zero = F[0][0].constant(0.0);
-    let zero = tabulate(|_, _| zero.clone());
-    std::array::from_fn(|a| {
-        std::array::from_fn(|b| if a <= b { block(a, b) } else { zero.clone() })
-    })
+    blocks(block)
 }

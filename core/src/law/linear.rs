@@ -1,4 +1,4 @@
-use super::{Law, TangentBlocks};
+use super::{Law, TangentBlocks, blocks};
 use crate::number::Scalar;
 use crate::tensor::{Mat3, Vec3, dot, spherical, tabulate, trace};
 
@@ -32,25 +32,65 @@ impl Law for Linear {
     }
 
     #[inline(always)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>) {
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         (self.stress(F), hooke(self.mu, self.lam, g))
+    }
+
+    /// `J = 1 + tr e`.
+    #[inline(always)]
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        (trace(F) - 2.0, spherical(&F[0][0].constant(1.0)))
+    }
+
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, _g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        blocks(|_, _| spherical(&F[0][0].constant(0.0)))
+    }
+
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        hooke_dilatation(self.mu, self.lam, J)
+    }
+
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        let [pressure, _] = hooke_pressure(self.mu, self.lam, J);
+        pressure
+    }
+
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        hooke_pressure(self.mu, self.lam, J)
     }
 }
 
 /// Hooke's tensor contracted with shape gradients:
 /// `lam g_a (x) g_b + mu g_b (x) g_a + mu (g_a . g_b) I`.
 #[inline(always)]
-pub(super) fn hooke<S: Scalar>(mu: f64, lam: f64, g: &[Vec3<S>; 4]) -> TangentBlocks<S> {
-    std::array::from_fn(|a| {
-        std::array::from_fn(|b| {
-            let diagonal = spherical(&(dot(&g[a], &g[b]) * mu));
-            tabulate(|i, k| {
-                g[a][i].clone() * g[b][k].clone() * lam
-                    + g[b][i].clone() * g[a][k].clone() * mu
-                    + diagonal[i][k].clone()
-            })
+fn hooke<S: Scalar>(mu: f64, lam: f64, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+    blocks(|a, b| {
+        let diagonal = spherical(&(dot(&g[a], &g[b]) * mu));
+        tabulate(|i, k| {
+            g[a][i].clone() * g[b][k].clone() * lam
+                + g[b][i].clone() * g[a][k].clone() * mu
+                + diagonal[i][k].clone()
         })
     })
+}
+
+/// `U = K/2 (J - 1)^2`, `K = lam + 2 mu / 3`.
+#[inline(always)]
+#[allow(non_snake_case)]
+pub(super) fn hooke_dilatation<S: Scalar>(mu: f64, lam: f64, J: &S) -> S {
+    (J.clone() - 1.0).square() * (0.5 * lam + mu / 3.0)
+}
+
+/// Its first two derivatives.
+#[inline(always)]
+#[allow(non_snake_case)]
+pub(super) fn hooke_pressure<S: Scalar>(mu: f64, lam: f64, J: &S) -> [S; 2] {
+    let K = lam + 2.0 / 3.0 * mu;
+    [(J.clone() - 1.0) * K, J.constant(K)]
 }
 
 #[inline(always)]

@@ -6,24 +6,33 @@
 //! one line in [`laws!`] and one line of tests.
 
 mod corotated;
+mod holzapfel_gasser_ogden;
 mod invariants;
 mod linear;
 mod mooney_rivlin;
 mod neo_hookean;
+mod ogden;
+mod power;
 mod saint_venant_kirchhoff;
 mod series;
 #[cfg(test)]
 mod tests;
+mod yeoh;
 
 pub use corotated::Corotated;
+pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use linear::Linear;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
 pub use neo_hookean::NeoHookean;
+pub use ogden::Ogden;
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
+pub use yeoh::Yeoh;
 
 use crate::error::Error;
 use crate::number::{Jet, Monomials, Real, Scalar};
-use crate::tensor::{Mat3, Vec3, tabulate};
+use crate::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, tabulate, trace,
+};
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
 pub trait StrainEnergy: Copy + Send + Sync {
@@ -33,13 +42,25 @@ pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether a derivative of `psi` depends on `I1`; if not, its power series is not computed.
     const DERIVATIVES_USE_I1: bool = true;
 
+    /// Whether the law resists `1 + tr E = (I1 - 1) / 2` rather than `J`: then this is the volume ratio that
+    /// elements average, and [`StrainEnergy::volumetric`] is a function of it.
+    const VOLUME_IS_TRACE: bool = false;
+
     /// `psi(I1, I2, J)` with `I1 = tr C`, `I2 = (I1^2 - tr C^2) / 2 = |cof F|^2`, `J = det F`.
     #[allow(non_snake_case)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S;
+
+    /// `U(J)`, the energy of a pure dilatation `F = J^(1/3) I`; laws that write it as a term of its own give that.
+    #[inline(always)]
+    #[allow(non_snake_case)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        let c2 = J.cbrt().square();
+        self.psi(c2.clone() * 3.0, c2.square() * 3.0, J)
+    }
 }
 
-/// The tangent of a linear tetrahedron: `blocks[a][b] = dP/dF : (g_a, g_b)`, for nodes `a <= b`.
-pub type TangentBlocks<S> = [[Mat3<S>; 4]; 4];
+/// A fourth-order tensor seen along three vectors: `blocks[a][b]_ik = g_a,J A_iJkL g_b,L`, for `a <= b`.
+pub type TangentBlocks<S> = [[Mat3<S>; 3]; 3];
 
 /// Energy, stress and tangent of a deformation gradient: what an element asks of a law.
 #[allow(non_snake_case)]
@@ -53,26 +74,116 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
     /// First Piola-Kirchhoff stress `P = d psi / dF` [Pa], for any scalar, power series included.
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S>;
 
-    /// Stress and the contraction of `dP/dF` with four shape gradients:
-    /// `blocks[a][b]_ik = g_a,J (dP_iJ / dF_kL) g_b,L` for `a <= b`, which is all that assembly
-    /// needs of the fourth-order tensor.
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 4]) -> (Mat3<S>, TangentBlocks<S>);
+    /// Stress and the contraction of `dP/dF` with three vectors, the gradients of three barycentric
+    /// coordinates: all that the assembly of a tetrahedron needs of the fourth-order tensor.
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>);
 
-    /// Degree-p coefficients of `P`, p being the order of `table`, from the series of `F`.
-    ///
-    /// `deformation` holds nine runs of `table.len()` coefficients, row by row; `out` nine runs of
-    /// the degree-p coefficients, zero on entry. Strain energies replace this by `series.rs`.
+    /// The volume ratio that the law sees, and its derivative `Z = dJ/dF`: `det F` and `cof F`, or their like
+    /// to first order in the strain.
     #[inline(always)]
-    fn stress_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        let (n, top) = (table.len(), table.of_degree(table.order()));
-        let run = |entry: usize| deformation[entry * n..(entry + 1) * n].to_vec();
-        let P = self.stress(&tabulate(|i, j| Jet::new(table, run(3 * i + j))));
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        let Z = cofactor(F);
+        (determinant(F, &Z), Z)
+    }
+
+    /// Contraction of `d2J/dF2` with three vectors, as in [`Law::tangent`].
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        determinant_curvature(F, g)
+    }
+
+    /// `U(J) = psi(J^(1/3) I)`, the energy of a pure dilatation [J/m^3].
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        self.energy(&spherical(&J.cbrt()))
+    }
+
+    /// `U'(J)` [Pa], by `dF/dJ = c I / (3 J)` for `F = c I`.
+    #[inline(always)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        let c = J.cbrt();
+        trace(&self.stress(&spherical(&c))) * c.square().recip() * (1.0 / 3.0)
+    }
+
+    /// `U'(J)` and `U''(J)` [Pa]; the latter is the bulk modulus at `J = 1`.
+    #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        let c = J.cbrt();
+        let unit = spherical(&c.constant(1.0));
+        let (P, A) = self.tangent(&spherical(&c), &unit);
+        let at =
+            |a: usize, b: usize| if a <= b { A[a][b][a][b].clone() } else { A[b][a][b][a].clone() };
+        let row = |a: usize| at(a, 0) + at(a, 1) + at(a, 2);
+        // With T = tr P: U' = T / (3 c^2), U'' = (dT/dc - 2 T / c) / (9 c^4).
+        let (T, r) = (trace(&P), c.recip());
+        let slope = row(0) + row(1) + row(2) - T.clone() * r.clone() * 2.0;
+        [T * r.square() * (1.0 / 3.0), slope * r.square().square() * (1.0 / 9.0)]
+    }
+
+    /// Degree-p coefficients of `P + q dJ/dF`, p being the order of `table`, from the series of `F`.
+    ///
+    /// `deformation` holds nine runs of `table.len()` coefficients, row by row; `q` one run, or
+    /// nothing for zero; `out` nine runs of the degree-p coefficients, zero on entry. Strain
+    /// energies replace this by `series.rs`.
+    #[inline(always)]
+    fn stress_series<T: Real>(
+        &self,
+        table: &'static Monomials,
+        deformation: &[T],
+        q: &[T],
+        out: &mut [T],
+    ) {
+        let top = table.of_degree(table.order());
+        let F = jets(table, deformation);
+        let mut P = self.stress(&F);
+        if !q.is_empty() {
+            let (q, (_, Z)) = (Jet::new(table, q.to_vec()), self.volume_ratio(&F));
+            P = tabulate(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
+        }
         for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
             for (value, c) in out.iter_mut().zip(top.clone()) {
                 *value = P[entry / 3][entry % 3].coefficient(c);
             }
         }
     }
+
+    /// All `table.len()` coefficients of the volume ratio, zero in `out` on entry.
+    #[inline(always)]
+    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        let (J, _) = self.volume_ratio(&jets(table, deformation));
+        for (c, value) in out.iter_mut().enumerate() {
+            *value = J.coefficient(c);
+        }
+    }
+}
+
+/// `d2(det F)/dF2` contracted with three vectors: `e_ikq (F (g_a x g_b))_q`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+    blocks(|a, b| {
+        // e_ikq is 1 for (i, k) = (0, 1), (1, 2), (2, 0).
+        let spin = mul_vector(F, &cross(&g[a], &g[b]));
+        tabulate(|i, k| match (3 + k - i) % 3 {
+            0 => F[0][0].constant(0.0),
+            1 => spin[3 - i - k].clone(),
+            _ => -spin[3 - i - k].clone(),
+        })
+    })
+}
+
+/// Nine runs of coefficients as a tensor of series.
+#[inline(always)]
+fn jets<T: Real>(table: &'static Monomials, runs: &[T]) -> Mat3<Jet<T>> {
+    let n = table.len();
+    tabulate(|i, j| Jet::new(table, runs[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()))
+}
+
+/// The blocks `f(a, b)` for `a <= b`; those below the diagonal, which nobody reads, repeat them.
+#[inline(always)]
+fn blocks<S: Scalar>(f: impl Fn(usize, usize) -> Mat3<S>) -> TangentBlocks<S> {
+    let [aa, ab, ac, bb, bc, cc] = [f(0, 0), f(0, 1), f(0, 2), f(1, 1), f(1, 2), f(2, 2)];
+    [[aa, ab.clone(), ac.clone()], [ab, bb, bc.clone()], [ac, bc, cc]]
 }
 
 /// A law given to the cells of a body: one set of parameters for all, or one per cell.
@@ -116,11 +227,33 @@ impl Material {
         &self.parameters
     }
 
+    /// Shear and bulk modulus at rest of a row of parameters [Pa].
+    pub fn moduli(&self, parameters: &[f64]) -> [f64; 2] {
+        self.visit(Moduli(parameters))
+    }
+
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
         if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
     }
 }
+
+struct Moduli<'a>(&'a [f64]);
+
+impl LawVisitor for Moduli<'_> {
+    type Output = [f64; 2];
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> [f64; 2] {
+        let law = make(self.0);
+        let identity = tabulate(|i, j| (i == j) as u8 as f64);
+        let (_, along) = law.tangent(&identity, &identity);
+        // dP_01/dF_01 and its like; they differ where a law has a direction.
+        let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
+        [shear, law.pressure_and_modulus(&1.0)[1]]
+    }
+}
+
+/// Parameters that no law can do with at zero or below.
+const POSITIVE: &[&str] = &["mu", "c1", "kappa", "c10", "c", "k1", "k2"];
 
 fn check_parameters(law: &str, row: usize, names: &[&str], values: &[f64]) -> Result<(), Error> {
     if values.len() != names.len() {
@@ -130,11 +263,11 @@ fn check_parameters(law: &str, row: usize, names: &[&str], values: &[f64]) -> Re
         )));
     }
     for (name, &value) in names.iter().zip(values) {
-        let may_be_negative = *name == "lam" || *name == "c2";
-        if !value.is_finite() || (value <= 0.0 && !may_be_negative) {
+        let must_be_positive = POSITIVE.contains(name);
+        if !value.is_finite() || (value <= 0.0 && must_be_positive) {
             return Err(Error::input(format!(
                 "law {law}: {name} = {value} in row {row}; it must be finite{}",
-                if may_be_negative { "" } else { " and positive" }
+                if must_be_positive { " and positive" } else { "" }
             )));
         }
     }
@@ -189,4 +322,19 @@ laws! {
         |p| MooneyRivlin { c1: p[0], c2: p[1], kappa: p[2], volumetric: Volumetric::JacobianSquared };
     "mooney_rivlin ln J", ["c1", "c2", "kappa"], MooneyRivlin,
         |p| MooneyRivlin { c1: p[0], c2: p[1], kappa: p[2], volumetric: Volumetric::Logarithm };
+    "yeoh", ["c10", "c20", "c30", "kappa"], Yeoh, |p| Yeoh { c: [p[0], p[1], p[2]], kappa: p[3] };
+    "ogden", ["mu1", "mu2", "mu3", "alpha1", "alpha2", "alpha3", "kappa"], Ogden,
+        |p| Ogden { mu: [p[0], p[1], p[2]], alpha: [p[3], p[4], p[5]], kappa: p[6] };
+    "holzapfel_gasser_ogden",
+        ["c", "k1", "k2", "dispersion", "kappa", "a0x", "a0y", "a0z", "a1x", "a1y", "a1z"],
+        HolzapfelGasserOgden, |p| holzapfel_gasser_ogden(p, false);
+    "holzapfel_gasser_ogden both ways",
+        ["c", "k1", "k2", "dispersion", "kappa", "a0x", "a0y", "a0z", "a1x", "a1y", "a1z"],
+        HolzapfelGasserOgden, |p| holzapfel_gasser_ogden(p, true);
+}
+
+fn holzapfel_gasser_ogden(p: &[f64], bear_compression: bool) -> HolzapfelGasserOgden {
+    let fibres = [[p[5], p[6], p[7]], [p[8], p[9], p[10]]];
+    let [c, k1, k2, dispersion, kappa] = [p[0], p[1], p[2], p[3], p[4]];
+    HolzapfelGasserOgden { c, k1, k2, dispersion, kappa, fibres, bear_compression }
 }

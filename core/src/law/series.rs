@@ -38,9 +38,10 @@ fn products<T: Real, const K: usize>(
     }
 }
 
-/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z`, p the order of `table`.
+/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z + q dJ/dF`, p the order of `table`.
 ///
 /// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each;
+/// `q` is one series or nothing,
 /// `out` receives nine runs of the degree-p coefficients.
 #[inline(always)]
 #[allow(non_snake_case)]
@@ -48,15 +49,14 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
     law: &E,
     table: &'static Monomials,
     deformation: &[T],
+    q: &[T],
     out: &mut [T],
 ) {
     let (n, top) = (table.len(), table.of_degree(table.order()));
     let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
     let mut cofactors = vec![T::default(); 9 * n];
     for (entry, z) in cofactors.chunks_exact_mut(n).enumerate() {
-        let (i, j) = (entry / 3, entry % 3);
-        let ((p, q), (r, s)) = (next(i), next(j));
-        products(table, 0..n, [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))], z);
+        cofactor(table, deformation, entry, z);
     }
     let Z = |i: usize, j: usize| &cofactors[(3 * i + j) * n..(3 * i + j + 1) * n];
 
@@ -83,8 +83,10 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
     let [I1, I2, J] = Gradient::variables(invariants);
     let [psi1, psi2, psiJ] = law.psi(I1, I2, J).first;
-    let (two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
-    let psiJ = padded(&psiJ, n);
+    let (mut two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
+    let mut psiJ = padded(&psiJ, n);
+    let volumetric = if E::VOLUME_IS_TRACE { &mut two_psi1 } else { &mut psiJ };
+    volumetric.iter_mut().zip(q).for_each(|(slope, &q)| *slope = *slope + q);
 
     for (entry, p) in out.chunks_exact_mut(top.len()).enumerate() {
         let (i, j) = (entry / 3, entry % 3);
@@ -110,6 +112,40 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
             products(table, top.clone(), cross, out);
         }
     }
+}
+
+/// All coefficients of the volume ratio: `det F`, for which a row of the cofactor suffices, or `(I1 - 1) / 2`.
+#[inline(always)]
+pub(super) fn volume_series<E: StrainEnergy, T: Real>(
+    table: &'static Monomials,
+    deformation: &[T],
+    out: &mut [T],
+) {
+    let n = table.len();
+    if E::VOLUME_IS_TRACE {
+        for f in deformation.chunks_exact(n) {
+            products(table, 0..n, [(1.0, f, f)], out);
+        }
+        out[0] = out[0] - 1.0;
+        out.iter_mut().for_each(|value| *value = *value * 0.5);
+        return;
+    }
+    let mut z = vec![T::default(); n];
+    for j in 0..3 {
+        z.fill(T::default());
+        cofactor(table, deformation, j, &mut z);
+        products(table, 0..n, [(1.0, &deformation[j * n..(j + 1) * n], &z[..])], out);
+    }
+}
+
+/// Adds the series of an entry of `Z = cof F`, counted row by row.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn cofactor<T: Real>(table: &Monomials, deformation: &[T], entry: usize, z: &mut [T]) {
+    let n = table.len();
+    let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
+    let ((p, q), (r, s)) = (next(entry / 3), next(entry % 3));
+    products(table, 0..n, [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))], z);
 }
 
 /// The two indices that follow `i` cyclically.

@@ -1,11 +1,11 @@
 //! Every law gets every test by one line of [`law_tests!`].
+#![allow(non_snake_case)]
 
 use super::*;
 use crate::number::{Jet, Lanes, Monomials, Single};
 use crate::tensor::{add, mul_vector, sub, tabulate};
 
-const SHAPE_GRADIENTS: [[f64; 3]; 4] =
-    [[-0.7, -1.1, 0.4], [1.0, 0.2, -0.3], [0.1, 1.2, 0.5], [-0.4, -0.3, -0.6]];
+const VECTORS: [[f64; 3]; 3] = [[1.0, 0.2, -0.3], [0.1, 1.2, 0.5], [-0.4, -0.3, -0.6]];
 
 /// A moderate stretch, shear and rotation with `J > 0`.
 const F0: Mat3<f64> = [[1.15, 0.22, -0.13], [-0.18, 0.92, 0.24], [0.09, -0.2, 1.05]];
@@ -54,16 +54,16 @@ fn stress_is_the_derivative_of_the_energy(law: impl Law) {
 
 fn tangent_is_the_derivative_of_the_stress(law: impl Law) {
     let h = 1e-5;
-    let (stress, blocks) = law.tangent(&F0, &SHAPE_GRADIENTS);
+    let (stress, blocks) = law.tangent(&F0, &VECTORS);
     assert!(largest(&sub(&stress, &law.stress(&F0))) < 1e-13 * largest(&stress));
-    for b in 0..4 {
+    for b in 0..3 {
         for k in 0..3 {
-            let step = tabulate(|i, j| if i == k { SHAPE_GRADIENTS[b][j] } else { 0.0 });
+            let step = tabulate(|i, j| if i == k { VECTORS[b][j] } else { 0.0 });
             let (plus, minus) =
                 (law.stress(&axpy(h, &step, &F0)), law.stress(&axpy(-h, &step, &F0)));
             let difference = tabulate(|i, j| (plus[i][j] - minus[i][j]) / (2.0 * h));
             for a in 0..=b {
-                let column = mul_vector(&difference, &SHAPE_GRADIENTS[a]);
+                let column = mul_vector(&difference, &VECTORS[a]);
                 for i in 0..3 {
                     let error = (column[i] - blocks[a][b][i][k]).abs();
                     assert!(error < 1e-7 * (MU + LAM), "K[{a}][{b}][{i}][{k}] off by {error}");
@@ -73,7 +73,7 @@ fn tangent_is_the_derivative_of_the_stress(law: impl Law) {
     }
 }
 
-fn is_objective(law: impl Law) {
+fn objective(law: impl Law) {
     let (q, stress) = (turn(), law.stress(&F0));
     let turned = law.stress(&product(&q, &F0));
     assert!(largest(&sub(&turned, &product(&q, &stress))) < 1e-12 * largest(&stress));
@@ -87,16 +87,38 @@ fn is_at_rest_undeformed(law: impl Law) {
     assert!(energy.abs() < 1e-13 * (MU + LAM));
 }
 
-fn agrees_with_hooke_at_small_strain(law: impl Law) {
+fn hooke(law: impl Law) {
     let h = 1e-6;
-    let hooke = Linear { mu: MU, lam: LAM };
-    let (small, linear) = (axpy(h, &DIRECTION, &identity()), axpy(h, &DIRECTION, &identity()));
-    let difference = sub(&law.stress(&small), &hooke.stress(&linear));
-    assert!(largest(&difference) < 1e-5 * largest(&hooke.stress(&linear)));
-    let (_, blocks) = law.tangent(&identity(), &SHAPE_GRADIENTS);
-    let (_, expected) = hooke.tangent(&identity(), &SHAPE_GRADIENTS);
-    for a in 0..4 {
-        for b in a..4 {
+    let linear = Linear { mu: MU, lam: LAM };
+    let small = axpy(h, &DIRECTION, &identity());
+    let difference = sub(&law.stress(&small), &linear.stress(&small));
+    assert!(largest(&difference) < 1e-5 * largest(&linear.stress(&small)));
+    let (_, blocks) = law.tangent(&identity(), &VECTORS);
+    let (_, expected) = linear.tangent(&identity(), &VECTORS);
+    for a in 0..3 {
+        for b in a..3 {
+            assert!(largest(&sub(&blocks[a][b], &expected[a][b])) < 1e-11 * (MU + LAM));
+        }
+    }
+}
+
+/// Hooke's law plus the fibres, `k1 (1 - 3 d)^2 A (x) A` with `A = 2 a (x) a - 2/3 I` for each family.
+fn fibres(law: HolzapfelGasserOgden) {
+    let dispersed = 1.0 - 3.0 * law.dispersion;
+    let weight = law.k1 * dispersed * dispersed;
+    let (_, mut expected) = Linear { mu: MU, lam: LAM }.tangent(&identity(), &VECTORS);
+    for a in law.fibres {
+        let A = tabulate(|i, j| 2.0 * a[i] * a[j] - if i == j { 2.0 / 3.0 } else { 0.0 });
+        let pull = VECTORS.map(|g| mul_vector(&A, &g));
+        for (p, row) in expected.iter_mut().enumerate() {
+            for (q, block) in row.iter_mut().enumerate() {
+                *block = add(block, &tabulate(|i, k| weight * pull[p][i] * pull[q][k]));
+            }
+        }
+    }
+    let (_, blocks) = law.tangent(&identity(), &VECTORS);
+    for a in 0..3 {
+        for b in a..3 {
             assert!(largest(&sub(&blocks[a][b], &expected[a][b])) < 1e-11 * (MU + LAM));
         }
     }
@@ -166,6 +188,7 @@ fn lanes_and_single_precision_agree(law: impl Law) {
     assert!(largest(&sub(&single, &exact)) < 1e-4 * largest(&exact));
 }
 
+#[allow(non_snake_case)]
 /// The hand-written geometry on series against the generic stress of jets.
 fn series_agree_with_generic_jets(law: impl Law) {
     for (variables, order) in [(1, 7), (3, 3), (3, 4)] {
@@ -174,24 +197,100 @@ fn series_agree_with_generic_jets(law: impl Law) {
         let path: Vec<f64> = (0..9 * n)
             .map(|k| if k % n == 0 { F0[k / n / 3][k / n % 3] } else { 0.2 * (k as f64).sin() })
             .collect();
-        let generic = law.stress(&tabulate(|i, j| {
-            Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec())
-        }));
+        let deformation =
+            tabulate(|i, j| Jet::new(table, path[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()));
+        let generic = law.stress(&deformation);
         let top = table.of_degree(order);
         let mut series = vec![0.0; 9 * top.len()];
-        law.stress_series(table, &path, &mut series);
-        for entry in 0..9 {
-            for (k, c) in top.clone().enumerate() {
-                let expected = generic[entry / 3][entry % 3].coefficient(c);
-                let error = (series[entry * top.len() + k] - expected).abs();
-                assert!(error < 1e-11 * (1.0 + expected.abs()), "P{entry} x^{c}: {error}");
+        law.stress_series(table, &path, &[], &mut series);
+        let close = |a: f64, b: f64, what: &str| {
+            assert!((a - b).abs() < 1e-11 * (1.0 + b.abs()), "{what}: {a} {b}");
+        };
+        let compare = |series: &[f64], expected: &Mat3<Jet<f64>>| {
+            for (k, value) in series.iter().enumerate() {
+                let (entry, c) = (k / top.len(), top.start + k % top.len());
+                close(*value, expected[entry / 3][entry % 3].coefficient(c), "P");
+            }
+        };
+        compare(&series, &generic);
+        // With a pressure on top.
+        let (J, Z) = law.volume_ratio(&deformation);
+        let q = Jet::new(table, (0..n).map(|k| 0.3 * (1.0 + k as f64).cos()).collect());
+        let loaded = tabulate(|i, j| generic[i][j].clone() + q.clone() * Z[i][j].clone());
+        series.fill(0.0);
+        law.stress_series(table, &path, q.coefficients(), &mut series);
+        compare(&series, &loaded);
+        let mut volume = vec![0.0; n];
+        law.volume_series(table, &path, &mut volume);
+        volume.iter().enumerate().for_each(|(c, &v)| close(v, J.coefficient(c), "J"));
+    }
+}
+
+#[allow(non_snake_case)]
+/// Volume ratio, its curvature and the energy of a dilatation, all by central differences.
+fn volume_and_pressure_are_derivatives(law: impl Law) {
+    let h = 1e-5;
+    let (_, gradient) = law.volume_ratio(&F0);
+    let curvature = law.volume_curvature(&F0, &VECTORS);
+    for b in 0..3 {
+        for k in 0..3 {
+            let step = tabulate(|i, j| if i == k { VECTORS[b][j] } else { 0.0 });
+            let ((plus, Z_plus), (minus, Z_minus)) =
+                (law.volume_ratio(&axpy(h, &step, &F0)), law.volume_ratio(&axpy(-h, &step, &F0)));
+            let slope = mul_vector(&gradient, &VECTORS[b])[k];
+            assert!(((plus - minus) / (2.0 * h) - slope).abs() < 1e-9);
+            let difference = tabulate(|i, j| (Z_plus[i][j] - Z_minus[i][j]) / (2.0 * h));
+            for a in 0..=b {
+                let column = mul_vector(&difference, &VECTORS[a]);
+                (0..3).for_each(|i| assert!((column[i] - curvature[a][b][i][k]).abs() < 1e-8));
             }
         }
+    }
+    for J in [0.8, 1.0, 1.3] {
+        let [pressure, modulus] = law.pressure_and_modulus(&J);
+        let slope = (law.dilatation(&(J + h)) - law.dilatation(&(J - h))) / (2.0 * h);
+        let curvature = (law.pressure(&(J + h)) - law.pressure(&(J - h))) / (2.0 * h);
+        assert!((pressure - slope).abs() < 1e-8 * (MU + LAM), "U'({J})");
+        assert!((pressure - law.pressure(&J)).abs() < 1e-13 * (MU + LAM));
+        assert!((modulus - curvature).abs() < 1e-7 * (MU + LAM), "U''({J})");
+    }
+    let [at_rest, bulk_modulus] = law.pressure_and_modulus(&1.0);
+    assert!(at_rest.abs() < 1e-13 * (MU + LAM));
+    assert!((bulk_modulus - (LAM + 2.0 / 3.0 * MU)).abs() < 1e-12 * (MU + LAM));
+}
+
+/// A law that only knows its energy, stress and tangent: what it inherits against what strain
+/// energies do faster.
+#[derive(Clone, Copy, PartialEq)]
+struct Plain<L>(L);
+
+#[allow(non_snake_case)]
+impl<L: Law> Law for Plain<L> {
+    const FORBIDS_INVERSION: bool = true;
+    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
+        self.0.energy(F)
+    }
+    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
+        self.0.stress(F)
+    }
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
+        self.0.tangent(F, g)
+    }
+}
+
+#[allow(non_snake_case)]
+fn inherited_pressures_agree(law: impl Law) {
+    let plain = Plain(law);
+    for J in [0.8, 1.0, 1.3] {
+        let (ours, theirs) = (law.pressure_and_modulus(&J), plain.pressure_and_modulus(&J));
+        assert!((law.dilatation(&J) - plain.dilatation(&J)).abs() < 1e-13 * (MU + LAM));
+        assert!((law.pressure(&J) - plain.pressure(&J)).abs() < 1e-13 * (MU + LAM));
+        (0..2).for_each(|k| assert!((ours[k] - theirs[k]).abs() < 1e-12 * (MU + LAM)));
     }
 }
 
 macro_rules! law_tests {
-    ($($name:ident: $law:expr $(, $objective:ident)?;)*) => {$(
+    ($($name:ident: $law:expr $(, $property:ident)*;)*) => {$(
         mod $name {
             use super::*;
             #[test]
@@ -199,17 +298,17 @@ macro_rules! law_tests {
             #[test]
             fn tangent() { tangent_is_the_derivative_of_the_stress($law) }
             $(#[test]
-            fn $objective() { is_objective($law) })?
+            fn $property() { super::$property($law) })*
             #[test]
             fn rest() { is_at_rest_undeformed($law) }
-            #[test]
-            fn small_strain() { agrees_with_hooke_at_small_strain($law) }
             #[test]
             fn taylor() { taylor_series_is_the_stress_along_a_path($law) }
             #[test]
             fn jet() { three_variables_restrict_to_one($law) }
             #[test]
             fn series() { series_agree_with_generic_jets($law) }
+            #[test]
+            fn volume() { volume_and_pressure_are_derivatives($law) }
             #[test]
             fn lanes() { lanes_and_single_precision_agree($law) }
         }
@@ -220,15 +319,44 @@ fn mooney(volumetric: Volumetric) -> MooneyRivlin {
     MooneyRivlin { c1: 0.4 * MU, c2: 0.1 * MU, kappa: LAM + 2.0 / 3.0 * MU, volumetric }
 }
 
-// Linear elasticity is the one law that is not objective.
+fn ogden(mu: [f64; 3], alpha: [f64; 3]) -> Ogden {
+    Ogden { mu, alpha, kappa: LAM + 2.0 / 3.0 * MU }
+}
+
+/// Two families, of which `F0` stretches one and shortens the other.
+fn artery(bear_compression: bool) -> HolzapfelGasserOgden {
+    HolzapfelGasserOgden {
+        c: MU,
+        k1: 2.0,
+        k2: 0.8,
+        dispersion: 0.1,
+        kappa: LAM + 2.0 / 3.0 * MU,
+        fibres: [[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]],
+        bear_compression,
+    }
+}
+
+// Linear elasticity is the one law that is not objective; fibres have moduli of their own at small strain.
 law_tests! {
-    linear: Linear { mu: MU, lam: LAM };
-    corotated: Corotated { mu: MU, lam: LAM }, objective;
-    saint_venant_kirchhoff: SaintVenantKirchhoff { mu: MU, lam: LAM }, objective;
-    neo_hookean: NeoHookean { mu: MU, lam: LAM }, objective;
-    mooney_rivlin_jacobian: mooney(Volumetric::Jacobian), objective;
-    mooney_rivlin_jacobian_squared: mooney(Volumetric::JacobianSquared), objective;
-    mooney_rivlin_logarithm: mooney(Volumetric::Logarithm), objective;
+    linear: Linear { mu: MU, lam: LAM }, hooke;
+    corotated: Corotated { mu: MU, lam: LAM }, objective, hooke;
+    saint_venant_kirchhoff: SaintVenantKirchhoff { mu: MU, lam: LAM }, objective, hooke;
+    neo_hookean: NeoHookean { mu: MU, lam: LAM }, objective, hooke;
+    mooney_rivlin_jacobian: mooney(Volumetric::Jacobian), objective, hooke;
+    mooney_rivlin_jacobian_squared: mooney(Volumetric::JacobianSquared), objective, hooke;
+    mooney_rivlin_logarithm: mooney(Volumetric::Logarithm), objective, hooke;
+    yeoh: Yeoh { c: [0.5 * MU, 0.1, 0.02], kappa: LAM + 2.0 / 3.0 * MU }, objective, hooke;
+    ogden_one_term: ogden([2.0 * MU / 3.7, 0.0, 0.0], [3.7, 1.0, 1.0]), objective, hooke;
+    ogden_three_terms: ogden([1.0, -0.1, 2.0], [1.3, -5.0, 2.1]), objective, hooke;
+    artery_in_tension: artery(false), objective, fibres;
+    artery_both_ways: artery(true), objective, fibres;
+}
+
+#[test]
+fn what_a_law_inherits_is_what_strain_energies_do_faster() {
+    inherited_pressures_agree(NeoHookean { mu: MU, lam: LAM });
+    inherited_pressures_agree(mooney(Volumetric::Logarithm));
+    inherited_pressures_agree(mooney(Volumetric::JacobianSquared));
 }
 
 #[test]
@@ -246,6 +374,32 @@ fn corotated_is_stiffness_warping() {
     let warped = product(&turn(), &hooke.stress(&stretch));
     let error = sub(&law.stress(&product(&turn(), &stretch)), &warped);
     assert!(largest(&error) < 1e-13);
+}
+
+/// Even exponents are Mooney-Rivlin's invariants, to round-off.
+#[test]
+fn ogden_with_even_exponents_is_mooney_rivlin() {
+    let law = ogden([0.8 * MU, -0.2 * MU, 0.0], [2.0, -2.0, 1.0]);
+    let difference = sub(&law.stress(&F0), &mooney(Volumetric::Jacobian).stress(&F0));
+    assert!(largest(&difference) < 1e-14 * (MU + LAM));
+}
+
+/// Without fibres, and with a stretched family against a shortened one, which bears nothing.
+#[test]
+fn fibres_bear_no_compression() {
+    let stretch = |a: f64| [[a, 0.0, 0.0], [0.0, a.powf(-0.5), 0.0], [0.0, 0.0, a.powf(-0.5)]];
+    let along =
+        HolzapfelGasserOgden { dispersion: 0.0, fibres: [[1.0, 0.0, 0.0]; 2], ..artery(false) };
+    let bare = HolzapfelGasserOgden { k1: 0.0, ..along };
+    assert_eq!(along.stress(&stretch(0.8)), bare.stress(&stretch(0.8)));
+    let E = 1.2f64.powi(2) - 1.0;
+    // psi' = k1 E exp(k2 E^2), dE/dl = 2 l, two families; isochoric, so the stress of the axial stretch is the sum of
+    // the constraint's and this one.
+    let pull = 2.0 * along.k1 * E * (along.k2 * E * E).exp() * 2.0 * 1.2;
+    let P = sub(&along.stress(&stretch(1.2)), &bare.stress(&stretch(1.2)));
+    let lateral = 1.2f64.powf(-0.5);
+    let work = P[0][0] - P[1][1] * lateral / 1.2;
+    assert!((work - pull).abs() < 1e-12 * pull, "{work} {pull}");
 }
 
 #[test]

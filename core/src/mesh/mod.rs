@@ -5,6 +5,7 @@
 
 mod closest;
 mod patch;
+mod quadratic;
 mod report;
 #[cfg(test)]
 pub(crate) mod samples;
@@ -12,8 +13,9 @@ mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use patch::Patch;
+pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
-pub use surface::{Surface, surface};
+pub use surface::{FACES, Surface, surface};
 
 /// A point or a vector of three components.
 pub(crate) type Vector = [f64; 3];

@@ -199,10 +199,20 @@ impl<T: Scalar> Scalar for Gradient<T> {
         self.chain(e.clone(), e)
     }
     #[inline(always)]
+    fn cbrt(&self) -> Self {
+        let root = self.value.cbrt();
+        let slope = root.clone() * self.value.recip() * (1.0 / 3.0);
+        self.chain(root, slope)
+    }
+    #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
         let power = self.value.powf(exponent);
         let slope = power.clone() * self.value.recip() * exponent;
         self.chain(power, slope)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Gradient { value: self.value.heaviside(), ..self.constant(0.0) }
     }
 }
 
@@ -234,11 +244,22 @@ impl<T: Scalar> Scalar for Hessian<T> {
         self.chain(e.clone(), e.clone(), e)
     }
     #[inline(always)]
+    fn cbrt(&self) -> Self {
+        let (root, r) = (self.value.cbrt(), self.value.recip());
+        let slope = root.clone() * r.clone() * (1.0 / 3.0);
+        let curvature = slope.clone() * r * (-2.0 / 3.0);
+        self.chain(root, slope, curvature)
+    }
+    #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
         let r = self.value.recip();
         let power = self.value.powf(exponent);
         let slope = power.clone() * r.clone() * exponent;
         let curvature = slope.clone() * r * (exponent - 1.0);
         self.chain(power, slope, curvature)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Hessian { value: self.value.heaviside(), ..self.constant(0.0) }
     }
 }

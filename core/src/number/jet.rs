@@ -235,6 +235,11 @@ impl<T: Real> Scalar for Jet<T> {
         })
     }
 
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Jet { table: self.table, coefficients: vec![self.coefficient(0).heaviside()] }
+    }
+
     /// `g D f = r f D g`.
     #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {

@@ -98,6 +98,14 @@ impl<const L: usize> Scalar for Lanes<L> {
     fn powf(&self, exponent: f64) -> Self {
         self.map(|x| x.powf(exponent))
     }
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        self.map(f64::cbrt)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        self.map(|x| x.heaviside())
+    }
 }
 
 impl<const L: usize> Real for Lanes<L> {

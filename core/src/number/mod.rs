@@ -48,6 +48,14 @@ pub trait Scalar:
     fn exp(&self) -> Self;
     /// `self^exponent` for positive values and a real exponent.
     fn powf(&self, exponent: f64) -> Self;
+    /// The cube root of a positive value.
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        self.powf(1.0 / 3.0)
+    }
+    /// The constant 1 where the value is positive, 0 elsewhere: the switch of a one-sided law. A series goes by its
+    /// constant term.
+    fn heaviside(&self) -> Self;
     /// `self * self`.
     fn square(&self) -> Self {
         self.clone() * self.clone()
@@ -88,6 +96,14 @@ impl Scalar for f64 {
     #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
         f64::powf(*self, exponent)
+    }
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        f64::cbrt(*self)
+    }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        f64::from(u8::from(*self > 0.0))
     }
 }
 

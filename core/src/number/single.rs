@@ -59,6 +59,10 @@ impl Scalar for Single {
     fn powf(&self, exponent: f64) -> Self {
         Single(self.0.powf(exponent as f32))
     }
+    #[inline(always)]
+    fn heaviside(&self) -> Self {
+        Single(f32::from(u8::from(self.0 > 0.0)))
+    }
 }
 
 impl Real for Single {

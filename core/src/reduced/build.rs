@@ -88,6 +88,7 @@ impl Reduction {
             units: "SI".to_string(),
             law: body.material().name().to_string(),
             law_parameter_names: body.material().names().iter().map(|n| n.to_string()).collect(),
+            element: body.element().name().to_string(),
             radius: self.radius,
             depth: self.depth,
             order: self.order,

@@ -97,6 +97,13 @@ impl ReducedModel {
         Response { force, stiffness, error_estimate, trust }
     }
 
+    /// Force of the series cut after an order of at least 1; the first is linear elasticity.
+    pub fn force_to_order(&self, contact: &Contact, d: [f64; 3], order: usize) -> [f64; 3] {
+        let mut monomials = [0.0; MAX_TERMS];
+        evaluate_monomials(&self.exponents, d, &mut monomials);
+        Interpolation::new(self, contact).cut_after(order).force(&monomials, d).0
+    }
+
     /// Numbers of workspace that the field functions need.
     pub fn workspace_len(&self) -> usize {
         3 * self.largest_region
@@ -113,8 +120,24 @@ impl ReducedModel {
         workspace: &mut [f32],
         out: &mut [f32],
     ) {
+        self.surface_displacement_to_order(contact, d, self.metadata.order, workspace, out);
+    }
+
+    /// The same of the series cut after an order of at least 1; the first is linear elasticity.
+    ///
+    /// # Panics
+    /// When `workspace` or `out` is too short.
+    pub fn surface_displacement_to_order(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        order: usize,
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) {
+        let here = Interpolation::new(self, contact).cut_after(order);
         let out = &mut out[..3 * self.arrays.surface_nodes.len()];
-        self.combine(contact, d, workspace, &self.arrays.surface_modes, out);
+        self.combine(&here, d, workspace, &self.arrays.surface_modes, out);
     }
 
     /// Displacement of the nodes inside [m], `3 * interior_nodes().len()` numbers.
@@ -128,8 +151,9 @@ impl ReducedModel {
         workspace: &mut [f32],
         out: &mut [f32],
     ) {
+        let here = Interpolation::new(self, contact);
         let out = &mut out[..3 * self.interior_nodes.len()];
-        self.combine(contact, d, workspace, &self.arrays.interior_modes, out);
+        self.combine(&here, d, workspace, &self.arrays.interior_modes, out);
     }
 
     /// Displacement of all nodes [m], `3 * n_points()` numbers. Allocates; for off-line use.
@@ -190,14 +214,14 @@ impl ReducedModel {
 
     fn combine(
         &self,
-        contact: &Contact,
+        here: &Interpolation,
         d: [f64; 3],
         workspace: &mut [f32],
         modes: &[i16],
         out: &mut [f32],
     ) {
         out.fill(0.0);
-        let slots = Interpolation::new(self, contact).amplitudes(d, workspace);
+        let slots = here.amplitudes(d, workspace);
         let rows = out.len();
         let negligible = (NEGLIGIBLE * norm(d)) as f32 / f32::from(i16::MAX);
         for (slot, amplitudes) in slots.iter().zip(workspace.chunks_exact(self.largest_region)) {

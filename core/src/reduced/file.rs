@@ -4,7 +4,6 @@ use super::metadata::Metadata;
 use super::model::{Arrays, ReducedModel};
 use crate::error::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
-use std::collections::HashMap;
 
 /// Key of the metadata string in the file's header.
 const METADATA_KEY: &str = "viscera";
@@ -126,7 +125,7 @@ impl ReducedModel {
             .collect::<Result<Vec<_>, Error>>()?;
         let text = serde_json::to_string(&self.metadata)
             .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
-        let header = HashMap::from([(METADATA_KEY.to_string(), text)]);
+        let header = [(METADATA_KEY.to_string(), text)].into_iter().collect();
         serialize(views, Some(header)).map_err(broken)
     }
 

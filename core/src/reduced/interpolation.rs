@@ -30,6 +30,8 @@ pub(super) struct Interpolation<'a> {
     weights: [f64; 3],
     edge_weights: [f64; 3],
     stiffness: Mat3<f64>,
+    /// Monomials taken into account.
+    terms: usize,
 }
 
 impl<'a> Interpolation<'a> {
@@ -53,7 +55,20 @@ impl<'a> Interpolation<'a> {
             }
         }
         let stiffness = inverse(&compliance).unwrap_or_else(|| tabulate(|_, _| 0.0));
-        Interpolation { model, corners, edges, weights, edge_weights, stiffness }
+        let terms = model.n_terms();
+        Interpolation { model, corners, edges, weights, edge_weights, stiffness, terms }
+    }
+
+    /// The series cut after an order of at least 1: what a theory of that order answers.
+    pub(super) fn cut_after(self, order: usize) -> Self {
+        let is_kept = |exponents: &&[u8; 3]| degree_of(exponents) <= order.max(1);
+        let terms = self.model.exponents.iter().take_while(is_kept).count();
+        Interpolation { terms, ..self }
+    }
+
+    /// Terms of an edge among those taken into account.
+    fn edge_terms(&self) -> usize {
+        self.model.edge_terms.min(self.terms - 3)
     }
 
     /// Weight of a corner's term: quadratic up to the edge order, linear beyond.
@@ -74,7 +89,7 @@ impl<'a> Interpolation<'a> {
         orders[0] = mul_vector(&self.stiffness, &d);
         for (k, &corner) in self.corners.iter().enumerate() {
             let coefficients = model.position_force(corner);
-            for term in 3..model.n_terms() {
+            for term in 3..self.terms {
                 let order = degree_of(&model.exponents[term]) - 1;
                 let weight = self.corner_weight(k, term);
                 for i in 0..3 {
@@ -86,7 +101,7 @@ impl<'a> Interpolation<'a> {
         }
         for (k, &edge) in self.edges.iter().enumerate() {
             let coefficients = model.edge_force(edge);
-            for term in 0..model.edge_terms {
+            for term in 0..self.edge_terms() {
                 let order = degree_of(&model.exponents[3 + term]) - 1;
                 let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
                 for i in 0..3 {
@@ -103,7 +118,7 @@ impl<'a> Interpolation<'a> {
     pub(super) fn stiffness(&self, d: [f64; 3]) -> Mat3<f64> {
         let model = self.model;
         let mut stiffness = self.stiffness;
-        for term in 3..model.n_terms() {
+        for term in 3..self.terms {
             let slope = monomial_gradient(&model.exponents[term], d);
             let mut force = [0.0; 3];
             for (k, &corner) in self.corners.iter().enumerate() {
@@ -216,7 +231,7 @@ impl<'a> Interpolation<'a> {
             let own = &arrays.compliance[9 * corner..9 * corner + 9];
             let range = model.position_offset[corner]..model.position_offset[corner + 1];
             let rows = arrays.position_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.enumerate() {
+            for (term, row) in rows.take(self.terms).enumerate() {
                 let weight = if term < 3 {
                     let row = &own[3 * term..3 * term + 3];
                     self.weights[k] * (row[0] * f[0] + row[1] * f[1] + row[2] * f[2])
@@ -233,7 +248,7 @@ impl<'a> Interpolation<'a> {
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
             let rows = arrays.edge_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.enumerate() {
+            for (term, row) in rows.take(self.edge_terms()).enumerate() {
                 let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
                 add_scaled(weight as f32, row, out);
             }

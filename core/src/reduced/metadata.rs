@@ -18,6 +18,9 @@ pub struct Metadata {
     pub law: String,
     /// Names of its parameters: the columns of the array `law_parameters`.
     pub law_parameter_names: Vec<String>,
+    /// The element of the full organ; files that do not say have linear cells.
+    #[serde(default = "linear")]
+    pub element: String,
     /// Radius of the contact patch [m].
     pub radius: f64,
     /// Largest displacement of the tool the model is made for [m].
@@ -37,6 +40,10 @@ pub struct Metadata {
     pub seconds: f64,
     /// Anything the writer adds: node sets, provenance.
     pub user: serde_json::Value,
+}
+
+fn linear() -> String {
+    crate::element::Element::P1.name().to_string()
 }
 
 /// Errors measured while the model was made, relative to the norm of the field.

@@ -6,7 +6,9 @@
 //! interpolated over the surface triangle touched. `model.rs`, `file.rs`, `evaluate.rs` and what it uses know
 //! nothing of finite elements.
 
+#[cfg(feature = "solvers")]
 mod basis;
+#[cfg(feature = "solvers")]
 mod build;
 mod combine;
 mod evaluate;
@@ -14,11 +16,14 @@ mod file;
 mod interpolation;
 mod metadata;
 mod model;
+#[cfg(feature = "solvers")]
 mod positions;
+#[cfg(feature = "solvers")]
 mod region;
-#[cfg(test)]
+#[cfg(all(test, feature = "solvers"))]
 mod tests;
 
+#[cfg(feature = "solvers")]
 pub use build::{Progress, Reduction};
 pub use evaluate::{Contact, Response, Trust};
 pub use file::View;

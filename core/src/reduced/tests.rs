@@ -1,6 +1,7 @@
 //! The reduced model against the exact series it was made from.
 
 mod file;
+mod work;
 
 use super::evaluate::allowance;
 use super::*;
@@ -182,6 +183,41 @@ fn stiffness_is_the_derivative_of_the_force() {
     }
 }
 
+/// A touch by a lower order is the same series with fewer terms; by order 1 it is linear in the displacement.
+#[test]
+fn orders_are_cut_where_they_are_asked_to_be() {
+    let contact = inside(5, [0.2, 0.5, 0.3]);
+    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let mut surface = |d: [f64; 3], order: usize| {
+        let mut out = vec![0.0; 3 * MODEL.arrays.surface_nodes.len()];
+        MODEL.surface_displacement_to_order(&contact, d, order, &mut workspace, &mut out);
+        out.into_iter().map(f64::from).collect::<Vec<f64>>()
+    };
+    let d = [0.001, -0.002, -0.003];
+    let all = MODEL.respond(&contact, d).force;
+    assert!(relative(&MODEL.force_to_order(&contact, d, 3), &all) < 1e-14);
+    // What order p adds grows with the p-th power of the displacement.
+    for order in 1..=3 {
+        let [once, twice] = [1.0, 2.0].map(|factor| {
+            let d = d.map(|x| factor * x);
+            let (mut field, mut force) =
+                (surface(d, order), MODEL.force_to_order(&contact, d, order));
+            if order > 1 {
+                let lower = MODEL.force_to_order(&contact, d, order - 1);
+                field.iter_mut().zip(surface(d, order - 1)).for_each(|(u, lower)| *u -= lower);
+                force.iter_mut().zip(lower).for_each(|(f, lower)| *f -= lower);
+            }
+            (field, force)
+        });
+        let scale = 2f64.powi(order as i32);
+        let expected: Vec<f64> = once.1.iter().map(|f| scale * f).collect();
+        assert!(relative(&twice.1, &expected) < 1e-10, "force of order {order}");
+        let expected: Vec<f64> = once.0.iter().map(|u| scale * u).collect();
+        // Single precision, and modes left out below 1e-5 of the tool's displacement.
+        assert!(relative(&twice.0, &expected) < 2e-3, "field of order {order}");
+    }
+}
+
 #[test]
 fn answers_are_continuous_across_edges() {
     let mut crossed = 0;
@@ -211,7 +247,7 @@ fn answers_are_continuous_across_edges() {
 fn trust_ends_at_the_depth_and_where_the_series_does() {
     let contact = MODEL.centroid(3);
     let answer = |model: &ReducedModel, depth: f64| model.respond(&contact, [0.0, 0.0, -depth]);
-    assert_eq!(answer(&MODEL, DEPTH).trust, Trust::Trusted);
+    assert_eq!(answer(&MODEL, 0.1 * DEPTH).trust, Trust::Trusted);
     assert_eq!(answer(&MODEL, 1.01 * DEPTH).trust, Trust::BeyondDepth);
     let still = answer(&MODEL, 0.0);
     assert_eq!((still.trust, still.force, still.error_estimate), (Trust::Trusted, [0.0; 3], 0.0));

@@ -272,7 +272,7 @@ impl Follower<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::equilibrium::{Newton, Problem};
+    use crate::equilibrium::{Newton, Pressure, Problem};
     use crate::law::Material;
     use crate::mesh::samples::block;
 
@@ -289,8 +289,14 @@ mod tests {
     fn newton(body: &Body, fixed: &[u32], force: &[f64], load: f64) -> Vec<f64> {
         let held = fixed.iter().flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
         let force = force.iter().map(|f| load * f).collect();
-        let problem =
-            Problem { body, prescribed: held.collect(), force, patches: vec![], start: None };
+        let problem = Problem {
+            pressure: Pressure::default(),
+            body,
+            prescribed: held.collect(),
+            force,
+            patches: vec![],
+            start: None,
+        };
         let settings = Newton { tolerance: 1e-12, ..Newton::default() };
         settings.solve(&problem, &mut |_| true).unwrap().displacement
     }

@@ -13,10 +13,10 @@ from time import perf_counter
 from typing import NoReturn
 
 from viscera import _core
-from viscera.cli import check, demo, inspect, reduce, solve, touch
+from viscera.cli import check, compare, demo, inspect, reduce, solve, study, touch, view
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 
-VERBS = (demo, inspect, solve, reduce, check, touch)
+VERBS = (demo, inspect, solve, compare, reduce, check, touch, view, study)
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 

@@ -1,11 +1,12 @@
-"""The main job on the built-in liver: reduce it, check it against Newton, draw it.
+"""The main job on the built-in liver: reduce it, check it against Newton, draw it, show it.
 
-Writes liver.viscera and liver.png into the output folder.
+Writes liver.viscera and liver.png into the output folder; at a terminal the viewer opens, until Ctrl-C.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from time import perf_counter
 
@@ -15,6 +16,7 @@ from viscera import organs, progress
 from viscera.check import surface_points
 from viscera.cli.check import say
 from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.cli.view import show
 from viscera.law import NeoHookean
 from viscera.organ import Organ
 from viscera.touch import Touch, load
@@ -24,11 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera demo`."""
     parser.add_argument("-o", "--output", default="out", metavar="DIR", help="folder of the results (default: out)")
     parser.add_argument("--touches", type=int, default=50, help="random contacts of the check (default 50)")
-    parser.add_argument("--no-view", action="store_true", help="stop before the viewer")
+    parser.add_argument("--no-view", action="store_true", help="stop before the viewer, which only a terminal opens")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
-    """Reduce, save, load again, check, draw."""
+    """Reduce, save, load again, check, draw, show."""
     folder = Path(args.output)
     folder.mkdir(parents=True, exist_ok=True)
     model, picture = folder / "liver.viscera", folder / "liver.png"
@@ -53,6 +55,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     title = f"Liver, pushed in {depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
     touch.plot(point, push, picture, title=title)
     output.say(f"picture: {picture}")
+    if sys.stdout.isatty() and not (args.no_view or output.is_quiet):
+        show(str(model), output)
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
     return Outcome("passed" if result.is_passed else "failed", DONE if result.is_passed else FAILED, facts)
 

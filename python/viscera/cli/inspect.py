@@ -32,6 +32,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(f"  parts         {facts['parts']}")
     for name, size in facts["sets"].items():
         output.say(f"  set           {name!r}: {size} nodes")
+    for name, size in facts["cell_sets"].items():
+        output.say(f"  cell set      {name!r}: {size} cells")
     for message in facts["messages"]:
         output.say(f"  repaired      {message}")
     for problem in facts["problems"]:

@@ -12,7 +12,7 @@ from viscera.errors import VisceraError
 from viscera.select import length
 
 MATERIAL = ("law", "young", "poisson")
-MESH_ONLY = ("units", "fixed", *MATERIAL)
+MESH_ONLY = ("units", "fixed", "element", *MATERIAL)
 
 
 def metres(text: str) -> float:
@@ -41,6 +41,7 @@ def add_organ(parser: argparse.ArgumentParser) -> None:
         "--units", type=number_or_words, help="of the mesh file: m, cm, mm, um, inch, or metres per unit"
     )
     organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
+    organ.add_argument("--element", help="'P1', 'P1 mean volume' or 'P2' (default: what is right for Poisson's ratio)")
     organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
     organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
     organ.add_argument("--poisson", type=float, help="Poisson's ratio, above -1 and below 0.5")
@@ -85,7 +86,8 @@ def case_of(args: argparse.Namespace) -> Case:
             raise VisceraError(f"{args.case} is a mesh: it needs --{name} as well (see --help), or write a case file")
     material: dict[str, Any] = {"law": "NeoHookean"}
     material.update({name: given[name] for name in MATERIAL if name in given})
-    case = Case(mesh=args.case, units=given.get("units"), fixed=given["fixed"], material=material)
+    place = {name: given.get(name) for name in ("units", "element")}
+    case = Case(mesh=args.case, fixed=given["fixed"], material=material, **place)
     return _with_reduction(case, reduction)
 
 

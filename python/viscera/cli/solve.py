@@ -1,13 +1,31 @@
-"""Nonlinear statics of one case: displacements, reactions, energy and volume change."""
+"""Nonlinear statics of one case: displacements, reactions, energy and volume change.
+
+A mesh with a [scan] was acquired under load: that load is taken off first, and displacements count from the scan.
+"""
 
 from __future__ import annotations
 
 import argparse
+from typing import Any
+
+import numpy as np
 
 from viscera import progress
 from viscera.atomic import writable
 from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.navigation import Unloaded
+
+
+def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
+    if not rest.is_converged:
+        output.say(f"{name}: {rest.message}")
+        return
+    moved = 1e3 * np.linalg.norm(rest.state.displacement, axis=1).max()
+    output.say(
+        f"{name}: loads of the scan taken off in {len(rest.errors)} iterations, {rest.seconds:.2f} s; they move the "
+        f"organ by up to {moved:.4g} mm; displacements count from the scan"
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +41,17 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         writable(args.output)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
+    facts: dict[str, Any] = {}
     with progress.bar(output.is_quiet) as bar:
-        state = case.solve(organ, bar)
+        if case.scan:
+            rest = case.unloaded(organ, bar)
+            _say_unloaded(rest, args.case, output)
+            facts["unloading"] = {"iterations": len(rest.errors), "error": rest.error, "message": rest.message}
+            if not rest.is_converged:
+                return Outcome("no unloaded shape", FAILED, facts)
+            state = case.predict(rest, bar)
+        else:
+            state = case.solve(organ, bar)
     reactions = case.reactions(organ, state)
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
@@ -36,7 +63,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     if args.output:
         state.write(args.output)
         output.say(f"  written to {args.output}")
-    facts = {
+    facts |= {
         "iterations": state.iterations,
         "residuals": state.residuals,
         "energy": state.energy,

@@ -32,7 +32,7 @@ def artery() -> Mesh:
     """A bent vessel with a branch, 40 mm high, 7 mm wide, its wall 1 mm and one cell thick: 402 points, 1,104 cells.
 
     After the artery of paper B (401 points, 1,101 cells). Sets: the rings `bottom` (z = 0), `middle` (z = 20 mm) and
-    `top` (z = 40 mm), and `branch`, the free end of the side branch.
+    `top` (z = 40 mm), `branch`, the free end of the side branch, and `lumen`, the surface that the blood wets.
     """
     return read(FOLDER / "artery.vtu")
 

@@ -2,12 +2,12 @@
 
 use super::Mass;
 use crate::body::{Body, SymmetricBlocks};
-use crate::element::Tet4;
 use crate::error::Error;
 use crate::linear::conjugate_gradients::{
     self as cg, Operator, Preconditioner, Settings, Workspace,
 };
-use std::collections::HashMap;
+use crate::mesh::{EDGES, cell_volume, quadratic_cells};
+use std::collections::BTreeMap;
 
 /// Mass of a pair of nodes, the same in all three directions [kg].
 struct Entry {
@@ -24,13 +24,32 @@ pub(super) struct MassMatrix {
     nodal: Vec<f64>,
 }
 
-/// The block of each pair of nodes, row <= column.
-pub(super) fn block_of_pair(tangent: &SymmetricBlocks) -> HashMap<(u32, u32), u32> {
-    tangent.pairs().zip(0..).collect()
+/// Corners of every cell, and midpoints where displacement is quadratic.
+fn nodes_of_cells(body: &Body) -> Vec<Vec<u32>> {
+    if body.edges().is_empty() {
+        return body.cells().iter().map(|cell| cell.to_vec()).collect();
+    }
+    let cells = quadratic_cells(body.n_corners(), body.cells(), body.edges());
+    cells.iter().map(|cell| cell.to_vec()).collect()
 }
 
-/// Mass of each node, a quarter of that of its cells [kg]: the force of a unit gravity.
-pub(super) fn nodal_mass(body: &Body, density: &[f64]) -> Result<Vec<f64>, Error> {
+/// Integral of `N_a N_b` over a tetrahedron of volume 1, of 4 or of 10 shape functions.
+fn product(a: usize, b: usize, count: usize) -> f64 {
+    if count == 4 {
+        return if a == b { 0.1 } else { 0.05 };
+    }
+    let shared =
+        |a: usize, b: usize| EDGES[a - 4].iter().filter(|end| EDGES[b - 4].contains(end)).count();
+    let entry = match (a.min(b), a.max(b)) {
+        (a, b) if b < 4 => [1.0, 6.0][usize::from(a == b)],
+        (a, b) if a < 4 => [-6.0, -4.0][usize::from(EDGES[b - 4].contains(&a))],
+        (a, b) => [8.0, 16.0, 32.0][shared(a, b)],
+    };
+    entry / 420.0
+}
+
+/// Part of each node in the weight of the body [kg]: the force of a unit gravity.
+pub(super) fn nodal_weight(body: &Body, density: &[f64]) -> Result<Vec<f64>, Error> {
     Ok(body.gravity([1.0, 0.0, 0.0], density)?.into_iter().step_by(3).collect())
 }
 
@@ -41,53 +60,37 @@ impl MassMatrix {
         tangent: &SymmetricBlocks,
         density: &[f64],
     ) -> Result<Self, Error> {
-        let nodal = nodal_mass(body, density)?;
-        if let Some(node) = nodal.iter().position(|m| !(*m > 0.0)) {
+        if let Some(bad) = density.iter().find(|rho| !(**rho > 0.0)) {
             return Err(Error::input(format!(
-                "the mass of point {node} is {} kg; give a positive density [kg/m^3]",
-                nodal[node]
+                "density {bad} kg/m^3; inertia needs a positive one"
             )));
         }
-        let blocks = block_of_pair(tangent);
-        let mut entries = Vec::new();
-        match mass {
-            Mass::Lumped => {
-                for (node, &mass) in (0u32..).zip(&nodal) {
-                    entries.push(Entry {
-                        block: blocks[&(node, node)],
-                        row: node,
-                        column: node,
-                        mass,
-                    });
+        // Checks the number of densities, too.
+        nodal_weight(body, density)?;
+        let mut shares: BTreeMap<(u32, u32), f64> = BTreeMap::new();
+        let mut nodal = vec![0.0; body.points().len()];
+        for (cell, nodes) in nodes_of_cells(body).iter().enumerate() {
+            let rho = if density.len() == 1 { density[0] } else { density[cell] };
+            let weight = rho * cell_volume(body.points(), body.cells()[cell]);
+            let diagonal: f64 = (0..nodes.len()).map(|a| product(a, a, nodes.len())).sum();
+            for (a, &row) in nodes.iter().enumerate() {
+                // Lumped in proportion to the diagonal (Hinton, Rock and Zienkiewicz 1976): positive for any element.
+                nodal[row as usize] += weight * product(a, a, nodes.len()) / diagonal;
+                for (b, &column) in nodes.iter().enumerate().skip(a) {
+                    let pair = (row.min(column), row.max(column));
+                    *shares.entry(pair).or_default() += weight * product(a, b, nodes.len());
                 }
-            }
-            Mass::Consistent => {
-                // Integral of N_a N_b over a tetrahedron: V (1 + delta_ab) / 20.
-                for (cell, nodes) in body.cells().iter().enumerate() {
-                    let volume = Tet4::new(nodes.map(|n| body.points()[n as usize])).volume;
-                    let rho = if density.len() == 1 { density[0] } else { density[cell] };
-                    for (a, &row) in nodes.iter().enumerate() {
-                        for &column in &nodes[a..] {
-                            let pair = (row.min(column), row.max(column));
-                            let share = if row == column { 2.0 } else { 1.0 };
-                            let mass = rho * volume * share / 20.0;
-                            entries.push(Entry {
-                                block: blocks[&pair],
-                                row: pair.0,
-                                column: pair.1,
-                                mass,
-                            });
-                        }
-                    }
-                }
-                entries.sort_by_key(|e| e.block);
-                entries.dedup_by(|b, a| {
-                    let is_same = a.block == b.block;
-                    a.mass += if is_same { b.mass } else { 0.0 };
-                    is_same
-                });
             }
         }
+        if mass == Mass::Lumped {
+            shares = (0u32..).zip(&nodal).map(|(node, &mass)| ((node, node), mass)).collect();
+        }
+        let entry = |((row, column), mass)| {
+            let block = tangent.position(row, column).unwrap_or_default() as u32;
+            Entry { block, row, column, mass }
+        };
+        let mut entries: Vec<Entry> = shares.into_iter().map(entry).collect();
+        entries.sort_unstable_by_key(|entry| entry.block);
         Ok(MassMatrix { entries, nodal })
     }
 

@@ -14,13 +14,15 @@ mod tests;
 pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 
+use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem, patch_mean};
 use super::solver::{Solved, Solver};
 use crate::body::{Body, SymmetricBlocks};
+use crate::element::Element;
 use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
-use mass::{MassMatrix, nodal_mass};
+use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
 use std::time::{Duration, Instant};
@@ -130,7 +132,7 @@ impl Stepper {
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()
         } else {
-            nodal_mass(body, &settings.density)?
+            nodal_weight(body, &settings.density)?
         };
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {
@@ -140,6 +142,12 @@ impl Stepper {
             }
             None => None,
         };
+        if settings.relaxation.is_some() && body.element() != Element::P1 {
+            return Err(Error::input(format!(
+                "relaxation is for the element \"P1\", this body has {:?}; choose element=\"P1\"",
+                body.element().name()
+            )));
+        }
         let relax = |prony| Relaxation::new(prony, time_step, body, &tangent, &displacement);
         let relaxation = settings.relaxation.as_ref().map(relax);
         let fixed = fixed.to_vec();
@@ -181,6 +189,7 @@ impl Stepper {
             body,
             prescribed: self.fixed.iter().chain(dofs).map(|&dof| (dof, 0.0)).collect(),
             force: vec![0.0; body.n_dofs()],
+            pressure: Pressure::default(),
             patches: patches.iter().map(load).collect(),
             start: None,
         };

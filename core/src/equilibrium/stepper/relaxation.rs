@@ -7,9 +7,8 @@
 //! So `S = theta S_e + S_h` with `S_h` known from the past: force and tangent of the body are scaled by `theta`, and
 //! the history adds a force that is linear in the displacement.
 
-use super::mass::block_of_pair;
 use crate::body::{Body, SymmetricBlocks};
-use crate::element::Tet4;
+use crate::element::Geometry;
 use crate::error::Error;
 use crate::law::{Law, LawVisitor, Material};
 use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub, tabulate};
@@ -53,7 +52,9 @@ impl Prony {
 /// What the history of a cell needs of its place.
 struct Cell {
     nodes: [u32; 4],
-    element: Tet4,
+    /// Gradients of the shape functions [1/m].
+    gradients: [[f64; 3]; 4],
+    volume: f64,
     /// Block of each pair of its nodes in the tangent.
     blocks: [[u32; 4]; 4],
 }
@@ -87,15 +88,16 @@ impl Relaxation {
         };
         let terms: Vec<[f64; 3]> = prony.g.iter().zip(&prony.tau).map(term).collect();
         let theta = 1.0 - terms.iter().map(|[g, _, mean]| g * (1.0 - mean)).sum::<f64>();
-        let block_of = block_of_pair(tangent);
-        let block = |a: u32, b: u32| block_of[&(a.min(b), a.max(b))];
+        let block = |a: u32, b: u32| tangent.position(a, b).unwrap_or_default() as u32;
         let cells: Vec<Cell> = body
             .cells()
             .iter()
-            .map(|&nodes| Cell {
-                nodes,
-                element: Tet4::new(nodes.map(|n| body.points()[n as usize])),
-                blocks: nodes.map(|a| nodes.map(|b| block(a, b))),
+            .map(|&nodes| {
+                let Geometry { gradients: [x, y, z], volume } =
+                    Geometry::new(nodes.map(|n| body.points()[n as usize]));
+                let first = std::array::from_fn(|i| -x[i] - y[i] - z[i]);
+                let blocks = nodes.map(|a| nodes.map(|b| block(a, b)));
+                Cell { nodes, gradients: [first, x, y, z], volume, blocks }
             })
             .collect();
         let zeros = vec![Mat3::default(); cells.len()];
@@ -131,16 +133,16 @@ impl Relaxation {
         force.iter_mut().for_each(|f| *f *= self.theta);
         for (cell, history) in self.cells.iter().zip(&self.history) {
             let f = cell.deformation(u);
-            for (&node, g) in cell.nodes.iter().zip(&cell.element.gradients) {
+            for (&node, g) in cell.nodes.iter().zip(&cell.gradients) {
                 let share = mul_vector(&f, &mul_vector(history, g));
-                (0..3).for_each(|i| force[3 * node as usize + i] += cell.element.volume * share[i]);
+                (0..3).for_each(|i| force[3 * node as usize + i] += cell.volume * share[i]);
             }
         }
         let Some(tangent) = tangent else { return };
         let values = tangent.values_mut();
         values.iter_mut().for_each(|k| *k *= self.theta);
         for (cell, history) in self.cells.iter().zip(&self.history) {
-            let g = &cell.element.gradients;
+            let g = &cell.gradients;
             for b in 0..4 {
                 let pull = mul_vector(history, &g[b]);
                 for a in 0..4 {
@@ -148,9 +150,7 @@ impl Relaxation {
                     if cell.nodes[a] <= cell.nodes[b] {
                         let stiffness = g[a].iter().zip(&pull).map(|(g, p)| g * p).sum::<f64>();
                         let block = 9 * cell.blocks[a][b] as usize;
-                        [0, 4, 8]
-                            .iter()
-                            .for_each(|i| values[block + i] += cell.element.volume * stiffness);
+                        [0, 4, 8].iter().for_each(|i| values[block + i] += cell.volume * stiffness);
                     }
                 }
             }
@@ -181,7 +181,7 @@ impl Cell {
     /// `F = I + sum_a u_a (x) g_a`.
     fn deformation(&self, u: &[f64]) -> Mat3<f64> {
         tabulate(|i, j| {
-            let nodes = self.nodes.iter().zip(&self.element.gradients);
+            let nodes = self.nodes.iter().zip(&self.gradients);
             let gradient: f64 = nodes.map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum();
             gradient + f64::from(i == j)
         })

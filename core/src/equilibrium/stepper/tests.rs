@@ -43,6 +43,7 @@ fn pressed(body: &Body) -> crate::equilibrium::Equilibrium {
         body,
         prescribed: root(body).into_iter().map(|dof| (dof, 0.0)).collect(),
         force: vec![0.0; body.n_dofs()],
+        pressure: Pressure::default(),
         patches: vec![PatchLoad { patch: tip(body), displacement: [0.0, 0.0, DEPTH] }],
         start: None,
     };
@@ -177,6 +178,31 @@ fn dynamic(integration: Integration, mass: Mass, time_step: f64) -> StepperSetti
 
 const TRAPEZOID: Integration = Integration::Newmark { beta: 0.25, gamma: 0.5 };
 
+/// A velocity that is linear in the position has its exact energy with the consistent mass of any element, and the sum
+/// of the lumped masses is the mass.
+#[test]
+fn masses_integrate_density() {
+    let size = [0.4, 0.2, 0.3];
+    for element in Element::ALL {
+        let (points, cells) = block([3, 2, 2], size);
+        let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
+        let body = Body::with_element(element, points, cells, material).unwrap();
+        let matrix = |mass| MassMatrix::new(mass, &body, &body.zero_tangent(), &[DENSITY]).unwrap();
+        let weight = DENSITY * size.iter().product::<f64>();
+        let along = |v: &dyn Fn(&[f64; 3]) -> f64| -> Vec<f64> {
+            body.points().iter().flat_map(|x| [v(x), 0.0, 0.0]).collect()
+        };
+        for mass in [Mass::Lumped, Mass::Consistent] {
+            let energy = matrix(mass).energy(&along(&|_| 1.0));
+            assert!((energy - 0.5 * weight).abs() < 1e-12 * weight, "{element:?} {mass:?}");
+        }
+        let energy = matrix(Mass::Consistent).energy(&along(&|x| x[1] + 2.0 * x[2]));
+        let [_, b, c] = size;
+        let exact = 0.5 * weight * (b * b / 3.0 + b * c + 4.0 * c * c / 3.0);
+        assert!((energy - exact).abs() < 1e-12 * exact, "{element:?}: {energy} {exact}");
+    }
+}
+
 /// Nothing holds the body: its momentum stays, whatever it does inside.
 #[test]
 fn free_flight_keeps_its_momentum() {
@@ -198,7 +224,7 @@ fn free_flight_keeps_its_momentum() {
             .collect();
         stepper.set_velocity(&velocity).unwrap();
         let momentum = |v: &[f64]| {
-            let nodal = nodal_mass(&body, &[DENSITY]).unwrap();
+            let nodal = nodal_weight(&body, &[DENSITY]).unwrap();
             let mut sum = [0.0; 3];
             for (v, m) in v.chunks_exact(3).zip(nodal) {
                 (0..3).for_each(|i| sum[i] += m * v[i]);
@@ -427,7 +453,13 @@ fn bad_settings_are_refused_with_the_value_and_what_to_do() {
         Some(Dynamics { integration, ..good.dynamics.unwrap() })
     };
     let prony = |g: &[f64], tau: &[f64]| Some(Prony { g: g.to_vec(), tau: tau.to_vec() });
+    let (points, cells) = block([1; 3], [0.1; 3]);
+    let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
+    let quadratic = Body::with_element(Element::P2, points, cells, material).unwrap();
+    let refused = Stepper::new(&quadratic, &[], None, viscous(&[0.5], &[1.0], 0.01));
+    let refused = refused.err().map_or("accepted".into(), |e| e.to_string());
     let cases = [
+        (refused, "choose element=\"P1\""),
         (with(&|_| ()), "accepted"),
         (with(&|s| s.time_step = Some(-0.01)), "time_step is -0.01 s"),
         (with(&|s| s.time_step = None), "need a time_step"),

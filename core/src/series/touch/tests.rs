@@ -1,7 +1,7 @@
 //! The series against their definition and against Newton's method.
 
 use super::*;
-use crate::equilibrium::{Newton, PatchLoad, Problem, patch_mean};
+use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem, patch_mean};
 use crate::law::Material;
 use crate::mesh::samples::block;
 use crate::mesh::{Surface, surface};
@@ -58,6 +58,7 @@ fn exact(body: &Body, patch: &Patch, d: [f64; 3]) -> (Vec<f64>, [f64; 3]) {
         body,
         prescribed: held.collect(),
         force: vec![0.0; body.n_dofs()],
+        pressure: Pressure::default(),
         patches: vec![PatchLoad { patch: patch.clone(), displacement: d }],
         start: None,
     };

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,62 +14,14 @@ import pytest
 
 import viscera as vs
 
+Build = Callable[..., Path]
+STATUS = {"displaced": 1, "the estimated error": 2, "": 0}  # of an answer, by how its reason starts
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = ROOT / "bindings" / "c"
-STATUS = {"displaced": 1, "the estimated error": 2, "": 0}  # of an answer, by how its reason starts
-STRICT = ["-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
-@pytest.fixture(scope="module")
-def libraries() -> Path:
-    folder = ROOT / "target" / "release"
-    if not (folder / "libviscera.a").is_file():
-        pytest.skip(f"no C library in {folder}; `make c-library` builds it")
-    if shutil.which("cc") is None or shutil.which("c++") is None:
-        pytest.skip("no C and C++ compilers called cc and c++")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def touch() -> vs.Touch:
-    beam = vs.organs.beam()
-    organ = vs.Organ(beam, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    return organ.reduce(lambda x: (x[:, 2] == 0.2) & (x[:, 0] > 0.3) & (x[:, 0] < 0.7), radius=0.1, depth=0.08, order=4)
-
-
-@pytest.fixture(scope="module")
-def model(touch: vs.Touch, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("model") / "beam.viscera"
-    touch.save(path)
-    return path
-
-
-def build(source: str, libraries: Path, linkage: str, folder: Path) -> Path:
-    """Compiles a program as a user would; system libraries are those the pkg-config file names."""
-    compiler = ["c++", "-std=c++11"] if source.endswith(".cpp") else ["cc", "-std=c11"]
-    system = (libraries / "viscera.pc").read_text().split("Libs.private:")[1].split()
-    library = {
-        "shared": [f"-L{libraries}", "-lviscera", f"-Wl,-rpath,{libraries}"],
-        "static": [str(libraries / "libviscera.a"), *system],
-    }[linkage]
-    program = folder / Path(source).stem
-    command = [
-        *compiler,
-        *STRICT,
-        f"-I{SOURCES / 'include'}",
-        str(SOURCES / source),
-        *library,
-        "-lm",
-        "-o",
-        str(program),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return program
-
-
-def run(program: Path, *arguments: Path) -> str:
-    done = subprocess.run([program, *arguments], capture_output=True, text=True)
+def run(program: Path, *arguments: object) -> str:
+    done = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True)
     assert done.returncode == 0, f"exit {done.returncode}: {done.stdout}{done.stderr}"
     return done.stdout
 
@@ -96,31 +49,31 @@ def write_answers(touch: vs.Touch, path: Path) -> None:
 
 @pytest.mark.parametrize("linkage", ["shared", "static"])
 def test_a_haptic_loop_in_c_answers_as_python_does(
-    touch: vs.Touch, model: Path, libraries: Path, linkage: str, tmp_path: Path
+    touch: vs.Touch, model: Path, build: Build, linkage: str, tmp_path: Path
 ) -> None:
     write_answers(touch, tmp_path / "answers.txt")
-    output = run(build("examples/haptic.c", libraries, linkage, tmp_path), model, tmp_path / "answers.txt")
+    output = run(build("examples/haptic.c", linkage=linkage), model, tmp_path / "answers.txt")
     assert "20 touches; largest difference from Python" in output
     assert len(re.findall(r"the hand feels", output)) == 12
 
 
-def test_the_comparison_sees_a_wrong_answer(touch: vs.Touch, model: Path, libraries: Path, tmp_path: Path) -> None:
+def test_the_comparison_sees_a_wrong_answer(touch: vs.Touch, model: Path, build: Build, tmp_path: Path) -> None:
     answers = tmp_path / "answers.txt"
     write_answers(touch, answers)
     words = answers.read_text().split(" ")
     force = np.array(words[7:10], dtype=float)  # the first, after six numbers and a status
     words[7] = str(force[0] + 3e-6 * np.abs(force).max())
     answers.write_text(" ".join(words))
-    program = build("examples/haptic.c", libraries, "shared", tmp_path)
+    program = build("examples/haptic.c", linkage="shared")
     assert subprocess.run([program, model, answers], capture_output=True).returncode == 1
 
 
-def test_misuse_is_told_by_a_status(model: Path, libraries: Path, tmp_path: Path) -> None:
-    assert run(build("tests/refusals.c", libraries, "shared", tmp_path), model) == "0 faults\n"
+def test_misuse_is_told_by_a_status(model: Path, build: Build) -> None:
+    assert run(build("tests/refusals.c", linkage="shared"), model) == "0 faults\n"
 
 
-def test_the_header_and_frames_in_cpp(model: Path, libraries: Path, tmp_path: Path) -> None:
-    run(build("tests/millimetres.cpp", libraries, "static", tmp_path), model)
+def test_the_header_and_frames_in_cpp(model: Path, build: Build) -> None:
+    run(build("tests/millimetres.cpp"), model)
 
 
 def test_topology_is_that_of_the_model(touch: vs.Touch, model: Path, libraries: Path) -> None:

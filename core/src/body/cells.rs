@@ -1,0 +1,173 @@
+//! The cells of a body in batches of [`LANES`] with one set of law parameters, and the maps that gather their
+//! results node by node and block by block.
+
+use super::blocks::{BlockPattern, Grouped};
+use super::{LANES, Lane};
+use crate::element::{Geometry, Shape};
+use crate::law::Material;
+use crate::number::{Lanes, Scalar};
+use crate::tensor::{Mat3, Vec3, tabulate};
+use std::marker::PhantomData;
+
+/// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
+pub(super) struct Batch<const N: usize> {
+    pub nodes: [[u32; N]; LANES],
+    pub gradients: [Vec3<Lane>; 3],
+    /// Volume of the cell.
+    pub volume: Lane,
+    pub parameters: Vec<f64>,
+}
+
+/// Where a cell's results are: batch and lane.
+#[derive(Clone, Copy)]
+pub(super) struct Slot {
+    pub batch: u32,
+    pub lane: u8,
+}
+
+/// A contribution of a cell to a block: the pair of its nodes, and whether it comes transposed.
+#[derive(Clone, Copy)]
+pub(super) struct Contribution {
+    pub slot: Slot,
+    pub pair: u8,
+    pub transposed: bool,
+}
+
+/// Cells of an element with `N` nodes.
+pub(super) struct Cells<E, const N: usize> {
+    pub nodes: Vec<[u32; N]>,
+    pub batches: Vec<Batch<N>>,
+    pub slots: Vec<Slot>,
+    /// Slot and local number of every cell at a node.
+    pub incidence: Grouped<(Slot, u8)>,
+    /// What adds up to each block of the tangent.
+    pub contributions: Grouped<Contribution>,
+    shape: PhantomData<E>,
+}
+
+impl<E: Shape<N>, const N: usize> Cells<E, N> {
+    /// Local pairs `a <= b`, whose blocks a cell contributes.
+    pub const PAIRS: usize = N * (N + 1) / 2;
+
+    /// Batches cells that share their law parameters; `pattern` must hold their pairs of nodes.
+    pub fn new(
+        nodes: Vec<[u32; N]>,
+        geometry: &[Geometry],
+        material: &Material,
+        pattern: &BlockPattern,
+        n_points: usize,
+    ) -> Self {
+        let mut batches = Vec::with_capacity(nodes.len() / LANES + 1);
+        let mut slots = vec![Slot { batch: 0, lane: 0 }; nodes.len()];
+        for group in tissues(nodes.len(), material) {
+            for members in group.chunks(LANES) {
+                for (lane, &cell) in members.iter().enumerate() {
+                    slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
+                }
+                batches.push(batch(members, &nodes, geometry, material.of_cell(members[0])));
+            }
+        }
+        let at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
+            .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
+            .collect();
+        let mut at_blocks = Vec::with_capacity(Self::PAIRS * nodes.len());
+        for (nodes, &slot) in nodes.iter().zip(&slots) {
+            for (pair, [a, b]) in (0u8..).zip(pairs_of(nodes)) {
+                let contribution = Contribution { slot, pair, transposed: a > b };
+                at_blocks.push((pattern.block(a, b), contribution));
+            }
+        }
+        Cells {
+            incidence: Grouped::new(n_points, &at_nodes),
+            contributions: Grouped::new(pattern.len(), &at_blocks),
+            nodes,
+            batches,
+            slots,
+            shape: PhantomData,
+        }
+    }
+}
+
+/// The pairs of a cell's nodes, `a <= b` in local numbers, in the order its blocks are stored.
+pub(super) fn pairs_of<const N: usize>(nodes: &[u32; N]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    (0..N).flat_map(move |a| (a..N).map(move |b| [nodes[a], nodes[b]]))
+}
+
+/// Cells grouped by equal law parameters.
+pub(super) fn tissues(n_cells: usize, material: &Material) -> Vec<Vec<usize>> {
+    let row = |cell: usize| material.of_cell(cell);
+    let mut order: Vec<usize> = (0..n_cells).collect();
+    order.sort_by(|&a, &b| {
+        let mut values = row(a).iter().zip(row(b)).map(|(x, y)| x.total_cmp(y));
+        values.find(|o| o.is_ne()).unwrap_or(a.cmp(&b))
+    });
+    order.chunk_by(|&a, &b| row(a) == row(b)).map(<[usize]>::to_vec).collect()
+}
+
+fn batch<const N: usize>(
+    members: &[usize],
+    nodes: &[[u32; N]],
+    geometry: &[Geometry],
+    parameters: &[f64],
+) -> Batch<N> {
+    let cell_of = |lane: usize| members[lane.min(members.len() - 1)];
+    let lanes =
+        |f: &dyn Fn(&Geometry) -> f64| Lanes(std::array::from_fn(|l| f(&geometry[cell_of(l)])));
+    let mut volume = lanes(&|g| g.volume);
+    for lane in members.len()..LANES {
+        volume[lane] = 0.0;
+    }
+    Batch {
+        nodes: std::array::from_fn(|l| nodes[cell_of(l)]),
+        gradients: std::array::from_fn(|k| std::array::from_fn(|i| lanes(&|g| g.gradients[k][i]))),
+        volume,
+        parameters: parameters.to_vec(),
+    }
+}
+
+impl<const N: usize> Batch<N> {
+    /// The deformation gradient at the point with the given slopes of the shape functions.
+    #[inline(always)]
+    pub fn deformation(&self, slopes: &[[f64; 3]; N], u: &[f64]) -> Mat3<Lane> {
+        deformation(slopes, &self.gradients, |a, i| {
+            Lanes(std::array::from_fn(|l| u[3 * self.nodes[l][a] as usize + i]))
+        })
+    }
+}
+
+/// `F = I + sum_a u_a (x) grad N_a`, `grad N_a = sum_k slopes[a][k] g_k`.
+#[inline(always)]
+pub(super) fn deformation<S: Scalar, const N: usize>(
+    slopes: &[[f64; 3]; N],
+    gradients: &[Vec3<S>; 3],
+    u: impl Fn(usize, usize) -> S,
+) -> Mat3<S> {
+    let zero = gradients[0][0].constant(0.0);
+    let mut h = tabulate(|_, _| zero.clone());
+    for a in 0..N {
+        for i in 0..3 {
+            let value = u(a, i);
+            for k in 0..3 {
+                add_product(&mut h[i][k], slopes[a][k], &value);
+            }
+        }
+    }
+    tabulate(|i, j| {
+        let sum = h[i][0].clone() * gradients[0][j].clone()
+            + h[i][1].clone() * gradients[1][j].clone()
+            + h[i][2].clone() * gradients[2][j].clone();
+        if i == j { sum + 1.0 } else { sum }
+    })
+}
+
+/// `sum += slope value`; slopes known to the compiler leave nothing but additions.
+#[inline(always)]
+pub(super) fn add_product<S: Scalar>(sum: &mut S, slope: f64, value: &S) {
+    if slope == 1.0 {
+        *sum = sum.clone() + value.clone();
+    } else if slope == -1.0 {
+        *sum = sum.clone() - value.clone();
+    } else if slope != 0.0 {
+        *sum = sum.clone() + value.clone() * slope;
+    }
+}

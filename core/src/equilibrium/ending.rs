@@ -1,0 +1,121 @@
+//! How a solution ends: why a load step was given up, where the path turns, and the sentence that says so.
+
+use super::outcome::Status;
+use super::problem::Problem;
+use crate::linear::FactorError;
+
+/// Why a load step was given up.
+pub(super) enum Cut {
+    Inverted { cell: usize, jacobian: f64 },
+    NoDescent { residual: f64 },
+    Iterations { residual: f64 },
+    Factor(FactorError),
+}
+
+/// Load and `|du/dload|` of the last two equilibria that a step set out from, the newest last.
+pub(super) struct Slopes([(f64, f64); 2]);
+
+impl Slopes {
+    pub fn new() -> Self {
+        Slopes([(f64::NEG_INFINITY, 0.0); 2])
+    }
+
+    /// Adds an equilibrium, unless it is the newest already.
+    pub fn note(&mut self, load: f64, slope: f64) {
+        if load > self.0[1].0 {
+            self.0 = [self.0[1], (load, slope)];
+        }
+    }
+
+    /// The load at which the path turns, where it does so within a `reach` beyond the equilibrium at `load`.
+    ///
+    /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
+    /// linearly to zero.
+    pub fn limit_point(&self, load: f64, reach: f64) -> Option<f64> {
+        let [(before, slow), (last, fast)] = self.0;
+        if last != load || !before.is_finite() || !(fast > slow) {
+            return None;
+        }
+        let left = (last - before) / ((fast / slow).powi(2) - 1.0);
+        (left <= reach).then_some(last + left)
+    }
+}
+
+/// What is known at the end.
+pub(super) struct Ending {
+    pub load: f64,
+    pub iterations: usize,
+    /// Why the last load step was given up.
+    pub cut: Option<Cut>,
+    /// The load at which the path turns.
+    pub turn: Option<f64>,
+    /// Load and degree of freedom of an equilibrium that is not stable.
+    pub unstable: Option<(f64, usize)>,
+}
+
+impl Ending {
+    pub fn status(&self) -> Status {
+        match (self.load >= 1.0, self.unstable, self.turn) {
+            (false, _, Some(_)) => Status::LimitPoint,
+            (false, _, None) => Status::StepTooSmall,
+            (true, None, _) => Status::Converged,
+            (true, Some(_), _) => Status::ConvergedPastInstability,
+        }
+    }
+
+    pub fn message(&self, problem: &Problem) -> String {
+        let (status, load) = (self.status(), self.load);
+        let mut text = match (status.is_converged(), &self.cut) {
+            (false, Some(cut)) => format!("stopped at load {load:.4}: {}", cut.sentence()),
+            _ => format!("converged in {} iterations", self.iterations),
+        };
+        if let (Status::LimitPoint, Some(turn)) = (status, self.turn) {
+            let advice = if is_dead_load(problem) {
+                "follow it further by arc length, Organ.path(parameter='arc length')"
+            } else {
+                "ask for less, or prescribe a displacement instead of the load"
+            };
+            text += &format!("; the path turns back at load {turn:.4}, a limit point: {advice}");
+        }
+        if let Some((load, dof)) = self.unstable {
+            text += &format!(
+                "; the tangent was not positive definite at load {load:.4} (point {}): \
+                 the path passes an instability",
+                dof / 3
+            );
+        }
+        if !status.is_converged() && problem.body.material().name() == "saint_venant_kirchhoff" {
+            text += "; Saint Venant-Kirchhoff softens in compression and its energy stays finite where a cell is \
+                     crushed, a known flaw of the law: use neo_hookean";
+        }
+        text
+    }
+}
+
+impl Cut {
+    fn sentence(&self) -> String {
+        match self {
+            Cut::Inverted { cell, jacobian } => {
+                format!(
+                    "a smaller load step still turns cell {cell} inside out (J = {jacobian:.3})"
+                )
+            }
+            Cut::NoDescent { residual } => {
+                format!("no step lowers the energy (relative residual {residual:.1e})")
+            }
+            Cut::Iterations { residual } => {
+                format!("too many iterations (relative residual {residual:.1e})")
+            }
+            Cut::Factor(error) => error.to_string(),
+        }
+    }
+}
+
+/// Whether dead forces alone load the body and whole points hold it, as an arc-length path asks.
+fn is_dead_load(problem: &Problem) -> bool {
+    let Problem { prescribed, pressure, patches, .. } = problem;
+    let is_held = |&(dof, value): &(u32, f64)| {
+        value == 0.0 && (0..3).all(|i| prescribed.contains(&(dof / 3 * 3 + i, 0.0)))
+    };
+    pressure.is_empty() && patches.is_empty() && prescribed.iter().all(is_held)
+}

@@ -1,0 +1,171 @@
+//! Greedy enrichment by alternating directions: one pair of modes after the other (paper A, section 3).
+//!
+//! With the pairs found so far taken off the right-hand side `E(s)`, a new pair `R(x) S(s)` satisfies
+//!   S fixed: (int S^2) K R = int S E ds,      R fixed: (R . K R) S(s) = R . E(s),
+//! which are repeated until the direction of `S` rests. Each half-step minimises the energy of what is left,
+//! so the energy error falls with every pair, by exactly the energy of the pair.
+
+use super::rest::Rest;
+use super::separated::Separated;
+use crate::error::Error;
+use rayon::prelude::*;
+
+/// Rows per task.
+const ROWS: usize = 1024;
+
+/// When to stop. The readable text of paper A gives no rule, so these are settings; the tolerances by default are
+/// those of the code that its authors published with their book of 2016.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Enrichment {
+    /// An order is done when the energy norm of a pair falls below this part of the largest of its order; that pair
+    /// is left out.
+    pub tolerance: f64,
+    /// Pairs of an order at most.
+    pub max_terms: usize,
+    /// Change of the unit vector along `S` below which a pair is found.
+    pub stagnation: f64,
+    /// Iterations for a pair at most.
+    pub max_iterations: usize,
+}
+
+impl Default for Enrichment {
+    fn default() -> Self {
+        Enrichment { tolerance: 0.05, max_terms: 100, stagnation: 0.05, max_iterations: 30 }
+    }
+}
+
+/// What an enrichment found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Enriched {
+    pub field: Separated,
+    /// Energy norm of each pair.
+    pub sizes: Vec<f64>,
+    /// Fixed-point iterations of each pair.
+    pub iterations: Vec<usize>,
+    /// Whether `max_terms` ended the enrichment before `tolerance` did.
+    pub is_cut: bool,
+}
+
+struct Pair {
+    /// `R` and `K R` on the free degrees of freedom.
+    space: Vec<f64>,
+    force: Vec<f64>,
+    position: Vec<f64>,
+    size: f64,
+    iterations: usize,
+}
+
+impl Enrichment {
+    pub(super) fn check(&self) -> Result<(), Error> {
+        for (name, value) in [("tolerance", self.tolerance), ("stagnation", self.stagnation)] {
+            if !(value > 0.0 && value < 1.0) {
+                return Err(Error::input(format!("{name} {value}; it must be between 0 and 1")));
+            }
+        }
+        for (name, value) in
+            [("max_terms", self.max_terms), ("max_iterations", self.max_iterations)]
+        {
+            if value == 0 {
+                return Err(Error::input(format!("{name} is 0; it must be at least 1")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Separates `K^-1 E`; `residual` holds a column of the free degrees of freedom for each position and is left
+    /// with what was not captured. `go_on` is asked after each pair.
+    pub(super) fn separate(
+        &self,
+        rest: &Rest,
+        residual: &mut [f64],
+        weights: &[f64],
+        go_on: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Enriched, Error> {
+        let mut found = Enriched::default();
+        let mut largest: f64 = 0.0;
+        while let Some(pair) = self.pair(rest, residual, weights)? {
+            largest = largest.max(pair.size);
+            if pair.size < self.tolerance * largest {
+                break;
+            }
+            if found.field.len() == self.max_terms {
+                found.is_cut = true;
+                break;
+            }
+            residual.par_chunks_mut(rest.n()).zip(&pair.position).for_each(|(column, g)| {
+                column.iter_mut().zip(&pair.force).for_each(|(e, f)| *e -= g * f);
+            });
+            found.sizes.push(pair.size);
+            found.iterations.push(pair.iterations);
+            let norm = pair.space.iter().map(|r| r * r).sum::<f64>().sqrt();
+            let unit: Vec<f64> = pair.space.iter().map(|r| r / norm).collect();
+            found.field.space.push(rest.spread(&unit));
+            found.field.position.push(pair.position.iter().map(|g| g * norm).collect());
+            if !go_on(found.field.len()) {
+                return Err(Error::Cancelled);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The next pair; none where nothing is left to capture.
+    fn pair(&self, rest: &Rest, residual: &[f64], weights: &[f64]) -> Result<Option<Pair>, Error> {
+        let mut position = start(residual, rest.n());
+        let mut iterations = 0;
+        loop {
+            iterations += 1;
+            let square = inner(&position, &position, weights);
+            if !(square > 0.0) {
+                return Ok(None);
+            }
+            let force = combine(residual, rest.n(), &position, weights, 1.0 / square);
+            let mut space = force.clone();
+            rest.solve(&mut space)?;
+            let stiffness: f64 = space.iter().zip(&force).map(|(r, f)| r * f).sum();
+            if !(stiffness > 0.0) {
+                return Ok(None);
+            }
+            let next: Vec<f64> = residual
+                .par_chunks(rest.n())
+                .map(|e| e.iter().zip(&space).map(|(e, r)| e * r).sum::<f64>() / stiffness)
+                .collect();
+            let turned = turn(&position, &next, weights);
+            position = next;
+            if turned < self.stagnation || iterations == self.max_iterations {
+                let size = (stiffness * inner(&position, &position, weights)).sqrt();
+                return Ok(Some(Pair { space, force, position, size, iterations }));
+            }
+        }
+    }
+}
+
+/// The unit load on the position where most is left: a start that never misses what remains.
+fn start(residual: &[f64], n: usize) -> Vec<f64> {
+    let squares: Vec<f64> =
+        residual.par_chunks(n).map(|e| e.iter().map(|x| x * x).sum::<f64>()).collect();
+    let worst = (0..squares.len()).max_by(|&a, &b| squares[a].total_cmp(&squares[b])).unwrap_or(0);
+    (0..squares.len()).map(|s| if s == worst && squares[s] > 0.0 { 1.0 } else { 0.0 }).collect()
+}
+
+/// `factor sum_s w_s S(s) E(s)`, summed in the same order on any number of threads.
+fn combine(residual: &[f64], n: usize, position: &[f64], weights: &[f64], factor: f64) -> Vec<f64> {
+    let mut sum = vec![0.0; n];
+    sum.par_chunks_mut(ROWS).enumerate().for_each(|(chunk, sum)| {
+        for (s, (g, w)) in position.iter().zip(weights).enumerate() {
+            let column = &residual[s * n + chunk * ROWS..][..sum.len()];
+            let share = factor * w * g;
+            sum.iter_mut().zip(column).for_each(|(sum, e)| *sum += share * e);
+        }
+    });
+    sum
+}
+
+fn inner(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
+    a.iter().zip(b).zip(weights).map(|((a, b), w)| w * a * b).sum()
+}
+
+/// Distance of the unit vectors along `a` and `b`.
+fn turn(a: &[f64], b: &[f64], weights: &[f64]) -> f64 {
+    let size = (inner(a, a, weights) * inner(b, b, weights)).sqrt();
+    if size > 0.0 { (2.0 - 2.0 * inner(a, b, weights) / size).max(0.0).sqrt() } else { 0.0 }
+}

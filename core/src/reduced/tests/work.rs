@@ -1,0 +1,56 @@
+//! Energy: the force on a contact is the slope of an energy, so that a closed loop costs nothing.
+
+use super::*;
+
+/// Nodes and weights of Gauss and Legendre on [0, 1], exact for the work of a model of order 8.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046910077030668, 0.118463442528095),
+    (0.230765344947158, 0.239314335249683),
+    (0.5, 0.284444444444444),
+    (0.769234655052842, 0.239314335249683),
+    (0.953089922969332, 0.118463442528095),
+];
+
+/// Work along the straight way between two displacements of a contact.
+fn work(model: &ReducedModel, contact: &Contact, from: [f64; 3], to: [f64; 3]) -> f64 {
+    let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let power = |s: f64| {
+        let force = model.respond(contact, std::array::from_fn(|i| from[i] + s * way[i])).force;
+        (0..3).map(|i| force[i] * way[i]).sum::<f64>()
+    };
+    GAUSS.iter().map(|&(s, weight)| weight * power(s)).sum()
+}
+
+/// The part of the work that random closed loops of a contact do not return, at worst.
+fn lost(model: &ReducedModel) -> f64 {
+    let mut worst: f64 = 0.0;
+    for (k, random) in noise(40 * 32, 9).chunks_exact(32).enumerate() {
+        let contact = inside(k % MODEL.triangles.len(), barycentric(random[30], random[31]));
+        let corner = |c: usize| -> [f64; 3] {
+            std::array::from_fn(|i| DEPTH * random[3 * (c % 10) + i] / 3f64.sqrt())
+        };
+        let sides = (0..10).map(|c| work(model, &contact, corner(c), corner(c + 1)));
+        let (gain, size) = sides.fold((0.0, 0.0), |(gain, size), w| (gain + w, size + w.abs()));
+        worst = worst.max(f64::abs(gain) / size);
+    }
+    worst
+}
+
+/// At positions and between them, where orders are blended: all of it is a potential.
+#[test]
+fn a_closed_loop_of_a_contact_returns_what_it_took() {
+    assert!(lost(&MODEL) < 1e-9, "{:e}", lost(&MODEL));
+    let mut other = MODEL.clone();
+    let terms = 3 * other.n_terms();
+    // A second-order coefficient that is no slope of anything: F_x += c y^2, for every position.
+    for position in other.arrays.force.chunks_exact_mut(terms) {
+        position[3 * 6] += 0.01 * position[2].abs().max(position[8].abs()) / DEPTH;
+    }
+    assert!(lost(&other) > 1e-5, "a force without potential is seen: {:e}", lost(&other));
+}
+
+fn barycentric(a: f64, b: f64) -> [f64; 3] {
+    let (a, b) = (0.5 + 0.5 * a, 0.5 + 0.5 * b);
+    let root = a.sqrt();
+    [1.0 - root, root * (1.0 - b), root * b]
+}

@@ -1,0 +1,112 @@
+//! What may be thrown at the reader of model files and at the on-line evaluator, and what must hold.
+//!
+//! A fuzzer looks for inputs (`make fuzz`); the tests replay those that are kept in `corpus/`. Nothing
+//! may panic, whatever the bytes; a trusted answer is finite; a model that is accepted is read back
+//! as it was written.
+
+mod arrays;
+
+use arrays::Field;
+use std::sync::LazyLock;
+use viscera_core::reduced::{Metadata, ReducedModel, Trust};
+
+/// A valid model of a small block, that edits begin with.
+pub const BLOCK: &[u8] = include_bytes!("../corpus/file/block.viscera");
+
+static MODEL: LazyLock<ReducedModel> =
+    LazyLock::new(|| ReducedModel::from_bytes(BLOCK).expect("the corpus holds a valid block"));
+
+/// Any bytes as a model file; returns whether they are one.
+pub fn file(bytes: &[u8]) -> bool {
+    let Ok(model) = ReducedModel::from_bytes(bytes) else { return false };
+    let depth = model.metadata().depth;
+    for triangle in 0..(model.arrays().touchable.len() / 3).min(4) {
+        let point = model.centroid(triangle).point;
+        for d in [[0.0; 3], [0.0, 0.0, -depth], [depth, 0.5 * depth, -2.0 * depth], [1e200; 3]] {
+            touch(&model, point, d);
+        }
+    }
+    true
+}
+
+/// Edits of a valid model, then touches of it where it is still accepted.
+pub fn edits(bytes: &[u8]) -> bool {
+    let mut script = Script(bytes);
+    let (mut metadata, mut arrays) = (MODEL.metadata().clone(), MODEL.arrays().clone());
+    for _ in 0..script.byte() % 8 {
+        match script.byte() {
+            which @ 0..=223 => Field::of(&mut arrays, which).edit(&mut script),
+            which => edit_metadata(&mut metadata, which, &mut script),
+        }
+    }
+    let Ok(model) = ReducedModel::new(metadata, arrays) else { return false };
+    let written = model.to_bytes().expect("a model that is accepted can be written");
+    let again = ReducedModel::from_bytes(&written).expect("what was written can be read");
+    assert!(again.arrays() == model.arrays() && again.metadata() == model.metadata());
+    while !script.0.is_empty() {
+        let point = std::array::from_fn(|_| script.coordinate(0.05));
+        let d = std::array::from_fn(|_| script.coordinate(0.01));
+        touch(&model, point, d);
+    }
+    true
+}
+
+/// Everything a haptic loop asks for.
+fn touch(model: &ReducedModel, point: [f64; 3], d: [f64; 3]) {
+    let Some(contact) = model.locate(point) else { return };
+    model.is_on_surface(&contact);
+    let response = model.respond(&contact, d);
+    if response.trust == Trust::Trusted {
+        let numbers = response.force.iter().chain(response.stiffness.iter().flatten());
+        assert!(numbers.chain([&response.error_estimate]).all(|x| x.is_finite()), "{response:?}");
+    }
+    let mut workspace = vec![0.0; model.workspace_len()];
+    let mut field = vec![0.0; 3 * model.n_points()];
+    model.displacement(&contact, d, &mut workspace, &mut field);
+    model.patch(&contact);
+}
+
+fn edit_metadata(metadata: &mut Metadata, which: u8, script: &mut Script) {
+    match which % 6 {
+        0 => metadata.order = usize::from(script.byte()),
+        1 => metadata.edge_order = usize::from(script.byte()),
+        2 => metadata.depth = script.number(),
+        3 => metadata.radius = script.number(),
+        4 => metadata.diagonal = script.number(),
+        _ => metadata.format_version = u32::from(script.byte()),
+    }
+}
+
+/// The fuzzer's bytes, read as choices; zeros where they have ended.
+pub(crate) struct Script<'a>(&'a [u8]);
+
+impl Script<'_> {
+    fn bytes<const N: usize>(&mut self) -> [u8; N] {
+        let mut taken = [0; N];
+        let n = N.min(self.0.len());
+        taken[..n].copy_from_slice(&self.0[..n]);
+        self.0 = &self.0[n..];
+        taken
+    }
+
+    fn byte(&mut self) -> u8 {
+        self.bytes::<1>()[0]
+    }
+
+    fn index(&mut self) -> usize {
+        usize::from(u16::from_le_bytes(self.bytes()))
+    }
+
+    /// Any number at all.
+    fn number(&mut self) -> f64 {
+        f64::from_le_bytes(self.bytes())
+    }
+
+    /// A number in (-size, size), or any.
+    fn coordinate(&mut self, size: f64) -> f64 {
+        match self.byte() {
+            0..=15 => self.number(),
+            _ => size * f64::from(i16::from_le_bytes(self.bytes())) / 32768.0,
+        }
+    }
+}

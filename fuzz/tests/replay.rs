@@ -1,0 +1,106 @@
+//! The corpus, replayed: what once was thrown at the reader and the evaluator, in a second.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::path::{Path, PathBuf};
+
+/// The most memory that a thread holds at a time.
+struct Watching;
+
+#[global_allocator]
+static ALLOCATOR: Watching = Watching;
+
+thread_local! {
+    static HELD: Cell<isize> = const { Cell::new(0) };
+    static PEAK: Cell<isize> = const { Cell::new(0) };
+}
+
+fn hold(bytes: isize) {
+    HELD.set(HELD.get() + bytes);
+    PEAK.set(PEAK.get().max(HELD.get()));
+}
+
+// SAFETY: every request goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Watching {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        hold(layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        hold(layout.size() as isize);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        hold(-(layout.size() as isize));
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Old and new may live side by side.
+        hold(size as isize);
+        hold(-(layout.size() as isize));
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+/// What `work` held at its peak, and what it returns.
+fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
+    let before = HELD.get();
+    PEAK.set(before);
+    let result = work();
+    ((PEAK.get() - before) as usize, result)
+}
+
+/// The files of a corpus, by name.
+fn corpus(name: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name);
+    let mut paths: Vec<PathBuf> =
+        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+    paths.iter().map(|path| (name(path), std::fs::read(path).unwrap())).collect()
+}
+
+#[test]
+fn no_file_brings_the_reader_down() {
+    let accepted: Vec<String> = corpus("file")
+        .into_iter()
+        .filter(|(_, bytes)| viscera_fuzz::file(bytes))
+        .map(|f| f.0)
+        .collect();
+    assert!(accepted.iter().any(|name| name == "block.viscera"));
+    assert!(accepted.len() < corpus("file").len() / 2, "hostile files are refused: {accepted:?}");
+}
+
+/// Sizes are read from headers that may lie; memory is asked for what is there.
+#[test]
+fn no_file_asks_for_much_more_memory_than_it_has() {
+    for (name, bytes) in corpus("file") {
+        let (most, _) = peak(|| viscera_fuzz::file(&bytes));
+        let allowed = 64 * bytes.len() + (1 << 16);
+        assert!(most <= allowed, "{name}: {most} bytes held for a file of {}", bytes.len());
+    }
+}
+
+#[test]
+fn no_edit_of_a_model_brings_the_evaluator_down() {
+    let scripts = corpus("edits");
+    let accepted = scripts.iter().filter(|(_, bytes)| viscera_fuzz::edits(bytes)).count();
+    assert!(accepted > 0 && accepted < scripts.len(), "{accepted} of {}", scripts.len());
+}
+
+/// All of a valid file, cut or with one byte changed.
+#[test]
+fn no_damage_to_a_byte_brings_the_reader_down() {
+    let bytes = viscera_fuzz::BLOCK;
+    let mut refused = 0;
+    for place in (0..bytes.len()).step_by(31) {
+        assert!(!viscera_fuzz::file(&bytes[..place]), "cut after {place} bytes");
+        let mut changed = bytes.to_vec();
+        changed[place] ^= 1 << (place % 8);
+        refused += usize::from(!viscera_fuzz::file(&changed));
+    }
+    assert!(refused > 50, "{refused} refused");
+}

@@ -1,0 +1,57 @@
+"""The models of paper B on one case: linear, corotated, Saint Venant-Kirchhoff, neo-Hookean and Mooney-Rivlin.
+
+Writes compare.png and, for every node and component, compare.csv into the output folder. All models have the moduli
+of the case's material at small strain. Fails (exit 1) where a model does not reach the full load.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from viscera import progress
+from viscera.case import read_case
+from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.comparison import REFERENCE, compare, models
+from viscera.errors import VisceraError, did_you_mean
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera compare`."""
+    parser.add_argument("case", metavar="CASE.toml")
+    parser.add_argument("-o", "--output", default="out", metavar="DIR", help="folder of the results (default: out)")
+    parser.add_argument(
+        "--reference",
+        default=REFERENCE,
+        metavar="MODEL",
+        help=f"what the others are compared with (default {REFERENCE})",
+    )
+    parser.add_argument("--models", nargs="+", metavar="MODEL", help="only these, such as Linear 'MooneyRivlin J-1'")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Solve with every model, print the tables, draw."""
+    case = read_case(args.case)
+    case.require_unloaded("compare")
+    organ = case.organ()
+    output.say_all(organ.mesh.messages)
+    laws = models(organ.law)
+    wanted = {args.reference, *(args.models or laws)}
+    for name in wanted - set(laws):
+        raise VisceraError(f"unknown model {name!r}; {did_you_mean(name, laws)}")
+    laws = {name: law for name, law in laws.items() if name in wanted}
+    with progress.bar(output.is_quiet) as bar:
+        result = compare(organ, laws=laws, reference=args.reference, progress=bar, **case.loading())
+    output.say(result.table())
+    for name, each in result.runs.items():
+        if not each.state.is_converged:
+            output.say(f"{name} {each.state.status}: {each.state.message}")
+    folder = Path(args.output)
+    folder.mkdir(parents=True, exist_ok=True)
+    picture, differences = folder / "compare.png", folder / "compare.csv"
+    result.plot(picture)
+    result.write(differences)
+    output.say(f"picture: {picture}; every node and component: {differences}")
+    facts = {**result.to_json(), "picture": str(picture), "differences": str(differences)}
+    status, code = ("converged", DONE) if result.is_converged else ("a model did not converge", FAILED)
+    return Outcome(status, code, facts)

@@ -1,0 +1,55 @@
+"""The studies behind the two papers, measured anew: one HTML report with every figure as PNG and every table as CSV.
+
+viscera study liver -o out/liver
+viscera study liver kidney.vtu --units mm --fixed "z < 15%" -o out/kidney
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from viscera.case import load_mesh
+from viscera.cli.options import number_or_words
+from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
+from viscera.select import select
+from viscera.study import artery, beam, liver
+
+STUDIES: dict[str, Callable[..., dict[str, Any]]] = {"artery": artery.run, "beam": beam.run, "liver": liver.run}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera study`."""
+    parser.add_argument("name", choices=sorted(STUDIES), metavar="NAME", help=f"one of {', '.join(sorted(STUDIES))}")
+    parser.add_argument("-o", "--output", default="out", metavar="DIR", help="folder of the report (default: out)")
+    parser.add_argument("--quick", action="store_true", help="a smaller study, to see what it writes")
+    other = parser.add_argument_group("another organ than the built-in liver")
+    other.add_argument("mesh", nargs="?", metavar="MESH", help="a mesh file")
+    other.add_argument("--units", type=number_or_words, help="of the file: m, cm, mm, um, inch, or metres per unit")
+    other.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
+    other.add_argument("--touchable", metavar="SET", help="where loads may act (default: the surface off the fixed)")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Run the study, which writes its own report."""
+    facts = STUDIES[args.name](args.output, quick=args.quick, say=output.say, **_organ(args))
+    output.say(f"report: {facts['report']}")
+    return Outcome(facts.pop("status"), facts=facts)
+
+
+def _organ(args: argparse.Namespace) -> dict[str, Any]:
+    """The organ given instead of the built-in one."""
+    if args.mesh is None:
+        given = next((name for name in ("units", "fixed", "touchable") if getattr(args, name) is not None), None)
+        if given:
+            raise VisceraError(f"--{given} describes a mesh; give its file as well")
+        return {}
+    if args.name != "liver":
+        raise VisceraError(f"the {args.name} study has its own mesh; another organ goes with `viscera study liver`")
+    if args.fixed is None:
+        raise VisceraError(f"{args.mesh} is a mesh: it needs --fixed as well, a set's name or a condition")
+    mesh = load_mesh(args.mesh, args.units)
+    touchable = None if args.touchable is None else select(mesh, args.touchable)
+    return {"mesh": mesh, "fixed": select(mesh, args.fixed), "touchable": touchable}

@@ -1,0 +1,72 @@
+"""The viewer: touch a reduced model in the browser, step a case in real time, or export the page for any web server.
+
+viscera view liver.viscera
+viscera view liver.viscera --export site/
+viscera view liver.toml
+"""
+
+from __future__ import annotations
+
+import argparse
+import webbrowser
+from pathlib import Path
+
+from viscera.case import read_case
+from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
+from viscera.touch import load
+from viscera.viewer import export, serve, serve_live
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera view`."""
+    parser.add_argument("model", metavar="organ.viscera|CASE.toml")
+    parser.add_argument("--port", type=int, default=0, help="of the page's server on 127.0.0.1 (default: any free one)")
+    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
+    parser.add_argument("--export", metavar="DIR", help="write the page there as static files instead")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Serve until Ctrl-C, or export."""
+    if args.export:
+        if is_case(args.model):
+            raise VisceraError(f"{args.model} is stepped on this machine; reduce it first, then export the model")
+        return export_page(args.model, args.export, output)
+    show(args.model, output, args.port, opens_browser=not args.no_browser)
+    return Outcome("closed")
+
+
+def export_page(model: str, folder: str, output: Output) -> Outcome:
+    """Write the page of a model file into a folder."""
+    written = export(load(model), folder, name_of(model))
+    web = written.model
+    output.say(
+        f"{written.folder}: {', '.join(written.files)}\n"
+        f"web version of the model: {len(web.data) / 1e6:.1f} MB, {web.modes} modes, at most "
+        f"{100 * web.worst_error:.2g} % from the full model on the surface in {web.touches} touches"
+    )
+    facts = {"files": written.files, "model_bytes": len(web.data), "modes": web.modes, "worst_error": web.worst_error}
+    return Outcome("exported", facts={"folder": str(written.folder), **facts})
+
+
+def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:
+    """Serve the page of a model file, or of a case, until Ctrl-C."""
+    name = name_of(model)
+    server = serve_live(read_case(model), name, port) if is_case(model) else serve(load(model), name, port)
+    output.say(f"{server.url}\nCtrl-C ends the viewer")
+    if opens_browser:
+        webbrowser.open(server.url)
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        output.say("the viewer is closed")
+
+
+def is_case(path: str) -> bool:
+    """Whether a path names a case file."""
+    return Path(path).suffix == ".toml"
+
+
+def name_of(model: str) -> str:
+    """The organ's name, after its file."""
+    return Path(model).stem.replace("_", " ").replace("-", " ").capitalize()

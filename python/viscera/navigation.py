@@ -1,0 +1,186 @@
+"""From a scan to another posture: the shape an organ has without loads, found from the shape it was scanned in.
+
+A patient lies on the table while the mesh is acquired, so the mesh hangs in gravity already. Here X are the unknown
+unloaded positions, x the scanned ones, and x = X + u(X) where u is the equilibrium under the loads of the scan.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Mesh
+from viscera.state import State
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ, Progress
+
+TIGHT = {"tolerance": 1e-12}  # of the equilibria inside the iteration, in the words of Newton's settings
+MEMORY = 5  # earlier iterates that Anderson's acceleration combines
+PATIENCE = 15  # iterations in which the error must at least halve
+SMALLEST_STEP = 1.0 / 16.0  # of the load, before the search is given up
+
+
+@dataclass(frozen=True)
+class Unloaded:
+    """An organ without the loads of its scan, or the last one found where the search failed."""
+
+    organ: Organ
+    """The organ at its unloaded shape: the same cells, sets, law and fixed nodes."""
+    state: State
+    """Its equilibrium under the loads of the scan: the scanned shape again."""
+    scan: Mesh
+    """The mesh as scanned."""
+    is_converged: bool
+    message: str
+    """What happened, in words; empty where all went well."""
+    load: float
+    """Fraction of the scan's loads for which an unloaded shape was found, 1 where converged."""
+    errors: list[float] = field(repr=False)
+    """Largest distance of a node from its scanned place in units of the diagonal, after each iteration."""
+    seconds: float = 0.0
+    """Wall time."""
+
+    @property
+    def error(self) -> float:
+        """Largest distance of a cell's corner between the scan and the organ under its loads again, in diagonals."""
+        gap = (self.organ.mesh.points + self.state.displacement - self.scan.points)[: self.scan.n_corners]
+        return float(np.linalg.norm(gap, axis=1).max() / self.scan.diagonal)
+
+    def from_scan(self, state: State) -> State:
+        """A state of `organ` as navigation sees it: displacement and volume ratio count from the scanned shape."""
+        seen = copy.copy(state)
+        seen.mesh = self.scan
+        seen.displacement = self.organ.mesh.points + state.displacement - self.scan.points
+        seen.volume_ratio = state.volume_ratio * self.organ.mesh.volume / self.scan.volume
+        return seen
+
+
+def unloaded(
+    organ: Organ,
+    loads: Mapping[str, Any],
+    tolerance: float,
+    max_iterations: int,
+    progress: Progress | None = None,
+) -> Unloaded:
+    """Search for X with X + u(X) = x by the fixed point X <- X + (x - X - u(X)) with Anderson's acceleration.
+
+    Sellier, C. R. Mécanique 339 (2011) 103. The whole load is tried first; where that fails it is approached in steps.
+    """
+    _require_loads(loads)
+    if not (tolerance > 0.0 and max_iterations > 0):
+        raise VisceraError(f"tolerance {tolerance!r} and max_iterations {max_iterations!r} must be positive")
+    search = _Search(organ, dict(loads), tolerance, max_iterations)
+    began = perf_counter()
+    reached, step, message = 0.0, 1.0, ""
+    while reached < 1.0 and step >= SMALLEST_STEP:
+        target = min(1.0, reached + step)
+        message = search.to(target)
+        if message:
+            step /= 2.0
+        else:
+            reached = target
+        if progress:
+            progress(round(100 * reached), 100, "unloading")
+    words = "" if reached >= 1.0 else f"no unloaded shape found beyond {reached:.3g} of the scan's loads: {message}"
+    return Unloaded(
+        search.organ,
+        search.state,
+        organ.mesh,
+        is_converged=reached >= 1.0,
+        message=words,
+        load=reached,
+        errors=search.errors,
+        seconds=perf_counter() - began,
+    )
+
+
+class _Search:
+    """The iteration; `organ` and `state` always belong to the last load whose unloaded shape was found."""
+
+    def __init__(self, organ: Organ, loads: dict[str, Any], tolerance: float, max_iterations: int) -> None:
+        self.scanned, self.loads = organ, loads
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.organ, self.state = organ, organ.solve()
+        self.errors: list[float] = []
+
+    def at(self, corners: Floats) -> Organ:
+        """The organ with the corners of its cells elsewhere; edges are straight without loads."""
+        fresh = np.array(corners)
+        fresh.flags.writeable = False
+        return self.scanned.with_mesh(replace(self.scanned.mesh.linear(), points=fresh))
+
+    def to(self, load: float) -> str:
+        """Iterate at a fraction of the loads; what went wrong in words, or nothing."""
+        loads = _scaled(self.loads, load)
+        n, size = self.scanned.mesh.n_corners, self.scanned.mesh.diagonal
+        x, X, state = self.scanned.mesh.points[:n], self.organ.mesh.points[:n], self.state
+        history: list[tuple[Floats, Floats]] = []
+        best = [np.inf]
+        for iteration in range(self.max_iterations):
+            inverted = _inverted_cell(X, self.scanned.mesh)
+            if inverted is not None:
+                return f"cell {inverted} would be inside out without the loads"
+            organ = self.at(X)
+            start = state if np.isfinite(organ._body.energy(state.displacement)) else None
+            state = organ.solve(**loads, start=start, settings=TIGHT)
+            if not state.is_converged:
+                return f"the loads cannot be put back on ({state.message})"
+            gap = x - X - state.displacement[:n]
+            error = float(np.linalg.norm(gap, axis=1).max() / size)
+            self.errors.append(error)
+            if error <= self.tolerance:
+                self.organ, self.state = organ, state
+                return ""
+            if error > 2.0 * best[-1]:
+                history.clear()
+            best.append(min(best[-1], error))
+            if iteration >= PATIENCE and best[-1] > 0.5 * best[-1 - PATIENCE]:
+                return f"the iteration stalls with a node {best[-1] * size:.3g} m from its scanned place"
+            history = [*history[-MEMORY:], (X, gap)]
+            X = _next(history)
+        return f"{self.max_iterations} iterations leave a node {best[-1] * size:.3g} m from its scanned place"
+
+
+def _next(history: list[tuple[Floats, Floats]]) -> Floats:
+    """The next X from earlier ones and their gaps: the combination that would close the gap if it were linear in X."""
+    X, gap = history[-1]
+    if len(history) == 1:
+        return X + gap
+    steps = np.column_stack([(b[0] - a[0]).ravel() for a, b in pairwise(history)])
+    changes = np.column_stack([(b[1] - a[1]).ravel() for a, b in pairwise(history)])
+    weights = np.linalg.lstsq(changes, gap.ravel(), rcond=1e-12)[0]
+    return X + gap - ((steps + changes) @ weights).reshape(X.shape)
+
+
+def _inverted_cell(points: Floats, mesh: Mesh) -> int | None:
+    volumes = np.asarray(_core.inspect(np.ascontiguousarray(points), mesh.cells)["cell_volumes"])
+    return None if (volumes > 0.0).all() else int(np.argmin(volumes))
+
+
+def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
+    """A fraction of the loads, densities left as they are."""
+
+    def part(load: Any) -> Any:
+        if isinstance(load, Mapping):
+            return {where: part(value) for where, value in load.items()}
+        if isinstance(load, int | float):
+            return share * load
+        return None if load is None else share * np.asarray(load, dtype=float)
+
+    return {name: load if name == "density" else part(load) for name, load in loads.items()}
+
+
+def _require_loads(loads: Mapping[str, Any]) -> None:
+    """Raise `VisceraError` where a scan has no load: its mesh is unloaded already."""
+    given = [load for name, load in loads.items() if name != "density" and load is not None]
+    if not any(len(load) if isinstance(load, Mapping) else True for load in given):
+        raise VisceraError("the scan has no load to take off; give its gravity with the density, or its forces")

@@ -1,0 +1,205 @@
+"""A case stepped for a page: frames over a web socket are the stepper's, and nothing a page sends disturbs it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+import viscera as vs
+from viscera.case import Case, read_case
+from viscera.viewer import Server
+from viscera.viewer.live import Live, converse, matched
+
+CASE = """
+mesh = "bar.vtu"
+units = "m"
+fixed = "root"
+material = {law = "NeoHookean", young = 1e5, poisson = 0.4}
+"""
+TIP = [0.4, 0.05, 0.1]
+
+
+@pytest.fixture(scope="module")
+def case(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    folder = tmp_path_factory.mktemp("live")
+    bar.write(folder / "bar.vtu")
+    (folder / "bar.toml").write_text(CASE)
+    return read_case(folder / "bar.toml")
+
+
+@pytest.fixture(scope="module")
+def server(case: Case) -> Iterator[Server]:
+    with Server({}, live=converse(case, "Bar")) as running:
+        yield running
+
+
+@pytest.fixture
+def socket(server: Server) -> Iterator[ClientConnection]:
+    with open_socket(server) as opened:
+        opened.recv()
+        yield opened
+
+
+def open_socket(server: Server, **changes: Any) -> ClientConnection:
+    settings: dict[str, Any] = {"origin": f"http://127.0.0.1:{server.port}", "proxy": None, **changes}
+    opened: ClientConnection = connect(server.url.replace("http", "ws") + "live", **settings)
+    return opened
+
+
+def ask(socket: ClientConnection, **request: Any) -> NDArray[np.float32]:
+    socket.send(json.dumps(request))
+    answer = socket.recv()
+    assert isinstance(answer, bytes), answer
+    return np.frombuffer(answer, "<f4")
+
+
+def bodies(frame: NDArray[np.float32]) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """Facts and surface displacement of each organ of a frame."""
+    parts = np.split(frame[1:], int(frame[0]))
+    return [(part[:8], part[8:].reshape(-1, 3)) for part in parts]
+
+
+def test_the_stepper_introduces_itself(server: Server, bar: vs.Mesh) -> None:
+    with open_socket(server) as opened:
+        hello = json.loads(opened.recv())
+    assert hello["name"] == "Bar"
+    assert hello["law"] == "NeoHookean"
+    assert {"Linear", "Corotated", "SaintVenantKirchhoff", "NeoHookean", "MooneyRivlin"} <= set(hello["laws"])
+    assert np.allclose(np.reshape(hello["rest"], (-1, 3)), bar.points[bar.surface_nodes])
+    assert np.array_equal(bar.surface_nodes[np.reshape(hello["triangles"], (-1, 3))], bar.surface)
+
+
+def test_a_hand_finds_the_full_solution(socket: ClientConnection, case: Case) -> None:
+    organ = case.organ()
+    patch = organ.patch(TIP, 0.1 * organ.mesh.diagonal)
+    push = [0.0, 0.01, -0.02]
+    exact = organ.solve(displacement={patch: push})
+    ask(socket, grab=TIP, move=push)
+    for _ in range(10):
+        frame = ask(socket)
+    [(facts, surface)] = bodies(frame)
+    assert facts[:3] == pytest.approx(exact.reaction(patch), rel=1e-4)
+    assert surface == pytest.approx(exact.displacement[organ.mesh.surface_nodes], abs=1e-7)
+    assert facts[3] < 1e-6  # residual
+    assert facts[4] == 1.0  # the whole step was taken
+    assert facts[7] == pytest.approx(exact.volume_ratio - 1, abs=1e-5)
+
+
+def test_letting_go_brings_it_back(socket: ClientConnection) -> None:
+    ask(socket, grab=TIP, move=[0.0, 0.0, -0.02])
+    for _ in range(5):
+        ask(socket)
+    ask(socket, release=True)
+    for _ in range(10):
+        frame = ask(socket)
+    [(facts, surface)] = bodies(frame)
+    assert not facts[:3].any()
+    assert np.abs(surface).max() < 1e-7
+
+
+def test_gravity_turns(socket: ClientConnection, case: Case) -> None:
+    organ = case.organ()
+    for gravity in ([0.0, 0.0, -5.0], [0.0, 5.0, 0.0]):
+        ask(socket, gravity=gravity)
+        for _ in range(12):
+            frame = ask(socket)
+        exact = organ.solve(gravity=gravity, density=1000.0)
+        [(_, surface)] = bodies(frame)
+        assert surface == pytest.approx(exact.displacement[organ.mesh.surface_nodes], abs=1e-6)
+
+
+def test_two_laws_in_one_hand(socket: ClientConnection, case: Case, bar: vs.Mesh) -> None:
+    """Side by side they are moved alike; linear elasticity alone answers twice the push with twice the force."""
+    ask(socket, laws=["Linear", "NeoHookean"])
+    forces = []
+    for push in (-0.01, -0.02):
+        ask(socket, grab=TIP, move=[0.0, 0.0, push])
+        for _ in range(10):
+            frame = ask(socket)
+        forces.append([facts[:3] for facts, _ in bodies(frame)])
+    (linear, neo), (linear2, neo2) = forces
+    assert linear2 == pytest.approx(2 * linear, rel=1e-4)
+    assert np.linalg.norm(neo2 - 2 * neo) > 1e-2 * np.linalg.norm(neo2)
+
+
+def test_laws_are_matched_at_rest(case: Case) -> None:
+    laws = matched(case.organ().law)
+    moduli = np.array([law.core().moduli()[0] for law in laws.values()])
+    assert moduli == pytest.approx(np.tile(moduli[0], (len(moduli), 1)))
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        ("not JSON", "a request is a JSON object"),
+        ("[1, 2]", "got list"),
+        ("[" * 2000, "a request is a JSON object"),
+        ('{"grap": [0, 0, 0]}', "did you mean 'grab'"),
+        ('{"move": [0, 0]}', "three finite numbers"),
+        ('{"move": [0, 0, NaN]}', "three finite numbers"),
+        ('{"move": [0, 0, 1e999]}', "three finite numbers"),
+        ('{"gravity": "down"}', "three finite numbers"),
+        ('{"laws": ["Linear", "Linear", "Linear"]}', "one or two names"),
+        ('{"laws": ["Rubber"]}', "no law is called"),
+        ('{"laws": [["Linear"]]}', "no law is called"),
+        ('{"grab": [100, 0, 0]}', "m"),
+    ],
+)
+def test_what_cannot_be_read_is_a_sentence(socket: ClientConnection, message: str, words: str) -> None:
+    socket.send(message)
+    answer = json.loads(socket.recv())
+    assert words in answer["error"]
+    assert ask(socket)[0] == 1  # and nothing else happened
+
+
+def test_a_far_hand_stays_near(socket: ClientConnection, bar: vs.Mesh) -> None:
+    ask(socket, grab=TIP, move=[1e5, 0.0, 0.0])
+    for _ in range(3):
+        frame = ask(socket)
+    assert np.isfinite(frame).all()
+
+
+@pytest.mark.parametrize("noise", [b"\x00\xff", b"x" * 100_000, "x" * 100_000])
+def test_frames_that_are_none_close_the_socket(server: Server, noise: bytes | str) -> None:
+    with open_socket(server) as opened:
+        opened.recv()
+        opened.send(noise)
+        with pytest.raises(ConnectionClosed):
+            opened.recv()
+    with open_socket(server) as again:
+        assert json.loads(again.recv())["name"] == "Bar"
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": None}, 403),
+        ({"additional_headers": {"Host": "evil"}}, 421),
+    ],
+)
+def test_strangers_get_no_socket(server: Server, changes: dict[str, Any], status: int) -> None:
+    with pytest.raises(InvalidStatus) as refusal:
+        open_socket(server, **changes)
+    assert refusal.value.response.status_code == status
+
+
+def test_a_case_that_floats_is_refused_at_once(case: Case) -> None:
+    loose = Case(mesh=case.mesh, units=case.units, fixed=[0], material=case.material, folder=case.folder)
+    with pytest.raises(vs.VisceraError):
+        Live(loose, "Loose")
+
+
+def test_a_case_is_not_exported(case: Case, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    from viscera.cli import main
+
+    assert main(["view", str(case.folder / "bar.toml"), "--export", str(tmp_path / "site")]) == 2
+    assert "reduce it first" in capsys.readouterr().err

@@ -1,0 +1,152 @@
+"""Paper A's separated series: against the exact one, against Newton, between positions, and out to ParaView."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.pgd import Newton, Pgd, error_analysis
+
+LOAD = 6.0
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+
+
+@pytest.fixture(scope="module")
+def top(bar: vs.Mesh) -> np.ndarray:
+    return np.flatnonzero((bar.points[:, 2] == 0.1) & (bar.points[:, 0] > 0))
+
+
+@pytest.fixture(scope="module")
+def direct(organ: vs.Organ, top: np.ndarray) -> Pgd:
+    return organ.pgd(top, load=LOAD, order=5, tolerance=None)
+
+
+@pytest.fixture(scope="module")
+def greedy(organ: vs.Organ, top: np.ndarray) -> Pgd:
+    return organ.pgd(top, load=LOAD, order=5, tolerance=1e-6, stagnation=1e-3, max_iterations=60)
+
+
+def relative(u: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.linalg.norm(u - exact) / np.linalg.norm(exact))
+
+
+def test_the_separated_series_is_the_exact_one(direct: Pgd, greedy: Pgd, top: np.ndarray) -> None:
+    assert direct.positions.tolist() == top.tolist()
+    assert direct.counts == [len(top)] * 5
+    assert all(order.G.shape == (len(order.F), len(top)) for order in greedy.orders)
+    assert greedy.errors(direct).max() < 1e-4
+    assert all(len(order.sizes) == len(order.iterations) == len(order.F) for order in greedy.orders)
+    assert greedy.seconds > 0
+
+
+def test_its_orders_are_those_of_a_path(organ: vs.Organ, direct: Pgd, top: np.ndarray) -> None:
+    node = int(top[-1])
+    series = organ.path(force=direct.force(node), order=5, max_expansions=1).expansions[0].displacement
+    assert direct.series(node) == pytest.approx(series, rel=1e-8, abs=1e-12)
+
+
+def test_it_approaches_newton_as_the_order_grows(organ: vs.Organ, direct: Pgd, top: np.ndarray) -> None:
+    node, a = int(top[-2]), 0.3
+    exact = organ.solve(force=direct.force(node, a)).displacement
+    errors = [relative(direct.displacement(node, a, order=order), exact) for order in range(1, 6)]
+    assert all(low < high / 2 for high, low in pairwise(errors))
+    assert relative(direct.displacement(node, a, pade=True), exact) < errors[-1]
+
+
+def test_a_load_pushes_in_and_may_be_spread(organ: vs.Organ, top: np.ndarray) -> None:
+    points = organ.mesh.points
+    node = int(top[np.argmin(np.linalg.norm(points[top] - (0.2, 0.05, 0.1), axis=1))])
+    point, patch = (organ.pgd(top, load=LOAD, order=1, radius=radius) for radius in (0.0, 0.07))
+    assert point.displacement(node)[node, 2] < 0
+    assert point.force(node)[node] == pytest.approx((0, 0, -LOAD))
+    spread = patch.force(node)
+    assert spread.sum(axis=0) == pytest.approx((0, 0, -LOAD))
+    assert np.count_nonzero(spread[:, 2]) > 1
+    assert patch.displacement(node)[node, 2] > point.displacement(node)[node, 2]
+
+
+def test_between_positions_it_is_interpolated(direct: Pgd, top: np.ndarray) -> None:
+    points, triangles = direct.mesh.points, direct.mesh.surface
+    corners = triangles[np.isin(triangles, top).all(axis=1)][0]
+    shares = np.array([0.2, 0.3, 0.5])
+    blend = sum(share * direct.displacement(int(node)) for share, node in zip(shares, corners, strict=True))
+    assert direct.displacement(shares @ points[corners]) == pytest.approx(blend, rel=1e-9, abs=1e-15)
+    node = int(corners[0])
+    assert direct.displacement(points[node]) == pytest.approx(direct.displacement(node), rel=1e-9, abs=1e-15)
+
+
+def test_projection_needs_fewer_pairs_for_the_same_field(direct: Pgd, greedy: Pgd) -> None:
+    for model in (direct, greedy):
+        few = model.project(0.02)
+        assert all(a < b for a, b in zip(few.counts, model.counts, strict=True))
+        for ours, exact in zip(few.orders, model.orders, strict=True):
+            gap = model.weights @ (ours.table() - exact.table()) ** 2
+            size = model.weights @ exact.table() ** 2
+            assert 0 < gap.sum() <= 0.02**2 * size.sum()
+
+
+def test_error_analysis_is_a_table(organ: vs.Organ, direct: Pgd, top: np.ndarray) -> None:
+    best = direct.project(0.0)
+    table = error_analysis(best, direct, terms=(1, 4, 16), orders=(1, 5), loads=(0.2,))
+    assert set(table) == {"terms", "order", "load", "mean_error", "worst_error"}
+    assert {len(column) for column in table.values()} == {6}
+    highest = table["mean_error"][table["order"] == 5]
+    assert (np.diff(highest) < 0).all()
+    assert (table["mean_error"] <= table["worst_error"]).all()
+    full = error_analysis(direct, Newton(organ, direct), terms=(len(top),), loads=(0.2,), positions=[int(top[-1])])
+    assert (np.diff(full["worst_error"]) < 0).all(), "every order brings it closer to Newton"
+
+
+def test_modes_and_paths_read_back(greedy: Pgd, tmp_path: Path, top: np.ndarray) -> None:
+    few = greedy.truncated(3)
+    listing, *files = few.write(tmp_path / "modes")
+    assert re.findall(r'timestep="([\d.]+)" file="(.*?)"', listing.read_text()) == [
+        (f"{i + 1}.0", file.name) for i, file in enumerate(files)
+    ]
+    second = meshio.read(files[1])
+    assert second.points == pytest.approx(few.mesh.points)
+    assert second.point_data["F_4"] == pytest.approx(few.orders[3].F[1])
+    assert second.point_data["G_4"][top] == pytest.approx(few.orders[3].G[1])
+    assert not np.delete(second.point_data["G_4"], top).any()
+    _, first, last = few.write_path(tmp_path / "path", [int(top[0]), few.mesh.points[top[-1]]], 0.5)
+    assert meshio.read(first).point_data["displacement"] == pytest.approx(few.displacement(int(top[0]), 0.5))
+    assert meshio.read(last).point_data["displacement"] == pytest.approx(few.displacement(int(top[-1]), 0.5))
+
+
+def test_what_is_refused(organ: vs.Organ, direct: Pgd, top: np.ndarray, tmp_path: Path) -> None:
+    cases = [
+        ({"load": 0.0}, "load 0 N; it must be finite and not zero"),
+        ({"load": float("nan")}, "load NaN N"),
+        ({"load": 1.0, "order": 0}, "order must be a whole number of at least 1, got 0"),
+        ({"load": 1.0, "order": 16}, "order 16; it must be between 1 and 15"),
+        ({"load": 1.0, "tolerance": 2.0}, "tolerance 2; it must be between 0 and 1"),
+        ({"load": 1.0, "stagnation": 0.0}, "stagnation 0"),
+        ({"load": 1.0, "max_terms": 0}, "max_terms must be"),
+        ({"load": 1.0, "radius": -1.0}, "radius -1 m"),
+    ]
+    for settings, words in cases:
+        with pytest.raises(ValueError, match=words):
+            organ.pgd(top, **settings)  # type: ignore[arg-type]
+    inner = int(np.setdiff1d(np.arange(len(organ.mesh.points)), top)[0])
+    with pytest.raises(vs.VisceraError, match=f"node {inner} is no load position"):
+        direct.displacement(inner)
+    with pytest.raises(vs.VisceraError, match="from the load positions"):
+        direct.displacement((0.2, 0.05, -0.5))
+    with pytest.raises(vs.VisceraError, match="order is 6; this series has orders 1 to 5"):
+        direct.displacement(int(top[0]), order=6)
+    with pytest.raises(vs.VisceraError, match="at least one pair"):
+        direct.truncated(0)
+    with pytest.raises(vs.VisceraError, match="tolerance is 1"):
+        direct.project(1.0)
+    with pytest.raises(vs.VisceraError, match="different meshes or positions"):
+        direct.errors(organ.pgd(top[top > top[2]], load=LOAD, order=1))

@@ -1,0 +1,207 @@
+"""The viewer's server: who is answered, who is not, and that nothing a stranger sends disturbs it."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import viscera as vs
+from viscera.viewer import Server, page
+
+FILES = {"index.html": b"<p>an organ</p>", "viewer.js": b"let organ", "organ.viscera": b"\0\1\2"}
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    with Server(FILES) as running:
+        yield running
+
+
+def get(url: str, **headers: str) -> tuple[int, bytes]:
+    request = urllib.request.Request(url, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    try:
+        with urllib.request.urlopen(request, timeout=10) as response:
+            return response.status, response.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
+
+
+def send(server: Server, data: bytes, *, hangs_up: bool = False) -> bytes:
+    """The answer to raw bytes; empty where the server hangs up, or where the stranger does so first."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as stranger:
+        stranger.sendall(data)
+        if hangs_up:
+            stranger.shutdown(socket.SHUT_WR)
+        parts = []
+        try:
+            while part := stranger.recv(65536):
+                parts.append(part)
+        except ConnectionResetError:
+            pass
+        return b"".join(parts)
+
+
+def test_its_own_page_is_served(server: Server) -> None:
+    for path, content in {"": FILES["index.html"], **FILES, "viewer.js?v=1": FILES["viewer.js"]}.items():
+        assert get(server.url + path) == (200, content)
+
+
+def test_headers_keep_the_page_to_itself(server: Server) -> None:
+    with urllib.request.urlopen(server.url, timeout=10) as response:
+        headers = response.headers
+    assert headers["Content-Type"] == "text/html; charset=utf-8"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "evil.example:{port}", ""])
+def test_another_host_is_refused(server: Server, host: str) -> None:
+    """A name that an attacker lets point to this machine does not reach the page."""
+    assert get(server.url, Host=host.format(port=server.port))[0] == 421
+
+
+def test_two_hosts_are_refused(server: Server) -> None:
+    path = server.url.partition(f":{server.port}")[2]
+    lines = f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nHost: evil.example\r\n\r\n"
+    assert b" 421 " in send(server, lines.encode()).split(b"\r\n")[0]
+
+
+@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"])
+def test_another_origin_is_refused(server: Server, origin: str) -> None:
+    assert get(server.url, Origin=origin.format(port=server.port))[0] == 403
+
+
+def test_its_own_origin_is_not(server: Server) -> None:
+    assert get(server.url, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
+
+
+@pytest.mark.parametrize("path", ["", "index.html", "x/index.html", "{token}", "{token}x/", "%00/", "é/"])
+def test_nothing_without_the_token(server: Server, path: str) -> None:
+    token = server.url.rstrip("/").rpartition("/")[2]
+    expected = 200 if path == "{token}" else 403
+    wrong = path.format(token=token)
+    base = f"http://127.0.0.1:{server.port}/"
+    assert get(base + urllib.parse.quote(wrong, safe="/%"))[0] == expected
+
+
+@pytest.mark.parametrize(
+    "name", ["../pyproject.toml", "..%2f..%2fetc/passwd", "/etc/passwd", "static/viewer.js", "%2e%2e/"]
+)
+def test_no_other_file(server: Server, name: str) -> None:
+    status, body = get(server.url + name)
+    assert status == 404
+    assert body == b"no such file\n"
+
+
+def test_it_listens_on_this_machine_alone(server: Server) -> None:
+    assert server.url.startswith("http://127.0.0.1:")
+    assert server._server.socket.getsockname()[0] == "127.0.0.1"
+
+
+@given(st.binary(max_size=300))
+def test_noise_does_not_disturb_it(server: Server, noise: bytes) -> None:
+    answer = send(server, noise + b"\r\n\r\n", hangs_up=True)
+    assert b" 200 " not in answer.split(b"\r\n")[0]
+    assert get(server.url)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [
+        "POST {path} HTTP/1.1",
+        "GET {path} HTTP/9.9",
+        "GET {path}" + "x" * 20_000 + " HTTP/1.1",
+        "GET http://evil.example{path} HTTP/1.1",
+    ],
+)
+def test_odd_requests_are_refused(server: Server, request_line: str) -> None:
+    path = server.url.partition(f":{server.port}")[2]
+    lines = request_line.format(path=path) + f"\r\nHost: 127.0.0.1:{server.port}\r\n\r\n"
+    assert b" 200 " not in send(server, lines.encode()).split(b"\r\n")[0]
+    assert get(server.url)[0] == 200
+
+
+def test_a_web_socket_is_refused(server: Server) -> None:
+    path = server.url.partition(f":{server.port}")[2]
+    lines = (
+        f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    assert b" 101 " not in send(server, lines.encode()).split(b"\r\n")[0]
+
+
+def test_a_stranger_who_says_nothing_blocks_nobody(server: Server) -> None:
+    with socket.create_connection(("127.0.0.1", server.port)):
+        assert get(server.url)[0] == 200
+
+
+def test_a_port_that_is_taken_is_a_sentence(server: Server) -> None:
+    with pytest.raises(vs.VisceraError, match="choose another with --port"):
+        Server(FILES, port=server.port)
+    with pytest.raises(vs.VisceraError, match="port 99999"):
+        Server(FILES, port=99999)
+
+
+def test_closing_ends_every_thread() -> None:
+    before = threading.active_count()
+    with Server(FILES) as short:
+        get(short.url)
+    for thread in threading.enumerate():
+        if thread is not threading.main_thread() and thread.name != "MainThread":
+            thread.join(timeout=0.2)
+    assert threading.active_count() <= before + 1
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", short.port), timeout=2)
+
+
+@pytest.fixture(scope="module")
+def model(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    path = tmp_path_factory.mktemp("view") / "my_bar.viscera"
+    organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.15), radius=0.07, depth=0.02, order=2).save(path)
+    return path
+
+
+@pytest.fixture
+def built() -> None:
+    try:
+        page.files()
+    except vs.VisceraError as error:
+        pytest.skip(str(error))
+
+
+def test_ctrl_c_closes_the_viewer(model: Path, built: None) -> None:
+    words = [sys.executable, "-m", "viscera", "view", str(model), "--no-browser"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as viewer:
+        assert viewer.stdout is not None
+        url = viewer.stdout.readline().strip()
+        assert get(url)[0] == 200
+        viewer.send_signal(signal.SIGINT)
+        out, errors = viewer.communicate(timeout=20)
+    assert (viewer.returncode, errors) == (0, "")
+    assert "the viewer is closed" in out
+
+
+def test_the_page_is_served_with_its_model(model: Path, built: None) -> None:
+    from viscera.viewer import serve
+
+    touch = vs.load(model)
+    with serve(touch, "My bar") as running:
+        status, data = get(running.url + page.MODEL)
+        assert status == 200
+        assert b"<script" in get(running.url)[1]
+    shown = vs.touch.load_bytes(data)
+    assert shown.metadata["user"]["name"] == "My bar"

@@ -1,0 +1,105 @@
+"""A small organ, its page on a server of this machine, and a real browser without a window.
+
+Without Chromium or without the built page these tests are skipped, loudly; `make test-web` brings both.
+"""
+
+from __future__ import annotations
+
+import functools
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import viscera as vs
+from viscera.viewer import Server, page, serve
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+# A machine without a graphics card draws in software.
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+SHOTS = Path(__file__).resolve().parents[2] / "out" / "viewer"
+
+
+@pytest.fixture(scope="session")
+def touch(bar: vs.Mesh) -> vs.Touch:
+    """The bar, touchable but near its root, to a quarter of its thickness."""
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.45), fixed="root")
+    return organ.reduce(lambda x: x[:, 0] > 0.1, radius=0.07, depth=0.025, order=4)
+
+
+@pytest.fixture(scope="session")
+def server(touch: vs.Touch) -> Iterator[Server]:
+    try:
+        page.files()
+    except vs.VisceraError as error:
+        pytest.skip(str(error))
+    with serve(touch, "Bar") as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api")
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
+        pytest.skip("no Chromium here; install the package chromium")
+    with playwright.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=program, args=FLAGS)
+        yield running
+        running.close()
+
+
+class Viewer:
+    """A page with its view, and everything it complained about."""
+
+    def __init__(self, browser: Any, url: str, **settings: Any) -> None:
+        self.page = browser.new_context(**{"viewport": {"width": 1100, "height": 720}, **settings}).new_page()
+        self.complaints: list[str] = []
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("console", self._listen)
+        self.page.set_default_timeout(60_000)
+        self.page.goto(url)
+        self.page.wait_for_selector(".view canvas.stage")
+
+    def _listen(self, message: Any) -> None:
+        if message.type in {"error", "warning"} and "GPU stall" not in message.text:
+            self.complaints.append(message.text)
+
+    def call(self, method: str, *arguments: object) -> Any:
+        """Call a method of the page's view."""
+        return self.page.evaluate("([method, args]) => window.viscera[method](...args)", [method, list(arguments)])
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The state of the view in numbers."""
+        found: dict[str, Any] = self.call("state")
+        return found
+
+    def place(self, point: Any) -> tuple[float, float]:
+        """Where a point [m] is on the screen."""
+        at = self.call("project", list(map(float, point)))
+        return at["x"], at["y"]
+
+    def shoot(self, name: str) -> None:
+        """Keep a picture."""
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SHOTS / f"{name}.png")
+
+    def close(self) -> None:
+        self.page.context.close()
+
+
+@pytest.fixture(scope="session")
+def look_at(browser: Any) -> Callable[..., Viewer]:
+    """Opens the view behind an address, with the settings of a device."""
+    return functools.partial(Viewer, browser)
+
+
+@pytest.fixture(scope="module")
+def viewer(look_at: Callable[..., Viewer], server: Server) -> Iterator[Viewer]:
+    """One page for a whole module; each test lets go at its end."""
+    opened = look_at(server.url)
+    yield opened
+    opened.close()

@@ -1,0 +1,215 @@
+"""The page in a real browser: its numbers are those of Python, its controls do what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+
+if TYPE_CHECKING:
+    from tests.web.conftest import Viewer
+
+TOP = (0.3, 0.05, 0.1)
+
+
+@pytest.fixture(autouse=True)
+def letting_go(viewer: Viewer) -> Iterator[None]:
+    """Every test begins with an organ at rest, and none may make the page complain."""
+    viewer.call("rest")
+    viewer.call("setOrder", 4)
+    viewer.call("setColouring", "tissue")
+    yield
+    assert viewer.complaints == []
+
+
+def close(found: Any, expected: Any, tolerance: float = 1e-5) -> bool:
+    """Whether two vectors agree relative to the second one's norm."""
+    difference = np.asarray(found, float).ravel() - np.asarray(expected, float).ravel()
+    return bool(np.linalg.norm(difference) <= tolerance * np.linalg.norm(expected))
+
+
+def volume(points: NDArray[np.float64], triangles: NDArray[Any]) -> float:
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def test_the_page_is_there(viewer: Viewer) -> None:
+    assert viewer.page.title() == "Bar · Viscera"
+    assert viewer.page.locator("h1").inner_text() == "Bar"
+    assert "neo-Hookean" in viewer.page.locator("header p").inner_text()
+    assert viewer.state["activity"] == "rest"
+
+
+def test_a_drag_moves_the_organ_by_the_numbers_of_python(viewer: Viewer, touch: vs.Touch) -> None:
+    x, y = viewer.place(TOP)
+    mouse = viewer.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x, y + 25, steps=4)
+    held = viewer.state
+    shown = viewer.page.locator("output.force").inner_text()
+    viewer.shoot("drag")
+    mouse.up()
+    assert held["activity"] == "held"
+    point, push = held["point"], held["displacement"]
+    assert np.linalg.norm(np.subtract(point, TOP)) < 1e-3
+    assert push[2] < -1e-3  # in, along the normal of the upper face
+    answer = touch(point, push)
+    assert close(held["field"], touch.surface_displacement(point, push))
+    assert close(held["force"], answer.force)
+    assert close(held["stiffness"], answer.stiffness)
+    assert held["error_estimate"] == pytest.approx(answer.error_estimate, rel=1e-5)
+    assert held["is_trusted"] == answer.is_trusted
+    assert float(shown) == pytest.approx(np.linalg.norm(answer.force), abs=0.006)
+
+
+def test_letting_go_brings_the_organ_back(viewer: Viewer) -> None:
+    x, y = viewer.place(TOP)
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(x, y + 20, steps=2)
+    viewer.page.mouse.up()
+    viewer.page.wait_for_selector(".force-label", state="hidden")
+    assert viewer.state["activity"] == "rest"
+
+
+def test_a_kept_touch_stays(viewer: Viewer) -> None:
+    viewer.call("setKeeping", True)
+    x, y = viewer.place(TOP)
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(x, y + 20, steps=2)
+    viewer.page.mouse.up()
+    assert viewer.state["activity"] == "kept"
+    viewer.call("setKeeping", False)
+
+
+@pytest.mark.parametrize("push", [(0.0, 0.0, -0.02), (0.004, -0.006, 0.008)])
+def test_what_every_order_says(viewer: Viewer, touch: vs.Touch, push: tuple[float, float, float]) -> None:
+    viewer.call("touch", TOP, push)
+    state = viewer.state
+    full = touch.surface_displacement(state["point"], push)
+    rest = touch.mesh.points
+    surface = touch.mesh.surface
+    moved = rest.copy()
+    moved[touch.surface_nodes] += full
+    gain = volume(moved, surface) / volume(rest, surface) - 1
+    assert state["orders"][3]["volume"] == pytest.approx(gain, abs=1e-6)
+    assert state["orders"][3]["force"] == pytest.approx(
+        float(np.linalg.norm(touch(state["point"], push).force)), rel=1e-5
+    )
+    # The first order is the slope at rest: linear theory.
+    small = 1e-4
+    slope = touch.surface_displacement(state["point"], np.multiply(small, push)) / small
+    viewer.call("setOrder", 1)
+    assert close(viewer.state["field"], slope, 1e-3)
+    off = np.linalg.norm(slope - full) / np.linalg.norm(full)
+    assert state["orders"][0]["off"] == pytest.approx(off, rel=1e-2)
+
+
+def test_linear_theory_gains_volume_and_the_page_says_so(viewer: Viewer) -> None:
+    viewer.call("touch", (0.15, 0.05, 0.1), (0.0, 0.0, -0.025))
+    orders = viewer.state["orders"]
+    assert orders[0]["volume"] > 5 * abs(orders[3]["volume"])
+    row = viewer.page.locator(".orders tbody tr").first.inner_text()
+    assert f"+{100 * orders[0]['volume']:.2f}" in row
+    viewer.call("setOrder", 1)
+    assert "linear theory" in viewer.page.locator(".warning.is-shown").inner_text()
+
+
+def test_what_is_not_to_be_trusted_is_red(viewer: Viewer, touch: vs.Touch) -> None:
+    assert viewer.page.locator(".warning.is-shown").count() == 0
+    viewer.call("touch", TOP, (0.0, 0.0, -1.2 * touch.depth))
+    assert not viewer.state["is_trusted"]
+    assert "made for" in viewer.page.locator(".warning.is-shown").inner_text()
+    viewer.shoot("warning")
+
+
+def test_a_tool_slips_far_beyond_the_depth(viewer: Viewer, touch: vs.Touch) -> None:
+    viewer.call("touch", TOP, (0.0, 0.0, -1.0))
+    assert np.linalg.norm(viewer.state["displacement"]) == pytest.approx(1.3 * touch.depth)
+
+
+def test_modes_are_those_of_the_file(viewer: Viewer, touch: vs.Touch) -> None:
+    modes = touch._model.array("surface_modes").reshape(len(touch._model.array("mode_scale")), -1)
+    shown = viewer.page.evaluate("() => [...window.viscera.evaluator.mode(2)]")
+    assert close(shown, modes[2] / np.abs(modes[2]).max())
+    starts, regions = touch._model.array("region_start"), touch._model.array("position_region")
+    counts = np.diff(starts)
+    terms = 34
+    position = int(np.flatnonzero(regions == 0)[0])
+    offset = int((terms * counts[regions[:position]]).sum())
+    coefficient = touch._model.array("position_coefficients")[offset + 5 * int(counts[0]) + 2]
+    metres = coefficient * touch._model.array("mode_scale")[2] * np.abs(modes[2]).max() * touch.depth**2
+    weights = viewer.page.evaluate("() => [...window.viscera.evaluator.modeAmplitude(2, 5)]")
+    assert weights[position] == pytest.approx(metres, rel=1e-4)
+    viewer.call("toggleModes")
+    assert viewer.page.locator(".modes").is_visible()
+    viewer.shoot("modes")
+    viewer.page.keyboard.press("Escape")
+
+
+def test_the_load_path_wanders(viewer: Viewer, touch: vs.Touch) -> None:
+    viewer.call("togglePath")
+    points = set()
+    for _ in range(300):
+        viewer.page.wait_for_timeout(100)
+        state = viewer.state
+        assert state["activity"] == "path"
+        points.add(tuple(state["point"] or ()))
+        if len(points) > 3 and np.linalg.norm(state["displacement"]) > 1e-3:
+            break
+    else:
+        pytest.fail(f"the contact does not wander: {points}")
+    assert close(state["field"], touch.surface_displacement(state["point"], state["displacement"]))
+    viewer.call("togglePath")
+
+
+def test_the_keyboard_can_do_it_all(viewer: Viewer) -> None:
+    viewer.page.locator("canvas.stage").focus()
+    press = viewer.page.keyboard.press
+    press("Enter")
+    depth = np.linalg.norm(viewer.state["displacement"])
+    press("+")
+    assert np.linalg.norm(viewer.state["displacement"]) > depth > 0
+    press("2")
+    assert viewer.state["order"] == 2
+    press("c")
+    assert viewer.page.locator(".legend").is_visible()
+    press("w")
+    press("w")
+    press("?")
+    assert viewer.page.locator(".help").is_visible()
+    press("?")
+    press("Escape")
+    assert viewer.state["activity"] == "rest"
+
+
+@pytest.mark.parametrize("colouring", ["displacement", "error"])
+def test_colours_have_a_legend(viewer: Viewer, colouring: str) -> None:
+    viewer.call("setColouring", colouring)
+    viewer.call("touch", TOP, (0.0, 0.003, -0.015))
+    assert colouring[:4] in viewer.page.locator(".legend").inner_text()
+    viewer.shoot(colouring)
+
+
+def test_frame_times_are_reported(viewer: Viewer, record_property: Any) -> None:
+    viewer.call("touch", TOP, (0.0, 0.0, -0.01))
+    viewer.page.wait_for_timeout(200)
+    frame = viewer.state["frame"]
+    assert frame["work"] > 0
+    assert "ms a frame" in viewer.page.locator(".clock").inner_text()
+    evaluation = viewer.page.evaluate(
+        """() => {
+            const [view, began] = [window.viscera, performance.now()];
+            for (let k = 0; k < 200; k++) view.touching.displace([0, 0, -0.01], 4);
+            return (performance.now() - began) / 200;
+        }"""
+    )
+    record_property("milliseconds_of_evaluation_a_frame", evaluation)
+    print(f"evaluation {evaluation:.2f} ms a frame; frame {frame}")

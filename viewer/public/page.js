@@ -1,0 +1,3 @@
+import { open } from "./viewer.js";
+
+open(document.body, "organ.viscera");

@@ -1,0 +1,79 @@
+// The contact: a ring on the surface, and the force as an arrow that pushes or pulls there.
+import * as THREE from "three";
+import type { Vec3 } from "./evaluator";
+
+const UP = new THREE.Vector3(0, 1, 0);
+
+export class Arrow {
+  readonly group = new THREE.Group();
+  private readonly shaft: THREE.Mesh;
+  private readonly head: THREE.Mesh;
+  private readonly ring: THREE.Mesh;
+  private readonly material = new THREE.MeshStandardMaterial({ roughness: 0.35, metalness: 0.05 });
+  /** The arrow's far end, where its number belongs [m]. */
+  readonly tail = new THREE.Vector3();
+
+  /** Lengths follow the organ's diagonal [m]; the ring is the contact patch. */
+  constructor(
+    private readonly diagonal: number,
+    radius: number,
+  ) {
+    const width = 0.0085 * diagonal;
+    this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(width, width, 1, 24).translate(0, 0.5, 0), this.material);
+    this.head = new THREE.Mesh(new THREE.ConeGeometry(2.6 * width, 5 * width, 32).translate(0, 2.5 * width, 0), this.material);
+    const torus = new THREE.TorusGeometry(radius, 0.003 * diagonal, 12, 64);
+    this.ring = new THREE.Mesh(torus, new THREE.MeshBasicMaterial({ color: 0xffffff, transparent: true, opacity: 0.75 }));
+    this.group.add(this.shaft, this.head, this.ring);
+    this.group.visible = false;
+  }
+
+  /** A force at a point: its length is the share of the reference force; a push ends at the surface, a pull starts there. */
+  show(at: Vec3, force: Vec3, outward: Vec3, reference: number, isTrusted: boolean): void {
+    const F = new THREE.Vector3(...force);
+    const size = F.length();
+    const direction = size > 0 ? F.clone().divideScalar(size) : new THREE.Vector3(...outward).negate();
+    const length = this.diagonal * Math.min(0.1 + 0.3 * (size / reference), 0.6);
+    const headLength = 5 * 0.0085 * this.diagonal;
+    const point = new THREE.Vector3(...at);
+    const isPull = direction.dot(new THREE.Vector3(...outward)) > 0;
+    const start = isPull ? point : point.clone().addScaledVector(direction, -length);
+    const turn = new THREE.Quaternion().setFromUnitVectors(UP, direction);
+    this.shaft.position.copy(start);
+    this.shaft.quaternion.copy(turn);
+    this.shaft.scale.set(1, length - headLength, 1);
+    this.head.position.copy(start).addScaledVector(direction, length - headLength);
+    this.head.quaternion.copy(turn);
+    this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
+    this.shaft.visible = this.head.visible = size > 1e-3 * reference;
+    this.material.color.set(isTrusted ? 0x2f7cf6 : 0xe5352b);
+    this.mark(at, outward);
+  }
+
+  /** The ring alone: where a press would touch. */
+  mark(at: Vec3, outward: Vec3): void {
+    const normal = new THREE.Vector3(...outward);
+    this.ring.position.set(...at).addScaledVector(normal, 0.006 * this.diagonal);
+    this.ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), normal);
+    this.group.visible = true;
+  }
+
+  hover(at: Vec3, outward: Vec3): void {
+    this.shaft.visible = this.head.visible = false;
+    this.mark(at, outward);
+  }
+
+  hide(): void {
+    this.group.visible = false;
+  }
+
+  get hasForce(): boolean {
+    return this.group.visible && this.shaft.visible;
+  }
+
+  dispose(): void {
+    for (const part of [this.shaft, this.head, this.ring]) {
+      part.geometry.dispose();
+      (part.material as THREE.Material).dispose();
+    }
+  }
+}

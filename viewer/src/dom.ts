@@ -1,0 +1,67 @@
+// Small helpers for building the controls.
+type Content = Node | string;
+
+/** An element with attributes and content. */
+export function element<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Record<string, string> = {},
+  ...content: Content[]
+): HTMLElementTagNameMap[K] {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...content);
+  return made;
+}
+
+/** A button that says what it does, and whether it is on. */
+export function button(label: string, title: string, press: () => void, key = ""): HTMLButtonElement {
+  const hint = key ? `${title} (${key})` : title;
+  const made = element("button", { type: "button", title: hint, "aria-label": hint }, label);
+  if (key) made.setAttribute("aria-keyshortcuts", key);
+  made.addEventListener("click", press);
+  return made;
+}
+
+/** A drop-down list. */
+export function choice(label: string, options: readonly [string, string][], choose: (value: string) => void): HTMLSelectElement {
+  const made = element("select", { "aria-label": label, title: label });
+  for (const [value, text] of options) made.append(element("option", { value }, text));
+  made.addEventListener("change", () => choose(made.value));
+  return made;
+}
+
+/** A few exclusive choices side by side. */
+export class Segments<T extends string> {
+  readonly root: HTMLDivElement;
+  private readonly buttons = new Map<T, HTMLButtonElement>();
+
+  constructor(label: string, options: readonly [T, string, string][], choose: (value: T) => void) {
+    this.root = element("div", { class: "segments", role: "group", "aria-label": label });
+    for (const [value, text, title] of options) {
+      const made = button(text, title, () => choose(value));
+      this.buttons.set(value, made);
+      this.root.append(made);
+    }
+  }
+
+  set value(chosen: T) {
+    for (const [value, made] of this.buttons) made.setAttribute("aria-pressed", String(value === chosen));
+  }
+}
+
+/** A number with so many significant digits, never in exponents, with a true minus sign. */
+export function digits(value: number, count: number): string {
+  if (!Number.isFinite(value)) return "–";
+  const decimals = value === 0 ? count - 1 : Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(value))));
+  return fixed(value, Math.min(decimals, 4));
+}
+
+/** A number with so many decimals and a true minus sign. */
+export function fixed(value: number, decimals: number): string {
+  return value.toFixed(decimals).replace(/^-(0(\.0*)?)$/, "$1").replace("-", "−");
+}
+
+/** A force as it is read at a glance. */
+export function newtons(force: number): string {
+  return `${fixed(force, force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
+}

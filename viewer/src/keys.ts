@@ -1,0 +1,59 @@
+// The keyboard: everything a hand can do.
+import type { View } from "./view";
+
+/** Keys and what they do, for the help. */
+export const KEYS: readonly [string, string][] = [
+  ["drag on the organ", "push it in (down) or pull it out (up); Shift switches push and drag"],
+  ["wheel while holding", "push in or pull out along the normal"],
+  ["drag beside it", "turn the view; wheel or two fingers zoom"],
+  ["Enter", "touch the middle"],
+  ["↑ ↓ ← →", "move the contact; Shift for small steps"],
+  ["+ −", "push in, pull out"],
+  ["Esc", "let go"],
+  ["1 … 8", "order of the series; 1 is linear theory"],
+  ["C  W  K", "colour, wireframe at rest, keep the touch"],
+  ["P  M", "play a load path, show the modes ([ ] to step)"],
+  ["T  R  ?", "light or dark, reset the view, this help"],
+];
+
+const COLOURINGS = ["tissue", "displacement", "error"] as const;
+
+/** Listens wherever in the view the focus is; returns what ends it. */
+export function listen(root: HTMLElement, view: View): () => void {
+  let colouring = 0;
+  const act = (event: KeyboardEvent): boolean => {
+    const step = event.shiftKey ? 0.01 : 0.05;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (event.ctrlKey || event.metaKey || event.altKey) return false;
+    if (/^[1-8]$/.test(key)) view.setOrder(Number(key));
+    else if (key === "Enter") view.touchMiddle();
+    else if (key === "ArrowLeft") view.nudge(-step, 0, 0);
+    else if (key === "ArrowRight") view.nudge(step, 0, 0);
+    else if (key === "ArrowUp") view.nudge(0, step, 0);
+    else if (key === "ArrowDown") view.nudge(0, -step, 0);
+    else if (key === "+" || key === "=" || key === "PageDown") view.nudge(0, 0, step);
+    else if (key === "-" || key === "_" || key === "PageUp") view.nudge(0, 0, -step);
+    else if (key === "Escape") view.rest();
+    else if (key === "c") view.setColouring(COLOURINGS[(colouring = (colouring + 1) % COLOURINGS.length)]!);
+    else if (key === "w") view.toggleOutline();
+    else if (key === "k") view.toggleKeeping();
+    else if (key === "p") view.togglePath();
+    else if (key === "m") view.toggleModes();
+    else if (key === "[") view.stepMode(-1);
+    else if (key === "]") view.stepMode(1);
+    else if (key === "t") view.toggleTheme();
+    else if (key === "r") view.goHome();
+    else if (key === "?") view.toggleHelp();
+    else return false;
+    return true;
+  };
+  const listener = (event: KeyboardEvent) => {
+    root.classList.add("has-keys");
+    // Sliders and lists need their own keys, and a button its Enter.
+    const control = event.target instanceof Element ? event.target.tagName : "";
+    if (control === "INPUT" || control === "SELECT" || (control === "BUTTON" && event.key === "Enter")) return;
+    if (act(event)) event.preventDefault();
+  };
+  root.addEventListener("keydown", listener);
+  return () => root.removeEventListener("keydown", listener);
+}

@@ -1,0 +1,140 @@
+// The mouse or a finger as a hand: a press on the organ touches it, moving displaces the contact.
+import * as THREE from "three";
+import type { Body, Hit } from "./body";
+import type { Vec3 } from "./evaluator";
+import type { Stage } from "./stage";
+
+/** How moving displaces: along the surface's normal, or in the plane of the screen. */
+export type Tool = "push" | "drag";
+
+/** Whoever is touched: the displacement is from where the hand took hold [m]. */
+export interface Touched {
+  grab(hit: Hit): void;
+  move(displacement: Vec3): void;
+  release(): void;
+  hover(hit: Hit | null): void;
+  /** Outward normal at the contact, and the displacement it already has. */
+  contact(): { normal: Vec3; displacement: Vec3 } | null;
+  readonly tool: Tool;
+  readonly depth: number;
+}
+
+export class Pointer {
+  private readonly ray = new THREE.Raycaster();
+  private held: { id: number; start: THREE.Vector3; base: Vec3; wheel: number; last: PointerEvent } | null = null;
+  private readonly abort = new AbortController();
+
+  constructor(
+    private readonly stage: Stage,
+    private readonly body: Pick<Body, "hit">,
+    private readonly touched: Touched,
+  ) {
+    const { canvas } = stage;
+    const { signal } = this.abort;
+    // Before the camera's controls see the press.
+    canvas.addEventListener("pointerdown", (event) => this.press(event), { capture: true, signal });
+    canvas.addEventListener("pointermove", (event) => this.moveTo(event), { signal });
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
+      canvas.addEventListener(name, (event) => this.lift(event), { signal });
+    }
+    canvas.addEventListener("pointerleave", () => !this.held && touched.hover(null), { signal });
+    canvas.addEventListener("wheel", (event) => this.roll(event), { capture: true, passive: false, signal });
+  }
+
+  /** What lies under a place of the canvas. */
+  under(x: number, y: number): Hit | null {
+    this.aim(x, y);
+    return this.body.hit(this.ray);
+  }
+
+  dispose(): void {
+    this.abort.abort();
+  }
+
+  private press(event: PointerEvent): void {
+    if (event.button !== 0 || this.held) return;
+    const hit = this.under(event.offsetX, event.offsetY);
+    if (!hit) return;
+    event.stopImmediatePropagation();
+    event.preventDefault();
+    this.stage.canvas.focus({ preventScroll: true });
+    this.stage.controls.enabled = false;
+    this.touched.grab(hit);
+    const base = this.touched.contact()?.displacement ?? [0, 0, 0];
+    this.held = { id: event.pointerId, start: hit.moved.clone(), base, wheel: 0, last: event };
+    this.stage.canvas.setPointerCapture(event.pointerId);
+    this.stage.canvas.classList.add("is-holding");
+  }
+
+  private moveTo(event: PointerEvent): void {
+    if (!this.held) {
+      if (event.buttons === 0) {
+        const hit = this.under(event.offsetX, event.offsetY);
+        this.stage.canvas.classList.toggle("is-touchable", hit !== null);
+        this.touched.hover(hit);
+      }
+      return;
+    }
+    if (event.pointerId !== this.held.id) return;
+    this.held.last = event;
+    this.displace();
+  }
+
+  private lift(event: PointerEvent): void {
+    if (event.pointerId !== this.held?.id) return;
+    this.held = null;
+    this.stage.controls.enabled = true;
+    this.stage.canvas.classList.remove("is-holding");
+    this.touched.release();
+  }
+
+  private roll(event: WheelEvent): void {
+    if (!this.held) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    this.held.wheel += event.deltaY;
+    this.displace();
+  }
+
+  private displace(): void {
+    const contact = this.touched.contact();
+    if (!this.held || !contact) return;
+    const { start, base, wheel, last } = this.held;
+    const drag = this.inScreenPlane(start, last);
+    const normal = new THREE.Vector3(...contact.normal);
+    const isPush = (this.touched.tool === "push") !== last.shiftKey;
+    const d = new THREE.Vector3(...base);
+    if (isPush) d.addScaledVector(normal, -this.pushOf(drag, normal));
+    else d.add(drag);
+    d.addScaledVector(normal, -wheel * 0.0004 * this.touched.depth * 10);
+    this.touched.move(d.toArray());
+  }
+
+  /** From the place taken hold of to the pointer, in the plane of the screen [m]. */
+  private inScreenPlane(start: THREE.Vector3, event: PointerEvent): THREE.Vector3 {
+    const { world, camera } = this.stage;
+    const forward = camera.getWorldDirection(new THREE.Vector3());
+    const from = world.localToWorld(start.clone());
+    const plane = new THREE.Plane().setFromNormalAndCoplanarPoint(forward, from);
+    this.aim(event.offsetX, event.offsetY);
+    const to = this.ray.ray.intersectPlane(plane, new THREE.Vector3()) ?? from;
+    return world.worldToLocal(to.clone()).sub(start);
+  }
+
+  /** How far a drag pushes in: along the normal as the screen shows it, or downwards where it points at the viewer. */
+  private pushOf(drag: THREE.Vector3, normal: THREE.Vector3): number {
+    const { camera } = this.stage;
+    const right = new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0);
+    const up = new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 1);
+    const inward = new THREE.Vector2(-normal.dot(right), -normal.dot(up));
+    if (inward.length() < 0.35) inward.set(0, -1);
+    inward.normalize();
+    return inward.x * drag.dot(right) + inward.y * drag.dot(up);
+  }
+
+  private aim(x: number, y: number): void {
+    const { canvas, camera } = this.stage;
+    const place = new THREE.Vector2((2 * x) / canvas.clientWidth - 1, 1 - (2 * y) / canvas.clientHeight);
+    this.ray.setFromCamera(place, camera);
+  }
+}

@@ -1,0 +1,148 @@
+// Where the organ is seen: renderer, camera, light, and a frame only when something has changed.
+import * as THREE from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import type { Vec3 } from "./evaluator";
+import { studio } from "./studio";
+
+/** The view's lengths are organ diagonals, so that light, camera and controls suit every organ. */
+export class Stage {
+  readonly renderer: THREE.WebGLRenderer;
+  readonly scene = new THREE.Scene();
+  readonly camera = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
+  /** Holds the organ; its children are in metres. */
+  readonly world = new THREE.Group();
+  readonly controls: OrbitControls;
+  /** Work of every frame, before it is drawn; given the seconds since the last. */
+  onFrame: (seconds: number) => void = () => {};
+  /** Milliseconds between the last frames while something moved, and what drawing one took. */
+  frameTime = { interval: 0, work: 0 };
+
+  private isStale = true;
+  private last = 0;
+  private room = 1;
+  private readonly home = new THREE.Vector3();
+  private readonly observer: ResizeObserver;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    readonly centre: Vec3,
+    readonly diagonal: number,
+    facing: Vec3,
+  ) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.toneMapping = THREE.NeutralToneMapping;
+    this.renderer.toneMappingExposure = 1;
+    this.light();
+    this.world.scale.setScalar(1 / diagonal);
+    this.world.position.set(...centre).multiplyScalar(-1 / diagonal);
+    this.scene.add(this.world);
+    this.camera.up.set(0, 0, 1);
+    this.home.copy(viewpoint(facing)).multiplyScalar(1.85);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = true;
+    this.controls.dampingFactor = 0.12;
+    this.controls.minDistance = 0.5;
+    this.controls.maxDistance = 8;
+    this.controls.addEventListener("change", () => this.invalidate());
+    this.observer = new ResizeObserver(() => this.resize());
+    this.observer.observe(canvas.parentElement ?? canvas);
+    this.goHome();
+    this.resize();
+    this.renderer.setAnimationLoop((time) => this.frame(time));
+  }
+
+  /** Back to the first view. */
+  goHome(): void {
+    this.camera.position.copy(this.home).multiplyScalar(this.room);
+    this.controls.target.set(0, 0, 0);
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Direction of the first view, from the organ to the viewer. */
+  get towards(): Vec3 {
+    return this.home.toArray();
+  }
+
+  /** Direction to the right in the first view. */
+  get right(): Vec3 {
+    return new THREE.Vector3().crossVectors(this.camera.up, this.home).normalize().toArray();
+  }
+
+  /** Makes room for organs side by side. */
+  widen(factor: number): void {
+    this.room = factor;
+    this.goHome();
+  }
+
+  /** Asks for a frame. */
+  invalidate(): void {
+    this.isStale = true;
+  }
+
+  /** A point of the organ [m] on the canvas, in CSS pixels. */
+  project(point: THREE.Vector3): { x: number; y: number } {
+    const at = this.world.localToWorld(point.clone()).project(this.camera);
+    return { x: (0.5 + 0.5 * at.x) * this.canvas.clientWidth, y: (0.5 - 0.5 * at.y) * this.canvas.clientHeight };
+  }
+
+  dispose(): void {
+    this.renderer.setAnimationLoop(null);
+    this.observer.disconnect();
+    this.controls.dispose();
+    this.renderer.dispose();
+  }
+
+  private light(): void {
+    this.scene.environment = studio(this.renderer);
+    this.scene.environmentIntensity = 0.32;
+    // The studio is painted with y upright.
+    this.scene.environmentRotation.x = Math.PI / 2;
+    // Lamps travel with the camera, so no side of the organ is ever in the dark.
+    const key = new THREE.DirectionalLight(0xfff4ea, 1.7);
+    key.position.set(-1.2, 1.6, 1.4);
+    const rim = new THREE.DirectionalLight(0xcfe0ff, 0.9);
+    rim.position.set(2.2, 0.4, -1.6);
+    this.camera.add(key, rim, key.target, rim.target);
+    this.scene.add(this.camera);
+  }
+
+  private resize(): void {
+    const frame = this.canvas.parentElement ?? this.canvas;
+    const [width, height] = [Math.max(frame.clientWidth, 1), Math.max(frame.clientHeight, 1)];
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    // On a narrow screen the organ must still fit; beside the readings it stands left of the middle.
+    this.camera.fov = width < height ? 44 : 32;
+    const shift = width > 820 ? 0.5 * Math.min(330, 0.3 * width) : 0;
+    const drop = width > 820 ? 0 : 0.13 * height;
+    this.camera.setViewOffset(width, height, shift, drop, width, height);
+    this.camera.updateProjectionMatrix();
+    this.invalidate();
+  }
+
+  private frame(time: number): void {
+    const interval = time - this.last;
+    this.last = time;
+    const began = performance.now();
+    this.controls.update();
+    this.onFrame(Math.min(interval, 100) / 1000);
+    if (!this.isStale && !this.renderer.xr.isPresenting) return;
+    this.isStale = false;
+    this.renderer.render(this.scene, this.camera);
+    this.frameTime = { interval, work: performance.now() - began };
+  }
+}
+
+/** From where a surface that faces this way is seen best: a little from above and from the side. */
+function viewpoint(facing: Vec3): THREE.Vector3 {
+  const normal = new THREE.Vector3(...facing);
+  if (normal.lengthSq() < 1e-12) normal.set(0, -1, 0);
+  normal.normalize();
+  // Not along the axis that the camera holds upright.
+  const flat = new THREE.Vector3(normal.x, normal.y, 0);
+  if (flat.lengthSq() < 0.04) flat.set(0.25, -1, 0);
+  const height = Math.min(Math.max(normal.z + 0.35, -0.6), 0.8);
+  return flat.normalize().multiplyScalar(Math.sqrt(1 - height * height)).setZ(height).applyAxisAngle(new THREE.Vector3(0, 0, 1), 0.6);
+}

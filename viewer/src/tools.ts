@@ -1,0 +1,101 @@
+// The controls: name of the organ above, tools below, and the help.
+import { button, element, Segments } from "./dom";
+import { KEYS } from "./keys";
+import type { Tool } from "./pointer";
+import { percent } from "./readings";
+import type { View } from "./view";
+
+/** What the colour of the surface means. */
+export type Colouring = "tissue" | "displacement" | "error";
+type Switch = "keep" | "outline" | "path" | "modes";
+
+export class Tools {
+  readonly header: HTMLElement;
+  readonly root: HTMLElement;
+  readonly help: HTMLDialogElement;
+  readonly tool: Segments<Tool>;
+  readonly colouring: Segments<Colouring>;
+  private readonly switches: Record<Switch, HTMLButtonElement>;
+
+  constructor(view: View, headset: HTMLButtonElement) {
+    const { about } = view.evaluator;
+    const { metadata } = about;
+    const web = metadata.user?.web;
+    const facts = [
+      LAWS[metadata.law] ?? metadata.law,
+      `${about.n_surface} surface nodes`,
+      `touch to ${(1000 * metadata.depth).toFixed(0)} mm`,
+      ...(web ? [`web version, at most ${percent(web.worst_error)} from the full model in ${web.touches} touches`] : []),
+    ];
+    this.header = element(
+      "header",
+      {},
+      element("h1", {}, view.title),
+      element("p", {}, facts.join(" · ")),
+      element(
+        "div",
+        { class: "corner" },
+        headset,
+        button("◐", "light or dark", () => view.toggleTheme(), "T"),
+        button("?", "keys and gestures", () => view.toggleHelp(), "?"),
+      ),
+    );
+    this.tool = new Segments<Tool>(
+      "tool",
+      [
+        ["push", "Push", "press on the organ, move down to push in and up to pull out"],
+        ["drag", "Drag", "press on the organ and drag it in the plane of the screen"],
+      ],
+      (tool) => view.setTool(tool),
+    );
+    this.tool.value = "push";
+    this.colouring = new Segments<Colouring>(
+      "colour",
+      [
+        ["tissue", "Tissue", "no colour scale"],
+        ["displacement", "Displacement", "colour by displacement"],
+        ["error", "Error", "colour by the estimated error, or by the distance from the highest order"],
+      ],
+      (colouring) => view.setColouring(colouring),
+    );
+    this.switches = {
+      keep: button("Keep", "keep the touch when the hand lets go", () => view.toggleKeeping(), "K"),
+      outline: button("Wireframe", "the shape at rest as a wireframe", () => view.toggleOutline(), "W"),
+      path: button("▶ Path", "play a load path over the surface", () => view.togglePath(), "P"),
+      modes: button("Modes", "the modes of the reduced model", () => view.toggleModes(), "M"),
+    };
+    this.root = element(
+      "nav",
+      { class: "panel tools", "aria-label": "tools" },
+      this.tool.root,
+      this.switches.keep,
+      this.colouring.root,
+      this.switches.outline,
+      this.switches.path,
+      this.switches.modes,
+      button("Reset", "reset the view and let go", () => (view.rest(), view.goHome()), "R"),
+    );
+    (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
+    const list = element("dl");
+    for (const [key, meaning] of KEYS) list.append(element("dt", {}, key), element("dd", {}, meaning));
+    this.help = element("dialog", { class: "panel help", "aria-label": "keys and gestures" });
+    this.help.append(element("h2", {}, "Touch the organ"), list, button("Close", "close", () => this.help.close()));
+  }
+
+  press(name: Switch, isOn: boolean): void {
+    this.switches[name].setAttribute("aria-pressed", String(isOn));
+  }
+
+  toggleHelp(): void {
+    if (this.help.open) this.help.close();
+    else this.help.show();
+  }
+}
+
+const LAWS: Record<string, string> = {
+  neo_hookean: "neo-Hookean",
+  mooney_rivlin: "Mooney-Rivlin",
+  saint_venant_kirchhoff: "Saint Venant-Kirchhoff",
+  linear: "linear elasticity",
+  corotated: "corotated elasticity",
+};

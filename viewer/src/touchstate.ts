@@ -1,0 +1,121 @@
+// One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
+import { sample, type Curves } from "./curve";
+import type { Answer, Evaluator, Vec3 } from "./evaluator";
+import type { OrderReading } from "./readings";
+
+/** A tool may be moved this much beyond the depth the model is made for; then it slips. */
+const BEYOND = 1.3;
+
+export class TouchState {
+  point: Vec3 = [0, 0, 0];
+  normal: Vec3 = [0, 0, 1];
+  displacement: Vec3 = [0, 0, 0];
+  answer: Answer;
+  force: Vec3 = [0, 0, 0];
+  curves: Curves | null = null;
+  /** The field of the chosen order and that of the highest (s, 3) [m]. */
+  readonly field: Float32Array;
+  readonly best: Float32Array;
+  readonly orders: (OrderReading | null)[];
+  private readonly restVolume: number;
+
+  constructor(
+    private readonly evaluator: Evaluator,
+    point: Vec3,
+    normal: Vec3,
+  ) {
+    this.field = new Float32Array(evaluator.rest.length);
+    this.best = new Float32Array(evaluator.rest.length);
+    this.orders = Array.from({ length: evaluator.about.metadata.order }, () => null);
+    this.point = evaluator.touch(point) ?? point;
+    this.normal = normal;
+    evaluator.surface([0, 0, 0], 1, 0);
+    this.restVolume = evaluator.volume(0);
+    this.answer = evaluator.evaluate([0, 0, 0]);
+  }
+
+  get depth(): number {
+    return Math.hypot(...this.displacement);
+  }
+
+  /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
+  doubt(order: number): string {
+    const { metadata } = this.evaluator.about;
+    switch (this.answer.trust) {
+      case "beyond-depth":
+        return `${mm(this.depth)} is deeper than the ${mm(metadata.depth)} this model is made for`;
+      case "error-too-large":
+        return `the estimated error is ${(100 * this.answer.error).toPrecision(2)} % here`;
+      case "no-number":
+        return "the series gives no number here";
+    }
+    const off = this.orders[order - 1]?.off ?? 0;
+    if (order === metadata.order || off <= 0.05) return "";
+    const name = order === 1 ? "linear theory" : `order ${order}`;
+    return `${name} is ${(100 * off).toPrecision(2)} % off order ${metadata.order} here`;
+  }
+
+  /** Evaluates a displacement [m]: what every order says, force and field of one of them. */
+  displace(d: Vec3, order: number): void {
+    const { evaluator } = this;
+    const highest = evaluator.about.metadata.order;
+    const limit = BEYOND * evaluator.about.metadata.depth;
+    const size = Math.hypot(...d);
+    this.displacement = size > limit ? (d.map((x) => (x * limit) / size) as Vec3) : d;
+    this.answer = evaluator.evaluate(this.displacement);
+    if (size > 0) {
+      const direction = d.map((x) => x / size) as Vec3;
+      this.curves = sample(evaluator, direction);
+      // Sampling has used the answer's place.
+      this.answer = evaluator.evaluate(this.displacement);
+    }
+    this.best.set(evaluator.surface(this.displacement, highest, 1));
+    this.read(highest, this.best);
+    for (let p = 1; p < highest; p++) this.read(p, evaluator.surface(this.displacement, p, 1));
+    this.choose(order);
+  }
+
+  /** Turns to another order of the same touch. */
+  choose(order: number): void {
+    const { evaluator } = this;
+    this.field.set(evaluator.surface(this.displacement, order, 1));
+    this.force = evaluator.force(this.displacement, order);
+  }
+
+  /** Fills an order's reading from its field, which is also in slot 1. */
+  private read(order: number, field: Float32Array): void {
+    const { evaluator, best } = this;
+    let [difference, size] = [0, 0];
+    for (let i = 0; i < best.length; i++) {
+      difference += (field[i]! - best[i]!) ** 2;
+      size += best[i]! ** 2;
+    }
+    this.orders[order - 1] = {
+      force: Math.hypot(...evaluator.force(this.displacement, order)),
+      volume: evaluator.volume(1) / this.restVolume - 1,
+      off: size > 0 ? Math.sqrt(difference / size) : 0,
+    };
+  }
+
+  /** Length of the field's error at every node [m] (s,): from the highest order, or as estimated where that is chosen. */
+  localError(order: number, out: Float32Array): void {
+    const { evaluator, best } = this;
+    const highest = evaluator.about.metadata.order;
+    const other = order < highest ? this.field : evaluator.surface(this.displacement, highest - 1, 0);
+    let [difference, size] = [0, 0];
+    for (let i = 0; i < best.length; i++) {
+      difference += (other[i]! - best[i]!) ** 2;
+      size += best[i]! ** 2;
+    }
+    // The estimate is of the whole field; over the surface it is spread like the last order.
+    const scale = order < highest ? 1 : difference > 0 ? (this.answer.error * Math.sqrt(size)) / Math.sqrt(difference) : 0;
+    for (let n = 0; n < out.length; n++) {
+      const at = 3 * n;
+      out[n] = scale * Math.hypot(other[at]! - best[at]!, other[at + 1]! - best[at + 1]!, other[at + 2]! - best[at + 2]!);
+    }
+  }
+}
+
+function mm(length: number): string {
+  return `${(1000 * length).toFixed(1)} mm`;
+}

@@ -1,0 +1,422 @@
+// The view: an organ on a stage, a hand, the readings and the tools, and one state that they share.
+import * as THREE from "three";
+import { Arrow } from "./arrow";
+import { Body, lookOver, type Hit } from "./body";
+import { INFERNO, VIRIDIS } from "./colour";
+import { element, fixed, newtons } from "./dom";
+import { Evaluator, type Vec3 } from "./evaluator";
+import { listen } from "./keys";
+import { Legend } from "./legend";
+import { LoadPath } from "./loadpath";
+import { Modes } from "./modes";
+import { Pointer, type Tool, type Touched } from "./pointer";
+import { Readings } from "./readings";
+import { Stage } from "./stage";
+import style from "./style.css?inline";
+import { Tools, type Colouring } from "./tools";
+import { TouchState } from "./touchstate";
+import { headsetButton } from "./xr";
+
+/** What moves the organ at the moment. */
+type Activity = "rest" | "held" | "kept" | "springing" | "path" | "modes";
+
+const SPRING_SECONDS = 0.22;
+
+export class View implements Touched {
+  tool: Tool = "push";
+  order: number;
+  readonly title: string;
+  readonly depth: number;
+  private activity: Activity = "rest";
+  private colouring: Colouring = "tissue";
+  private isKeeping = false;
+  private touching: TouchState | null = null;
+  private released = { at: 0, displacement: [0, 0, 0] as Vec3 };
+  private readonly reference: number;
+  private readonly magnitude: Float32Array;
+  private readonly host: HTMLElement;
+  private readonly root: HTMLElement;
+  private readonly canvas = element("canvas", { class: "stage", tabindex: "0" });
+  private readonly label = element("div", { class: "force-label", "aria-hidden": "true" });
+  private readonly warning = element("div", { class: "warning", role: "alert" });
+  private readonly clock = element("div", { class: "clock" });
+  private readonly readings: Readings;
+  private readonly legend = new Legend();
+  private readonly tools: Tools;
+  private readonly modes: Modes;
+  private readonly stage: Stage;
+  private readonly body: Body;
+  private readonly arrow: Arrow;
+  private readonly pointer: Pointer;
+  private readonly deaf: () => void;
+  private path: LoadPath | null = null;
+
+  /** Reads a model file and fills the place with its view; throws a sentence where the file is no model. */
+  static async mount(place: HTMLElement, model: Uint8Array): Promise<View> {
+    return new View(place, await Evaluator.load(model));
+  }
+
+  private constructor(
+    place: HTMLElement,
+    readonly evaluator: Evaluator,
+  ) {
+    const { metadata } = evaluator.about;
+    this.depth = metadata.depth;
+    this.order = metadata.order;
+    this.title = metadata.user?.name ?? "Organ";
+    this.magnitude = new Float32Array(evaluator.about.n_surface);
+    this.canvas.setAttribute("aria-label", `${this.title}: press on it to touch it; ? lists the keys`);
+    this.root = element("div", { class: "view" }, this.canvas, this.label);
+    this.host = element("div", { style: "position:absolute;inset:0" });
+    this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
+    place.append(this.host);
+    this.body = new Body(evaluator);
+    const { centre, facing } = lookOver(evaluator);
+    this.stage = new Stage(this.canvas, centre, metadata.diagonal, facing);
+    this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
+    this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
+    this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
+    this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
+    this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
+    this.root.append(
+      this.tools.header,
+      this.readings.root,
+      this.modes.root,
+      this.legend.root,
+      this.warning,
+      this.tools.root,
+      this.tools.help,
+      this.clock,
+    );
+    this.reference = this.referenceForce();
+    this.pointer = new Pointer(this.stage, this.body, this);
+    this.deaf = listen(this.root, this);
+    this.stage.onFrame = (seconds) => this.frame(seconds);
+    this.setOrder(this.order);
+    this.setColouring("tissue");
+    this.rest();
+  }
+
+  // What a hand does.
+
+  grab(hit: Hit): void {
+    this.stop();
+    const isAgain = this.touching !== null && this.isKeeping && this.reaches(hit.rest);
+    if (!isAgain) this.touchAt(hit.rest);
+    this.activity = "held";
+    this.root.classList.add("has-touched");
+  }
+
+  move(displacement: Vec3): void {
+    if (!this.touching) return;
+    this.touching.displace(displacement, this.order);
+    this.show();
+  }
+
+  release(): void {
+    if (this.activity !== "held") return;
+    if (this.isKeeping || !this.touching) {
+      this.activity = "kept";
+      return;
+    }
+    this.released = { at: 0, displacement: this.touching.displacement };
+    this.activity = "springing";
+  }
+
+  hover(hit: Hit | null): void {
+    if (this.activity !== "rest") return;
+    if (hit) this.arrow.hover(hit.rest, this.body.normalAt(hit.rest, this.evaluator.about.metadata.radius));
+    else this.arrow.hide();
+    this.stage.invalidate();
+  }
+
+  contact(): { normal: Vec3; displacement: Vec3 } | null {
+    return this.touching;
+  }
+
+  // What tools, keys and programs do.
+
+  /** Touches the surface near a point [m] and displaces the contact [m]. */
+  touch(point: Vec3, displacement: Vec3): void {
+    this.stop();
+    this.touchAt(point);
+    this.activity = "kept";
+    this.move(displacement);
+  }
+
+  /** Touches what lies under the middle of the canvas. */
+  touchMiddle(): void {
+    const { clientWidth, clientHeight } = this.canvas;
+    const middle = this.project(this.middle);
+    const hit = this.pointer.under(middle.x, middle.y) ?? this.pointer.under(clientWidth / 2, clientHeight / 2);
+    if (!hit) return;
+    this.grab(hit);
+    this.activity = "kept";
+    this.move(this.touching!.normal.map((x) => -0.25 * this.depth * x) as Vec3);
+  }
+
+  /** Moves the contact by parts of the depth: along the screen's axes and along the inward normal. */
+  nudge(right: number, up: number, inward: number): void {
+    if (!this.touching) return this.touchMiddle();
+    const { camera } = this.stage;
+    const d = new THREE.Vector3(...this.touching.displacement);
+    d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0), right * this.depth);
+    d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 1), up * this.depth);
+    d.addScaledVector(new THREE.Vector3(...this.touching.normal), -inward * this.depth);
+    this.activity = "kept";
+    this.move(d.toArray());
+  }
+
+  /** Lets go, whatever moved the organ. */
+  rest(): void {
+    this.stop();
+    this.activity = "rest";
+    this.touching = null;
+    this.body.move(null);
+    this.arrow.hide();
+    for (let p = 1; p <= this.evaluator.about.metadata.order; p++) this.readings.showOrder(p, null);
+    this.show();
+  }
+
+  setOrder(order: number): void {
+    if (order < 1 || order > this.evaluator.about.metadata.order) return;
+    this.order = order;
+    this.readings.choose(order);
+    this.touching?.choose(order);
+    this.show();
+  }
+
+  setColouring(colouring: Colouring): void {
+    this.colouring = colouring;
+    this.tools.colouring.value = colouring;
+    this.show();
+  }
+
+  setTool(tool: Tool): void {
+    this.tool = tool;
+    this.tools.tool.value = tool;
+  }
+
+  setKeeping(isKeeping: boolean): void {
+    this.isKeeping = isKeeping;
+    this.tools.press("keep", isKeeping);
+    if (!isKeeping && this.activity === "kept") {
+      this.activity = "held";
+      this.release();
+    }
+  }
+
+  toggleKeeping(): void {
+    this.setKeeping(!this.isKeeping);
+  }
+
+  toggleOutline(): void {
+    this.body.outline.visible = !this.body.outline.visible;
+    this.tools.press("outline", this.body.outline.visible);
+    this.stage.invalidate();
+  }
+
+  togglePath(): void {
+    if (this.activity === "path") return this.rest();
+    this.rest();
+    this.path ??= new LoadPath(this.evaluator, this.body);
+    if (this.path.stations.length === 0) return;
+    this.path.restart();
+    this.activity = "path";
+    this.tools.press("path", true);
+  }
+
+  toggleModes(): void {
+    if (this.activity === "modes") return this.rest();
+    this.rest();
+    this.activity = "modes";
+    this.tools.press("modes", true);
+    this.legend.hide();
+    this.modes.show();
+  }
+
+  stepMode(by: number): void {
+    if (this.activity === "modes") this.modes.step(by);
+  }
+
+  toggleTheme(): void {
+    const isDark = this.root.dataset.theme
+      ? this.root.dataset.theme === "dark"
+      : matchMedia("(prefers-color-scheme: dark)").matches;
+    this.root.dataset.theme = isDark ? "light" : "dark";
+    this.show();
+  }
+
+  /** Makes the keys work. */
+  focus(): void {
+    this.canvas.focus({ preventScroll: true });
+  }
+
+  toggleHelp(): void {
+    this.tools.toggleHelp();
+  }
+
+  goHome(): void {
+    this.stage.goHome();
+  }
+
+  /** The state in numbers, for programs: SI units. */
+  state(): Record<string, unknown> {
+    const { touching } = this;
+    return {
+      activity: this.activity,
+      order: this.order,
+      point: touching?.point ?? null,
+      displacement: touching?.displacement ?? null,
+      force: touching?.force ?? null,
+      stiffness: touching?.answer.stiffness ?? null,
+      error_estimate: touching?.answer.error ?? null,
+      is_trusted: touching ? touching.answer.trust === "trusted" : null,
+      field: touching ? Array.from(touching.field) : null,
+      orders: touching?.orders ?? null,
+      frame: this.stage.frameTime,
+    };
+  }
+
+  /** The middle of the organ at rest [m]. */
+  get middle(): Vec3 {
+    return this.stage.centre;
+  }
+
+  /** Where a surface point at rest [m] is on the canvas, in CSS pixels. */
+  project(point: Vec3): { x: number; y: number } {
+    return this.stage.project(new THREE.Vector3(...point));
+  }
+
+  dispose(): void {
+    this.deaf();
+    this.pointer.dispose();
+    this.arrow.dispose();
+    this.body.dispose();
+    this.stage.dispose();
+    this.evaluator.dispose();
+    this.host.remove();
+  }
+
+  // How it is shown.
+
+  private frame(seconds: number): void {
+    if (this.activity === "springing") this.spring(seconds);
+    else if (this.activity === "path") this.walk(seconds);
+    else if (this.activity === "modes") {
+      this.modes.advance(seconds);
+      this.stage.invalidate();
+    }
+    this.placeLabel();
+    const { interval, work } = this.stage.frameTime;
+    if (work) this.clock.textContent = `${fixed(work, 1)} ms a frame`;
+    this.clock.title = `the last two frames were ${fixed(interval, 1)} ms apart`;
+  }
+
+  private spring(seconds: number): void {
+    this.released.at += seconds;
+    const left = 1 - this.released.at / SPRING_SECONDS;
+    if (left <= 0 || matchMedia("(prefers-reduced-motion: reduce)").matches) return this.rest();
+    this.move(this.released.displacement.map((x) => x * left * left) as Vec3);
+  }
+
+  private walk(seconds: number): void {
+    const station = this.path!.advance(seconds);
+    this.touching = new TouchState(this.evaluator, station.point, station.normal);
+    this.move(station.displacement);
+  }
+
+  private touchAt(point: Vec3): void {
+    const { radius } = this.evaluator.about.metadata;
+    this.touching = new TouchState(this.evaluator, point, this.body.normalAt(point, radius));
+    this.touching.displace([0, 0, 0], this.order);
+  }
+
+  /** Whether a point is within the contact that is kept. */
+  private reaches(point: Vec3): boolean {
+    const { radius } = this.evaluator.about.metadata;
+    return Math.hypot(...point.map((x, i) => x - this.touching!.point[i]!)) < 0.6 * radius;
+  }
+
+  /** Ends what moved the organ by itself. */
+  private stop(): void {
+    if (this.activity === "modes") this.modes.hide();
+    this.tools?.press("modes", false);
+    this.tools?.press("path", false);
+    if (this.activity === "path" || this.activity === "modes") {
+      this.activity = "rest";
+      this.setColouring(this.colouring);
+    }
+  }
+
+  private show(): void {
+    const { touching, order } = this;
+    if (this.activity === "modes") return;
+    if (touching) {
+      this.body.move(touching.field);
+      const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
+      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.doubt(order) === "");
+      touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
+    }
+    const force = touching ? Math.hypot(...touching.force) : 0;
+    const depth = touching?.depth ?? 0;
+    this.readings.show(touching?.answer ?? null, force, depth);
+    this.readings.draw(touching?.curves ?? null, order, this.depth, touching && { depth, force });
+    this.colour();
+    this.warn();
+    this.stage.invalidate();
+  }
+
+  private colour(): void {
+    const { touching, magnitude } = this;
+    if (this.colouring === "tissue") {
+      this.body.paintTissue();
+      return this.legend.hide();
+    }
+    magnitude.fill(0);
+    if (this.colouring === "displacement") {
+      const field = touching?.field;
+      if (field) for (let n = 0; n < magnitude.length; n++) magnitude[n] = Math.hypot(...field.subarray(3 * n, 3 * n + 3));
+      this.body.paint(magnitude, 0, this.depth, VIRIDIS);
+      return this.legend.show("displacement", VIRIDIS, this.depth);
+    }
+    touching?.localError(this.order, magnitude);
+    const high = 0.05 * this.depth;
+    this.body.paint(magnitude, 0, high, INFERNO);
+    const highest = this.evaluator.about.metadata.order;
+    this.legend.show(this.order < highest ? `distance from order ${highest}` : "estimated error", INFERNO, high);
+  }
+
+  private warn(): void {
+    const doubt = this.touching?.doubt(this.order) ?? "";
+    this.warning.classList.toggle("is-shown", doubt !== "");
+    if (doubt) this.warning.textContent = `Not to be trusted: ${doubt}.`;
+  }
+
+  private placeLabel(): void {
+    const { touching } = this;
+    this.label.hidden = !touching || !this.arrow.hasForce;
+    if (this.label.hidden || !touching) return;
+    const { x, y } = this.stage.project(this.arrow.tail);
+    this.label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
+    this.label.textContent = newtons(Math.hypot(...touching.force));
+    this.label.classList.toggle("is-doubtful", touching.doubt(this.order) !== "");
+  }
+
+  /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */
+  private referenceForce(): number {
+    const { evaluator, body } = this;
+    const { radius } = evaluator.about.metadata;
+    const step = Math.max(1, Math.floor(evaluator.positions.length / 40));
+    const forces: number[] = [];
+    for (let p = 0; p < evaluator.positions.length; p += step) {
+      const row = 3 * evaluator.positions[p]!;
+      const point = evaluator.touch([...evaluator.rest.subarray(row, row + 3)] as Vec3);
+      if (!point) continue;
+      const push = body.normalAt(point, radius).map((x) => -0.5 * this.depth * x) as Vec3;
+      forces.push(Math.hypot(...evaluator.evaluate(push).force));
+    }
+    forces.sort((a, b) => a - b);
+    return forces[Math.floor(forces.length / 2)] || 1;
+  }
+}

@@ -1,0 +1,4 @@
+declare module "*.wasm?url" {
+  const dataUrl: string;
+  export default dataUrl;
+}
