@@ -14,6 +14,8 @@ c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
 
+# What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
+fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16
 FUZZ_SECONDS   ?= 60
 HAPTIC_SECONDS ?= 600
 
@@ -69,7 +71,8 @@ sanitize: $(extension) c-library ## the C programs under address, undefined beha
 fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
 	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
 	for target in file edits; do \
-		mkdir -p out/fuzz/$$target && $(CARGO) +nightly fuzz run --features libfuzzer $$target out/fuzz/$$target fuzz/corpus/$$target -- \
+		mkdir -p out/fuzz/$$target && $(fuzz_profile) $(CARGO) +nightly fuzz run --target-dir target/fuzz --features libfuzzer \
+			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
 			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
 
 c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release

@@ -1,11 +1,11 @@
 """The reduced touch model against four other ways to answer a touch, at equal training time and like on-line cost.
 
-    python benchmarks/surrogates.py [ORGAN SET]      (default: liver anterior)
+    python benchmarks/surrogates.py [ORGAN SET FACTOR ...]      (default: beam tip 1 4)
 
-Training time is processor time, all threads together: what `Organ.reduce` takes, and four times as much, is given to
-each of the others, who spend it on full Newton solutions at random touches (the network a part of it on its own
-training). All predict field and force of the same unseen touches; errors are relative to the norm of the full solution.
-The data-driven ones learn u / |d|, a kindness to them: the field then vanishes with the push by construction.
+Training time is processor time, all threads together: what `Organ.reduce` takes, times each FACTOR, is given to each of
+the others, who spend it on full Newton solutions at random touches (the network a part of it on its own training). All
+predict field and force of the same unseen touches; errors are relative to the norm of the full solution. The
+data-driven ones learn u / |d|, a kindness to them: the field then vanishes with the push by construction.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ Array = np.ndarray
 Predict = Callable[[Array, Array], tuple[Array, Array]]
 
 MODES = 100  # of the bases from snapshots; 100 modes cost on-line what the reduced model's field does
-FACTORS = (1, 4)  # training time of the others in units of the reduction's
 TOUCHES, DEPTHS = 40, (0.05, 0.10)
 LAYERS, RATE, BATCH, SHARE = 64, 2e-3, 32, 0.4  # of the network; SHARE of the time goes into its training
 
@@ -203,7 +202,8 @@ def galerkin(touch: vs.Touch, organ: vs.Organ, data: Snapshots) -> Predict:
 
 def main() -> None:
     """Train everything, then ask everybody the same."""
-    name, where = sys.argv[1:] if len(sys.argv) == 3 else ("liver", "anterior")
+    name, where, *words = sys.argv[1:] or ("beam", "tip", "1", "4")
+    factors = [float(word) for word in words]
     held = {"liver": "hilum", "beam": "clamp", "artery": "bottom"}[name]
     organ = vs.Organ(getattr(vs.organs, name)(), vs.NeoHookean(young=0.17e6, poisson=0.48), fixed=held)
     print(describe())
@@ -211,7 +211,7 @@ def main() -> None:
     touch = organ.reduce(where)
     budget = process_time() - began
     print(f"{name}, {where}: {len(organ.mesh.points)} nodes; neo-Hookean, nu = 0.48; {touch!r}", flush=True)
-    every = snapshots(touch, organ, max(FACTORS) * budget)
+    every = snapshots(touch, organ, max(factors) * budget)
 
     def reduced(point: Array, push: Array) -> tuple[Array, Array]:
         answer = touch(point, push)
@@ -225,9 +225,9 @@ def main() -> None:
         trusted = [(point, push, truth) for point, push, truth in asked if touch(point, push).is_trusted]
         compare(depth, f"  the {len(trusted)} it trusts", reduced, trusted)
         print(f"        {len(asked)} of {TOUCHES} full solutions converged")
-    for factor in FACTORS:
-        data = every.first(factor / max(FACTORS))
-        print(f"trained {factor} x {budget:.0f} s of processor time, {len(data.points)} Newton solutions")
+    for factor in factors:
+        data = every.first(factor / max(factors))
+        print(f"trained {factor:g} x {budget:.0f} s of processor time, {len(data.points)} Newton solutions")
         methods = {
             "interpolated snapshots": nearest(touch, data),
             "radial basis functions": radial(touch, data),

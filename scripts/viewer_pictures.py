@@ -42,8 +42,8 @@ def main(model: str) -> None:
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with serve(vs.load(model), Path(model).stem.capitalize()) as server, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
-        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 45)
-        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 28)
+        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 38)
+        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 24)
         browser.close()
 
 

@@ -95,7 +95,7 @@ class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
     def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices, element: str) -> None:
-        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 nodal" or "P2"."""
+        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 mean volume" or "P2"."""
     def solve(
         self,
         *,

@@ -3,7 +3,7 @@
     mesh = "liver.vtu"            # relative to this file; "organ:liver" takes the built-in one
     units = "mm"                  # m, cm, mm, um, inch, or metres per unit
     fixed = "hilum"               # a set's name, a condition such as "x < 10%", or node indices
-    element = "P1 nodal"          # or "P1", "P2"; without it, what is right for the material
+    element = "P1 mean volume"          # or "P1", "P2"; without it, what is right for the material
 
     [material]
     law = "NeoHookean"
@@ -72,8 +72,10 @@ KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the key
     "loads.force": None,
     "loads.traction": None,
     "loads.pressure": None,
-    "scan": ("gravity", "density", "force"),
+    "scan": ("force", "traction", "pressure", "gravity", "density"),
     "scan.force": None,
+    "scan.traction": None,
+    "scan.pressure": None,
     "settings": ("steps", "newton"),
     "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
     "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
@@ -102,8 +104,7 @@ class Case:
         plain = load_mesh(self.mesh, self.units, self.folder)
         places = [self.fixed]
         for kind in ("displacement", "force", "traction", "pressure"):
-            places += self.loads.get(kind, {})
-        places += self.scan.get("force", {})
+            places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named = {place: select(plain, place) for place in places if isinstance(place, str)}
         named_mesh = plain.with_sets(**named)
@@ -129,9 +130,8 @@ class Case:
 
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
         """The organ without the loads of its [scan]; the density is that of the [loads] where it is given there."""
-        density = self.scan.get("density", self.loads.get("density"))
-        force = self.scan.get("force", {})
-        return organ.unloaded(gravity=self.scan.get("gravity"), density=density, force=force, progress=progress)
+        density = self.loads.get("density")
+        return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
 
     def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
         """Equilibrium under the case's loads of an organ found by `unloaded`; displacements count from the scan."""

@@ -6,7 +6,7 @@ ELEMENT = "P1"
 LOCKING_POISSON = 0.45
 """Poisson's ratio above which linear tetrahedra lock."""
 
-LOCKING_FREE_ELEMENT = "P1 nodal"
+LOCKING_FREE_ELEMENT = "P1 mean volume"
 """The element of nearly incompressible tissue (docs/elements.md)."""
 
 RADIUS_FRACTION = 0.10

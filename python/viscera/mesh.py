@@ -95,12 +95,12 @@ class Mesh:
         """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
 
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes. In a quadratic mesh, nodes given by index bring the midpoint of every edge that
-        they hold both ends of.
+        mesh, and a set without nodes. In a quadratic mesh, corners given by index bring the midpoint of every edge
+        that they hold both ends of.
         """
         found = _members(where, self.sets, self.points, "node")
-        is_listed = not (isinstance(where, str) or callable(where))
-        return _with_midpoints(found, self.edges, self.n_corners) if is_listed else found
+        names_corners_alone = not (isinstance(where, str) or callable(where)) and found[-1] < self.n_corners
+        return _with_midpoints(found, self.edges, self.n_corners) if names_corners_alone else found
 
     def cells_in(self, where: Where) -> Indices:
         """The cells of a cell set, ascending: its name, cell indices, or a predicate on centroids (m, 3) -> bool (m,).

@@ -171,7 +171,9 @@ def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
 
     def part(load: Any) -> Any:
         if isinstance(load, Mapping):
-            return {where: share * np.asarray(value, dtype=float) for where, value in load.items()}
+            return {where: part(value) for where, value in load.items()}
+        if isinstance(load, int | float):
+            return share * load
         return None if load is None else share * np.asarray(load, dtype=float)
 
     return {name: load if name == "density" else part(load) for name, load in loads.items()}

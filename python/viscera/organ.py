@@ -37,7 +37,7 @@ from viscera.touch import Touch
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ELEMENTS = ("P1", "P1 nodal", "P2")
+ELEMENTS = ("P1", "P1 mean volume", "P2")
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -47,8 +47,8 @@ class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
-    element: "P1" (linear cells), "P1 nodal" (linear cells that share their change of volume around nodes) or "P2"
-        (quadratic cells); by default "P1 nodal" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
+    element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
+        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
         below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
@@ -190,6 +190,8 @@ class Organ:
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         tolerance: float = 1e-10,
         max_iterations: int = 100,
         throw: bool = False,
@@ -197,7 +199,8 @@ class Organ:
     ) -> Unloaded:
         """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
 
-        gravity, density, force: of the scan, as in `solve`; the density [kg/m^3] is that of the unloaded organ.
+        gravity, density, force, traction, pressure: of the scan, as in `solve`; densities [kg/m^3], areas of tractions
+            and fibres are those of the unloaded organ.
         tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
             bounding-box diagonal.
         max_iterations: for one load step.
@@ -206,7 +209,7 @@ class Organ:
         From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
         displacement from the scan.
         """
-        loads = {"gravity": gravity, "density": density, "force": {} if force is None else force}
+        loads = {"gravity": gravity, "density": density, "force": force, "traction": traction, "pressure": pressure}
         result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
         if throw and not result.is_converged:
             raise VisceraError(result.message)

@@ -50,7 +50,8 @@ def socket(server: Server) -> Iterator[ClientConnection]:
 
 def open_socket(server: Server, **changes: Any) -> ClientConnection:
     settings: dict[str, Any] = {"origin": f"http://127.0.0.1:{server.port}", "proxy": None, **changes}
-    return connect(server.url.replace("http", "ws") + "live", **settings)
+    opened: ClientConnection = connect(server.url.replace("http", "ws") + "live", **settings)
+    return opened
 
 
 def ask(socket: ClientConnection, **request: Any) -> NDArray[np.float32]:

@@ -59,7 +59,7 @@ class Viewer:
         self.complaints: list[str] = []
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._listen)
-        self.page.set_default_timeout(15_000)
+        self.page.set_default_timeout(60_000)
         self.page.goto(url)
         self.page.wait_for_selector(".view canvas.stage")
 

@@ -52,6 +52,7 @@ def test_a_drag_moves_the_organ_by_the_numbers_of_python(viewer: Viewer, touch: 
     mouse.down()
     mouse.move(x, y + 25, steps=4)
     held = viewer.state
+    shown = viewer.page.locator("output.force").inner_text()
     viewer.shoot("drag")
     mouse.up()
     assert held["activity"] == "held"
@@ -64,7 +65,7 @@ def test_a_drag_moves_the_organ_by_the_numbers_of_python(viewer: Viewer, touch: 
     assert close(held["stiffness"], answer.stiffness)
     assert held["error_estimate"] == pytest.approx(answer.error_estimate, rel=1e-5)
     assert held["is_trusted"] == answer.is_trusted
-    assert viewer.page.locator("output.force").inner_text().startswith(f"{np.linalg.norm(answer.force):.2f}"[:3])
+    assert float(shown) == pytest.approx(np.linalg.norm(answer.force), abs=0.006)
 
 
 def test_letting_go_brings_the_organ_back(viewer: Viewer) -> None:
@@ -155,13 +156,17 @@ def test_modes_are_those_of_the_file(viewer: Viewer, touch: vs.Touch) -> None:
 
 def test_the_load_path_wanders(viewer: Viewer, touch: vs.Touch) -> None:
     viewer.call("togglePath")
-    viewer.page.wait_for_timeout(700)
-    first = viewer.state
-    viewer.page.wait_for_timeout(700)
-    second = viewer.state
-    assert first["activity"] == "path"
-    assert not np.allclose(first["point"], second["point"])
-    assert close(second["field"], touch.surface_displacement(second["point"], second["displacement"]))
+    points = set()
+    for _ in range(300):
+        viewer.page.wait_for_timeout(100)
+        state = viewer.state
+        assert state["activity"] == "path"
+        points.add(tuple(state["point"] or ()))
+        if len(points) > 3 and np.linalg.norm(state["displacement"]) > 1e-3:
+            break
+    else:
+        pytest.fail(f"the contact does not wander: {points}")
+    assert close(state["field"], touch.surface_displacement(state["point"], state["displacement"]))
     viewer.call("togglePath")
 
 

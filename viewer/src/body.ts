@@ -7,6 +7,15 @@ import { Skin } from "./skin";
 const TISSUE: Rgb = [0.56, 0.175, 0.14];
 const UNTOUCHABLE: Rgb = [0.4, 0.235, 0.215];
 const GREY: Rgb = [0.6, 0.61, 0.63];
+/** Waves in all directions, whose sum mottles the tissue. */
+const WAVES = [
+  [0.9, 0.4, -0.7, 0.3],
+  [-0.5, 1.1, 0.6, 1.9],
+  [0.7, -0.8, 1.0, 4.1],
+  [1.7, 0.9, 0.8, 2.2],
+  [-1.2, 0.6, 1.6, 5.0],
+  [0.5, -1.8, -1.1, 0.8],
+] as const;
 
 /** A closed surface of triangles at rest [m], and which of its triangles may be touched. */
 export interface Surface {
@@ -167,7 +176,7 @@ export class Body {
     const size = 0.018 * diagonal;
     for (let v = 0; v < drawn.length; v += 3) {
       const [x, y, z] = [0, 1, 2].map((i) => this.skin.positions[v + i]! / size) as [number, number, number];
-      const mottle = 1 + 0.05 * (Math.sin(x + 1.7 * Math.sin(y)) + Math.sin(1.3 * y + 1.9 * Math.sin(z)) * Math.cos(0.8 * z + x));
+      const mottle = WAVES.reduce((sum, [a, b, c, phase]) => sum + 0.022 * Math.sin(a * x + b * y + c * z + phase), 1);
       for (let i = 0; i < 3; i++) drawn[v + i] = linear(Math.min(1, drawn[v + i]! * mottle));
     }
     return drawn;

@@ -260,11 +260,15 @@ export class LiveView implements Touched {
       body.dispose();
     }
     const names = this.hello.laws.map((law) => [law, spaced(law)] as [string, string]);
-    const box = new THREE.Box3().setFromArray(this.hello.rest);
-    const width = 1.12 * (box.max.x - box.min.x);
+    const right = this.stage.right;
+    const along = Array.from({ length: this.surface.rest.length / 3 }, (_, n) =>
+      right.reduce((sum, r, i) => sum + r * this.surface.rest[3 * n + i]!, 0),
+    );
+    const width = 1.15 * (Math.max(...along) - Math.min(...along));
+    this.stage.widen(this.laws.length > 1 ? 1.6 : 1);
     this.specimens = this.laws.map((law, k) => {
       const specimen = new Specimen(this.surface, names, law, (chosen) => this.setLaws(this.laws.map((old, j) => (j === k ? chosen : old))));
-      specimen.place.position.x = (k - 0.5 * (this.laws.length - 1)) * width;
+      specimen.place.position.set(...right).multiplyScalar((k - 0.5 * (this.laws.length - 1)) * width);
       this.stage.world.add(specimen.place);
       return specimen;
     });

@@ -2,7 +2,7 @@
 import type { Body } from "./body";
 import { DIVERGING } from "./colour";
 import { button, choice, digits, element } from "./dom";
-import type { Evaluator } from "./evaluator";
+import type { Evaluator, Vec3 } from "./evaluator";
 
 /** Largest displacement of a mode on the stage, as a part of the organ's diagonal. */
 const SIZE = 0.07;
@@ -24,6 +24,7 @@ export class Modes {
   constructor(
     private readonly evaluator: Evaluator,
     private readonly body: Body,
+    towards: Vec3,
     private readonly repaint: () => void,
   ) {
     const { n_regions, n_terms, metadata } = evaluator.about;
@@ -31,7 +32,7 @@ export class Modes {
     const terms = monomials(metadata.order).slice(0, n_terms).map((name, t) => [String(t), name] as [string, string]);
     this.slider.addEventListener("input", () => this.select(this.region, Number(this.slider.value)));
     this.regions = choice("region", regions, (r) => this.select(Number(r), 0));
-    this.regions.value = String(middleRegion(evaluator));
+    this.regions.value = String(foremostRegion(evaluator, towards));
     this.root = element(
       "section",
       { class: "panel modes", "aria-label": "modes" },
@@ -105,12 +106,11 @@ export class Modes {
   }
 }
 
-/** The region of the load position that is closest to their middle. */
-function middleRegion(evaluator: Evaluator): number {
+/** The region of the load position that lies farthest towards the viewer. */
+function foremostRegion(evaluator: Evaluator, towards: Vec3): number {
   const { positions, positionRegion, rest } = evaluator;
-  const middle = [0, 1, 2].map((i) => positions.reduce((sum, row) => sum + rest[3 * row + i]!, 0) / positions.length);
-  const distance = (row: number) => Math.hypot(...middle.map((x, i) => rest[3 * row + i]! - x));
-  const best = positions.reduce((best, row, p) => (distance(row) < distance(positions[best]!) ? p : best), 0);
+  const height = (row: number) => towards.reduce((sum, t, i) => sum + t * rest[3 * row + i]!, 0);
+  const best = positions.reduce((best, row, p) => (height(row) > height(positions[best]!) ? p : best), 0);
   return positionRegion[best]!;
 }
 

@@ -19,6 +19,7 @@ export class Stage {
 
   private isStale = true;
   private last = 0;
+  private room = 1;
   private readonly home = new THREE.Vector3();
   private readonly observer: ResizeObserver;
 
@@ -53,10 +54,26 @@ export class Stage {
 
   /** Back to the first view. */
   goHome(): void {
-    this.camera.position.copy(this.home);
+    this.camera.position.copy(this.home).multiplyScalar(this.room);
     this.controls.target.set(0, 0, 0);
     this.controls.update();
     this.invalidate();
+  }
+
+  /** Direction of the first view, from the organ to the viewer. */
+  get towards(): Vec3 {
+    return this.home.toArray();
+  }
+
+  /** Direction to the right in the first view. */
+  get right(): Vec3 {
+    return new THREE.Vector3().crossVectors(this.camera.up, this.home).normalize().toArray();
+  }
+
+  /** Makes room for organs side by side. */
+  widen(factor: number): void {
+    this.room = factor;
+    this.goHome();
   }
 
   /** Asks for a frame. */

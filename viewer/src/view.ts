@@ -76,7 +76,7 @@ export class View implements Touched {
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
     this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
     this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
-    this.modes = new Modes(evaluator, this.body, () => this.stage.invalidate());
+    this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
     this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
     this.root.append(
       this.tools.header,

@@ -229,8 +229,10 @@ pub unsafe extern "C" fn viscera_guard_keep_passive(
 ) -> Status {
     // SAFETY: the caller's contract.
     let Some(guard) = (unsafe { guard.as_mut() }) else { return status::NULL_POINTER };
-    (guard.energy_limit, guard.damping, guard.energy) = (energy_limit, damping, 0.0);
-    if energy_limit > 0.0 && guard.is_usable() { status::OK } else { status::BAD_SETTING }
+    // Asked for none, a guard must not go on without counting.
+    guard.energy_limit = if energy_limit > 0.0 { energy_limit } else { f64::NAN };
+    (guard.damping, guard.energy) = (damping, 0.0);
+    if guard.is_usable() { status::OK } else { status::BAD_SETTING }
 }
 
 /// The force to send to the device after `dt` seconds.

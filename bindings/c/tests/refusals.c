@@ -29,6 +29,15 @@ static uint8_t *contents(const char *path, size_t *len) {
     return bytes;
 }
 
+/* The byte behind the first place where the bytes read as a text. */
+static uint8_t *after(uint8_t *bytes, size_t len, const char *text) {
+    const size_t n = strlen(text);
+    for (size_t i = 0; i + n < len; i++) {
+        if (memcmp(bytes + i, text, n) == 0) return bytes + i + n;
+    }
+    return NULL;
+}
+
 static void loading(const char *path) {
     char message[200], small[8];
     size_t len = 0, cuts[] = {0, 1, 8, 1000, 0, 0};
@@ -53,6 +62,14 @@ static void loading(const char *path) {
     EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_OK);
     EXPECT(model != NULL && message[0] == 0);
     viscera_free(model);
+    uint8_t *version = after(bytes, len, "format_version\\\":");
+    EXPECT(version != NULL && *version == '1');
+    if (version) *version = '9';
+    EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_BAD_MODEL && model == NULL);
+    EXPECT(strstr(message, "format version 9") != NULL);
+    if (version) *version = '1';
+    for (int i = 0; i < 8; i++) bytes[i] = 0xff; /* a header longer than all memory */
+    EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_BAD_MODEL && model == NULL);
     viscera_free(NULL);
     free(bytes);
 }
@@ -151,6 +168,22 @@ static void settings(viscera_model *model) {
     EXPECT(viscera_guard_step(NULL, force, VISCERA_OK, 1e-3, force) == VISCERA_GUARD_REFUSES && force[0] == 0);
     EXPECT(viscera_guard_init(&guard, 1, 1, 1, 1) == VISCERA_OK);
     EXPECT(viscera_guard_step(&guard, NULL, VISCERA_OK, 1e-3, NULL) == VISCERA_GUARD_FADES);
+
+    const double still[3] = {0, 0, 0};
+    EXPECT(viscera_guard_keep_passive(NULL, 1, 1) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_guard_keep_passive(&guard, 1, 1) == VISCERA_OK);
+    force[0] = 1;
+    EXPECT(viscera_guard_step_moved(&guard, force, VISCERA_OK, still, 1, force) == VISCERA_GUARD_FOLLOWS && force[0] == 1);
+    EXPECT(viscera_guard_step_moved(&guard, force, VISCERA_OK, NULL, 0.1, force) == VISCERA_GUARD_FADES);
+    EXPECT(viscera_guard_step_moved(NULL, force, VISCERA_OK, still, 1, NULL) == VISCERA_GUARD_REFUSES);
+    const double wrong[4][2] = {{0, 1}, {-1, 1}, {NAN, 1}, {1, -1}};
+    for (int i = 0; i < 4; i++) {
+        EXPECT(viscera_guard_init(&guard, 1, 1, 1, 1) == VISCERA_OK);
+        EXPECT(viscera_guard_keep_passive(&guard, wrong[i][0], wrong[i][1]) == VISCERA_BAD_SETTING);
+        force[0] = force[1] = force[2] = 1;
+        const int32_t mode = viscera_guard_step_moved(&guard, force, VISCERA_OK, still, 1, force);
+        EXPECT(mode == VISCERA_GUARD_REFUSES && force[0] == 0);
+    }
     for (int32_t status = -1; status <= VISCERA_STALE + 1; status++) EXPECT(strlen(viscera_status_text(status)) > 5);
 }
 

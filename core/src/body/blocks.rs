@@ -140,6 +140,7 @@ impl BlockPattern {
 }
 
 /// Items sorted into numbered groups.
+#[derive(Clone)]
 pub(super) struct Grouped<T> {
     start: Vec<u32>,
     items: Vec<T>,

@@ -4,11 +4,12 @@
 //! their results are gathered node by node (and block by block) through maps made once, so sums
 //! come out the same whatever the number of threads.
 
-mod averages;
 mod blocks;
 mod cells;
 mod check;
+mod clusters;
 mod kernels;
+mod partition;
 mod series;
 #[cfg(test)]
 mod tests;
@@ -21,10 +22,11 @@ use crate::law::Material;
 use crate::mesh;
 use crate::number::Lanes;
 use crate::tensor::{cofactor, determinant};
-use averages::{Averages, Rings};
 use blocks::BlockPattern;
 use cells::{Cells, deformation, pairs_of};
+use clusters::Clusters;
 use kernels::Alone;
+use partition::Partition;
 
 /// Cells per batch.
 pub const LANES: usize = 4;
@@ -47,7 +49,7 @@ pub struct Body {
 
 enum Assembly {
     P1(Cells<Tet4, 4>),
-    P1Nodal(Cells<Tet4, 4>, Averages),
+    P1MeanVolume(Cells<Tet4, 4>, Clusters),
     P2(Cells<Tet10, 10>),
 }
 
@@ -55,7 +57,7 @@ enum Assembly {
 macro_rules! on_cells {
     ($body:expr, $cells:ident => $expression:expr) => {
         match &$body.assembly {
-            Assembly::P1($cells) | Assembly::P1Nodal($cells, _) => $expression,
+            Assembly::P1($cells) | Assembly::P1MeanVolume($cells, _) => $expression,
             Assembly::P2($cells) => $expression,
         }
     };
@@ -99,14 +101,13 @@ impl Body {
                 let cells = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
                 (pattern, Assembly::P1(cells))
             }
-            Element::P1Nodal => {
-                let rings = Rings::new(&cells, &material);
-                let local = cells.iter().flat_map(pairs_of);
-                let pattern = BlockPattern::new(n, local.chain(averages::pairs(&rings)));
+            Element::P1MeanVolume => {
+                let parts = Partition::new(&cells, &material);
+                let pattern = BlockPattern::new(n, parts.pairs());
                 let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
                 let slots = &batched.slots;
-                let averages = Averages::new(rings, &cells, slots, &geometry, &material, &pattern);
-                (pattern, Assembly::P1Nodal(batched, averages))
+                let clusters = Clusters::new(&parts, &cells, slots, &geometry, &material, &pattern);
+                (pattern, Assembly::P1MeanVolume(batched, clusters))
             }
             Element::P2 => {
                 let nodes = mesh::quadratic_cells(corners, &cells, &edges);
@@ -229,12 +230,12 @@ impl Body {
         match &self.assembly {
             Assembly::P1(cells) => cells.energy(material, Alone, u),
             Assembly::P2(cells) => cells.energy(material, Alone, u),
-            Assembly::P1Nodal(cells, averages) => {
-                let local = cells.energy(material, averages.around(&[]), u);
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let local = cells.energy(material, clusters.around(&[]), u);
                 if local.is_infinite() {
                     return local;
                 }
-                local + averages.energy(material, &averages.volumes(material, &cells.batches, u))
+                local + clusters.energy(material, &clusters.volumes(material, &cells.batches, u))
             }
         }
     }
@@ -245,10 +246,10 @@ impl Body {
         match &self.assembly {
             Assembly::P1(cells) => cells.force(material, Alone, u, force),
             Assembly::P2(cells) => cells.force(material, Alone, u, force),
-            Assembly::P1Nodal(cells, averages) => {
-                let volumes = averages.volumes(material, &cells.batches, u);
-                let (pressures, _) = averages.pressures(material, &volumes);
-                cells.force(material, averages.around(&pressures), u, force);
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let volumes = clusters.volumes(material, &cells.batches, u);
+                let (pressures, _) = clusters.pressures(material, &volumes);
+                cells.force(material, clusters.around(&pressures), u, force);
             }
         }
     }
@@ -269,14 +270,14 @@ impl Body {
             Assembly::P2(cells) => {
                 cells.force_and_tangent(material, Alone, u, force, tangent, nothing);
             }
-            Assembly::P1Nodal(cells, averages) => {
-                let volumes = averages.volumes(material, &cells.batches, u);
-                let (pressures, moduli) = averages.pressures(material, &volumes);
-                let slopes = averages.ring_slopes(&volumes, &moduli);
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let volumes = clusters.volumes(material, &cells.batches, u);
+                let (pressures, moduli) = clusters.pressures(material, &volumes);
+                let slopes = clusters.slopes(&volumes, &moduli);
                 let products = |block: usize, out: &mut [f64; 9]| {
-                    averages.add_products(&slopes, block, out);
+                    clusters.add_products(&slopes, block, out);
                 };
-                let around = averages.around(&pressures);
+                let around = clusters.around(&pressures);
                 cells.force_and_tangent(material, around, u, force, tangent, products);
             }
         }

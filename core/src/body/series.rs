@@ -1,11 +1,12 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
 //! internal force along a series of displacements (paper A; docs/architecture.md).
 
-use super::cells::Cells;
+use super::cells::{Cells, Slot};
+use super::clusters::Clusters;
 use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
 use crate::law::{Law, LawVisitor, Material};
-use crate::number::{Monomials, Real};
+use crate::number::{Jet, Monomials, Real};
 use crate::simd::{Kernel, dispatch};
 
 impl Body {
@@ -27,9 +28,9 @@ impl Body {
         let Body { material, geometry, .. } = self;
         match &self.assembly {
             Assembly::P1(cells) => cells.force_series(material, geometry, along, &[], force),
-            Assembly::P1Nodal(cells, averages) => {
+            Assembly::P1MeanVolume(cells, clusters) => {
                 let mut volumes = cells.volume_series(material, geometry, along);
-                averages.pressure_series(material, &cells.slots, table, &mut volumes);
+                clusters.pressure_series(material, &cells.slots, table, &mut volumes);
                 cells.force_series(material, geometry, along, &volumes, force);
             }
             Assembly::P2(cells) => cells.force_series(material, geometry, along, &[], force),
@@ -209,4 +210,80 @@ impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for VolumeKernel<'_, T
             law.volume_series(along.table, &deformation, out);
         }
     }
+}
+
+impl Clusters {
+    /// From the series of each cell's volume ratio to those of the pressure its cluster adds, in place.
+    fn pressure_series<T: Real>(
+        &self,
+        material: &Material,
+        slots: &[Slot],
+        table: &'static Monomials,
+        series: &mut [T],
+    ) {
+        material.visit(Pressures { clusters: self, material, slots, table, series });
+    }
+}
+
+struct Pressures<'a, T> {
+    clusters: &'a Clusters,
+    material: &'a Material,
+    slots: &'a [Slot],
+    table: &'static Monomials,
+    series: &'a mut [T],
+}
+
+impl<T: Real> LawVisitor for Pressures<'_, T> {
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        dispatch(PressureKernel { pressures: self, make });
+    }
+}
+
+struct PressureKernel<'a, T, L> {
+    pressures: Pressures<'a, T>,
+    make: fn(&[f64]) -> L,
+}
+
+impl<T: Real, L: Law> Kernel for PressureKernel<'_, T, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Pressures { clusters, material, slots, table, series } = self.pressures;
+        let (n, count) = (table.len(), clusters.members.len());
+        let mut ratios = vec![T::default(); count * n];
+        for (cluster, ratio) in ratios.chunks_exact_mut(n).enumerate() {
+            for m in clusters.members.of(cluster) {
+                add_scaled(ratio, m.part, &series[m.cell as usize * n..][..n]);
+            }
+        }
+        let pressure = |parameters: &[f64], ratio: &[T]| {
+            (self.make)(parameters).pressure(&Jet::new(table, ratio.to_vec()))
+        };
+        let mut means = vec![T::default(); count * n];
+        for response in &clusters.responses {
+            for (lane, cluster) in response.cluster.into_iter().enumerate() {
+                let (cluster, weight) = (cluster as usize, response.weight[lane]);
+                if weight > 0.0 {
+                    let p = pressure(&response.parameters, &ratios[cluster * n..][..n]);
+                    let mean = &mut means[cluster * n..][..n];
+                    add_scaled(mean, weight / clusters.volume[cluster], p.coefficients());
+                }
+            }
+        }
+        for (cell, (slot, q)) in slots.iter().zip(series.chunks_exact_mut(n)).enumerate() {
+            let own = pressure(material.of_cell(cell), q);
+            let (batch, lane) = (slot.batch as usize, slot.lane as usize);
+            let cluster = clusters.of[batch][lane] as usize;
+            q.copy_from_slice(&means[cluster * n..][..n]);
+            add_scaled(q, -clusters.share[batch], own.coefficients());
+        }
+    }
+}
+
+/// `sum += factor series`.
+#[inline(always)]
+fn add_scaled<T: Real>(sum: &mut [T], factor: f64, series: &[T]) {
+    sum.iter_mut().zip(series).for_each(|(sum, &value)| *sum = *sum + value * factor);
 }

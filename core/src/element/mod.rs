@@ -14,21 +14,21 @@ use crate::error::Error;
 pub enum Element {
     /// Linear displacement, one quadrature point. Locks where the law resists volume change.
     P1,
-    /// Linear displacement; the volume change is averaged around nodes (Bonet and Burton, 1998).
-    P1Nodal,
+    /// Linear displacement; clusters of cells share one change of volume (mean dilatation).
+    P1MeanVolume,
     /// Quadratic displacement, straight sides, four quadrature points.
     P2,
 }
 
 impl Element {
     /// All of them.
-    pub const ALL: [Element; 3] = [Element::P1, Element::P1Nodal, Element::P2];
+    pub const ALL: [Element; 3] = [Element::P1, Element::P1MeanVolume, Element::P2];
 
-    /// `"P1"`, `"P1 nodal"` or `"P2"`.
+    /// `"P1"`, `"P1 mean volume"` or `"P2"`.
     pub fn name(self) -> &'static str {
         match self {
             Element::P1 => "P1",
-            Element::P1Nodal => "P1 nodal",
+            Element::P1MeanVolume => "P1 mean volume",
             Element::P2 => "P2",
         }
     }

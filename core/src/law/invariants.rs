@@ -5,10 +5,11 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
-use super::{Law, StrainEnergy, TangentBlocks, blocks, series};
+use super::{Law, StrainEnergy, TangentBlocks, blocks, determinant_curvature, series};
 use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate, tensor_cross,
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
+    tensor_cross,
 };
 
 #[allow(non_snake_case)]
@@ -42,33 +43,39 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     }
 
     #[inline(always)]
-    fn dilatation<S: Scalar>(&self, J: &S) -> S {
-        let [I1, I2, J] = dilated::<Self, S>(J, &J.cbrt());
-        self.psi(I1, I2, J)
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        if E::VOLUME_IS_TRACE {
+            return ((double_dot(F, F) - 1.0) * 0.5, F.clone());
+        }
+        let Z = cofactor(F);
+        (determinant(F, &Z), Z)
     }
 
-    /// `U' = 2/c psi_1 + 4c psi_2 + psi_J`, `c = J^(1/3)`.
+    #[inline(always)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        if E::VOLUME_IS_TRACE {
+            return blocks(|a, b| spherical(&dot(&g[a], &g[b])));
+        }
+        determinant_curvature(F, g)
+    }
+
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        self.volumetric(J.clone())
+    }
+
     #[inline(always)]
     fn pressure<S: Scalar>(&self, J: &S) -> S {
-        let c = J.cbrt();
-        let [I1, I2, J] = Gradient::variables(dilated::<Self, S>(J, &c));
-        let psi = self.psi(I1, I2, J).first;
-        dot(&psi, &directions(&c))
+        let [J, _, _] = Gradient::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let [pressure, _, _] = self.volumetric(J).first;
+        pressure
     }
 
     #[inline(always)]
     fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        let c = J.cbrt();
-        let [I1, I2, J] = Hessian::variables(dilated::<Self, S>(J, &c));
-        let psi = self.psi(I1, I2, J);
-        let d = directions(&c);
-        let slopes: [S; 3] =
-            std::array::from_fn(|n| dot(&std::array::from_fn(|m| psi.second(m, n)), &d));
-        let r2 = c.recip().square();
-        // d2I1/dJ2 = -2/3 c^-4, d2I2/dJ2 = 4/3 c^-2.
-        let curvature = psi.first[1].clone() * r2.clone() * (4.0 / 3.0)
-            - psi.first[0].clone() * r2.square() * (2.0 / 3.0);
-        [dot(&psi.first, &d), dot(&slopes, &d) + curvature]
+        let [J, _, _] = Hessian::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let U = self.volumetric(J);
+        [U.first[0].clone(), U.second(0, 0)]
     }
 
     #[inline(always)]
@@ -84,23 +91,8 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
 
     #[inline(always)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        series::volume_series(table, deformation, out);
+        series::volume_series::<Self, T>(table, deformation, out);
     }
-}
-
-/// The invariants of `F = c I`, `J = c^3`.
-#[inline(always)]
-#[allow(non_snake_case)]
-fn dilated<E: StrainEnergy, S: Scalar>(J: &S, c: &S) -> [S; 3] {
-    let c2 = c.square();
-    let I2 = if E::USES_I2 { c2.square() * 3.0 } else { J.constant(0.0) };
-    [c2 * 3.0, I2, J.clone()]
-}
-
-/// Derivatives of the invariants of `F = c I` by `J`.
-#[inline(always)]
-fn directions<S: Scalar>(c: &S) -> [S; 3] {
-    [c.recip() * 2.0, c.clone() * 4.0, c.constant(1.0)]
 }
 
 /// `I1, I2, J`; `I2` is left zero for laws that do not use it.

@@ -42,9 +42,21 @@ pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether a derivative of `psi` depends on `I1`; if not, its power series is not computed.
     const DERIVATIVES_USE_I1: bool = true;
 
+    /// Whether the law resists `1 + tr E = (I1 - 1) / 2` rather than `J`: then this is the volume ratio that
+    /// elements average, and [`StrainEnergy::volumetric`] is a function of it.
+    const VOLUME_IS_TRACE: bool = false;
+
     /// `psi(I1, I2, J)` with `I1 = tr C`, `I2 = (I1^2 - tr C^2) / 2 = |cof F|^2`, `J = det F`.
     #[allow(non_snake_case)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S;
+
+    /// `U(J)`, the energy of a pure dilatation `F = J^(1/3) I`; laws that write it as a term of its own give that.
+    #[inline(always)]
+    #[allow(non_snake_case)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        let c2 = J.cbrt().square();
+        self.psi(c2.clone() * 3.0, c2.square() * 3.0, J)
+    }
 }
 
 /// A fourth-order tensor seen along three vectors: `blocks[a][b]_ik = g_a,J A_iJkL g_b,L`, for `a <= b`.
@@ -66,7 +78,8 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
     /// coordinates: all that the assembly of a tetrahedron needs of the fourth-order tensor.
     fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>);
 
-    /// The volume ratio that the law sees, and its derivative `Z = dJ/dF`: `det F` and `cof F`.
+    /// The volume ratio that the law sees, and its derivative `Z = dJ/dF`: `det F` and `cof F`, or their like
+    /// to first order in the strain.
     #[inline(always)]
     fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
         let Z = cofactor(F);
@@ -76,15 +89,7 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
     /// Contraction of `d2J/dF2` with three vectors, as in [`Law::tangent`].
     #[inline(always)]
     fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
-        blocks(|a, b| {
-            // e_ikq (F (g_a x g_b))_q, with e_ikq = 1 for (i, k) = (0, 1), (1, 2), (2, 0).
-            let spin = mul_vector(F, &cross(&g[a], &g[b]));
-            tabulate(|i, k| match (3 + k - i) % 3 {
-                0 => F[0][0].constant(0.0),
-                1 => spin[3 - i - k].clone(),
-                _ => -spin[3 - i - k].clone(),
-            })
-        })
+        determinant_curvature(F, g)
     }
 
     /// `U(J) = psi(J^(1/3) I)`, the energy of a pure dilatation [J/m^3].
@@ -150,6 +155,21 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
             *value = J.coefficient(c);
         }
     }
+}
+
+/// `d2(det F)/dF2` contracted with three vectors: `e_ikq (F (g_a x g_b))_q`.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+    blocks(|a, b| {
+        // e_ikq is 1 for (i, k) = (0, 1), (1, 2), (2, 0).
+        let spin = mul_vector(F, &cross(&g[a], &g[b]));
+        tabulate(|i, k| match (3 + k - i) % 3 {
+            0 => F[0][0].constant(0.0),
+            1 => spin[3 - i - k].clone(),
+            _ => -spin[3 - i - k].clone(),
+        })
+    })
 }
 
 /// Nine runs of coefficients as a tensor of series.

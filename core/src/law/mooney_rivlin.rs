@@ -34,15 +34,19 @@ pub enum Volumetric {
 impl StrainEnergy for MooneyRivlin {
     #[inline(always)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S {
-        let (half_kappa, eighth_kappa) = (0.5 * self.kappa, 0.125 * self.kappa);
-        let volumetric = match self.volumetric {
-            Volumetric::Jacobian => (J.clone() - 1.0).square() * half_kappa,
-            Volumetric::JacobianSquared => (J.square() - 1.0).square() * eighth_kappa,
-            Volumetric::Logarithm => J.ln().square() * half_kappa,
-        };
         let J_m23 = J.powf(-2.0 / 3.0);
         let isochoric =
             (I1 * J_m23.clone() - 3.0) * self.c1 + (I2 * J_m23.square() - 3.0) * self.c2;
-        isochoric + volumetric
+        isochoric + self.volumetric(J)
+    }
+
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        let (half_kappa, eighth_kappa) = (0.5 * self.kappa, 0.125 * self.kappa);
+        match self.volumetric {
+            Volumetric::Jacobian => (J - 1.0).square() * half_kappa,
+            Volumetric::JacobianSquared => (J.square() - 1.0).square() * eighth_kappa,
+            Volumetric::Logarithm => J.ln().square() * half_kappa,
+        }
     }
 }

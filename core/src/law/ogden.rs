@@ -23,7 +23,7 @@ impl StrainEnergy for Ogden {
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S {
         let J_m23 = J.powf(-2.0 / 3.0);
         let (I1, I2) = (I1 * J_m23.clone(), I2 * J_m23.square());
-        let mut psi = (J - 1.0).square() * (0.5 * self.kappa);
+        let mut psi = self.volumetric(J);
         for (mu, alpha) in self.mu.into_iter().zip(self.alpha) {
             if mu != 0.0 {
                 let powers = trace_of_power(&I1, &I2, 0.5 * alpha);
@@ -31,5 +31,10 @@ impl StrainEnergy for Ogden {
             }
         }
         psi
+    }
+
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        (J - 1.0).square() * (0.5 * self.kappa)
     }
 }

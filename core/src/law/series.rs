@@ -38,7 +38,7 @@ fn products<T: Real, const K: usize>(
     }
 }
 
-/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + (psi_J + q) Z`, p the order of `table`.
+/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z + q dJ/dF`, p the order of `table`.
 ///
 /// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each;
 /// `q` is one series or nothing,
@@ -83,9 +83,10 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
     let [I1, I2, J] = Gradient::variables(invariants);
     let [psi1, psi2, psiJ] = law.psi(I1, I2, J).first;
-    let (two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
+    let (mut two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
     let mut psiJ = padded(&psiJ, n);
-    psiJ.iter_mut().zip(q).for_each(|(psiJ, &q)| *psiJ = *psiJ + q);
+    let volumetric = if E::VOLUME_IS_TRACE { &mut two_psi1 } else { &mut psiJ };
+    volumetric.iter_mut().zip(q).for_each(|(slope, &q)| *slope = *slope + q);
 
     for (entry, p) in out.chunks_exact_mut(top.len()).enumerate() {
         let (i, j) = (entry / 3, entry % 3);
@@ -113,10 +114,22 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
     }
 }
 
-/// All coefficients of `J = det F`, of which only a row of the cofactor is needed.
+/// All coefficients of the volume ratio: `det F`, for which a row of the cofactor suffices, or `(I1 - 1) / 2`.
 #[inline(always)]
-pub(super) fn volume_series<T: Real>(table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+pub(super) fn volume_series<E: StrainEnergy, T: Real>(
+    table: &'static Monomials,
+    deformation: &[T],
+    out: &mut [T],
+) {
     let n = table.len();
+    if E::VOLUME_IS_TRACE {
+        for f in deformation.chunks_exact(n) {
+            products(table, 0..n, [(1.0, f, f)], out);
+        }
+        out[0] = out[0] - 1.0;
+        out.iter_mut().for_each(|value| *value = *value * 0.5);
+        return;
+    }
     let mut z = vec![T::default(); n];
     for j in 0..3 {
         z.fill(T::default());

@@ -20,6 +20,11 @@ impl StrainEnergy for Yeoh {
         let x = I1 * J.powf(-2.0 / 3.0) - 3.0;
         let [c10, c20, c30] = self.c;
         let isochoric = ((x.clone() * c30 + c20) * x.clone() + c10) * x;
-        isochoric + (J - 1.0).square() * (0.5 * self.kappa)
+        isochoric + self.volumetric(J)
+    }
+
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        (J - 1.0).square() * (0.5 * self.kappa)
     }
 }

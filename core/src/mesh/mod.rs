@@ -15,7 +15,7 @@ pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
-pub use surface::{Surface, surface};
+pub use surface::{FACES, Surface, surface};
 
 /// A point or a vector of three components.
 pub(crate) type Vector = [f64; 3];

@@ -4,7 +4,7 @@ use super::closest::{Closest, TriangleTree};
 use super::{cell_volume, cross, norm, sub};
 
 /// The four faces of a cell, seen from outside for a positively oriented one.
-const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
 /// Boundary triangles `(t, 3)`, oriented outward whichever way their cells are, in the order of the cells.
 /// A face shared by two cells is inside. All indices must be in range.

@@ -199,6 +199,12 @@ impl<T: Scalar> Scalar for Gradient<T> {
         self.chain(e.clone(), e)
     }
     #[inline(always)]
+    fn cbrt(&self) -> Self {
+        let root = self.value.cbrt();
+        let slope = root.clone() * self.value.recip() * (1.0 / 3.0);
+        self.chain(root, slope)
+    }
+    #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
         let power = self.value.powf(exponent);
         let slope = power.clone() * self.value.recip() * exponent;
@@ -236,6 +242,13 @@ impl<T: Scalar> Scalar for Hessian<T> {
     fn exp(&self) -> Self {
         let e = self.value.exp();
         self.chain(e.clone(), e.clone(), e)
+    }
+    #[inline(always)]
+    fn cbrt(&self) -> Self {
+        let (root, r) = (self.value.cbrt(), self.value.recip());
+        let slope = root.clone() * r.clone() * (1.0 / 3.0);
+        let curvature = slope.clone() * r * (-2.0 / 3.0);
+        self.chain(root, slope, curvature)
     }
     #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {

@@ -41,7 +41,7 @@ def add_organ(parser: argparse.ArgumentParser) -> None:
         "--units", type=number_or_words, help="of the mesh file: m, cm, mm, um, inch, or metres per unit"
     )
     organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
-    organ.add_argument("--element", help="'P1', 'P1 nodal' or 'P2' (default: what is right for Poisson's ratio)")
+    organ.add_argument("--element", help="'P1', 'P1 mean volume' or 'P2' (default: what is right for Poisson's ratio)")
     organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
     organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
     organ.add_argument("--poisson", type=float, help="Poisson's ratio, above -1 and below 0.5")

@@ -54,7 +54,7 @@ def compute(case: Case, samples: int) -> Curves:
     series = case.organ.path(force=case.force, order=ORDER, max_expansions=1).expansions[0].displacement
     seconds["one expansion"] = perf_counter() - began
     began = perf_counter()
-    path = case.organ.path(force=case.force, order=ORDER, parameter="arc length", max_expansions=20)
+    path = case.organ.path(force=case.force, order=ORDER, parameter="arc length", max_expansions=30)
     seconds["all expansions"] = perf_counter() - began
     began = perf_counter()
     newton: list[Floats | None] = []
@@ -93,7 +93,9 @@ def report(page: Report, case: Case, curves: Curves, figure: str) -> dict[str, A
     """The curves as figure and tables, where Newton fails, and the error of each order."""
     columns = _columns(case, curves)
     page.figure(
-        f"curves_{case.key}", _plot(case, curves, columns), f"{case.law}: displacement of the loaded node ({figure})."
+        f"curves_{case.key}",
+        _plot(case, curves, columns),
+        f"{case.law}: displacement of the loaded node ({figure}); Padé forms as far as neighbouring orders agree.",
     )
     rows: list[list[Cell]] = [list(row) for row in zip(*columns.values(), strict=True)]
     page.table(f"curves_{case.key}", list(columns), rows, f"{case.law}: the curves [mm].")
@@ -190,7 +192,9 @@ def _plot(case: Case, curves: Curves, columns: dict[str, list[Cell]]) -> Figure:
     for colour, order in zip(REDS, POLYNOMIALS, strict=True):
         plot.plot(loads, _numbers(columns[f"order {order}"]), color=colour, linewidth=1.5, label=f"order {order}")
     for width, order in zip((0.7, 1.0, 1.4, 1.9), RATIONALS, strict=True):
-        plot.plot(loads, _numbers(columns[f"Padé {order}"]), "--", color=ACCENT, linewidth=width, label=f"Padé {order}")
+        end = 1 + _agreeing(case, curves, order)
+        along = _numbers(columns[f"Padé {order}"])[:end]
+        plot.plot(loads[:end], along, "--", color=ACCENT, linewidth=width, label=f"Padé {order}")
     reached, fields = curves.path.curve(8)
     along = 1e3 * fields[:, case.node] @ case.direction
     plot.plot(reached, along, color=INK, linewidth=1.0, label=f"order {ORDER}, continued")
@@ -212,6 +216,16 @@ def _plot(case: Case, curves: Curves, columns: dict[str, list[Cell]]) -> Figure:
     plot.spines[["top", "right"]].set_visible(False)
     plot.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
+
+
+def _agreeing(case: Case, curves: Curves, order: int) -> int:
+    """Loads up to which the Padé forms of neighbouring orders agree to a tenth; beyond, a pole makes them leap."""
+    for index, a in enumerate(curves.loads):
+        pair = (partial_sum(curves.series, a, p, True)[case.node] for p in (order, order - 1))
+        value, lower = (float(u @ case.direction) for u in pair)
+        if abs(value - lower) > 0.1 * abs(value):
+            return index
+    return len(curves.loads)
 
 
 def _numbers(cells: list[Cell]) -> Floats:

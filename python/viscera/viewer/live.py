@@ -122,7 +122,7 @@ class Live:
     def _choose(self, names: Any) -> None:
         if not isinstance(names, list) or not 1 <= len(names) <= 2:
             raise VisceraError(f"laws are a list of one or two names, got {names!r}")
-        unknown = next((name for name in names if name not in self.laws), None)
+        unknown = next((name for name in names if not isinstance(name, str) or name not in self.laws), None)
         if unknown is not None:
             raise VisceraError(f"no law is called {unknown!r}; {did_you_mean(str(unknown), self.laws)}")
         self._specimens = [self._specimen(name) for name in names]
@@ -199,7 +199,7 @@ def volume(points: Floats, triangles: NDArray[np.uint32]) -> float:
 
 
 def converse(case: Case, name: str) -> Callable[[ServerConnection], None]:
-    """A handler of web sockets: each page gets an organ of its own; a case that cannot be stepped is refused at once."""
+    """A handler of web sockets: each page gets its own organ; a case that cannot be stepped is refused at once."""
     Live(case, name)
 
     def handle(connection: ServerConnection) -> None:

@@ -63,14 +63,17 @@ class _Region:
         self.edges = np.flatnonzero(arrays["edge_region"] == index)
         own = _rows(arrays, "position", self.terms, index).reshape(len(self.positions), self.terms, -1)
         between = _rows(arrays, "edge", self.edge_terms, index).reshape(len(self.edges), self.edge_terms, -1)
-        orthonormal, triangle = np.linalg.qr(modes.T)
-        own, between = own @ triangle.T, between @ triangle.T
+        # An orthonormal basis over the surface, in which the stored modes have the coordinates `directions * lengths`.
+        squares, directions = np.linalg.eigh(modes @ modes.T)
+        lengths = np.sqrt(np.maximum(squares, 1e-14 * squares[-1]))
+        orthonormal = (directions / lengths).T @ modes
+        own, between = own @ (directions * lengths), between @ (directions * lengths)
         weighted = own * weight[:, None]
         weighted_between = between * weight[3 : 3 + self.edge_terms, None]
         fields = np.concatenate([weighted.reshape(-1, len(modes)), weighted_between.reshape(-1, len(modes))])
         _, principal = np.linalg.eigh(fields.T @ fields)
         principal = principal[:, ::-1]
-        self.modes = (orthonormal @ principal).T
+        self.modes = principal.T @ orthonormal
         self.own, self.between = own @ principal, between @ principal
         first = ((weighted[:, :3] @ principal) ** 2).sum(axis=(1, 2))
         # Square of what a position or an edge loses when only the first k modes are kept, relative to its field.
@@ -80,8 +83,8 @@ class _Region:
                 _tails(weighted_between @ principal) / first.mean(),
             ]
         ).max(axis=0)
-        directions = _directions() * touch.depth
-        self._monomials = np.array([[prod(d**e) for e in exponents] for d in directions])
+        pushes = _directions() * touch.depth
+        self._monomials = np.array([[prod(d**e) for e in exponents] for d in pushes])
 
     def modes_needed(self, tolerance: float) -> int:
         """The fewest modes that lose less than the tolerance at every position and edge."""

@@ -1,0 +1,367 @@
+//! Clusters of cells that share one volume ratio: a linear tetrahedron that does not lock.
+//!
+//! With `U(J)` the law's answer to a pure dilatation, and `J_c = sum V_e J_e / sum V_e` over the cells of cluster c,
+//!   W = sum_e V_e [psi(F_e) - s U(J_e)] + sum_c s V_c U(J_c),
+//!   P_e = dpsi/dF + (s U'(J_c) - s U'(J_e)) dJ/dF,
+//!   K = K_cells + sum_c s V_c U''(J_c) j_c (x) j_c,   j_c = dJ_c/du.
+//! The mean dilatation of Nagtegaal, Parks and Rice (1974) on patches of tetrahedra, as in de Souza Neto, Pires and
+//! Owen, IJNME 62 (2005) 353, with an energy, for any law. The part `1 - s` keeps the bulk modulus of
+//! Poisson's ratio 0, `2 mu / 3`, in the cell: enough to hold its shape, too little to lock.
+
+use super::blocks::{BlockPattern, Grouped};
+use super::cells::{Batch, Slot, tissues};
+use super::kernels::{Surroundings, TASK};
+use super::partition::Partition;
+use super::{LANES, Lane};
+use crate::element::{Geometry, Shape, Tet4};
+use crate::law::{Law, LawVisitor, Material, TangentBlocks};
+use crate::number::Lanes;
+use crate::simd::{Kernel, dispatch};
+use crate::tensor::{Mat3, Vec3, mul_vector, tabulate};
+use rayon::prelude::*;
+
+/// Where volume ratios are averaged, and what they touch.
+pub(super) struct Clusters {
+    /// By batch: the cluster of each cell.
+    pub(super) of: Vec<[u32; LANES]>,
+    /// By batch: the averaged part `s`.
+    pub(super) share: Vec<f64>,
+    /// By cluster: `V_c`.
+    pub(super) volume: Vec<f64>,
+    /// By cluster: its cells.
+    pub(super) members: Grouped<Member>,
+    /// By cluster: the nodes of its cells, ascending.
+    nodes: Grouped<u32>,
+    /// The clusters in batches of one tissue.
+    pub(super) responses: Vec<Response>,
+    /// By block: the places of `j_c` whose products add up to it.
+    products: Grouped<[u32; 2]>,
+}
+
+/// A cell of a cluster: its part of the volume, and where its corners are among the cluster's nodes.
+#[derive(Clone, Copy)]
+pub(super) struct Member {
+    pub cell: u32,
+    pub part: f64,
+    slot: Slot,
+    places: [u16; 4],
+}
+
+/// `s V_c` of some clusters in one tissue.
+pub(super) struct Response {
+    pub cluster: [u32; LANES],
+    pub weight: Lane,
+    pub parameters: Vec<f64>,
+}
+
+/// Volume ratios at a displacement.
+pub(super) struct Volumes {
+    /// `J_e` of each batch.
+    cells: Vec<Lane>,
+    /// `dJ_e/dF g_k` of each batch.
+    slopes: Vec<[Vec3<Lane>; 3]>,
+    /// `J_c`.
+    clusters: Vec<f64>,
+}
+
+impl Clusters {
+    /// Lays a partition out for the batches of `slots`; `pattern` must hold its pairs of nodes.
+    pub fn new(
+        partition: &Partition,
+        cells: &[[u32; 4]],
+        slots: &[Slot],
+        geometry: &[Geometry],
+        material: &Material,
+        pattern: &BlockPattern,
+    ) -> Self {
+        let n_batches = slots.iter().map(|slot| slot.batch as usize + 1).max().unwrap_or(0);
+        let mut of = vec![[0; LANES]; n_batches];
+        let mut share = vec![0.0; n_batches];
+        for (cell, slot) in slots.iter().enumerate() {
+            of[slot.batch as usize][slot.lane as usize] = partition.of[cell];
+            share[slot.batch as usize] = averaged_part(material, cell);
+        }
+        let mut volume = vec![0.0; partition.cells.len()];
+        partition.of.iter().zip(geometry).for_each(|(&c, g)| volume[c as usize] += g.volume);
+        let member = |(cell, nodes): (usize, &[u32; 4])| {
+            let cluster = partition.of[cell];
+            let all = partition.nodes.of(cluster as usize);
+            let places = nodes.map(|node| all.partition_point(|&n| n < node) as u16);
+            let part = geometry[cell].volume / volume[cluster as usize];
+            (cluster, Member { cell: cell as u32, part, slot: slots[cell], places })
+        };
+        let members: Vec<(u32, Member)> = cells.iter().enumerate().map(member).collect();
+        Clusters {
+            of,
+            share,
+            members: Grouped::new(volume.len(), &members),
+            responses: responses(partition, geometry, material),
+            products: products(partition, pattern),
+            nodes: partition.nodes.clone(),
+            volume,
+        }
+    }
+
+    /// Volume ratios of cells and clusters.
+    pub fn volumes(&self, material: &Material, batches: &[Batch<4>], u: &[f64]) -> Volumes {
+        let mut volumes = Volumes {
+            cells: vec![Lane::default(); batches.len()],
+            slopes: vec![[[Lane::default(); 3]; 3]; batches.len()],
+            clusters: Vec::new(),
+        };
+        material.visit(CellVolumes { batches, u, volumes: &mut volumes });
+        let mean = |cluster: usize| -> f64 {
+            let ratio = |m: &Member| volumes.cells[m.slot.batch as usize][m.slot.lane as usize];
+            self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum()
+        };
+        volumes.clusters =
+            (0..self.members.len()).into_par_iter().with_min_len(1024).map(mean).collect();
+        volumes
+    }
+
+    /// `sum_c s V_c U(J_c)`.
+    pub fn energy(&self, material: &Material, volumes: &Volumes) -> f64 {
+        material.visit(ClusterEnergy { clusters: self, volumes })
+    }
+
+    /// `s U'(J_c)` and `s V_c U''(J_c)`.
+    pub fn pressures(&self, material: &Material, volumes: &Volumes) -> (Vec<f64>, Vec<f64>) {
+        material.visit(Pressures { clusters: self, volumes })
+    }
+
+    /// What a cell feels of its cluster.
+    pub fn around<'a>(&'a self, pressure: &'a [f64]) -> InCluster<'a> {
+        InCluster { clusters: self, pressure }
+    }
+
+    /// `j_c` over the nodes of the clusters, and the same times `s V_c U''(J_c)`.
+    pub fn slopes(&self, volumes: &Volumes, modulus: &[f64]) -> [Vec<[f64; 3]>; 2] {
+        let mut slopes = vec![[0.0; 3]; self.nodes.total()];
+        for cluster in 0..self.members.len() {
+            let out = &mut slopes[self.nodes.range(cluster)];
+            for m in self.members.of(cluster) {
+                let z = &volumes.slopes[m.slot.batch as usize];
+                for k in 0..3 {
+                    for i in 0..3 {
+                        let slope = m.part * z[k][i][m.slot.lane as usize];
+                        out[m.places[k + 1] as usize][i] += slope;
+                        out[m.places[0] as usize][i] -= slope;
+                    }
+                }
+            }
+        }
+        let mut weighted = slopes.clone();
+        for (cluster, modulus) in modulus.iter().enumerate() {
+            for slope in &mut weighted[self.nodes.range(cluster)] {
+                *slope = slope.map(|s| modulus * s);
+            }
+        }
+        [slopes, weighted]
+    }
+
+    /// Adds `sum_c s V_c U'' j_c (x) j_c` to a block.
+    #[inline(always)]
+    pub fn add_products(
+        &self,
+        [slopes, weighted]: &[Vec<[f64; 3]>; 2],
+        block: usize,
+        out: &mut [f64; 9],
+    ) {
+        for &[row, column] in self.products.of(block) {
+            let (a, b) = (&weighted[row as usize], &slopes[column as usize]);
+            for i in 0..3 {
+                for k in 0..3 {
+                    out[3 * i + k] += a[i] * b[k];
+                }
+            }
+        }
+    }
+}
+
+/// `s = 1 - (2 mu / 3) / K`, none for materials that expand sideways when pulled.
+fn averaged_part(material: &Material, cell: usize) -> f64 {
+    let [shear, bulk] = material.moduli(material.of_cell(cell));
+    (1.0 - 2.0 / 3.0 * shear / bulk).max(0.0)
+}
+
+fn responses(partition: &Partition, geometry: &[Geometry], material: &Material) -> Vec<Response> {
+    let mut responses = Vec::new();
+    for tissue in tissues(partition.of.len(), material) {
+        let share = averaged_part(material, tissue[0]);
+        let mut weights: Vec<(u32, f64)> =
+            tissue.iter().map(|&c| (partition.of[c], share * geometry[c].volume)).collect();
+        weights.sort_by_key(|&(cluster, _)| cluster);
+        let sums: Vec<(u32, f64)> = (weights.chunk_by(|a, b| a.0 == b.0))
+            .map(|same| (same[0].0, same.iter().map(|w| w.1).sum()))
+            .collect();
+        responses.extend(sums.chunks(LANES).map(|some| Response {
+            cluster: std::array::from_fn(|l| some[l.min(some.len() - 1)].0),
+            weight: Lanes(std::array::from_fn(|l| some.get(l).map_or(0.0, |w| w.1))),
+            parameters: material.of_cell(tissue[0]).to_vec(),
+        }));
+    }
+    responses
+}
+
+fn products(partition: &Partition, pattern: &BlockPattern) -> Grouped<[u32; 2]> {
+    let mut products = Vec::new();
+    for cluster in 0..partition.nodes.len() {
+        let nodes = partition.nodes.of(cluster);
+        let first = partition.nodes.range(cluster).start as u32;
+        for (k, &column) in (0u32..).zip(nodes) {
+            for (l, &row) in (0u32..=k).zip(nodes) {
+                products.push((pattern.block(row, column), [first + l, first + k]));
+            }
+        }
+    }
+    Grouped::new(pattern.len(), &products)
+}
+
+/// What a cluster does to its cells.
+#[derive(Clone, Copy)]
+pub(super) struct InCluster<'a> {
+    clusters: &'a Clusters,
+    /// `s U'(J_c)`.
+    pressure: &'a [f64],
+}
+
+impl InCluster<'_> {
+    #[inline(always)]
+    fn mean_pressure(&self, batch: usize) -> Lane {
+        Lanes(self.clusters.of[batch].map(|cluster| self.pressure[cluster as usize]))
+    }
+}
+
+impl Surroundings for InCluster<'_> {
+    #[inline(always)]
+    fn energy<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, energy: &mut Lane) {
+        let (ratio, _) = law.volume_ratio(f);
+        *energy = *energy - law.dilatation(&ratio) * self.clusters.share[batch];
+    }
+
+    #[inline(always)]
+    fn stress<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, stress: &mut Mat3<Lane>) {
+        let (ratio, slope) = law.volume_ratio(f);
+        let q = self.mean_pressure(batch) - law.pressure(&ratio) * self.clusters.share[batch];
+        *stress = tabulate(|i, j| stress[i][j] + q * slope[i][j]);
+    }
+
+    #[inline(always)]
+    fn tangent<L: Law>(
+        &self,
+        law: &L,
+        batch: usize,
+        (f, g): (&Mat3<Lane>, &[Vec3<Lane>; 3]),
+        stress: &mut Mat3<Lane>,
+        blocks: &mut TangentBlocks<Lane>,
+    ) {
+        let share = self.clusters.share[batch];
+        let (ratio, slope) = law.volume_ratio(f);
+        let [pressure, modulus] = law.pressure_and_modulus(&ratio);
+        let q = self.mean_pressure(batch) - pressure * share;
+        let curvature = law.volume_curvature(f, g);
+        *stress = tabulate(|i, j| stress[i][j] + q * slope[i][j]);
+        let z: [Vec3<Lane>; 3] = std::array::from_fn(|k| mul_vector(&slope, &g[k]));
+        let mz = z.map(|z| z.map(|z| z * modulus * share));
+        for a in 0..3 {
+            for b in a..3 {
+                let (block, curvature) = (&mut blocks[a][b], &curvature[a][b]);
+                *block = tabulate(|i, k| block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]);
+            }
+        }
+    }
+}
+
+struct CellVolumes<'a> {
+    batches: &'a [Batch<4>],
+    u: &'a [f64],
+    volumes: &'a mut Volumes,
+}
+
+impl LawVisitor for CellVolumes<'_> {
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        let (u, Volumes { cells, slopes, .. }) = (self.u, self.volumes);
+        let tasks = self.batches.par_chunks(TASK);
+        let results = cells.par_chunks_mut(TASK).zip(slopes.par_chunks_mut(TASK));
+        tasks.zip(results).for_each(|(batches, (cells, slopes))| {
+            dispatch(VolumeKernel { batches, u, make, cells, slopes });
+        });
+    }
+}
+
+struct VolumeKernel<'a, L> {
+    batches: &'a [Batch<4>],
+    u: &'a [f64],
+    make: fn(&[f64]) -> L,
+    cells: &'a mut [Lane],
+    slopes: &'a mut [[Vec3<Lane>; 3]],
+}
+
+impl<L: Law> Kernel for VolumeKernel<'_, L> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let results = self.cells.iter_mut().zip(self.slopes);
+        for (batch, (ratio, slopes)) in self.batches.iter().zip(results) {
+            let f = batch.deformation(Tet4::slopes(0), self.u);
+            let (volume_ratio, slope) = (self.make)(&batch.parameters).volume_ratio(&f);
+            *ratio = volume_ratio;
+            *slopes = std::array::from_fn(|k| mul_vector(&slope, &batch.gradients[k]));
+        }
+    }
+}
+
+struct ClusterEnergy<'a> {
+    clusters: &'a Clusters,
+    volumes: &'a Volumes,
+}
+
+impl LawVisitor for ClusterEnergy<'_> {
+    type Output = f64;
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
+        let response = |r: &Response| {
+            let ratio = Lanes(r.cluster.map(|c| self.volumes.clusters[c as usize]));
+            (make(&r.parameters).dilatation(&ratio) * r.weight).0.iter().sum::<f64>()
+        };
+        self.clusters.responses.iter().map(response).sum()
+    }
+}
+
+struct Pressures<'a> {
+    clusters: &'a Clusters,
+    volumes: &'a Volumes,
+}
+
+impl LawVisitor for Pressures<'_> {
+    type Output = (Vec<f64>, Vec<f64>);
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> (Vec<f64>, Vec<f64>) {
+        dispatch(PressureKernel { clusters: self.clusters, volumes: self.volumes, make })
+    }
+}
+
+struct PressureKernel<'a, L> {
+    clusters: &'a Clusters,
+    volumes: &'a Volumes,
+    make: fn(&[f64]) -> L,
+}
+
+impl<L: Law> Kernel for PressureKernel<'_, L> {
+    type Output = (Vec<f64>, Vec<f64>);
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let PressureKernel { clusters, volumes, make } = self;
+        let count = clusters.members.len();
+        let (mut pressures, mut moduli) = (vec![0.0; count], vec![0.0; count]);
+        for response in &clusters.responses {
+            let ratio = Lanes(response.cluster.map(|c| volumes.clusters[c as usize]));
+            let [pressure, modulus] = make(&response.parameters).pressure_and_modulus(&ratio);
+            for (lane, cluster) in response.cluster.into_iter().enumerate() {
+                let (cluster, weight) = (cluster as usize, response.weight[lane]);
+                pressures[cluster] += weight / clusters.volume[cluster] * pressure[lane];
+                moduli[cluster] += weight * modulus[lane];
+            }
+        }
+        (pressures, moduli)
+    }
+}
