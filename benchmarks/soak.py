@@ -43,7 +43,7 @@ def volumes(mesh: vs.Mesh, displacement: np.ndarray) -> np.ndarray:
 def soak(name: str, seconds: float, seed: int) -> list[str]:
     """Frames for some seconds; what went wrong, in words."""
     rng, mesh = np.random.default_rng(seed), vs.organs.artery()
-    organ = vs.Organ(mesh, vs.MooneyRivlin(1.343e5, 0.335e5, alpha=4.167e6), fixed="top")
+    organ = vs.Organ(mesh, vs.MooneyRivlin(1.343e5, 0.335e5, alpha=4.167e6), fixed="top", element="P1")
     stepper = organ.stepper(density=1060, **KINDS[name])
     hand, faults = None, []
     frames = cut = unstable = late = standing = 0
