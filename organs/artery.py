@@ -129,8 +129,8 @@ def middle_surface() -> tuple[Array, Indices, Array, dict[str, Indices]]:
 
 
 def artery() -> tuple[Array, Indices, dict[str, Indices]]:
-    """Points [m], cells and node sets: the rings `bottom`, `middle`, `top`, the `lumen`, and `branch`, the side branch's
-    end.
+    """Points [m], cells and node sets: the rings `bottom`, `middle`, `top`, the `lumen`, and `branch`, the end of
+    the side branch.
     """
     middle, triangles, normals, rings = middle_surface()
     n = len(middle)

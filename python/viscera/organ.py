@@ -48,8 +48,8 @@ class Organ:
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
     element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
-        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and "P1"
-        below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
+        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and
+        "P1" below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
     Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
 
     >>> import viscera as vs

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import permutations
-from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ import viscera as vs
 Array = NDArray[np.float64]
 
 YOUNG, NEARLY_INCOMPRESSIBLE = 1e5, 0.49
-LAWS = {
+LAWS: dict[str, Callable[[float], vs.laws.Law]] = {
     "Linear": lambda nu: vs.Linear(young=YOUNG, poisson=nu),
     "Corotated": lambda nu: vs.Corotated(young=YOUNG, poisson=nu),
     "SaintVenantKirchhoff": lambda nu: vs.SaintVenantKirchhoff(young=YOUNG, poisson=nu),
@@ -62,17 +61,17 @@ def conical_rule() -> tuple[Array, Array]:
     return np.column_stack([1 - l1 - l2 - l3, l1, l2, l3]), 6 * wx * wy * wz * (1 - x) ** 2 * (1 - y)
 
 
-def shapes(element: str, l: Array) -> tuple[Array, Array]:
-    """Shape functions (q, N) and their derivatives (q, N, 4) by the barycentric coordinates l (q, 4)."""
-    unit = np.broadcast_to(np.eye(4), (len(l), 4, 4))
+def shapes(element: str, at: Array) -> tuple[Array, Array]:
+    """Shape functions (q, N) and their derivatives (q, N, 4) by the barycentric coordinates `at` (q, 4)."""
+    unit = np.broadcast_to(np.eye(4), (len(at), 4, 4))
     if element != "P2":
-        return l, unit
+        return at, unit
     edges = np.array(vs.meshfile.EDGES)
     a, b = edges.T
     slopes = np.concatenate(
-        [(4 * l - 1)[:, :, None] * unit, 4 * (l[:, a, None] * unit[:, b] + l[:, b, None] * unit[:, a])], 1
+        [(4 * at - 1)[:, :, None] * unit, 4 * (at[:, a, None] * unit[:, b] + at[:, b, None] * unit[:, a])], 1
     )
-    return np.concatenate([l * (2 * l - 1), 4 * l[:, a] * l[:, b]], axis=1), slopes
+    return np.concatenate([at * (2 * at - 1), 4 * at[:, a] * at[:, b]], axis=1), slopes
 
 
 def cell_nodes(mesh: vs.Mesh) -> NDArray[np.uint32]:
@@ -83,12 +82,12 @@ def errors(law: vs.laws.Law, element: str, n: int) -> tuple[float, float]:
     """Relative errors of displacement and of its gradient against the manufactured solution."""
     organ = vs.Organ(box((n, n, n), (1, 1, 1)), law, fixed=lambda x: (x == 0).all(axis=1), element=element)
     mesh, nodes = organ.mesh, cell_nodes(organ.mesh)
-    l, weights = conical_rule()
-    values, slopes = shapes(element, l)
+    rule, weights = conical_rule()
+    values, slopes = shapes(element, rule)
     corners = mesh.points[mesh.cells]
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
     of_l = np.linalg.inv(np.concatenate([corners, np.ones((len(corners), 4, 1))], axis=2).transpose(0, 2, 1))[:, :, :3]
-    x = np.einsum("qa,mai->mqi", l, corners).reshape(-1, 3)
+    x = np.einsum("qa,mai->mqi", rule, corners).reshape(-1, 3)
     u, gradient, second = manufactured(x)
     body_force = np.zeros_like(u)
     for chunk in np.array_split(np.arange(len(x)), max(1, len(x) // 50_000)):
@@ -104,7 +103,10 @@ def errors(law: vs.laws.Law, element: str, n: int) -> tuple[float, float]:
     grads = np.einsum("qal,mlj->mqaj", slopes, of_l)
     u_error = np.einsum("qa,mai->mqi", values, found) - u.reshape(m, q, 3)
     F_error = np.einsum("mqaj,mai->mqij", grads, found) - gradient.reshape(m, q, 3, 3)
-    norm = lambda e: np.sqrt(np.einsum("m,q,mq->", volume, weights, (e.reshape(m, q, -1) ** 2).sum(axis=2)))  # noqa: E731
+
+    def norm(field: Array) -> float:
+        return float(np.sqrt(np.einsum("m,q,mq->", volume, weights, (field.reshape(m, q, -1) ** 2).sum(axis=2))))
+
     return norm(u_error) / norm(u), norm(F_error) / norm(gradient)
 
 
@@ -121,6 +123,6 @@ def test_errors_fall_at_the_order_of_the_element(
     law: str, element: str, poisson: float, meshes: tuple[int, int], rates: tuple[float, float]
 ) -> None:
     """Linear cells gain two orders in the displacement and one in its gradient, quadratic ones three and two."""
-    coarse, fine = (np.array(errors(LAWS[law](poisson), element, n)) for n in meshes)
+    coarse, fine = [np.array(errors(LAWS[law](poisson), element, n)) for n in meshes]
     found = np.log(coarse / fine) / np.log(meshes[1] / meshes[0])
     assert (found > rates).all(), f"rates {found}, errors {coarse} {fine}"

@@ -66,7 +66,7 @@ def test_equilibria_are_those_of_other_codes(name: str, shared: Path) -> None:
     sets = {key: np.array(nodes) for key, nodes in case["node_sets"].items()}
     held = supports(case)
     (fixed,) = (key for key, values in held.items() if values == [0.0, 0.0, 0.0])
-    organ = vs.Organ(mesh((FOLDER / case["mesh"]["file"]).resolve()), law(case), fixed=sets[fixed])
+    organ = vs.Organ(mesh((FOLDER / case["mesh"]["file"]).resolve()), law(case), fixed=sets[fixed], element="P1")
 
     unit = np.zeros_like(organ.mesh.points)
     if case["nodal_forces_at_load_1"]["nodes"]:
@@ -126,7 +126,8 @@ def test_sofa_finds_the_same_statics(index: int, shared: Path) -> None:
     assert [len(fixed), tip, len(patch)] == [case["fixed_nodes"], case["tip"], case["patch_nodes"]]
 
     laws = {"linear": vs.Linear, "svk": vs.SaintVenantKirchhoff, "nh": vs.NeoHookean}
-    organ = vs.Organ(organ_mesh, laws[case["law"]](young=parameters["E"], poisson=parameters["nu"]), fixed=fixed)
+    material = laws[case["law"]](young=parameters["E"], poisson=parameters["nu"])
+    organ = vs.Organ(organ_mesh, material, fixed=fixed, element="P1")
     force = np.zeros_like(points)
     force[patch] = np.array(case["load"]) / len(patch)
     state = organ.solve(force=force, settings=SETTINGS, throw=True)

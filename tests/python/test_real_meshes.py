@@ -32,7 +32,7 @@ class Specimen(NamedTuple):
 
 
 SPECIMENS = [
-    Specimen("liver_sofa_1441.vtu", "0.035", "y < 15%", "z > 96%", "0.48", 38.97 * 0.035**3 * 1e3, ("5%", "10%")),
+    Specimen("liver_sofa_1441.vtu", "0.035", "y < 15%", "z > 96%", "0.48", 38.97 * 0.035**3 * 1e3, ("2%", "5%")),
     Specimen("kidney_openhelp_676.vtu", "mm", "z < 15%", "z > 92%", "0.45", 0.1887, ("5%", "10%")),
     Specimen("liver_mor_4293.vtu", "0.035", "y < 15%", "z > 98%", "0.48", 38.96 * 0.035**3 * 1e3, ("1%", "2%")),
 ]

@@ -34,12 +34,15 @@ pub fn surface<'py>(
     convert::table(py, &mesh::surface(&points, &cells))
 }
 
+/// Rows of indices.
+type Table<'py> = Bound<'py, PyArray2<u32>>;
+
 #[pyfunction]
 pub fn quadratic<'py>(
     py: Python<'py>,
     n_points: usize,
     cells: PyReadonlyArray2<u32>,
-) -> PyResult<(Bound<'py, PyArray2<u32>>, Bound<'py, PyArray2<u32>>)> {
+) -> PyResult<(Table<'py>, Table<'py>)> {
     let cells = convert::cells(&cells)?;
     let edges = mesh::edges(&cells);
     let nodes = mesh::quadratic_cells(n_points, &cells, &edges);

@@ -49,7 +49,7 @@ pub struct Body {
 
 enum Assembly {
     P1(Cells<Tet4, 4>),
-    P1MeanVolume(Cells<Tet4, 4>, Clusters),
+    P1MeanVolume(Cells<Tet4, 4>, Box<Clusters>),
     P2(Cells<Tet10, 10>),
 }
 
@@ -107,7 +107,7 @@ impl Body {
                 let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
                 let slots = &batched.slots;
                 let clusters = Clusters::new(&parts, &cells, slots, &geometry, &material, &pattern);
-                (pattern, Assembly::P1MeanVolume(batched, clusters))
+                (pattern, Assembly::P1MeanVolume(batched, Box::new(clusters)))
             }
             Element::P2 => {
                 let nodes = mesh::quadratic_cells(corners, &cells, &edges);

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     model, picture = folder / "liver.viscera", folder / "liver.png"
     liver = organs.liver()
     output.say(f"liver: {len(liver.points)} nodes, {len(liver.cells)} cells; neo-Hookean, E = 0.17 MPa, nu = 0.48")
-    organ = Organ(liver, NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum")
+    organ = Organ(liver, NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")  # paper A's element
     with progress.bar(output.is_quiet) as bar:
         began = perf_counter()
         organ.reduce("anterior", progress=bar).save(model)

@@ -86,7 +86,7 @@ def case_of(args: argparse.Namespace) -> Case:
             raise VisceraError(f"{args.case} is a mesh: it needs --{name} as well (see --help), or write a case file")
     material: dict[str, Any] = {"law": "NeoHookean"}
     material.update({name: given[name] for name in MATERIAL if name in given})
-    place = {name: given.get(name) for name in ("units", "element")}
+    place: dict[str, Any] = {name: given.get(name) for name in ("units", "element")}
     case = Case(mesh=args.case, fixed=given["fixed"], material=material, **place)
     return _with_reduction(case, reduction)
 
