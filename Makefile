@@ -25,6 +25,8 @@ page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lo
 evaluator    := viewer/wasm/viscera.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 
+debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: bench bench-haptic studies pages pictures clean
@@ -123,7 +125,7 @@ viewer/node_modules/.package-lock.json: viewer/package-lock.json
 	touch $@
 
 $(VENV)/chromium: | $(VENV)/installed
-	command -v chromium chromium-browser google-chrome || apt-get install -y --no-install-recommends chromium || sudo apt-get install -y --no-install-recommends chromium
+	command -v chromium chromium-browser google-chrome || $(debian) chromium
 	touch $@
 
 clean: ## forget .venv, build products and results
