@@ -259,6 +259,14 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
 
+    /// Moves nodes on edges halfway between the ends.
+    fn straighten(body: &Body, u: &mut [f64]) {
+        for (edge, &[a, b]) in body.edges().iter().enumerate() {
+            let [node, a, b] = [body.n_corners() + edge, a as usize, b as usize];
+            (0..3).for_each(|i| u[3 * node + i] = 0.5 * (u[3 * a + i] + u[3 * b + i]));
+        }
+    }
+
     #[test]
     fn on_a_closed_surface_the_stiffness_is_the_derivative() {
         for element in [Element::P1, Element::P2] {
@@ -288,11 +296,14 @@ mod tests {
     #[test]
     fn a_closed_surface_feels_no_total_force_and_works_on_the_volume() {
         for element in [Element::P1, Element::P2] {
-            let (body, pressure, u, v) = sample(element, ALL);
+            let (body, pressure, mut u, mut v) = sample(element, ALL);
             let f = force(&body, &pressure, &u, &v, 0.0);
             for i in 0..3 {
                 assert!(f[i..].iter().step_by(3).sum::<f64>().abs() < 1e-12);
             }
+            // Of curved cells the four points of the quadrature do not see the whole volume.
+            straighten(&body, &mut u);
+            straighten(&body, &mut v);
             let step: Vec<f64> = v.iter().map(|v| 0.01 * v).collect();
             let end: Vec<f64> = u.iter().zip(&step).map(|(u, d)| u + 0.7 * d).collect();
             let swept = 700.0 * (body.volume(&u) - body.volume(&end));

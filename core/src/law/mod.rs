@@ -14,6 +14,8 @@ mod neo_hookean;
 mod ogden;
 mod power;
 mod saint_venant_kirchhoff;
+#[cfg(test)]
+pub(crate) mod samples;
 mod series;
 #[cfg(test)]
 mod tests;
