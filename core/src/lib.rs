@@ -2,7 +2,7 @@
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
 //! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
-//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`pgd`].
+//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`], [`pgd`].
 //!
 //! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
 
@@ -12,6 +12,8 @@ pub mod element;
 #[cfg(feature = "solvers")]
 pub mod equilibrium;
 pub mod error;
+#[cfg(feature = "solvers")]
+pub mod galerkin;
 #[cfg(feature = "solvers")]
 pub mod law;
 #[cfg(feature = "solvers")]

@@ -5,6 +5,7 @@
 
 mod body;
 mod convert;
+mod galerkin;
 mod law;
 mod mesh;
 mod model;
@@ -31,5 +32,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<model::Model>()?;
+    m.add_class::<galerkin::Galerkin>()?;
+    m.add_class::<galerkin::Grasp>()?;
     Ok(())
 }

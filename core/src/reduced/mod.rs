@@ -12,6 +12,8 @@ mod basis;
 mod build;
 mod combine;
 mod evaluate;
+#[cfg(feature = "solvers")]
+mod fields;
 mod file;
 mod interpolation;
 mod metadata;
@@ -25,7 +27,7 @@ mod tests;
 
 #[cfg(feature = "solvers")]
 pub use build::{Progress, Reduction};
-pub use evaluate::{Contact, Response, Trust};
+pub use evaluate::{Contact, Response, Trust, allowance};
 pub use file::View;
 pub use metadata::{Errors, Metadata};
 pub use model::{Arrays, ReducedModel};
