@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, law
+from viscera import _core, defaults, law
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.loads import vector
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from viscera.check import Check
+    from viscera.galerkin import Galerkin
     from viscera.organ import Organ
 
 
@@ -94,6 +95,23 @@ class Touch:
         from viscera.check import check
 
         return check(self, touches=touches, seed=seed, depths=depths, progress=progress)
+
+    def galerkin(
+        self,
+        *,
+        order: int = defaults.GALERKIN_ORDER,
+        tolerance: float = defaults.GALERKIN_TOLERANCE,
+        depth: float | None = None,
+        progress: Callable[[int, int, str], None] | None = None,
+    ) -> Galerkin:
+        """The model of several touches at once, see `viscera.galerkin`; needs the element "P1".
+
+        order: of the series fields in its basis, at most that of this model. tolerance: relative error of the forces
+        of the cells that each region chooses. depth: largest displacement of a contact [m], by default this model's.
+        """
+        from viscera.galerkin import sample
+
+        return sample(self, order, tolerance, depth, progress)
 
     def organ(self) -> Organ:
         """The full organ this model was reduced from: mesh, law and supports are in the file."""

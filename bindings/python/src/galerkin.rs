@@ -3,10 +3,10 @@
 use crate::body::Watch;
 use crate::mesh::Patch;
 use crate::{convert, model::Model};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::sync::{Arc, Mutex};
 use viscera_core::galerkin::{self, Sampling, Status, Trust};
 
@@ -36,6 +36,22 @@ impl Galerkin {
             })
         });
         Ok(Galerkin { galerkin: Arc::new(watch.outcome(result)?) })
+    }
+
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
+        let read = py.detach(|| galerkin::Galerkin::from_bytes(data)).map_err(convert::error)?;
+        Ok(Galerkin { galerkin: Arc::new(read) })
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let bytes = py.detach(|| self.galerkin.to_bytes()).map_err(convert::error)?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
+    #[getter]
+    fn model(&self) -> Model {
+        Model { model: self.galerkin.model().clone() }
     }
 
     #[getter]
@@ -104,6 +120,7 @@ impl Grasp {
             let stiffness = PyArray1::from_vec(py, solution.stiffness).reshape([n, n])?;
             answer.set_item("stiffness", stiffness)?;
         }
+        answer.set_item("coordinates", PyArray1::from_slice(py, grasp.coordinates()))?;
         answer.set_item("energy", solution.energy)?;
         answer.set_item("status", status(solution.status))?;
         answer.set_item("is_converged", solution.status == Status::Converged)?;
@@ -118,8 +135,12 @@ impl Grasp {
         Ok(answer)
     }
 
-    fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let field = self.lock()?.displacement();
+    fn displacement<'py>(
+        &self,
+        py: Python<'py>,
+        coordinates: PyReadonlyArray1<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let field = self.lock()?.displacement(&coordinates.as_array().to_vec());
         convert::field(py, field)
     }
 

@@ -1,17 +1,11 @@
-//! Contacts that hold an organ: the reduced equilibrium under whatever displacements they are given.
-//!
-//! Minimise W(q) under A q = d. With the tangent K at an earlier iterate and f = dW/dq, a step is
-//!   [K A^T; A 0] [dq; -F] = [-f; d - A q],
-//! F the contact forces; the tangent is renewed when steps shrink too slowly, so most iterations cost a force only.
+//! Contacts that hold an organ: basis and weights for them, and what the reduced equilibrium says and is worth.
 
-use super::assembly::Reduced;
-use super::factor::Factor;
 use super::model::Galerkin;
 use super::nnls::{self, norm};
 use super::sample::Sample;
+use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
 use super::training::{Forces, State, states};
-use crate::body::Lane;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::reduced::{Contact, allowance};
@@ -19,29 +13,9 @@ use faer::MatRef;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// States by which the weights of a grasp are found, and further ones by which they are judged.
+/// States by which the weights of a grasp are found, at least, and further ones by which they are judged.
 const STATES: usize = 24;
 const CHECKS: usize = 6;
-/// A step is small enough when it is below this part of the coordinates.
-const TOLERANCE: f64 = 1e-5;
-/// Coordinates below this part of those in training count as this.
-const SMALLEST: f64 = 1e-6;
-/// Steps that shrink by less than this ask for a new tangent.
-const SLOW: f64 = 0.2;
-const MAX_ITERATIONS: usize = 40;
-/// Shortest step that is tried.
-const SHORTEST: f64 = 1.0 / 1024.0;
-
-/// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
-    /// At an equilibrium of the reduced energy.
-    Converged,
-    /// Every step towards it, however short, turns a sampled cell inside out or raises the energy.
-    StepTooSmall,
-    /// The iterations did not suffice.
-    TooManyIterations,
-}
 
 /// Whether a solution may be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,17 +65,10 @@ pub struct Grasp {
     owner: Arc<Galerkin>,
     contacts: Vec<Contact>,
     subspace: Subspace,
-    sample: Sample,
-    /// The modes on the sampled cells.
-    modes: Vec<Lane>,
     sampling_error: f64,
     seconds: f64,
-    /// Norm of the coordinates in training, root mean square.
-    unit: f64,
-    reduced: Reduced,
-    factor: Factor,
-    q: Vec<f64>,
-    /// Whether `q` is an equilibrium to start the next from.
+    solver: Solver,
+    /// Whether it is at an equilibrium, to start the next from.
     is_settled: bool,
 }
 
@@ -113,8 +80,8 @@ impl Grasp {
         let body = &rest.body;
         let mut cells: Vec<usize> = contacts
             .iter()
-            .flat_map(|c| model.regions_of(c))
-            .flat_map(|region| owner.cells[region].iter().map(|&cell| cell as usize))
+            .flat_map(|c| &owner.cells[model.region_of(c)])
+            .map(|&cell| cell as usize)
             .collect();
         cells.sort_unstable();
         cells.dedup();
@@ -122,30 +89,22 @@ impl Grasp {
             Sample::new(body.points(), body.cells(), body.material(), cells)
         };
         let depth = owner.sampling.depth;
-        let training = states(rest, &subspace, depth, 0..STATES);
+        // More equations than weights, or these are not determined.
+        let count = (2 * cells.len()).div_ceil(subspace.len()).clamp(STATES, 4 * STATES);
+        let training = states(rest, &subspace, depth, 0..count);
         let weights = weights(&sample(&cells), &subspace, &training);
         let (kept, weights): (Vec<usize>, Vec<f64>) =
             cells.iter().zip(weights).filter(|(_, w)| *w > 0.0).unzip();
         let mut sample = sample(&kept);
-        let unseen = states(rest, &subspace, depth, STATES..STATES + CHECKS);
+        let unseen = states(rest, &subspace, depth, count..count + CHECKS);
         let sampling_error =
             Forces::new(&sample, &subspace, &unseen).error(&weights, unseen.len());
         sample.weigh(&weights);
-        let r = subspace.len();
-        Ok(Grasp {
-            modes: sample.restrict(&subspace.basis.modes),
-            reduced: Reduced::new(r),
-            factor: Factor::new(r, subspace.means.len()),
-            q: vec![0.0; r],
-            is_settled: false,
-            unit: unit(&training),
-            seconds: clock.elapsed().as_secs_f64(),
-            sampling_error,
-            owner,
-            contacts,
-            subspace,
-            sample,
-        })
+        let modes = &subspace.basis.modes;
+        let solver = Solver::new(sample, modes, subspace.means.clone(), unit(&training));
+        let seconds = clock.elapsed().as_secs_f64();
+        let is_settled = false;
+        Ok(Grasp { owner, contacts, subspace, sampling_error, seconds, solver, is_settled })
     }
 
     /// Where the contacts are.
@@ -158,6 +117,18 @@ impl Grasp {
         self.contacts.iter().map(|c| self.owner.model.patch(c)).collect()
     }
 
+    /// The modes and what they are made of.
+    #[cfg(test)]
+    pub(super) fn subspace(&self) -> &Subspace {
+        &self.subspace
+    }
+
+    /// What is solved on them.
+    #[cfg(test)]
+    pub(super) fn solver(&mut self) -> &mut Solver {
+        &mut self.solver
+    }
+
     /// Number of modes.
     pub fn n_modes(&self) -> usize {
         self.subspace.len()
@@ -165,7 +136,7 @@ impl Grasp {
 
     /// Number of sampled cells.
     pub fn n_cells(&self) -> usize {
-        self.sample.len()
+        self.solver.n_cells()
     }
 
     /// Error of the sampled forces in states unseen in training, relative to the forces.
@@ -178,9 +149,14 @@ impl Grasp {
         self.seconds
     }
 
-    /// Displacement of all nodes at the last solution [m]. Allocates.
-    pub fn displacement(&self) -> Vec<f64> {
-        self.subspace.basis.field(&self.q)
+    /// Coordinates of the last solution in the modes.
+    pub fn coordinates(&self) -> &[f64] {
+        &self.solver.q
+    }
+
+    /// Displacement of all nodes [m] at some coordinates. Allocates.
+    pub fn displacement(&self, coordinates: &[f64]) -> Vec<f64> {
+        self.subspace.basis.field(coordinates)
     }
 
     /// Displacement of all nodes [m] by the superposed series, which solutions start from. Allocates.
@@ -205,27 +181,27 @@ impl Grasp {
         self.check(displacements)?;
         let d = displacements.as_flattened();
         if !(from_last && self.is_settled) {
-            self.start(d);
+            let subspace = &self.subspace;
+            let share_of = |share: f64| d.iter().map(|x| share * x).collect::<Vec<_>>();
+            self.solver.start(|share| subspace.superposed(&share_of(share)));
         }
         let mut search = Search::default();
-        let status = self.iterate(d, &mut search);
+        let status = self.solver.solve(d, &mut search);
         self.is_settled = status == Status::Converged;
         let mut stiffness = Vec::new();
         if with_stiffness && self.is_settled {
-            self.renew();
-            search.tangents += 1;
-            stiffness = self.factor.stiffness();
+            stiffness = self.solver.stiffness(&mut search);
         }
         let forces = search.forces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
         let error_estimate = self.error_estimate();
         Ok(Solution {
             forces,
             stiffness,
-            energy: self.reduced.energy,
+            energy: self.solver.reduced.energy,
             status,
             trust: self.trust(displacements, status, error_estimate),
             error_estimate,
-            smallest_jacobian: self.reduced.jacobian,
+            smallest_jacobian: self.solver.reduced.jacobian,
             iterations: search.iterations,
             tangents: search.tangents,
             residual: search.residual,
@@ -250,105 +226,17 @@ impl Grasp {
         }
     }
 
-    /// The superposed series, drawn back towards rest until no sampled cell is inside out.
-    fn start(&mut self, d: &[f64]) {
-        let mut share = 1.0;
-        loop {
-            let part: Vec<f64> = d.iter().map(|x| share * x).collect();
-            self.q = self.subspace.superposed(&part);
-            self.evaluate(false);
-            if self.reduced.jacobian > 0.0 || share < SHORTEST {
-                break;
-            }
-            share *= 0.5;
-        }
-        self.factor.forget();
-    }
-
-    fn evaluate(&mut self, with_tangent: bool) {
-        self.reduced.evaluate(&self.sample, &self.modes, &self.q, with_tangent);
-    }
-
-    fn renew(&mut self) {
-        self.evaluate(true);
-        self.factor.factorize(&self.reduced.tangent, &self.subspace.means);
-    }
-
-    fn iterate(&mut self, d: &[f64], search: &mut Search) -> Status {
-        let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let mut last = f64::INFINITY;
-        let mut is_fresh = false;
-        self.evaluate(false);
-        for _ in 0..MAX_ITERATIONS {
-            search.iterations += 1;
-            if !self.factor.is_ready() {
-                self.renew();
-                search.tangents += 1;
-                is_fresh = true;
-            }
-            let missing = self.missing(d);
-            let is_feasible = norm(&missing) <= 1e-9 * size;
-            let (step, forces) =
-                self.factor.step(&self.reduced.force, &missing, &self.subspace.means);
-            search.forces = forces;
-            let Some(length) = self.advance(&step, is_feasible) else {
-                if is_fresh {
-                    return Status::StepTooSmall;
-                }
-                self.factor.forget();
-                continue;
-            };
-            let length_of_step = norm(&step);
-            search.residual = length_of_step / norm(&self.q).max(SMALLEST * self.unit);
-            if length == 1.0 && search.residual <= TOLERANCE {
-                return Status::Converged;
-            }
-            if length < 1.0 || length_of_step > SLOW * last || self.factor.is_shifted() {
-                self.factor.forget();
-            }
-            (last, is_fresh) = (length_of_step, false);
-        }
-        Status::TooManyIterations
-    }
-
-    /// `d - A q`.
-    fn missing(&self, d: &[f64]) -> Vec<f64> {
-        let mean = |row: &Vec<f64>| nnls::dot(row, &self.q);
-        self.subspace.means.iter().zip(d).map(|(row, d)| d - mean(row)).collect()
-    }
-
-    /// Goes along a step, half as far again and again until no sampled cell is inside out and, on the constraint, the
-    /// energy does not rise; none where that leads nowhere.
-    fn advance(&mut self, step: &[f64], is_feasible: bool) -> Option<f64> {
-        let (energy, start) = (self.reduced.energy, self.q.clone());
-        let mut length = 1.0;
-        while length >= SHORTEST {
-            for ((q, &from), &along) in self.q.iter_mut().zip(&start).zip(step) {
-                *q = from + length * along;
-            }
-            self.evaluate(false);
-            let is_lower = self.reduced.energy <= energy + 1e-9 * energy.abs();
-            if self.reduced.jacobian > 0.0 && (!is_feasible || is_lower) {
-                return Some(length);
-            }
-            length *= 0.5;
-        }
-        self.q = start;
-        self.evaluate(false);
-        None
-    }
-
     /// What the orders beyond the basis would add, as the tail of a geometric series of energy norms, and what the
     /// sampling leaves.
     fn error_estimate(&self) -> f64 {
         let order = self.owner.sampling.order;
         let norms: Vec<f64> = (1..=order)
             .map(|p| {
-                let parts = self.q.iter().zip(&self.subspace.orders);
+                let parts = self.solver.q.iter().zip(&self.subspace.orders);
                 parts.filter(|(_, o)| **o == p).map(|(q, _)| q * q).sum::<f64>().sqrt()
             })
             .collect();
-        let all = norm(&self.q);
+        let all = norm(&self.solver.q);
         if !(all > 0.0) {
             return 0.0;
         }
@@ -363,7 +251,7 @@ impl Grasp {
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         if status != Status::Converged {
             Trust::NotConverged
-        } else if !(self.reduced.jacobian > 0.0) {
+        } else if !(self.solver.reduced.jacobian > 0.0) {
             Trust::Inverted
         } else if !(depth <= self.owner.sampling.depth * (1.0 + 1e-9)) {
             Trust::BeyondDepth
@@ -373,15 +261,6 @@ impl Grasp {
             Trust::Trusted
         }
     }
-}
-
-/// How a search for equilibrium goes.
-#[derive(Default)]
-struct Search {
-    forces: Vec<f64>,
-    iterations: usize,
-    tangents: usize,
-    residual: f64,
 }
 
 /// Root mean square of the norms of some states.

@@ -11,12 +11,17 @@ mod assembly;
 mod basis;
 mod coupling;
 mod factor;
+mod file;
 mod grasp;
 mod model;
 mod nnls;
 mod sample;
+mod solver;
 mod subspace;
+#[cfg(test)]
+mod tests;
 mod training;
 
-pub use grasp::{Grasp, Solution, Status, Trust};
+pub use grasp::{Grasp, Solution, Trust};
 pub use model::{Galerkin, Sampling};
+pub use solver::Status;

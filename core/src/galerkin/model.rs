@@ -71,6 +71,21 @@ impl Galerkin {
         Ok(Galerkin { model, rest, sampling, cells, seconds: clock.elapsed().as_secs_f64() })
     }
 
+    /// The same with cells chosen before.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn with_cells(
+        model: ReducedModel,
+        sampling: Sampling,
+        cells: Vec<Vec<u32>>,
+        seconds: f64,
+    ) -> Result<Self, Error> {
+        check(&model, &sampling)?;
+        let rest = rest_of(&model)?;
+        Ok(Galerkin { model, rest, sampling, cells, seconds })
+    }
+
     /// Contacts take hold: basis and weights for whatever they do next. Tens of milliseconds.
     ///
     /// # Errors

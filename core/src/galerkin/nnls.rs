@@ -67,7 +67,12 @@ impl Active {
         self.weights.push(0.0);
         self.gram.push(row);
         self.rhs.push(dot(new, b));
-        if !self.factorize_from(self.columns.len() - 1) {
+        let last = self.columns.len() - 1;
+        if !self.factorize_from(last) {
+            self.columns.truncate(last);
+            self.weights.truncate(last);
+            self.gram.truncate(last);
+            self.rhs.truncate(last);
             return false;
         }
         loop {

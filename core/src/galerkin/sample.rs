@@ -77,6 +77,12 @@ impl Sample {
         }
     }
 
+    /// Volume of each cell times its weight.
+    #[cfg(test)]
+    pub fn weights(&self) -> Vec<f64> {
+        self.slots.iter().map(|&(batch, lane)| self.batches[batch].weight[lane]).collect()
+    }
+
     /// The modes as edge displacements: for each batch and edge coordinate a run of all modes.
     pub fn restrict(&self, modes: &[Vec<f64>]) -> Vec<Lane> {
         let r = modes.len();

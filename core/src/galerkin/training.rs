@@ -11,7 +11,8 @@ const SMALLEST_RATIO: f64 = 0.3;
 
 /// A state of training.
 pub(super) struct State {
-    q: Vec<f64>,
+    /// Its coordinates.
+    pub q: Vec<f64>,
     /// `phi . f_int` of the whole body.
     force: Vec<f64>,
 }

@@ -28,6 +28,13 @@ impl ReducedModel {
         self.corners(contact).map(|p| self.arrays.position_region[p as usize] as usize)
     }
 
+    /// The region of the nearest of them.
+    pub fn region_of(&self, contact: &Contact) -> usize {
+        let weights = contact.weights;
+        let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
+        self.regions_of(contact)[nearest]
+    }
+
     /// Number of regions.
     pub fn n_regions(&self) -> usize {
         self.arrays.region_start.len() - 1

@@ -9,7 +9,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 const METADATA_KEY: &str = "viscera";
 
 /// A number type with a fixed little-endian form.
-trait Stored: Copy {
+pub(crate) trait Stored: Copy {
     const DTYPE: Dtype;
     const SIZE: usize;
     fn read(bytes: &[u8]) -> Self;
@@ -109,8 +109,16 @@ impl ReducedModel {
     /// # Errors
     /// Metadata that cannot be written as JSON.
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
+        self.to_bytes_with(Vec::new(), Vec::new())
+    }
+
+    /// The model file with further arrays, and further entries of its header: readers pass over them.
+    pub(crate) fn to_bytes_with<'a>(
+        &'a self,
+        mut encoded: Vec<Encoded<'a>>,
+        mut header: Vec<(String, String)>,
+    ) -> Result<Vec<u8>, Error> {
         let arrays = &self.arrays;
-        let mut encoded: Vec<(&str, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
         macro_rules! encode {
             ($name:ident, $columns:expr) => {
                 encoded.push(encode(stringify!($name), &arrays.$name, $columns));
@@ -125,8 +133,8 @@ impl ReducedModel {
             .collect::<Result<Vec<_>, Error>>()?;
         let text = serde_json::to_string(&self.metadata)
             .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
-        let header = [(METADATA_KEY.to_string(), text)].into_iter().collect();
-        serialize(views, Some(header)).map_err(broken)
+        header.push((METADATA_KEY.to_string(), text));
+        serialize(views, Some(header.into_iter().collect())).map_err(broken)
     }
 
     /// Reads a model file, checking everything before anything is used.
@@ -154,11 +162,14 @@ impl ReducedModel {
     }
 }
 
-fn encode<'a, T: Stored>(
+/// An array in a file: name, type, shape, bytes.
+pub(crate) type Encoded<'a> = (&'a str, Dtype, Vec<usize>, Vec<u8>);
+
+pub(crate) fn encode<'a, T: Stored>(
     name: &'a str,
     values: &[T],
     columns: usize,
-) -> (&'a str, Dtype, Vec<usize>, Vec<u8>) {
+) -> Encoded<'a> {
     let mut bytes = Vec::with_capacity(T::SIZE * values.len());
     values.iter().for_each(|v| v.write(&mut bytes));
     let shape =
@@ -166,7 +177,11 @@ fn encode<'a, T: Stored>(
     (name, T::DTYPE, shape, bytes)
 }
 
-fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
+pub(crate) fn decode<T: Stored>(
+    tensors: &SafeTensors,
+    name: &str,
+    columns: usize,
+) -> Result<Vec<T>, Error> {
     let tensor =
         tensors.tensor(name).map_err(|_| Error::ModelFile(format!("array {name} is missing")))?;
     if tensor.dtype() != T::DTYPE {
@@ -187,6 +202,6 @@ fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Resul
     Ok(tensor.data().chunks_exact(T::SIZE).map(T::read).collect())
 }
 
-fn broken(error: safetensors::SafeTensorError) -> Error {
+pub(crate) fn broken(error: safetensors::SafeTensorError) -> Error {
     Error::ModelFile(format!("{error}; it may be cut short or of another kind"))
 }

@@ -14,7 +14,7 @@ mod combine;
 mod evaluate;
 #[cfg(feature = "solvers")]
 mod fields;
-mod file;
+pub(crate) mod file;
 mod interpolation;
 mod metadata;
 mod model;

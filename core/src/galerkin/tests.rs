@@ -1,0 +1,361 @@
+//! The Galerkin model against differences, against full Newton, and against its own promises.
+
+use super::assembly::Reduced;
+use super::basis::Basis;
+use super::model::{Galerkin, Sampling};
+use super::nnls::{self, Columns, norm};
+use super::sample::Sample;
+use super::solver::{Search, Solver, Status};
+use super::training::{Forces, states};
+use super::{Grasp, Trust};
+use crate::body::Body;
+use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem};
+use crate::law::Material;
+use crate::mesh::samples::{block, noise};
+use crate::mesh::{Patch, Surface, surface};
+use crate::reduced::{ReducedModel, Reduction};
+use faer::Mat;
+use std::sync::{Arc, LazyLock};
+
+const SIZE: [f64; 3] = [0.06, 0.04, 0.03];
+const DEPTH: f64 = 0.006;
+
+/// A block held at the bottom, touched at the top.
+static MODEL: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
+    let (points, cells) = block([6, 4, 3], SIZE);
+    let at = |z: f64| -> Vec<u32> {
+        (0..points.len() as u32).filter(|&n| (points[n as usize][2] - z).abs() < 1e-12).collect()
+    };
+    let law = Material::new("neo_hookean", vec![vec![3.0e3, 27.0e3]]).unwrap();
+    let skin = Surface::new(&points, &surface(&points, &cells));
+    let (fixed, touchable) = (at(0.0), at(SIZE[2]));
+    let body = Body::new(points, cells, law).unwrap();
+    let user = serde_json::Value::Null;
+    let tolerance = 1e-3;
+    let reduction =
+        Reduction { touchable, radius: 0.015, depth: DEPTH, order: 3, tolerance, user };
+    let model = reduction.run(&body, &skin, &fixed, &mut |_| true).unwrap();
+    let sampling = Sampling { order: 3, tolerance: 0.01, depth: DEPTH };
+    Arc::new(Galerkin::new(model, sampling, &mut |_| true).unwrap())
+});
+
+const LEFT: [f64; 3] = [0.018, 0.021, 0.03];
+const RIGHT: [f64; 3] = [0.042, 0.017, 0.03];
+
+fn two() -> Grasp {
+    MODEL.grasp(&[LEFT, RIGHT]).unwrap()
+}
+
+/// Displacements of two contacts at a depth, in directions of their own.
+fn pushes(depth: f64) -> [[f64; 3]; 2] {
+    [[0.5, 0.1, -0.8], [-0.3, 0.4, -0.7]].map(|d| d.map(|x| depth * x / norm(&d)))
+}
+
+/// Displacement and contact forces by full Newton.
+fn newton(patches: &[Patch], displacements: &[[f64; 3]]) -> (Vec<f64>, Vec<[f64; 3]>) {
+    let body = &MODEL.rest.body;
+    let fixed = &MODEL.model.arrays().fixed;
+    let patches = patches.iter().zip(displacements);
+    let problem = Problem {
+        body,
+        prescribed: fixed.iter().flat_map(|&n| (0..3).map(move |i| (3 * n + i, 0.0))).collect(),
+        force: vec![0.0; body.n_dofs()],
+        pressure: Pressure { faces: Vec::new(), values: Vec::new() },
+        patches: patches
+            .map(|(patch, &displacement)| PatchLoad { patch: patch.clone(), displacement })
+            .collect(),
+        start: None,
+    };
+    let state = Newton::default().solve(&problem, &mut |_| true).unwrap();
+    assert!(state.status.is_converged());
+    (state.displacement, state.patch_forces)
+}
+
+fn relative(a: &[f64], exact: &[f64]) -> f64 {
+    norm(&a.iter().zip(exact).map(|(a, b)| a - b).collect::<Vec<_>>()) / norm(exact)
+}
+
+#[test]
+fn non_negative_least_squares_meets_its_conditions() {
+    let (rows, count) = (40, 25);
+    let values = noise(rows * count, 3);
+    let b: Vec<f64> = noise(rows, 4);
+    let a = Columns { rows, values: &values };
+    let gram = Mat::from_fn(count, count, |i, j| {
+        nnls::dot(&values[i * rows..(i + 1) * rows], &values[j * rows..(j + 1) * rows])
+    });
+    let c: Vec<f64> = values.chunks_exact(rows).map(|column| nnls::dot(column, &b)).collect();
+    let w = nnls::solve(gram.as_ref(), &c);
+    for k in 0..count {
+        let slope = (0..count).map(|j| gram[(k, j)] * w[j]).sum::<f64>() - c[k];
+        assert!(w[k] >= 0.0 && slope > -1e-8, "column {k}: weight {}, slope {slope}", w[k]);
+        assert!(w[k] == 0.0 || slope.abs() < 1e-8);
+    }
+    // Run to the end, the greedy method takes the columns of the solution.
+    let taken = nnls::greedy(&a, &b, 0.0);
+    let wanted: Vec<usize> = (0..count).filter(|&k| w[k] > 0.0).collect();
+    assert_eq!(taken, wanted);
+    assert!(wanted.len() > 3 && wanted.len() < count);
+}
+
+#[test]
+fn modes_are_orthonormal_in_the_energy_and_span_their_fields() {
+    let body = &MODEL.rest.body;
+    let free: Vec<usize> = MODEL.rest.system.free().iter().map(|&dof| dof as usize).collect();
+    let mut fields: Vec<Vec<f64>> = Vec::new();
+    for k in 0..5 {
+        let mut field = vec![0.0; body.n_dofs()];
+        free.iter().zip(noise(free.len(), k)).for_each(|(&dof, x)| field[dof] = x);
+        fields.push(field);
+    }
+    fields.insert(3, (0..body.n_dofs()).map(|i| fields[0][i] - 2.0 * fields[1][i]).collect());
+    let basis = Basis::new(&fields, &MODEL.rest.stiffness);
+    assert_eq!(basis.origin, [0, 1, 2, 4, 5], "the field that others span drops out");
+    let mut force = vec![0.0; body.n_dofs()];
+    for i in 0..basis.len() {
+        MODEL.rest.stiffness.multiply(&basis.modes[i], &mut force);
+        for (j, product) in basis.project(&force).into_iter().enumerate() {
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9);
+        }
+    }
+    for (k, field) in fields.iter().enumerate() {
+        let mut q = vec![0.0; basis.len()];
+        basis.add(k, 1.0, &mut q);
+        assert!(relative(&basis.field(&q), field) < 1e-9);
+    }
+}
+
+#[test]
+fn force_and_tangent_are_derivatives_whatever_the_weights() {
+    let body = &MODEL.rest.body;
+    let grasp = two();
+    let cells: Vec<usize> = (0..body.cells().len()).step_by(7).collect();
+    let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
+    let weights: Vec<f64> = noise(cells.len(), 1).iter().map(|x| 2.0 + x).collect();
+    sample.weigh(&weights);
+    let modes = sample.restrict(&grasp.subspace().basis.modes);
+    let r = grasp.n_modes();
+    let q = grasp.subspace().superposed(pushes(DEPTH).as_flattened());
+    let mut at = Reduced::new(r);
+    at.evaluate(&sample, &modes, &q, true);
+    let h = 1e-5 * norm(&q);
+    let (mut above, mut below) = (Reduced::new(r), Reduced::new(r));
+    let slope_scale = norm(&at.tangent);
+    for k in 0..r {
+        let moved = |step: f64| -> Vec<f64> {
+            (0..r).map(|j| q[j] + if j == k { step } else { 0.0 }).collect()
+        };
+        above.evaluate(&sample, &modes, &moved(h), false);
+        below.evaluate(&sample, &modes, &moved(-h), false);
+        let slope = (above.energy - below.energy) / (2.0 * h);
+        assert!((slope - at.force[k]).abs() < 1e-7 * norm(&at.force), "mode {k}");
+        for j in 0..r {
+            let slope = (above.force[j] - below.force[j]) / (2.0 * h);
+            assert!((slope - at.tangent[k * r + j]).abs() < 1e-7 * slope_scale, "modes {k}, {j}");
+            assert_eq!(at.tangent[k * r + j], at.tangent[j * r + k]);
+        }
+    }
+}
+
+#[test]
+fn all_modes_and_all_cells_are_newton() {
+    let body = &MODEL.rest.body;
+    let grasp = two();
+    let patches = grasp.patches();
+    let unit = |&dof: &u32| {
+        let mut mode = vec![0.0; body.n_dofs()];
+        mode[dof as usize] = 1.0;
+        mode
+    };
+    let fields: Vec<Vec<f64>> = MODEL.rest.system.free().iter().map(unit).collect();
+    let basis = Basis::new(&fields, &MODEL.rest.stiffness);
+    assert_eq!(basis.len(), fields.len());
+    let all: Vec<usize> = (0..body.cells().len()).collect();
+    let sample = Sample::new(body.points(), body.cells(), body.material(), &all);
+    let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
+    let mut solver = Solver::new(sample, &basis.modes, means, 1.0);
+    let d = pushes(DEPTH);
+    let mut search = Search::default();
+    let status = solver.solve(d.as_flattened(), &mut search);
+    assert_eq!(status, Status::Converged);
+    let (field, forces) = newton(&patches, &d);
+    assert!(relative(&basis.field(&solver.q), &field) < 1e-5);
+    assert!(relative(&search.forces, forces.as_flattened()) < 1e-5);
+    assert!((solver.reduced.energy - body.energy(&field)).abs() < 1e-6 * body.energy(&field));
+}
+
+#[test]
+fn sampled_energies_and_forces_are_those_of_the_body_in_training() {
+    let body = &MODEL.rest.body;
+    let mut grasp = two();
+    assert!(grasp.n_cells() < body.cells().len() / 2, "{} cells", grasp.n_cells());
+    assert!(grasp.solver().weights().iter().all(|&w| w > 0.0));
+    assert!(grasp.sampling_error() < 0.05, "{}", grasp.sampling_error());
+    for state in states(&MODEL.rest, grasp.subspace(), DEPTH, 0..20) {
+        let full = body.energy(&grasp.displacement(&state.q));
+        grasp.solver().start(|_| state.q.clone());
+        let error = (grasp.solver().reduced.energy - full).abs() / full;
+        assert!(error < 0.05, "energy off by {error}");
+    }
+}
+
+#[test]
+fn joined_forces_keep_their_cells() {
+    let subspace = two();
+    let body = &MODEL.rest.body;
+    let sample = Sample::new(body.points(), body.cells(), body.material(), &[5, 9, 2]);
+    let parts = |range| {
+        Forces::new(&sample, subspace.subspace(), &states(&MODEL.rest, subspace.subspace(), DEPTH, range))
+    };
+    let joined = Forces::join(vec![parts(0..2), parts(2..3)]);
+    let whole = parts(0..3);
+    assert_eq!((joined.rows, joined.cells, joined.body), (whole.rows, whole.cells, whole.body));
+}
+
+#[test]
+fn one_shallow_touch_is_that_of_the_series() {
+    let mut grasp = MODEL.grasp(&[LEFT]).unwrap();
+    let contact = grasp.contacts()[0];
+    let d = pushes(1e-3 * DEPTH)[0];
+    let solution = grasp.solve(&[d], false, true).unwrap();
+    let response = MODEL.model.respond(&contact, d);
+    let bound = 2.0 * grasp.sampling_error() + 1e-3;
+    assert!(relative(&solution.forces[0], &response.force) < bound);
+    let stiffness = response.stiffness.as_flattened();
+    assert!(relative(&solution.stiffness, stiffness) < bound);
+    assert_eq!((solution.status, solution.trust), (Status::Converged, Trust::Trusted));
+}
+
+#[test]
+fn the_superposed_series_is_right_to_second_order() {
+    let grasp = two();
+    let patches = grasp.patches();
+    let error = |depth: f64| {
+        let d = pushes(depth);
+        relative(&grasp.superposed(&d), &newton(&patches, &d).0)
+    };
+    let (coarse, fine) = (error(0.5 * DEPTH), error(0.25 * DEPTH));
+    // The part left is of third order, a quarter relative to a displacement half as large.
+    assert!(fine < 0.35 * coarse, "{coarse:e} at half the depth, {fine:e} at a quarter");
+}
+
+#[test]
+fn two_fingers_are_near_newton_where_superposition_is_not() {
+    let mut grasp = two();
+    let patches = grasp.patches();
+    for depth in [0.5 * DEPTH, DEPTH] {
+        let d = pushes(depth);
+        let (field, forces) = newton(&patches, &d);
+        let solution = grasp.solve(&d, false, false).unwrap();
+        let error = relative(&grasp.displacement(grasp.coordinates()), &field);
+        let force_error = relative(solution.forces.as_flattened(), forces.as_flattened());
+        assert!(error < 0.015 && force_error < 0.03, "{error}, force {force_error} at {depth} m");
+        let alone: f64 = {
+            let responses = grasp.contacts().iter().zip(d);
+            let forces: Vec<f64> =
+                responses.flat_map(|(c, d)| MODEL.model.respond(c, d).force).collect();
+            relative(&forces, newton(&patches, &d).1.as_flattened())
+        };
+        assert!(alone > 5.0 * force_error, "superposition is off by {alone}");
+    }
+}
+
+#[test]
+fn stiffness_is_the_derivative_of_the_forces() {
+    let mut grasp = two();
+    let d = pushes(0.6 * DEPTH);
+    let stiffness = grasp.solve(&d, false, true).unwrap().stiffness;
+    let h = 1e-3 * DEPTH;
+    for k in 0..6 {
+        let mut force = |step: f64| {
+            let mut moved = d;
+            moved[k / 3][k % 3] += step;
+            grasp.solve(&moved, true, false).unwrap().forces
+        };
+        let (above, below) = (force(h), force(-h));
+        for j in 0..6 {
+            let slope = (above[j / 3][j % 3] - below[j / 3][j % 3]) / (2.0 * h);
+            assert!((slope - stiffness[6 * j + k]).abs() < 2e-3 * norm(&stiffness), "{j}, {k}");
+        }
+    }
+}
+
+#[test]
+fn the_way_there_does_not_matter() {
+    let mut grasp = two();
+    let d = pushes(0.7 * DEPTH);
+    let cold = grasp.solve(&d, false, false).unwrap();
+    grasp.solve(&pushes(0.5 * DEPTH), false, true).unwrap();
+    let warm = grasp.solve(&d, true, false).unwrap();
+    assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
+    let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
+    assert_eq!((rest.status, rest.trust), (Status::Converged, Trust::Trusted));
+    assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
+}
+
+#[test]
+fn a_file_brings_the_model_back_and_serves_single_touches_too() {
+    let bytes = MODEL.to_bytes().unwrap();
+    let read = Galerkin::from_bytes(&bytes).unwrap();
+    assert_eq!((read.cells(), read.sampling()), (MODEL.cells(), MODEL.sampling()));
+    let d = pushes(0.5 * DEPTH);
+    let forces = |model: Arc<Galerkin>| {
+        model.grasp(&[LEFT, RIGHT]).unwrap().solve(&d, false, false).unwrap().forces
+    };
+    assert_eq!(forces(Arc::new(read)), forces(Arc::clone(&MODEL)));
+    assert_eq!(ReducedModel::from_bytes(&bytes).unwrap().arrays(), MODEL.model.arrays());
+}
+
+#[test]
+fn damaged_files_are_refused() {
+    let refusal = |bytes: &[u8]| Galerkin::from_bytes(bytes).map(|_| ()).unwrap_err().to_string();
+    assert!(refusal(&MODEL.model.to_bytes().unwrap()).contains("single touches only"));
+    let bytes = MODEL.to_bytes().unwrap();
+    assert!(refusal(&bytes[..bytes.len() - 9]).contains("not a usable model file"));
+    let beyond = MODEL.rest.body.cells().len() as u32;
+    let with = |cells: Vec<Vec<u32>>| {
+        let model = MODEL.model.clone();
+        Galerkin::with_cells(model, MODEL.sampling(), cells, 0.0).unwrap().to_bytes().unwrap()
+    };
+    let mut cells = MODEL.cells().to_vec();
+    cells[0][0] = beyond;
+    assert!(refusal(&with(cells.clone())).contains("sampled_cells[0]"));
+    cells.pop();
+    assert!(refusal(&with(cells)).contains("sampled_start"));
+}
+
+#[test]
+fn failures_say_so() {
+    let mut grasp = two();
+    let beyond = grasp.solve(&pushes(1.5 * DEPTH), false, false).unwrap();
+    assert_ne!(beyond.trust, Trust::Trusted);
+    // Two fingers pulled through each other: no equilibrium, or none to be trusted.
+    let through = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]];
+    let hopeless = grasp.solve(&through, false, true).unwrap();
+    assert_ne!(hopeless.trust, Trust::Trusted);
+    assert!(hopeless.forces.iter().flatten().all(|f| f.is_finite()));
+    let again = grasp.solve(&pushes(0.5 * DEPTH), true, false).unwrap();
+    assert_eq!(again.status, Status::Converged, "a failure spoils nothing that comes after it");
+}
+
+#[test]
+fn bad_input_is_said_in_a_sentence() {
+    let sentence = |result: Result<(), crate::Error>| result.unwrap_err().to_string();
+    let grasp = |points: &[[f64; 3]]| sentence(MODEL.grasp(points).map(|_| ()));
+    assert!(grasp(&[]).contains("no contact"));
+    assert!(grasp(&[LEFT, [0.0, 0.0, 1.0]]).contains("contact 1 at"));
+    assert!(grasp(&[LEFT, [f64::NAN, 0.0, 0.0]]).contains("contact 1"));
+    assert!(grasp(&[LEFT, LEFT]).contains("so close"));
+    let solve = |d: &[[f64; 3]]| sentence(two().solve(d, false, false).map(|_| ()));
+    assert!(solve(&[[0.0; 3]]).contains("1 displacements for 2 contacts"));
+    assert!(solve(&[[0.0; 3], [0.0, f64::INFINITY, 0.0]]).contains("contact 1 is displaced"));
+    let settings = MODEL.sampling();
+    let build = |sampling| {
+        sentence(Galerkin::new(MODEL.model.clone(), sampling, &mut |_| true).map(|_| ()))
+    };
+    assert!(build(Sampling { order: 4, ..settings }).contains("order 4"));
+    assert!(build(Sampling { tolerance: 0.0, ..settings }).contains("tolerance 0"));
+    assert!(build(Sampling { depth: -1.0, ..settings }).contains("depth -1"));
+    let stopped = Galerkin::new(MODEL.model.clone(), settings, &mut |_| false);
+    assert!(matches!(stopped, Err(crate::Error::Cancelled)));
+}
