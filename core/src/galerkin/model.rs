@@ -10,15 +10,19 @@ use crate::element::Element;
 use crate::equilibrium::System;
 use crate::error::Error;
 use crate::law::Material;
+use crate::mesh::{norm, sub};
 use crate::reduced::{Contact, Progress, ReducedModel};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
 /// Contacts of a region whose forces its cells are chosen for.
-const CONTACTS: usize = 6;
-/// States of each of them.
-const STATES: usize = 5;
+const CONTACTS: usize = 5;
+/// States of each of them alone, and of each together with another contact.
+const STATES: [usize; 2] = [2, 4];
+/// Other contacts are at least this far away, in radii of the patch.
+const APART: f64 = 1.2;
 
 /// How the reduced energy is sampled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,7 +178,8 @@ fn rest_of(model: &ReducedModel) -> Result<Rest, Error> {
     Ok(Rest { body, stiffness, system })
 }
 
-/// The cells by which a region's contacts, each on its own, feel nearly the forces of all cells.
+/// The cells by which a region's contacts feel nearly the forces of all cells: each contact on its own those of the
+/// whole body, and together with another one those of the cells that are nearer to it.
 fn choose_cells(
     model: &ReducedModel,
     rest: &Rest,
@@ -182,20 +187,29 @@ fn choose_cells(
     all: &Sample,
     region: usize,
 ) -> Result<Vec<u32>, Error> {
-    let triangles: Vec<Contact> = (0..model.n_triangles())
-        .map(|t| model.centroid(t))
-        .filter(|contact| model.regions_of(contact).contains(&region))
-        .collect();
-    let count = CONTACTS.min(triangles.len());
-    let forces = (0..count)
-        .map(|k| {
-            let contact = triangles[k * triangles.len() / count];
-            let subspace = Subspace::new(model, rest, &[contact], sampling.order)?;
-            let numbers = k * STATES..(k + 1) * STATES;
-            let states = states(rest, &subspace, sampling.depth, numbers);
-            Ok(Forces::new(all, &subspace, &states))
-        })
-        .collect::<Result<Vec<_>, Error>>()?;
+    let centroids: Vec<Contact> = (0..model.n_triangles()).map(|t| model.centroid(t)).collect();
+    let is_own = |contact: &&Contact| model.regions_of(contact).contains(&region);
+    let own: Vec<&Contact> = centroids.iter().filter(is_own).collect();
+    let count = CONTACTS.min(own.len());
+    let apart = APART * model.metadata().radius;
+    let mut forces = Vec::with_capacity(2 * count);
+    for k in 0..count {
+        let contact = *own[k * own.len() / count];
+        let [alone, together] = STATES.map(|states| k * states..(k + 1) * states);
+        forces.push(forces_of(model, rest, sampling, all, &[contact], alone)?);
+        let others: Vec<&Contact> =
+            centroids.iter().filter(|c| norm(sub(c.point, contact.point)) > apart).collect();
+        // A stride that is no divisor of anything spreads the choices over the surface.
+        if let Some(&&other) = others.get((region * CONTACTS + k) * 977 % others.len().max(1)) {
+            let pair = [contact, other];
+            let mut shared = forces_of(model, rest, sampling, all, &pair, together)?;
+            shared.restrict(|cell| {
+                let middle = middle_of(&rest.body, cell);
+                norm(sub(middle, contact.point)) <= norm(sub(middle, other.point))
+            });
+            forces.push(shared);
+        }
+    }
     if forces.is_empty() {
         return Ok(Vec::new());
     }
@@ -203,4 +217,23 @@ fn choose_cells(
     let columns = Columns { rows: joined.rows, values: &joined.cells };
     let chosen = greedy(&columns, &joined.body, sampling.tolerance);
     Ok(chosen.into_iter().map(|cell| cell as u32).collect())
+}
+
+/// Forces of all cells in some training states of some contacts.
+fn forces_of(
+    model: &ReducedModel,
+    rest: &Rest,
+    sampling: &Sampling,
+    all: &Sample,
+    contacts: &[Contact],
+    numbers: Range<usize>,
+) -> Result<Forces, Error> {
+    let subspace = Subspace::new(model, rest, contacts, sampling.order)?;
+    let states = states(rest, &subspace, sampling.depth, numbers);
+    Ok(Forces::new(all, &subspace, &states))
+}
+
+fn middle_of(body: &Body, cell: usize) -> [f64; 3] {
+    let corners = body.cells()[cell].map(|node| body.points()[node as usize]);
+    std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 4.0)
 }

@@ -38,8 +38,6 @@ pub(super) struct Subspace {
     pub means: Vec<Vec<f64>>,
     /// Order of the field each mode was made of.
     pub orders: Vec<usize>,
-    /// Displacements are counted in units of this [m].
-    scale: f64,
     sources: Vec<Source>,
     /// Inverse of the means of the first-order fields.
     unmixed: Mat<f64>,
@@ -86,7 +84,7 @@ impl Subspace {
             Source::Coupling(_) => 2,
         };
         let orders = basis.origin.iter().map(order).collect();
-        Ok(Subspace { basis, means, orders, scale, sources, unmixed })
+        Ok(Subspace { basis, means, orders, sources, unmixed })
     }
 
     /// Number of modes.
@@ -107,7 +105,8 @@ impl Subspace {
         self.sum_of_series(&alone)
     }
 
-    /// The displacement each contact must have on its own for all first-order means to come out as `d`.
+    /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of
+    /// the model's depth.
     fn unmix(&self, d: &[f64]) -> Vec<f64> {
         let n = d.len();
         (0..n).map(|i| (0..n).map(|j| self.unmixed[(i, j)] * d[j]).sum()).collect()
@@ -115,7 +114,7 @@ impl Subspace {
 
     fn sum_of_series(&self, alone: &[f64]) -> Vec<f64> {
         let mut q = vec![0.0; self.len()];
-        let part = |contact: usize, i: usize| alone[3 * contact + i] / self.scale;
+        let part = |contact: usize, i: usize| alone[3 * contact + i];
         for (field, source) in self.sources.iter().enumerate() {
             let amplitude = match *source {
                 Source::Series { contact, exponents } => {

@@ -94,6 +94,18 @@ impl Forces {
         Forces { rows, cells, body: parts.into_iter().flat_map(|p| p.body).collect() }
     }
 
+    /// Leaves the forces of some cells only, of which the body then consists.
+    pub fn restrict(&mut self, is_kept: impl Fn(usize) -> bool) {
+        self.body.fill(0.0);
+        for (cell, force) in self.cells.chunks_exact_mut(self.rows).enumerate() {
+            if is_kept(cell) {
+                self.body.iter_mut().zip(force).for_each(|(sum, f)| *sum += *f);
+            } else {
+                force.fill(0.0);
+            }
+        }
+    }
+
     /// `|sum_e w_e f_e - f|`, root mean square over the states.
     pub fn error(&self, weights: &[f64], states: usize) -> f64 {
         let mut residual = self.body.clone();
