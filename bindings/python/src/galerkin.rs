@@ -110,9 +110,8 @@ impl Grasp {
         let d = convert::points("displacements", &displacements)?;
         let mut guard = self.lock()?;
         let grasp = &mut *guard;
-        let solution = py
-            .detach(|| grasp.solve(&d, from_last, with_stiffness))
-            .map_err(convert::error)?;
+        let solution =
+            py.detach(|| grasp.solve(&d, from_last, with_stiffness)).map_err(convert::error)?;
         let answer = PyDict::new(py);
         answer.set_item("force", convert::table(py, &solution.forces)?)?;
         let n = 3 * d.len();

@@ -232,4 +232,3 @@ impl<L: Law> Kernel for EachKernel<'_, L> {
         }
     }
 }
-

@@ -49,7 +49,9 @@ impl Galerkin {
         let tensors = SafeTensors::deserialize(bytes).map_err(broken)?;
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
         let text = header.metadata().as_ref().and_then(|map| map.get(KEY)).ok_or_else(|| {
-            Error::ModelFile("it is of single touches only; make one of several with galerkin()".into())
+            Error::ModelFile(
+                "it is of single touches only; make one of several with galerkin()".into(),
+            )
         })?;
         let Header { order, tolerance, depth, seconds } = serde_json::from_str(text)
             .map_err(|e| Error::ModelFile(format!("settings are damaged: {e}")))?;

@@ -38,7 +38,7 @@ pub enum Trust {
 /// An equilibrium of the reduced energy, or how near it came.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// Force of each tool on the organ [N].
+    /// Force of each tool on the organ [N]; zero where the search broke off before there was one.
     pub forces: Vec<[f64; 3]>,
     /// Derivative of the forces by the displacements [N/m], rows and columns by contact and component; empty where it
     /// was not asked for.
@@ -88,9 +88,8 @@ impl Grasp {
             .collect();
         cells.sort_unstable();
         cells.dedup();
-        let sample = |cells: &[usize]| {
-            Sample::new(body.points(), body.cells(), body.material(), cells)
-        };
+        let sample =
+            |cells: &[usize]| Sample::new(body.points(), body.cells(), body.material(), cells);
         let depth = owner.sampling.depth;
         // More equations than weights, or these are not determined.
         let count = (2 * cells.len()).div_ceil(subspace.len()).clamp(STATES, 4 * STATES);
@@ -100,8 +99,7 @@ impl Grasp {
             cells.iter().zip(weights).filter(|(_, w)| *w > 0.0).unzip();
         let mut sample = sample(&kept);
         let unseen = states(rest, &subspace, depth, count..count + CHECKS);
-        let sampling_error =
-            Forces::new(&sample, &subspace, &unseen).error(&weights, unseen.len());
+        let sampling_error = Forces::new(&sample, &subspace, &unseen).error(&weights, unseen.len());
         sample.weigh(&weights);
         let modes = &subspace.basis.modes;
         let solver = Solver::new(sample, modes, subspace.means.clone(), unit(&training));
@@ -195,7 +193,11 @@ impl Grasp {
         if with_stiffness && self.is_settled {
             stiffness = self.solver.stiffness(&mut search);
         }
-        let forces = search.forces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect();
+        let force = |f: &[f64]| {
+            let is_known = f.iter().all(|x| x.is_finite());
+            if is_known { [f[0], f[1], f[2]] } else { [0.0; 3] }
+        };
+        let forces = search.forces.chunks_exact(3).map(force).collect();
         let error_estimate = self.error_estimate();
         Ok(Solution {
             forces,
@@ -240,11 +242,12 @@ impl Grasp {
             })
             .collect();
         let all = norm(&self.solver.q);
-        if !(all > 0.0) {
+        if self.solver.is_at_rest() {
             return 0.0;
         }
         let last = norms[order - 1];
-        let ratio = if order > 1 { last / norms[order - 2].max(f64::MIN_POSITIVE) } else { last / all };
+        let ratio =
+            if order > 1 { last / norms[order - 2].max(f64::MIN_POSITIVE) } else { last / all };
         let tail = if ratio < 0.9 { last * ratio / (1.0 - ratio) / all } else { 1.0 };
         (SHARE * (tail + self.sampling_error)).min(1.0)
     }
@@ -277,10 +280,7 @@ fn weights(sample: &Sample, subspace: &Subspace, training: &[State]) -> Vec<f64>
     let forces = Forces::new(sample, subspace, training);
     let columns = MatRef::from_column_major_slice(&forces.cells, forces.rows, sample.len());
     let gram = columns.transpose() * columns;
-    let target: Vec<f64> = forces
-        .cells
-        .chunks_exact(forces.rows)
-        .map(|cell| nnls::dot(cell, &forces.body))
-        .collect();
+    let target: Vec<f64> =
+        forces.cells.chunks_exact(forces.rows).map(|cell| nnls::dot(cell, &forces.body)).collect();
     nnls::solve(gram.as_ref(), &target)
 }

@@ -96,7 +96,9 @@ impl Galerkin {
     /// No contact; one off the surface; contacts that cannot be told apart.
     pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
         if points.is_empty() {
-            return Err(Error::input("no contact; give at least one point of the touchable surface"));
+            return Err(Error::input(
+                "no contact; give at least one point of the touchable surface",
+            ));
         }
         let contacts = points
             .iter()

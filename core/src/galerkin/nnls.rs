@@ -26,12 +26,13 @@ impl Columns<'_> {
 /// `tolerance |b|`: few of them for a rough answer.
 pub(super) fn greedy(a: &Columns, b: &[f64], tolerance: f64) -> Vec<usize> {
     let goal = tolerance * norm(b);
+    let rounding = 1e-12 * dot(b, b);
     let mut active = Active::default();
     let mut residual = b.to_vec();
     while norm(&residual) > goal && active.columns.len() < a.len().min(a.rows) {
         let gain = |k: usize| dot(a.column(k), &residual);
         let free = (0..a.len()).filter(|k| !active.columns.contains(k));
-        let best = free.map(|k| (gain(k), k)).fold((0.0, None), |best: (f64, _), (gain, k)| {
+        let best = free.map(|k| (gain(k), k)).fold((rounding, None), |best: (f64, _), (gain, k)| {
             if gain > best.0 { (gain, Some(k)) } else { best }
         });
         let Some(column) = best.1 else { break };
@@ -153,8 +154,7 @@ pub(super) fn solve(gram: MatRef<f64>, c: &[f64]) -> Vec<f64> {
     for _ in 0..100 {
         let active: Vec<usize> = (0..n).filter(|&k| is_active[k]).collect();
         let w = restricted(gram, c, &active, 1e-10 * mean);
-        let slope =
-            |k: usize| active.iter().map(|&j| gram[(k, j)] * w[j]).sum::<f64>() - c[k];
+        let slope = |k: usize| active.iter().map(|&j| gram[(k, j)] * w[j]).sum::<f64>() - c[k];
         let is_wrong = |&k: &usize| if is_active[k] { w[k] < 0.0 } else { slope(k) < 0.0 };
         let wrong: Vec<usize> = (0..n).filter(is_wrong).collect();
         if wrong.is_empty() {
@@ -177,9 +177,8 @@ pub(super) fn solve(gram: MatRef<f64>, c: &[f64]) -> Vec<f64> {
 fn restricted(gram: MatRef<f64>, c: &[f64], active: &[usize], shift: f64) -> Vec<f64> {
     let mut w = vec![0.0; c.len()];
     let m = active.len();
-    let part = Mat::from_fn(m, m, |i, j| {
-        gram[(active[i], active[j])] + if i == j { shift } else { 0.0 }
-    });
+    let part =
+        Mat::from_fn(m, m, |i, j| gram[(active[i], active[j])] + if i == j { shift } else { 0.0 });
     let rhs = Mat::from_fn(m, 1, |i, _| c[active[i]]);
     let Ok(factor) = Llt::new(part.as_ref(), Side::Lower) else { return w };
     let solution = factor.solve(&rhs);

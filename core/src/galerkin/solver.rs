@@ -82,6 +82,11 @@ impl Solver {
         self.sample.weights()
     }
 
+    /// Whether nothing is displaced to speak of.
+    pub fn is_at_rest(&self) -> bool {
+        norm(&self.q) <= SMALLEST * self.unit
+    }
+
     /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
     pub fn start(&mut self, guess: impl Fn(f64) -> Vec<f64>) {
         let mut share = 1.0;

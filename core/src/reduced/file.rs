@@ -165,11 +165,7 @@ impl ReducedModel {
 /// An array in a file: name, type, shape, bytes.
 pub(crate) type Encoded<'a> = (&'a str, Dtype, Vec<usize>, Vec<u8>);
 
-pub(crate) fn encode<'a, T: Stored>(
-    name: &'a str,
-    values: &[T],
-    columns: usize,
-) -> Encoded<'a> {
+pub(crate) fn encode<'a, T: Stored>(name: &'a str, values: &[T], columns: usize) -> Encoded<'a> {
     let mut bytes = Vec::with_capacity(T::SIZE * values.len());
     values.iter().for_each(|v| v.write(&mut bytes));
     let shape =
