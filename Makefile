@@ -8,7 +8,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  := cargo
 
-core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
+core_sources := Cargo.toml Cargo.lock $(shell find core live bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
@@ -22,7 +22,8 @@ HAPTIC_SECONDS ?= 600
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
 page         := python/viscera/viewer/static/viewer.js
 page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
-evaluator    := viewer/wasm/viscera.wasm
+evaluator    := viewer/wasm/evaluator.wasm
+stepper      := viewer/wasm/stepper.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 
 debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
@@ -111,14 +112,19 @@ pages: $(extension) ## run the marked programs of README and docs/, and write th
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
 
-# The evaluator alone, without the solvers; all browsers of the last years have these vector instructions.
-$(evaluator): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
+# The evaluator for every page, and all solvers for one that steps a case; all browsers of the last years have these
+# vector instructions. One after the other, as cargo gives both the same name.
+$(evaluator) $(stepper): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
 	rustup target add wasm32-unknown-unknown
-	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown
+	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown \
+		--no-default-features --features $(basename $(notdir $@))
 	install -D -m 644 target/wasm32-unknown-unknown/wasm/viscera_wasm.wasm $@
 
-$(page): $(evaluator) $(page_sources) viewer/node_modules/.package-lock.json
+$(stepper): $(evaluator)
+
+$(page): $(evaluator) $(stepper) $(page_sources) viewer/node_modules/.package-lock.json
 	npm --prefix viewer run build
+	install -m 644 $(stepper) $(dir $(page))stepper.wasm
 
 viewer/node_modules/.package-lock.json: viewer/package-lock.json
 	npm --prefix viewer ci --no-audit --no-fund

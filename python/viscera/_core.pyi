@@ -148,6 +148,13 @@ class Body:
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
 
+class Live:
+    """A case in real time for one page (live/): requests in, frames out; raises `ValueError` with a sentence."""
+
+    def __init__(self, case: bytes) -> None: ...
+    def describe(self) -> str: ...  # JSON
+    def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
+
 Solver = tuple[str, float, int]
 """Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
 

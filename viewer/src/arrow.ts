@@ -66,6 +66,11 @@ export class Arrow {
     this.group.visible = false;
   }
 
+  /** The far end in the scene. */
+  tailInScene(): THREE.Vector3 {
+    return this.group.localToWorld(this.tail.clone());
+  }
+
   get hasForce(): boolean {
     return this.group.visible && this.shaft.visible;
   }

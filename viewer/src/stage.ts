@@ -2,6 +2,7 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Vec3 } from "./evaluator";
+import { Mean, Pace } from "./pace";
 import { studio } from "./studio";
 
 /** The view's lengths are organ diagonals, so that light, camera and controls suit every organ. */
@@ -14,11 +15,13 @@ export class Stage {
   readonly controls: OrbitControls;
   /** Work of every frame, before it is drawn; given the seconds since the last. */
   onFrame: (seconds: number) => void = () => {};
-  /** Milliseconds between the last frames while something moved, and what drawing one took. */
-  frameTime = { interval: 0, work: 0 };
+  readonly pace = new Pace();
+  /** Milliseconds of a frame for shaping and drawing what is seen. */
+  readonly drawing = new Mean();
 
   private isStale = true;
   private last = 0;
+  private shaping = 0;
   private room = 1;
   private readonly home = new THREE.Vector3();
   private readonly observer: ResizeObserver;
@@ -81,9 +84,22 @@ export class Stage {
     this.isStale = true;
   }
 
+  /** Does what the next frame shows, and counts its time as part of that frame's. */
+  shape(work: () => void): void {
+    const began = performance.now();
+    work();
+    this.shaping += performance.now() - began;
+    this.invalidate();
+  }
+
   /** A point of the organ [m] on the canvas, in CSS pixels. */
   project(point: THREE.Vector3): { x: number; y: number } {
-    const at = this.world.localToWorld(point.clone()).project(this.camera);
+    return this.onCanvas(this.world.localToWorld(point.clone()));
+  }
+
+  /** A point of the scene on the canvas, in CSS pixels. */
+  onCanvas(point: THREE.Vector3): { x: number; y: number } {
+    const at = point.clone().project(this.camera);
     return { x: (0.5 + 0.5 * at.x) * this.canvas.clientWidth, y: (0.5 - 0.5 * at.y) * this.canvas.clientHeight };
   }
 
@@ -125,13 +141,15 @@ export class Stage {
   private frame(time: number): void {
     const interval = time - this.last;
     this.last = time;
-    const began = performance.now();
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
     if (!this.isStale && !this.renderer.xr.isPresenting) return;
     this.isStale = false;
+    const began = performance.now();
     this.renderer.render(this.scene, this.camera);
-    this.frameTime = { interval, work: performance.now() - began };
+    this.pace.tick(time);
+    this.drawing.add(this.shaping + performance.now() - began);
+    this.shaping = 0;
   }
 }
 

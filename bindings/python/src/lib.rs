@@ -6,6 +6,7 @@
 mod body;
 mod convert;
 mod law;
+mod live;
 mod mesh;
 mod model;
 mod path;
@@ -30,6 +31,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     Ok(())
 }

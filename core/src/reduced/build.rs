@@ -6,6 +6,7 @@ use super::model::{Arrays, ReducedModel};
 use super::positions::Positions;
 use super::region::{Exact, Region};
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::{Patch, Surface};
@@ -15,7 +16,7 @@ use rayon::Yield;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Orders up to this one are also solved at edge midpoints.
 const EDGE_ORDER: usize = 3;
