@@ -225,7 +225,9 @@ def test_colours_have_a_legend(viewer: Viewer, colouring: str) -> None:
 
 def test_frame_times_are_reported(viewer: Viewer, record_property: Any) -> None:
     viewer.call("togglePath")
-    viewer.page.wait_for_function("() => { const { frame } = viscera.state(); return frame.rate > 0 && frame.answer > 0 }")
+    viewer.page.wait_for_function(
+        "() => { const { frame } = viscera.state(); return frame.rate > 0 && frame.answer > 0 }"
+    )
     frame = viewer.state["frame"]
     assert frame["drawing"] > 0
     words = viewer.page.locator(".clock").inner_text()

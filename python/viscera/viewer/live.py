@@ -1,7 +1,7 @@
 """A case for the page that drives it in real time: packed once, then stepped on this machine or in the page itself.
 
-The stepper, the requests that it follows and the frames that it answers are one piece of Rust (`live/`); here it is only
-given an organ and the laws to compare.
+The stepper, the requests that it follows and the frames that it answers are one piece of Rust (`live/`); here it is
+only given an organ and the laws to compare.
 """
 
 from __future__ import annotations
