@@ -71,9 +71,9 @@ viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to on
 sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
 
-fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
+fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_SECONDS for each target; needs nightly Rust
 	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
-	for target in file edits; do \
+	for target in file edits case requests; do \
 		mkdir -p out/fuzz/$$target && $(fuzz_profile) $(CARGO) +nightly fuzz run --target-dir target/fuzz --features libfuzzer \
 			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
 			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done

@@ -1,7 +1,8 @@
-"""Frames of built-in organs stepped in a browser's page, and on this machine: one Newton iteration each, a hand that wanders.
+"""Frames of built-in organs stepped in a browser's page and on this machine, for a hand that wanders.
 
-Medians over 100 frames of what a frame says it took. `drawn` is how many frames a second the page could draw meanwhile:
-its worker steps as fast as it can. What a page steps by itself (`PAGE_UNKNOWNS` of viscera/viewer/live.py) is chosen by it.
+Medians over 100 frames of what a frame says it took. `drawn` is how many frames a second the page could draw
+meanwhile: its worker steps as fast as it can. What a page steps by itself (`PAGE_UNKNOWNS` of viscera/viewer/live.py)
+is chosen by it.
 """
 
 import json
@@ -18,8 +19,7 @@ from viscera.viewer.live import LiveCase, live_case
 
 FRAMES, MILLISECONDS = 100, 7
 ORGANS = {"artery": "top", "beam": "clamp", "liver": "hilum"}
-STEPS = (
-    """async (requests) => {
+STEPS = """async ([requests, milliseconds]) => {
     const worker = new Worker("stepper.js", { type: "module" });
     const answer = () => new Promise((resolve) => (worker.onmessage = ({ data }) => resolve(data)));
     let [drawn, isDone] = [0, false];
@@ -30,13 +30,11 @@ STEPS = (
     const [times, began] = [[], performance.now()];
     for (const request of requests) {
         worker.postMessage(request);
-        times.push(new Float32Array(await answer())[%d]);
+        times.push(new Float32Array(await answer())[milliseconds]);
     }
     isDone = true;
     return [times, 1000 * drawn / (performance.now() - began)];
 }"""
-    % MILLISECONDS
-)  # noqa: UP031
 
 
 def requests(live: LiveCase) -> list[str]:
@@ -57,9 +55,7 @@ def main() -> None:
         return
     from playwright.sync_api import sync_playwright
 
-    print(
-        f"{'organ':8s} {'unknowns':>8s}  {'here [ms]':>9s}  {'in the page [ms]':>16s}  {'ratio':>5s}  {'drawn [1/s]':>11s}"
-    )
+    print("organ    unknowns  here [ms]  in the page [ms]  ratio  drawn [1/s]")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
         for name, fixed in ORGANS.items():
@@ -71,7 +67,7 @@ def main() -> None:
             with Server({**page.stepping_files(), "page.js": b"", page.CASE: live.data}) as server:
                 tab = browser.new_page()
                 tab.goto(server.url)
-                times, drawn = tab.evaluate(STEPS, asked)
+                times, drawn = tab.evaluate(STEPS, [asked, MILLISECONDS])
                 tab.close()
             there = median(times)
             print(f"{name:8s} {live.unknowns:8d}  {here:9.2f}  {there:16.2f}  {there / here:5.1f}  {drawn:11.0f}")

@@ -20,6 +20,10 @@ pub struct Specimen {
 impl Specimen {
     pub fn new(case: &Case, law: &str) -> Result<Self, Error> {
         let body = case.body(law)?;
+        let n = body.points().len();
+        if let Some(node) = case.fixed.iter().find(|&&node| node as usize >= n) {
+            return Err(Error::input(format!("point {node} is fixed; there are {n} points")));
+        }
         let method = if body.cells().len() <= DIRECT_CELLS {
             Method::Cholesky
         } else {
