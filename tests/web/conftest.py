@@ -60,7 +60,7 @@ class Quiet(SimpleHTTPRequestHandler):
         """Nothing."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def file_server() -> Iterator[Callable[[Path], str]]:
     """Offers a folder on Python's own file server, which knows nothing of Viscera; returns its address."""
     running = []
@@ -86,7 +86,7 @@ class Viewer:
         self.complaints: list[str] = []
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._listen)
-        self.page.set_default_timeout(60_000)
+        self.page.set_default_timeout(20_000)
         for script in scripts:
             self.page.add_init_script(script)
         self.page.goto(url)

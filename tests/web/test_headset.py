@@ -19,7 +19,7 @@ EMULATOR = Path(__file__).resolve().parents[2] / "viewer" / "node_modules" / "iw
 # A Quest 3 whose controllers a test moves; the emulated headset replaces the browser's own.
 HEADSET = """
 window.headset = new IWER.XRDevice(IWER.metaQuest3);
-window.headset.installRuntime();
+window.headset.installRuntime({ forceInstall: true });
 """
 # Puts the right controller at a place of the room and turns its beam, which leaves along -z, to another.
 POINT = """([from, to]) => {
@@ -42,7 +42,7 @@ IN_ROOM = """(point) => {
 TOP = (0.3, 0.05, 0.1)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewer(browser: Any, look_at: Callable[..., Viewer], server: Server) -> Iterator[Viewer]:
     if not EMULATOR.exists():
         pytest.skip("no WebXR emulator here; `npm --prefix viewer ci` brings it")
@@ -68,10 +68,18 @@ def frames(viewer: Viewer, count: int = 4) -> None:
     )
 
 
-def test_a_trigger_takes_hold_of_the_organ(viewer: Viewer, touch: vs.Touch) -> None:
-    page = viewer.page
-    page.get_by_role("button", name="touch the organ in a headset").click()
-    page.wait_for_function("() => window.viscera.stage.renderer.xr.isPresenting")
+@pytest.fixture
+def headset(viewer: Viewer) -> Iterator[Viewer]:
+    """The page with its headset on."""
+    viewer.page.get_by_role("button", name="touch the organ in a headset").click()
+    viewer.page.wait_for_function("() => window.viscera.stage.renderer.xr.isPresenting")
+    yield viewer
+    viewer.page.evaluate("() => window.viscera.stage.renderer.xr.getSession().end()")
+    viewer.page.wait_for_function("() => !window.viscera.stage.renderer.xr.isPresenting")
+
+
+def test_a_trigger_takes_hold_of_the_organ(headset: Viewer, touch: vs.Touch) -> None:
+    viewer, page = headset, headset.page
     target = page.evaluate(IN_ROOM, list(TOP))
     # The organ's z is up in the room: from above, 20 cm over the surface.
     above = [target[0], target[1] + 0.2, target[2]]
@@ -92,24 +100,19 @@ def test_a_trigger_takes_hold_of_the_organ(viewer: Viewer, touch: vs.Touch) -> N
     assert state["force"] == pytest.approx(touch(point, push).force, rel=1e-5, abs=1e-6)
     pull(viewer, 0)
     page.wait_for_function("() => window.viscera.state().activity === 'rest'")
-    page.evaluate("() => window.viscera.stage.renderer.xr.getSession().end()")
-    page.wait_for_function("() => !window.viscera.stage.renderer.xr.isPresenting")
-    # Back on the screen the mouse works as before.
+
+
+def test_a_trigger_beside_the_organ_holds_nothing(headset: Viewer) -> None:
+    headset.page.evaluate(POINT, [[0, 1.5, 0], [0, 5, 0.5]])
+    frames(headset)
+    pull(headset, 1)
+    assert headset.state["activity"] == "rest"
+    pull(headset, 0)
+
+
+def test_without_the_headset_the_mouse_works_as_before(viewer: Viewer) -> None:
     x, y = viewer.place(TOP)
-    page.mouse.move(x, y)
-    page.mouse.down()
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
     assert viewer.state["activity"] == "held"
-    page.mouse.up()
-
-
-def test_a_trigger_beside_the_organ_holds_nothing(viewer: Viewer) -> None:
-    page = viewer.page
-    page.get_by_role("button", name="touch the organ in a headset").click()
-    page.wait_for_function("() => window.viscera.stage.renderer.xr.isPresenting")
-    page.evaluate(POINT, [[0, 1.5, 0], [0, 5, 0.5]])
-    frames(viewer)
-    pull(viewer, 1)
-    assert viewer.state["activity"] == "rest"
-    pull(viewer, 0)
-    page.evaluate("() => window.viscera.stage.renderer.xr.getSession().end()")
-    page.wait_for_function("() => !window.viscera.stage.renderer.xr.isPresenting")
+    viewer.page.mouse.up()

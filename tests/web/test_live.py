@@ -66,6 +66,19 @@ def live(request: pytest.FixtureRequest, look_at: Look, server: Server, case: Ca
 
 
 @pytest.fixture(scope="module")
+def steps(
+    look_at: Look, file_server: Offer, server: Server, case: Case, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Viewer]:
+    """The exported page of the case on Python's own file server, which knows nothing of Viscera."""
+    folder = tmp_path_factory.mktemp("live-site")
+    export_case(case, folder, "Bar")
+    viewer = look_at(file_server(folder), color_scheme="dark")
+    yield viewer
+    assert viewer.complaints == []
+    viewer.close()
+
+
+@pytest.fixture(scope="module")
 def organ(bar: vs.Mesh) -> vs.Organ:
     return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.45), fixed="root")
 
@@ -145,17 +158,14 @@ def test_the_keyboard_takes_hold(live: Viewer) -> None:
     settle(live)
 
 
-def test_frames_in_the_page_are_those_of_python(look_at: Look, case: Case, bar: vs.Mesh, organ: vs.Organ) -> None:
+def test_frames_in_the_page_are_those_of_python(steps: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
     """Frame by frame, on the way to equilibrium, not only there."""
     hand = organ.patch(TIP, 0.1 * bar.diagonal)
     pushes = [(0.0, 0.0, -0.02), (0.0, 0.0, -0.02), (0.01, 0.02, -0.04), (0.01, 0.02, -0.04)]
     gravity = (0.0, 0.0, -5.0)
     requests: list[dict[str, Any]] = [{"gravity": gravity}, {"grab": TIP, "move": pushes[0]}]
     requests += [{"move": push} for push in pushes[1:]]
-    with serve_live(case, "Bar", in_page=True) as running:
-        viewer = look_at(running.url)
-        hello, *frames = viewer.page.evaluate(CONVERSATION, [json.dumps(request) for request in requests])
-        viewer.close()
+    hello, *frames = steps.page.evaluate(CONVERSATION, [json.dumps(request) for request in requests])
     assert json.loads(hello)["name"] == "Bar"
     stepper = organ.stepper(density=1000.0)
     exact = [stepper.frame(gravity=gravity), *(stepper.frame({hand: push}, gravity=gravity) for push in pushes)]
@@ -169,27 +179,20 @@ def test_frames_in_the_page_are_those_of_python(look_at: Look, case: Case, bar: 
     assert frames[-1][1:4] == pytest.approx(force, abs=1e-5 * np.linalg.norm(force))
 
 
-def test_what_cannot_be_followed_is_a_sentence_in_the_page(look_at: Look, case: Case) -> None:
+def test_what_cannot_be_followed_is_a_sentence_in_the_page(steps: Viewer) -> None:
     requests = ["not JSON", '{"laws": ["Rubber"]}', '{"grab": [100, 0, 0]}', "{}"]
-    with serve_live(case, "Bar", in_page=True) as running:
-        viewer = look_at(running.url)
-        _, *answers, frame = viewer.page.evaluate(CONVERSATION, requests)
-        viewer.close()
+    _, *answers, frame = steps.page.evaluate(CONVERSATION, requests)
     sentences = [json.loads(answer)["error"] for answer in answers]
     for sentence, words in zip(sentences, ["JSON object", "no law is called", "no free surface"], strict=True):
         assert words in sentence
     assert frame[0] == 1
 
 
-def test_an_exported_case_steps_without_viscera(look_at: Look, file_server: Offer, case: Case, tmp_path: Path) -> None:
-    export_case(case, tmp_path, "Bar")
-    viewer = look_at(file_server(tmp_path), color_scheme="dark")
-    viewer.call("touch", TIP, [0.0, 0.0, -0.03])
-    settle(viewer)
-    viewer.shoot("case-dark")
-    assert np.linalg.norm(viewer.state["specimens"][0]["force"]) > 0
-    assert viewer.complaints == []
-    viewer.close()
+def test_an_exported_case_steps_without_viscera(steps: Viewer) -> None:
+    steps.call("touch", TIP, [0.0, 0.0, -0.03])
+    settle(steps)
+    steps.shoot("case-dark")
+    assert np.linalg.norm(steps.state["specimens"][0]["force"]) > 0
 
 
 def test_a_damaged_case_is_a_sentence(browser: Any, case: Case) -> None:

@@ -3,6 +3,12 @@ import type { Arrow } from "./arrow";
 import { element, newtons } from "./dom";
 import type { Stage } from "./stage";
 
+type Place = { x: number; y: number };
+
+/** From the arrow's far end to the middle of its label, at its side and below or above [px]. */
+const WIDE = 52;
+const HIGH = 24;
+
 export class ForceLabel {
   readonly root = element("div", { class: "force-label", "aria-hidden": "true" });
 
@@ -17,8 +23,12 @@ export class ForceLabel {
   follow(force: number, isTrusted: boolean): void {
     this.root.hidden = !this.arrow.hasForce;
     if (this.root.hidden) return;
-    const { x, y } = this.stage.onCanvas(this.arrow.tailInScene());
-    this.root.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
+    const [foot, tail] = this.arrow.endsInScene().map((point) => this.stage.onCanvas(point)) as [Place, Place];
+    // Beyond the far end, so that it hides neither the arrow nor the contact.
+    const [dx, dy] = [tail.x - foot.x, tail.y - foot.y];
+    const size = Math.hypot(dx, dy);
+    const [x, y] = size > 1 ? [tail.x + (WIDE * dx) / size, tail.y + (HIGH * dy) / size] : [tail.x, tail.y - HIGH];
+    this.root.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
     this.root.textContent = newtons(force);
     this.root.classList.toggle("is-doubtful", !isTrusted);
   }

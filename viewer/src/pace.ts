@@ -1,16 +1,18 @@
 // How fast it goes: frames a second while something moves, and means over the last frames of what takes time in them.
 
-/** A longer pause is no frame: nothing moved [ms]. */
-const PAUSE = 250;
+/** So many of the display's frames without a drawn one, and nothing moves. */
+const PAUSE = 20;
 const FRAMES = 60;
 
 export class Pace {
   private readonly times: number[] = [];
+  private idle = 0;
 
-  /** A frame at a time [ms]. */
-  tick(time: number): void {
-    const last = this.times.at(-1);
-    if (last !== undefined && time - last > PAUSE) this.times.length = 0;
+  /** A frame of the display at a time [ms], drawn anew or not. */
+  tick(time: number, isDrawn: boolean): void {
+    this.idle = isDrawn ? 0 : this.idle + 1;
+    if (this.idle > PAUSE) this.times.length = 0;
+    if (!isDrawn) return;
     this.times.push(time);
     if (this.times.length > FRAMES) this.times.shift();
   }

@@ -143,11 +143,12 @@ export class Stage {
     this.last = time;
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
-    if (!this.isStale && !this.renderer.xr.isPresenting) return;
+    const isDrawn = this.isStale || this.renderer.xr.isPresenting;
+    this.pace.tick(time, isDrawn);
+    if (!isDrawn) return;
     this.isStale = false;
     const began = performance.now();
     this.renderer.render(this.scene, this.camera);
-    this.pace.tick(time);
     this.drawing.add(this.shaping + performance.now() - began);
     this.shaping = 0;
   }

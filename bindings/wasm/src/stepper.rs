@@ -10,12 +10,13 @@ pub struct Stepped {
 }
 
 /// Reads a case and says what the page has to know of it, as JSON in the message; null where it is refused, and the
-/// message says why.
+/// message says why. Should the stepper ever trap, the message says where.
 ///
 /// # Safety
 /// `bytes` is readable for `len` bytes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn case_open(bytes: *const u8, len: usize) -> *mut Stepped {
+    std::panic::set_hook(Box::new(|panic| say(panic.to_string())));
     // SAFETY: the caller's contract.
     match Live::open(unsafe { std::slice::from_raw_parts(bytes, len) }) {
         Ok(live) => {
