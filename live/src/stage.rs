@@ -81,7 +81,7 @@ impl Live {
         if let Some(laws) = &request.laws {
             self.set_up(laws)?;
         }
-        if request.release.is_some() {
+        if request.release == Some(true) {
             self.hold(None)?;
         }
         if let Some(patch) = patch {

@@ -134,6 +134,9 @@ def test_two_laws_side_by_side(live: Viewer) -> None:
     live.page.get_by_label("law").first.select_option("Corotated")
     settle(live)
     assert live.state["laws"] == ["Corotated", "Linear"]
+    assert live.state["held"] == state["held"]
+    assert np.linalg.norm(live.state["specimens"][0]["force"]) > 0
+    live.call("rest")
     live.page.get_by_role("button", name="one organ, or two laws in the same hand").click()
     live.call("setGravity", [0, 0, 0])
     settle(live)

@@ -9,7 +9,8 @@ export interface Keyed {
   nextColouring(): void;
   toggleOutline(): void;
   toggleTheme(): void;
-  goHome(): void;
+  /** Lets go and looks from where it looked first. */
+  reset(): void;
   toggleHelp(): void;
   setOrder?(order: number): void;
   toggleKeeping?(): void;
@@ -30,7 +31,7 @@ export const KEYS: readonly [string, string][] = [
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
   ["P  M", "play a load path, show the modes ([ ] to step)"],
-  ["T  R  ?", "light or dark, reset the view, this help"],
+  ["T  R  ?", "light or dark, reset, this help"],
 ];
 
 /** The same where a case is stepped. */
@@ -43,7 +44,7 @@ export const LIVE_KEYS: readonly [string, string][] = [
   ["+ −", "push in, pull out"],
   ["Esc", "let go"],
   ["C  W", "colour by displacement, wireframe at rest"],
-  ["T  R  ?", "light or dark, reset the view, this help"],
+  ["T  R  ?", "light or dark, reset, this help"],
 ];
 
 /** Listens wherever in the view the focus is; returns what ends it. */
@@ -69,7 +70,7 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     else if (key === "[") view.stepMode?.(-1);
     else if (key === "]") view.stepMode?.(1);
     else if (key === "t") view.toggleTheme();
-    else if (key === "r") view.goHome();
+    else if (key === "r") view.reset();
     else if (key === "?") view.toggleHelp();
     else return false;
     return true;

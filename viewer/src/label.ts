@@ -28,8 +28,15 @@ export class ForceLabel {
     const [dx, dy] = [tail.x - foot.x, tail.y - foot.y];
     const size = Math.hypot(dx, dy);
     const [x, y] = size > 1 ? [tail.x + (WIDE * dx) / size, tail.y + (HIGH * dy) / size] : [tail.x, tail.y - HIGH];
-    this.root.style.transform = `translate(${x}px, ${y}px) translate(-50%, -50%)`;
+    const { clientWidth, clientHeight } = this.stage.canvas;
+    const [left, top] = [within(x, WIDE, clientWidth), within(y, HIGH, clientHeight)];
+    this.root.style.transform = `translate(${left}px, ${top}px) translate(-50%, -50%)`;
     this.root.textContent = newtons(force);
     this.root.classList.toggle("is-doubtful", !isTrusted);
   }
+}
+
+/** Moved so far that a margin remains at both ends. */
+function within(place: number, margin: number, size: number): number {
+  return Math.max(margin, Math.min(place, size - margin));
 }

@@ -139,12 +139,21 @@ export class LiveView implements Touched, Keyed {
 
   // What tools, keys and programs do.
 
-  /** One law, or two side by side. */
+  /** One law, or two side by side; what the hand holds it goes on holding. */
   setLaws(laws: string[]): void {
     this.laws = laws;
     this.wanted.laws = laws;
-    this.held = null;
+    if (this.held) this.wanted = { ...this.wanted, grab: this.held.point, move: this.held.displacement };
+    this.peak = 0;
     this.arrange();
+  }
+
+  /** Begins anew, from rest and with nobody touching. */
+  reset(): void {
+    this.held = null;
+    this.wanted = {};
+    this.setLaws(this.laws);
+    this.stage.goHome();
   }
 
   setGravity(gravity: Vec3): void {
@@ -200,10 +209,6 @@ export class LiveView implements Touched, Keyed {
   toggleHelp(): void {
     if (this.help.open) this.help.close();
     else this.help.show();
-  }
-
-  goHome(): void {
-    this.stage.goHome();
   }
 
   /** Makes the keys work. */
@@ -275,8 +280,8 @@ export class LiveView implements Touched, Keyed {
     const [one, other] = specimens;
     if (!one || !other) return;
     const { distance, shape, force } = difference(one, other);
-    const ofForce = held ? ` · force ${digits(100 * force, 2)} %` : "";
-    this.contrast.textContent = `apart by ${fixed(1000 * distance, 1)} mm, ${digits(100 * shape, 2)} %${ofForce}`;
+    const ofForce = held ? ` · forces by ${digits(100 * force, 2)} %` : "";
+    this.contrast.textContent = `apart by ${fixed(1000 * distance, 1)} mm (${digits(100 * shape, 2)} %)${ofForce}`;
   }
 
   private warn(): void {
@@ -294,6 +299,7 @@ export class LiveView implements Touched, Keyed {
 
   /** Makes the organs anew, one for each law, side by side. */
   private arrange(): void {
+    const isRoomier = this.laws.length !== this.specimens.length;
     for (const specimen of this.specimens) {
       this.stage.world.remove(specimen.place);
       specimen.dispose();
@@ -304,7 +310,7 @@ export class LiveView implements Touched, Keyed {
       right.reduce((sum, r, i) => sum + r * this.surface.rest[3 * n + i]!, 0),
     );
     const width = 1.15 * (Math.max(...along) - Math.min(...along));
-    this.stage.widen(this.laws.length > 1 ? 1.6 : 1);
+    if (isRoomier) this.stage.widen(this.laws.length > 1 ? 1.6 : 1);
     this.specimens = this.laws.map((law, k) => {
       const choose = (chosen: string) => this.setLaws(this.laws.map((old, j) => (j === k ? chosen : old)));
       const specimen = new Specimen(this.surface, this.hello.radius, this.stage, names, law, choose);
@@ -359,7 +365,7 @@ export class LiveView implements Touched, Keyed {
     tool.value = this.tool;
     const gravity = choice("gravity", GRAVITIES, (value) => this.setGravity(value.split(",").map(Number) as Vec3));
     gravity.value = GRAVITIES.find(([value]) => value === this.hello.gravity.map(String).join())?.[0] ?? "0,0,0";
-    const reset = button("Reset", "begin anew", () => this.setLaws(this.laws));
+    const reset = button("Reset", "begin anew", () => this.reset(), "R");
     return element("nav", { class: "panel tools", "aria-label": "tools" }, tool.root, gravity, this.colouring, this.outline, reset);
   }
 }

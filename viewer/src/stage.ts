@@ -5,11 +5,15 @@ import type { Vec3 } from "./evaluator";
 import { Mean, Pace } from "./pace";
 import { studio } from "./studio";
 
+/** Field of view [degrees], and half the width that must be seen at the distance of 1. */
+const FIELD = 32;
+const HALF_WIDTH = 0.27;
+
 /** The view's lengths are organ diagonals, so that light, camera and controls suit every organ. */
 export class Stage {
   readonly renderer: THREE.WebGLRenderer;
   readonly scene = new THREE.Scene();
-  readonly camera = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
+  readonly camera = new THREE.PerspectiveCamera(FIELD, 1, 0.02, 60);
   /** Holds the organ; its children are in metres. */
   readonly world = new THREE.Group();
   readonly controls: OrbitControls;
@@ -130,7 +134,7 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     // On a narrow screen the organ must still fit; beside the readings it stands left of the middle.
-    this.camera.fov = width < height ? 44 : 32;
+    this.camera.fov = Math.max(FIELD, 2 * THREE.MathUtils.RAD2DEG * Math.atan(HALF_WIDTH / this.camera.aspect));
     const shift = width > 820 ? 0.5 * Math.min(330, 0.3 * width) : 0;
     const drop = width > 820 ? 0 : 0.13 * height;
     this.camera.setViewOffset(width, height, shift, drop, width, height);

@@ -73,7 +73,7 @@ export class Tools {
       this.switches.outline,
       this.switches.path,
       this.switches.modes,
-      button("Reset", "reset the view and let go", () => (view.rest(), view.goHome()), "R"),
+      button("Reset", "reset the view and let go", () => view.reset(), "R"),
     );
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
     this.help = helpDialog("Touch the organ", KEYS);

@@ -262,7 +262,8 @@ export class View implements Touched, Keyed {
     this.tools.toggleHelp();
   }
 
-  goHome(): void {
+  reset(): void {
+    this.rest();
     this.stage.goHome();
   }
 
