@@ -1,9 +1,9 @@
 """Frames in real time on one core, as ratios to the limits this project sets itself: a hand that wanders.
 
-Each case is one organ of linear cells, a law and a solver: 300 frames, three runs; time of the whole Python call, median of the run whose
-median is least. The ratio is that of the processor time, which other programs disturb less, to the limit: up to 1 keeps
-it. `left` is the largest residual a frame left behind the moving hand. The meshes of SOFA's liver are read from the
-folder VISCERA_SHARED, and their cases left out, in words, where it is missing.
+Each case is one organ of linear cells, a law and a solver: 300 frames, three runs; time of the whole Python call,
+median of the run whose median is least. The ratio is that of the processor time, which other programs disturb less,
+to the limit: up to 1 keeps it. `left` is the largest residual a frame left behind the moving hand. The meshes of
+SOFA's liver are read from the folder VISCERA_SHARED, and their cases left out, in words, where it is missing.
 """
 
 import os
