@@ -2,14 +2,15 @@
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
 import { VIRIDIS } from "./colour";
-import { button, choice, digits, element, fixed, helpDialog, Segments, toggleTheme } from "./dom";
+import { Contrast } from "./contrast";
+import { button, choice, element, helpDialog, Segments, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS, listen, type Keyed } from "./keys";
 import { Legend } from "./legend";
 import type { Link } from "./link";
 import { Mean, paceInWords } from "./pace";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
-import { difference, FACTS, Specimen, type Hand } from "./specimen";
+import { FACTS, Specimen, type Hand } from "./specimen";
 import { Stage } from "./stage";
 import style from "./style.css?inline";
 import { headsetButton } from "./xr";
@@ -60,7 +61,7 @@ export class LiveView implements Touched, Keyed {
   private readonly step = new Mean();
   private readonly root: HTMLElement;
   private readonly readings = element("section", { class: "panel readings live", "aria-label": "readings" });
-  private readonly contrast = element("p", { class: "contrast" });
+  private readonly contrast = new Contrast();
   private readonly warning = element("div", { class: "warning", role: "alert" });
   private readonly clock = element("div", { class: "clock" });
   private readonly legend = new Legend();
@@ -191,7 +192,10 @@ export class LiveView implements Touched, Keyed {
     this.isColoured = !this.isColoured;
     this.colouring.setAttribute("aria-pressed", String(this.isColoured));
     if (this.isColoured) this.legend.show("displacement", VIRIDIS, this.depth);
-    else this.legend.hide();
+    else {
+      this.legend.hide();
+      this.specimens.forEach(({ body }) => body.paintTissue());
+    }
     this.stage.shape(() => this.show());
   }
 
@@ -276,12 +280,9 @@ export class LiveView implements Touched, Keyed {
       this.peak = Math.max(this.peak, ...specimens.map(({ size }) => size));
       specimens.forEach((specimen) => specimen.hold(held, this.peak));
     }
-    specimens.forEach((specimen) => specimen.colour(this.isColoured ? this.depth : null));
+    if (this.isColoured) specimens.forEach((specimen) => specimen.colour(this.depth));
     const [one, other] = specimens;
-    if (!one || !other) return;
-    const { distance, shape, force } = difference(one, other);
-    const ofForce = held ? ` · forces by ${digits(100 * force, 2)} %` : "";
-    this.contrast.textContent = `apart by ${fixed(1000 * distance, 1)} mm (${digits(100 * shape, 2)} %)${ofForce}`;
+    if (one && other) this.contrast.show(one, other);
   }
 
   private warn(): void {
@@ -320,8 +321,8 @@ export class LiveView implements Touched, Keyed {
       this.root.append(specimen.label.root);
       return specimen;
     });
-    this.contrast.textContent = "";
-    this.readings.replaceChildren(...this.specimens.map(({ root }) => root), this.contrast, this.pairing());
+    const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
+    this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, this.pairing());
     this.stage.invalidate();
   }
 

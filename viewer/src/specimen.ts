@@ -98,9 +98,8 @@ export class Specimen {
     this.arrow.hover(point.map((x, i) => x + moved[i]!) as Vec3, normal);
   }
 
-  /** Colours by displacement up to a length [m], or as tissue. */
-  colour(longest: number | null): void {
-    if (longest === null) return this.body.paintTissue();
+  /** Colours by displacement up to a length [m]. */
+  colour(longest: number): void {
     const { field } = this;
     const lengths = Float32Array.from({ length: field.length / 3 }, (_, n) => Math.hypot(...field.subarray(3 * n, 3 * n + 3)));
     this.body.paint(lengths, 0, longest, VIRIDIS);
@@ -122,17 +121,4 @@ export class Specimen {
     this.body.dispose();
     this.label.root.remove();
   }
-}
-
-/** How two organs differ in the same hand: the largest distance of a node [m], its share of the largest displacement,
- * and the share of the first one's force. */
-export function difference(one: Specimen, other: Specimen): { distance: number; shape: number; force: number } {
-  let [distance, largest] = [0, 0];
-  for (let n = 0; n < one.field.length; n += 3) {
-    const [a, b] = [one.field.subarray(n, n + 3), other.field.subarray(n, n + 3)];
-    distance = Math.max(distance, Math.hypot(a[0]! - b[0]!, a[1]! - b[1]!, a[2]! - b[2]!));
-    largest = Math.max(largest, Math.hypot(...a), Math.hypot(...b));
-  }
-  const off = Math.hypot(...one.facts.force.map((f, i) => f - other.facts.force[i]!));
-  return { distance, shape: largest > 0 ? distance / largest : 0, force: one.size > 0 ? off / one.size : 0 };
 }

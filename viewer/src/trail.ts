@@ -6,8 +6,8 @@ import type { Station } from "./loadpath";
 
 /** Stations whose shape stays. */
 export const SHAPES = 7;
-/** A shape is drawn where it has moved by this share of its largest displacement. */
-const MOVED = 0.12;
+/** A shape is drawn as far from its contact as so many radii of the patch. */
+const AROUND = 2;
 
 export class Trail {
   readonly group = new THREE.Group();
@@ -23,7 +23,7 @@ export class Trail {
     const places = stations.map(({ point, displacement }) => new THREE.Vector3(...point).add(new THREE.Vector3(...displacement)));
     const geometry = new THREE.BufferGeometry().setFromPoints(places);
     geometry.setDrawRange(0, 0);
-    this.way = new THREE.Line(geometry, seenThrough(0xffffff, 0.9));
+    this.way = new THREE.Line(geometry, seenThrough(0xffd166, 0.95));
     this.way.renderOrder = 2;
     this.group.add(this.way);
   }
@@ -56,20 +56,19 @@ export class Trail {
     return this.stations[Math.round(at(shape) * (this.stations.length - 1))]!;
   }
 
-  /** Leaves the shape of a station where the contact has moved it: the surface's edges, coloured by the way. */
+  /** Leaves the shape of a station around its contact: the surface's edges, coloured by the way. */
   private leave(shape: number, order: number): void {
     const { evaluator } = this;
     const { point, displacement } = this.station(shape);
     evaluator.touch(point);
     const field = evaluator.surface(displacement, order, 1);
-    const size = (row: number) => Math.hypot(field[3 * row]!, field[3 * row + 1]!, field[3 * row + 2]!);
-    let largest = 0;
-    for (let row = 0; row < field.length / 3; row++) largest = Math.max(largest, size(row));
+    const reach = AROUND * evaluator.about.metadata.radius;
+    const isNear = (row: number) => Math.hypot(...point.map((x, i) => x - evaluator.rest[3 * row + i]!)) < reach;
     const pairs: number[] = [];
     for (let t = 0; t < evaluator.triangles.length; t += 3) {
       for (let k = 0; k < 3; k++) {
         const [a, b] = [evaluator.triangles[t + k]!, evaluator.triangles[t + ((k + 1) % 3)]!];
-        if (a < b && Math.max(size(a), size(b)) > MOVED * largest) pairs.push(a, b);
+        if (a < b && isNear(a) && isNear(b)) pairs.push(a, b);
       }
     }
     const moved = evaluator.rest.map((x, i) => x + field[i]!);
