@@ -88,7 +88,7 @@ def settle(live: Viewer) -> None:
     live.page.wait_for_function(
         """() => {
             const { specimens, frames } = window.viscera.state();
-            return frames > 3 && specimens.every(({ residual }) => residual < 1e-6);
+            return frames > 3 && specimens.every(({ residual }) => residual < 1e-8);
         }"""
     )
 

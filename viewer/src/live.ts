@@ -29,8 +29,8 @@ interface Hello {
 
 type Request = { laws?: string[]; grab?: Vec3; move?: Vec3; release?: true; gravity?: Vec3 };
 
-/** Below this residual, with nobody touching, no more frames are asked for. */
-const SETTLED = 1e-6;
+/** Below this residual, with nothing new wanted, no more frames are asked for. */
+const SETTLED = 1e-8;
 const GRAVITIES: readonly [string, string][] = [
   ["0,0,0", "no gravity"],
   ["0,0,-9.81", "gravity −z"],
@@ -250,7 +250,7 @@ export class LiveView implements Touched, Keyed {
   }
 
   private ask(): void {
-    const isMoving = this.held !== null || this.specimens.some(({ facts }) => facts.residual > SETTLED);
+    const isMoving = this.specimens.some(({ facts }) => facts.residual > SETTLED || facts.taken < 1);
     if (this.isWaiting || !this.link.isOpen) return;
     if (!isMoving && Object.keys(this.wanted).length === 0) return;
     this.link.send(JSON.stringify(this.wanted));

@@ -1,7 +1,7 @@
 // How fast it goes: frames a second while something moves, and means over the last frames of what takes time in them.
 
 /** So many of the display's frames without a drawn one, and nothing moves. */
-const PAUSE = 20;
+const PAUSE = 12;
 const FRAMES = 60;
 
 export class Pace {
@@ -10,14 +10,19 @@ export class Pace {
 
   /** A frame of the display at a time [ms], drawn anew or not. */
   tick(time: number, isDrawn: boolean): void {
+    if (isDrawn && this.isAtRest) this.times.length = 0;
     this.idle = isDrawn ? 0 : this.idle + 1;
-    if (this.idle > PAUSE) this.times.length = 0;
     if (!isDrawn) return;
     this.times.push(time);
     if (this.times.length > FRAMES) this.times.shift();
   }
 
-  /** Frames a second; 0 before there are three in a row. */
+  /** Whether nothing has moved for a while. */
+  get isAtRest(): boolean {
+    return this.idle > PAUSE;
+  }
+
+  /** Frames a second of the last motion; 0 before there are three in a row. */
   get rate(): number {
     const { times } = this;
     return times.length > 2 ? (1000 * (times.length - 1)) / (times.at(-1)! - times[0]!) : 0;

@@ -8,6 +8,9 @@ import { studio } from "./studio";
 /** Field of view [degrees], and half the width that must be seen at the distance of 1. */
 const FIELD = 32;
 const HALF_WIDTH = 0.27;
+/** Below so many frames a second pixels are saved; the share of them that is left along each side. */
+const SLUGGISH = 20;
+const COARSE = 0.5;
 
 /** The view's lengths are organ diagonals, so that light, camera and controls suit every organ. */
 export class Stage {
@@ -26,6 +29,8 @@ export class Stage {
   private isStale = true;
   private last = 0;
   private shaping = 0;
+  /** Whether it is drawn with fewer pixels than the screen has. */
+  private isCoarse = false;
   private room = 1;
   private readonly home = new THREE.Vector3();
   private readonly observer: ResizeObserver;
@@ -142,12 +147,24 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Where drawing is slow, fewer pixels while something moves, and all of them once it rests. */
+  private sharpen(): void {
+    const { rate, isAtRest } = this.pace;
+    const isCoarse = !isAtRest && (this.isCoarse || (rate > 0 && rate < SLUGGISH));
+    if (isCoarse === this.isCoarse) return;
+    this.isCoarse = isCoarse;
+    this.renderer.setPixelRatio((isCoarse ? COARSE : 1) * Math.min(window.devicePixelRatio, 2));
+    this.invalidate();
+  }
+
   private frame(time: number): void {
     const interval = time - this.last;
     this.last = time;
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
-    const isDrawn = this.isStale || this.renderer.xr.isPresenting;
+    const { isPresenting } = this.renderer.xr;
+    if (!isPresenting) this.sharpen();
+    const isDrawn = this.isStale || isPresenting;
     this.pace.tick(time, isDrawn);
     if (!isDrawn) return;
     this.isStale = false;
