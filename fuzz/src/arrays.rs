@@ -13,7 +13,7 @@ pub(crate) enum Field<'a> {
 
 impl<'a> Field<'a> {
     pub(crate) fn of(a: &'a mut Arrays, which: u8) -> Self {
-        match which % 27 {
+        match which % 28 {
             0 => Field::Double(&mut a.points),
             1 => Field::Index(&mut a.cells),
             2 => Field::Index(&mut a.fixed),
@@ -40,7 +40,8 @@ impl<'a> Field<'a> {
             23 => Field::Mode(&mut a.surface_modes),
             24 => Field::Mode(&mut a.interior_modes),
             25 => Field::Single(&mut a.position_coefficients),
-            _ => Field::Single(&mut a.edge_coefficients),
+            26 => Field::Single(&mut a.edge_coefficients),
+            _ => Field::Double(&mut a.preload),
         }
     }
 

@@ -142,6 +142,7 @@ class Body:
         depth: float,
         order: int,
         tolerance: float,
+        preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:

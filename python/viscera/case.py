@@ -31,6 +31,7 @@
     touchable = "anterior"
     radius = "12 mm"              # or a number in metres, or a percentage of the bounding-box diagonal
     depth = "10%"
+    start = "loads"               # touch the organ as the [loads] leave it, or as it was in the "scan"; or at "rest"
 
 Unknown keys are errors that name the nearest known one.
 """
@@ -77,10 +78,11 @@ KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the key
     "scan.traction": None,
     "scan.pressure": None,
     "settings": ("steps", "newton"),
-    "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
+    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "start"),
     "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
     "material.fibres": ("angle", "axis", "through"),
 }
+STARTS = ("rest", "loads", "scan")  # of the touches of a reduced model
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
@@ -150,12 +152,31 @@ class Case:
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
     def reduce(self, organ: Organ, progress: Progress | None = None) -> Touch:
-        """The reduced model of the organ with the case's [reduce] settings."""
+        """The reduced model of the organ with the case's [reduce] settings, about the equilibrium they start from."""
         options = dict(self.reduction)
+        organ, state = self._touched(organ, options.pop("start", None), progress)
         for name in ("radius", "depth"):
             if name in options:
                 options[name] = length(options[name], organ.mesh.diagonal, name)
-        return organ.reduce(**options, progress=progress)
+        return organ.reduce(**options, start=state, progress=progress)
+
+    def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
+        """The organ free of load, and the equilibrium that its touches start from; None at rest."""
+        if start is None and self.scan:
+            raise VisceraError('a case with a [scan] says what is touched: start = "scan", "loads" or "rest" in [reduce]')
+        if start not in {None, *STARTS}:
+            raise VisceraError(f"start in [reduce] is {start!r}; {did_you_mean(str(start), STARTS)}")
+        if start == "scan" and not self.scan:
+            raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
+        scanned = None
+        if self.scan:
+            rest = self.unloaded(organ, progress)
+            if not rest.is_converged:
+                raise VisceraError(f"the loads of the [scan] cannot be taken off: {rest.message}")
+            organ, scanned = rest.organ, rest.state
+        if start == "loads":
+            return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
+        return organ, scanned if start == "scan" else None
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:

@@ -29,6 +29,7 @@ from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
+from viscera.preload import preload_of
 from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
@@ -93,7 +94,7 @@ class Organ:
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
-        start: State | None = None,
+        start: State | Floats | None = None,
         settings: Mapping[str, float] | None = None,
         throw: bool = False,
         progress: Progress | None = None,
@@ -109,7 +110,7 @@ class Organ:
             on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
-        start: a state to continue from; rest otherwise.
+        start: a state to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
         throw: raise `NotConverged` instead of returning the state with its status.
         """
@@ -117,7 +118,8 @@ class Organ:
             raise VisceraError("gravity needs a density [kg/m^3]")
         if not isinstance(steps, int | np.integer) or steps < 1:
             raise VisceraError(f"steps must be a whole number of at least 1, got {steps!r}")
-        if start is not None and start.displacement.shape != self.mesh.points.shape:
+        begin = start.displacement if isinstance(start, State) else start
+        if begin is not None and np.shape(begin) != self.mesh.points.shape:
             raise VisceraError("the state to start from belongs to another mesh")
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
@@ -137,12 +139,13 @@ class Organ:
             pressed=pressed,
             pressure=pressures,
             patches=moved.patches,
-            start=None if start is None else start.displacement,
+            start=begin,
             steps=int(steps),
             settings=dict(settings or {}),
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
-        state = State(self.mesh, result, [patch for patch, _ in moved.patches], perf_counter() - began)
+        seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
+        state = State(self.mesh, result, patches, seconds, has_pressure=bool(pressure))
         if throw and not state.is_converged:
             raise NotConverged(state)
         return state
@@ -244,6 +247,7 @@ class Organ:
         depth: float | None = None,
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
+        start: State | None = None,
         progress: Progress | None = None,
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
@@ -255,6 +259,9 @@ class Organ:
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
+        start: a stable equilibrium of this organ under dead loads (gravity, forces, tractions), which stay; rest
+            otherwise. The model then is of the loaded shape: contact points, patches and lengths are measured on it,
+            displacements and forces are what the touch adds.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
@@ -273,6 +280,7 @@ class Organ:
             depth=depth,
             order=int(order),
             tolerance=float(tolerance),
+            preload=None if start is None else preload_of(self, start),
             metadata="{}",
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )

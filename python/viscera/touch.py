@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import comb
 from pathlib import Path
@@ -61,8 +62,9 @@ class Answer:
 class Touch:
     """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
 
-    Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] at rest and
-    the displacement (3,) [m] of the contact gives an `Answer`.
+    Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
+    displacement (3,) [m] of the contact gives an `Answer`. Points are those of the shape before the touch: at rest, or
+    under a preload; displacements and forces are what the touch adds to it.
     """
 
     def __init__(self, model: _core.Model) -> None:
@@ -72,7 +74,7 @@ class Touch:
     def __call__(self, point: ArrayLike, displacement: ArrayLike) -> Answer:
         """The organ's answer to a touch; raises `ValueError` where the point is more than an edge off the surface.
 
-        point (3,): contact point on the surface at rest [m]; displacement (3,): mean displacement of the patch [m].
+        point (3,): contact point on the untouched surface [m]; displacement (3,): mean displacement of the patch [m].
         """
         at = vector(point, "contact point", "m")
         push = vector(displacement, "contact displacement", "m")
@@ -100,7 +102,7 @@ class Touch:
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
-        return Organ(self.mesh, full, fixed=self._model.array("fixed"), element=self.element)
+        return Organ(self.rest, full, fixed=self._model.array("fixed"), element=self.element)
 
     def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
@@ -147,10 +149,22 @@ class Touch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh at rest, without its named sets; with the midpoints of edges where the element has them."""
+        """The mesh in the shape before a touch, without its named sets; midpoints of edges where the element has them."""
+        return self.rest if self.preload is None else replace(self.rest, points=self._model.array("points"))
+
+    @cached_property
+    def rest(self) -> Mesh:
+        """The mesh free of load: `mesh`, but for a preload."""
         points, cells = self._model.array("points"), self._model.array("cells")
-        linear = mesh(points[: int(cells.max()) + 1], cells)
+        free = points if self.preload is None else points - self.preload
+        linear = mesh(free[: int(cells.max()) + 1], cells)
         return linear.quadratic() if self.element == "P2" else linear
+
+    @cached_property
+    def preload(self) -> Floats | None:
+        """Displacement (n, 3) [m] from rest by the dead load under which the organ is touched; None without one."""
+        displacement: Floats = self._model.array("preload")
+        return displacement if len(displacement) else None
 
     @cached_property
     def surface_nodes(self) -> Indices:

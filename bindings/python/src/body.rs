@@ -170,7 +170,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, metadata, on_progress))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, preload, metadata, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -180,13 +180,16 @@ impl Body {
         depth: f64,
         order: usize,
         tolerance: f64,
+        preload: Option<PyReadonlyArray2<f64>>,
         metadata: &str,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Model> {
         let user = serde_json::from_str(metadata)
             .map_err(|e| PyValueError::new_err(format!("metadata is not JSON: {e}")))?;
         let touchable = touchable.as_array().to_vec();
-        let reduction = Reduction { touchable, radius, depth, order, tolerance, user };
+        let n = self.body.points().len();
+        let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
+        let reduction = Reduction { touchable, radius, depth, order, tolerance, preload, user };
         let mut watch = Watch::new(on_progress);
         let result = py.detach(|| {
             reduction.run(&self.body, &self.surface, &self.fixed, &mut |p| {

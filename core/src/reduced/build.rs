@@ -4,6 +4,7 @@
 use super::metadata::{Errors, FORMAT_VERSION, Metadata};
 use super::model::{Arrays, ReducedModel};
 use super::positions::Positions;
+use super::preload;
 use super::region::{Exact, Region};
 use crate::body::Body;
 use crate::equilibrium::patch_mean;
@@ -36,6 +37,9 @@ pub struct Reduction {
     /// Compression error of the field at full depth, relative to it, at the worst position, root
     /// mean square over directions.
     pub tolerance: f64,
+    /// Displacement of the loaded equilibrium that touches start from, three values for each
+    /// node [m]; its dead load stays. Empty: touches start from rest.
+    pub preload: Vec<f64>,
     /// Kept in the metadata.
     pub user: serde_json::Value,
 }
@@ -68,7 +72,7 @@ impl Reduction {
     /// Builds the model; `progress` is called from this thread and may return false to stop.
     ///
     /// # Errors
-    /// Bad settings; an unstable rest state; a stop on request.
+    /// Bad settings; a preload that is no stable equilibrium; a stop on request.
     pub fn run(
         &self,
         body: &Body,
@@ -77,10 +81,12 @@ impl Reduction {
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<ReducedModel, Error> {
         let clock = Instant::now();
-        let diagonal = diagonal(body.points());
+        preload::check(body, fixed, &self.preload)?;
+        let surface = &preload::shape(surface, &self.preload);
+        let diagonal = diagonal(surface.points());
         self.check(fixed, diagonal)?;
         let positions = Positions::new(surface, &self.touchable, fixed, self.radius)?;
-        let expansion = TouchExpansion::new(body, fixed, vec![0.0; body.n_dofs()], self.order)?;
+        let expansion = preload::expansion(body, fixed, &self.preload, self.order)?;
         let solved = self.solve_regions(&expansion, &positions, progress)?;
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
@@ -105,7 +111,8 @@ impl Reduction {
             seconds: 0.0,
             user: self.user.clone(),
         };
-        let arrays = assemble(body, surface, fixed, &positions, solved);
+        let preload = self.preload.clone();
+        let arrays = Arrays { preload, ..assemble(body, surface, fixed, &positions, solved) };
         let mut model = ReducedModel::new(metadata, arrays)?;
         self.measure_interpolation(&expansion, &positions, &mut model, progress)?;
         model.metadata.seconds = clock.elapsed().as_secs_f64();
@@ -350,13 +357,13 @@ fn assemble(
     positions: &Positions,
     solved: Vec<Solved>,
 ) -> Arrays {
-    let n = body.points().len();
+    let n = surface.points().len();
     let surface_nodes = surface.nodes().to_vec();
     let mut is_surface = vec![false; n];
     surface_nodes.iter().for_each(|&node| is_surface[node as usize] = true);
     let (p, e) = (positions.nodes.len(), positions.edges.len());
     let mut arrays = Arrays {
-        points: body.points().iter().flatten().copied().collect(),
+        points: surface.points().iter().flatten().copied().collect(),
         cells: body.cells().iter().flatten().copied().collect(),
         fixed: fixed.to_vec(),
         law_parameters: body.material().parameters().concat(),

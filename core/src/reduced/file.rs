@@ -7,6 +7,8 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 /// Key of the metadata string in the file's header.
 const METADATA_KEY: &str = "viscera";
+/// An array that files of rest shapes may lack.
+const OPTIONAL: &str = "preload";
 
 /// A number type with a fixed little-endian form.
 trait Stored: Copy {
@@ -38,6 +40,7 @@ stored! { f64, F64; f32, F32; u32, U32; i16, I16; }
 macro_rules! for_each_array {
     ($apply:ident) => {
         $apply!(points, 3);
+        $apply!(preload, 3);
         $apply!(cells, 4);
         $apply!(fixed, 1);
         $apply!(law_parameters, 1);
@@ -167,8 +170,11 @@ fn encode<'a, T: Stored>(
 }
 
 fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
-    let tensor =
-        tensors.tensor(name).map_err(|_| Error::ModelFile(format!("array {name} is missing")))?;
+    let tensor = match tensors.tensor(name) {
+        Ok(tensor) => tensor,
+        Err(_) if name == OPTIONAL => return Ok(Vec::new()),
+        Err(_) => return Err(Error::ModelFile(format!("array {name} is missing"))),
+    };
     if tensor.dtype() != T::DTYPE {
         return Err(Error::ModelFile(format!(
             "array {name} holds {:?} instead of {:?}",

@@ -19,6 +19,8 @@ mod model;
 #[cfg(feature = "solvers")]
 mod positions;
 #[cfg(feature = "solvers")]
+mod preload;
+#[cfg(feature = "solvers")]
 mod region;
 #[cfg(all(test, feature = "solvers"))]
 mod tests;

@@ -8,8 +8,10 @@ use crate::number::Monomials;
 /// The arrays of a model file (docs/model-file.md), flat and row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Arrays {
-    /// Rest positions (n, 3) [m].
+    /// Positions (n, 3) [m] in the shape that is touched: at rest, or under the preload.
     pub points: Vec<f64>,
+    /// Displacement (n, 3) from rest to `points` under the preload [m]; empty where there is none.
+    pub preload: Vec<f64>,
     /// Tetrahedra (m, 4).
     pub cells: Vec<u32>,
     /// Fixed nodes.
@@ -246,6 +248,7 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         .ok_or_else(|| bad(format!("{} surface nodes of {} points", n.surface, n.points)))?;
     let lengths = [
         ("points", a.points.len(), 3 * n.points),
+        ("preload", a.preload.len(), if a.preload.is_empty() { 0 } else { 3 * n.points }),
         ("cells", a.cells.len(), a.cells.len() / 4 * 4),
         ("surface", a.surface.len(), a.surface.len() / 3 * 3),
         ("touchable", a.touchable.len(), 3 * n.touchable),
@@ -332,6 +335,7 @@ fn check_edges(a: &Arrays) -> Result<(), Error> {
 fn check_values(a: &Arrays) -> Result<(), Error> {
     let doubles = [
         ("points", &a.points),
+        ("preload", &a.preload),
         ("law_parameters", &a.law_parameters),
         ("patch_weights", &a.patch_weights),
         ("compliance", &a.compliance),

@@ -1,6 +1,7 @@
 //! The reduced model against the exact series it was made from.
 
 mod file;
+mod preload;
 mod work;
 
 use super::evaluate::allowance;
@@ -46,6 +47,7 @@ fn settings() -> Reduction {
         depth: DEPTH,
         order: 3,
         tolerance: TOLERANCE,
+        preload: Vec::new(),
         user: serde_json::json!({"note": "a block"}),
     }
 }
