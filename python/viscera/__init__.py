@@ -29,6 +29,7 @@ from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.state import State
 from viscera.touch import Answer, Touch, load
+from viscera.vary import Vary
 
 __all__ = [
     "Answer",
@@ -45,6 +46,7 @@ __all__ = [
     "State",
     "Touch",
     "Unloaded",
+    "Vary",
     "VisceraError",
     "Yeoh",
     "__version__",

@@ -143,6 +143,7 @@ class Body:
         order: int,
         tolerance: float,
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
+        family: dict[str, Any] | None,  # name, range, is_logarithmic, value, cells; members and unseen: (value, body, radius)
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
@@ -176,5 +177,7 @@ class Model:
         contact_point (3,), and with `field` displacement (n, 3) [m]."""
     def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
+    def at(self, value: float, law_parameters: list[float]) -> Model:
+        """The model at another value of its parameter."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""

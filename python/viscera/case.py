@@ -33,6 +33,12 @@
     depth = "10%"
     start = "loads"               # touch the organ as the [loads] leave it, or as it was in the "scan"; or at "rest"
 
+    [reduce.vary]                 # one model for a range of "young", "poisson" or the contact "radius"
+    parameter = "young"
+    part = "nodule"               # a cell set or a condition; the whole organ without it
+    low = 10e3
+    high = 100e3
+
 Unknown keys are errors that name the nearest known one.
 """
 
@@ -56,6 +62,7 @@ from viscera.organ import Organ, Progress
 from viscera.select import length, select, select_cells
 from viscera.state import State
 from viscera.touch import Touch
+from viscera.vary import Vary
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -78,7 +85,8 @@ KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the key
     "scan.traction": None,
     "scan.pressure": None,
     "settings": ("steps", "newton"),
-    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "start"),
+    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "start", "vary"),
+    "reduce.vary": ("parameter", "part", "low", "high", "nodes"),
     "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
     "material.fibres": ("angle", "axis", "through"),
 }
@@ -158,7 +166,8 @@ class Case:
         for name in ("radius", "depth"):
             if name in options:
                 options[name] = length(options[name], organ.mesh.diagonal, name)
-        return organ.reduce(**options, start=state, progress=progress)
+        vary = _varied(organ.mesh, options.pop("vary")) if "vary" in options else None
+        return organ.reduce(**options, start=state, vary=vary, progress=progress)
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
@@ -226,6 +235,20 @@ def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
             parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
     made: law.Law = _called(kind, f"material {kind.__name__}", **parameters)
     return made
+
+
+def _varied(mesh: Mesh, words: Mapping[str, Any]) -> Vary:
+    """The range of a parameter that a [reduce.vary] table describes."""
+    options = dict(words)
+    missing = [name for name in ("parameter", "low", "high") if name not in options]
+    if missing:
+        raise VisceraError(f"[reduce.vary]: the key {missing[0]!r} is missing")
+    name = options.pop("parameter")
+    if name == "radius":
+        options |= {end: length(options[end], mesh.diagonal, f"{end} radius") for end in ("low", "high")}
+    if "part" in options:
+        options["part"] = select_cells(mesh, options["part"])
+    return Vary(name, **options)
 
 
 def _is_part(name: str, value: Any) -> bool:

@@ -34,6 +34,7 @@ from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
+from viscera.vary import Vary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -248,6 +249,7 @@ class Organ:
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
         start: State | None = None,
+        vary: Vary | None = None,
         progress: Progress | None = None,
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
@@ -262,6 +264,7 @@ class Organ:
         start: a stable equilibrium of this organ under dead loads (gravity, forces, tractions), which stay; rest
             otherwise. The model then is of the loaded shape: contact points, patches and lengths are measured on it,
             displacements and forces are what the touch adds.
+        vary: a parameter that the model is to cover for a range of values; `Touch.at` sets it.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
@@ -274,13 +277,15 @@ class Organ:
             )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
-        model = self._body.reduce(
+        organ, family = (self, None) if vary is None else vary.family(self, radius)
+        model = organ._body.reduce(
             touchable=nodes,
             radius=radius,
             depth=depth,
             order=int(order),
             tolerance=float(tolerance),
             preload=None if start is None else preload_of(self, start),
+            family=family,
             metadata="{}",
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )

@@ -19,6 +19,7 @@ from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.loads import vector
 from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.vary import law_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,6 +85,20 @@ class Touch:
         """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
         with replacing(path) as scratch:
             scratch.write_bytes(self._model.to_bytes())
+
+    def at(self, value: float) -> Touch:
+        """The model at another value of the parameter that it was made for a range of (`Organ.reduce(vary=)`)."""
+        parameter = self.metadata.get("parameter")
+        if parameter is None:
+            raise VisceraError("this model has no parameter to set; reduce with vary=")
+        name, (low, high) = parameter["name"], parameter["range"]
+        if not low <= value <= high:
+            raise VisceraError(f"this model covers {name} from {low:g} to {high:g}, not {value:g}")
+        full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
+        if name != "radius":
+            cells = self._model.array("parameter_cells")
+            full = law_at(full, name, value, cells, len(self._model.array("cells")))
+        return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
 
     def check(
         self,
@@ -183,6 +198,12 @@ class Touch:
         return str(self.metadata.get("element", "P1"))
 
     @property
+    def value(self) -> float | None:
+        """The value of the parameter that the model is set to; None where it has no parameter."""
+        parameter = self.metadata.get("parameter")
+        return None if parameter is None else float(parameter["value"])
+
+    @property
     def radius(self) -> float:
         """Radius of the contact patch [m]."""
         return float(self.metadata["radius"])
@@ -198,7 +219,9 @@ class Touch:
         return int(self.metadata["order"])
 
     def __repr__(self) -> str:
-        return f"Touch({len(self.mesh.points)} points, order {self.order}, depth {self.depth:g} m)"
+        parameter = self.metadata.get("parameter")
+        at = f", {parameter['name']} = {self.value:g}" if parameter else ""
+        return f"Touch({len(self.mesh.points)} points, order {self.order}, depth {self.depth:g} m{at})"
 
 
 def load(path: str | os.PathLike[str]) -> Touch:

@@ -147,7 +147,8 @@ impl<'a> Interpolation<'a> {
     }
 
     /// Estimated relative error: the tail of the series as a geometric one whose ratio is that of
-    /// its last orders extrapolated, plus interpolation, plus compression.
+    /// its last orders extrapolated, plus interpolation, plus compression, plus what a parameter
+    /// between its nodes costs.
     pub(super) fn error_estimate(
         &self,
         monomials: &[f64],
@@ -180,7 +181,8 @@ impl<'a> Interpolation<'a> {
         let stored = &model.arrays.compression;
         let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
         let compression = worst * depth / model.metadata.depth;
-        (MARGIN * (truncation + interpolation) + compression).min(1.0)
+        let parameter = model.metadata.errors.parameter;
+        (MARGIN * (truncation + interpolation) + compression + parameter).min(1.0)
     }
 
     /// `|u_p(d)|` of each order, interpolated linearly.

@@ -1,5 +1,6 @@
 //! The arrays of a reduced model and the checks that make them safe to evaluate.
 
+use super::family::check_family;
 use super::metadata::{FORMAT_VERSION, Metadata};
 use crate::error::Error;
 use crate::mesh::TriangleTree;
@@ -65,6 +66,24 @@ pub struct Arrays {
     pub position_coefficients: Vec<f32>,
     /// Mode amplitudes of each edge: (edge terms, modes of its region), edge after edge.
     pub edge_coefficients: Vec<f32>,
+    /// Cells whose law the parameter changes; none for all.
+    pub parameter_cells: Vec<u32>,
+    /// The answers at each node of the parameter; empty where there is none.
+    pub family: Answers,
+}
+
+/// The arrays that depend on a parameter, of all members of a family one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // as in `Arrays`
+pub struct Answers {
+    pub compliance: Vec<f64>,
+    pub cross_compliance: Vec<f64>,
+    pub force: Vec<f64>,
+    pub edge_force: Vec<f64>,
+    pub norms: Vec<f32>,
+    pub compression: Vec<f32>,
+    pub position_coefficients: Vec<f32>,
+    pub edge_coefficients: Vec<f32>,
 }
 
 /// A reduced model, checked and ready to evaluate.
@@ -98,6 +117,7 @@ impl ReducedModel {
         let counts = Counts::new(&metadata, &arrays)?;
         check_shapes(&arrays, &counts)?;
         check_indices(&arrays, &counts)?;
+        check_family(metadata.parameter.as_ref(), &arrays)?;
         check_values(&arrays)?;
         let (position_offset, edge_offset) = offsets(&arrays, &counts)?;
 
@@ -167,7 +187,7 @@ impl ReducedModel {
     }
 }
 
-fn bad(sentence: String) -> Error {
+pub(super) fn bad(sentence: String) -> Error {
     Error::ModelFile(sentence)
 }
 
@@ -332,7 +352,7 @@ fn check_edges(a: &Arrays) -> Result<(), Error> {
     Ok(())
 }
 
-fn check_values(a: &Arrays) -> Result<(), Error> {
+pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
     let doubles = [
         ("points", &a.points),
         ("preload", &a.preload),
@@ -342,6 +362,10 @@ fn check_values(a: &Arrays) -> Result<(), Error> {
         ("cross_compliance", &a.cross_compliance),
         ("force", &a.force),
         ("edge_force", &a.edge_force),
+        ("family_compliance", &a.family.compliance),
+        ("family_cross_compliance", &a.family.cross_compliance),
+        ("family_force", &a.family.force),
+        ("family_edge_force", &a.family.edge_force),
     ];
     for (name, values) in doubles {
         if let Some(place) = values.iter().position(|v| !v.is_finite()) {
@@ -360,6 +384,10 @@ fn check_values(a: &Arrays) -> Result<(), Error> {
         ("mode_scale", &a.mode_scale),
         ("position_coefficients", &a.position_coefficients),
         ("edge_coefficients", &a.edge_coefficients),
+        ("family_norms", &a.family.norms),
+        ("family_compression", &a.family.compression),
+        ("family_position_coefficients", &a.family.position_coefficients),
+        ("family_edge_coefficients", &a.family.edge_coefficients),
     ];
     for (name, values) in singles {
         if let Some(place) = values.iter().position(|v| !v.is_finite()) {

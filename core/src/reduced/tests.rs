@@ -1,5 +1,6 @@
 //! The reduced model against the exact series it was made from.
 
+mod family;
 mod file;
 mod preload;
 mod work;
