@@ -5,8 +5,9 @@
 //!   a(v) = sum_j L_j(x(v)) a_j.
 //! A model is set to a value once; to answer a touch it needs to know of no parameter.
 
+use super::check::{bad, check_values};
 use super::metadata::Parameter;
-use super::model::{Arrays, ReducedModel, bad, check_values};
+use super::model::{Arrays, ReducedModel};
 use crate::error::Error;
 use crate::mesh::Surface;
 
@@ -33,7 +34,8 @@ impl Parameter {
             )));
         }
         let factor = |j: usize, k: usize| {
-            (self.x(value) - self.x(self.nodes[k])) / (self.x(self.nodes[j]) - self.x(self.nodes[k]))
+            (self.x(value) - self.x(self.nodes[k]))
+                / (self.x(self.nodes[j]) - self.x(self.nodes[k]))
         };
         let n = self.nodes.len();
         Ok((0..n).map(|j| (0..n).filter(|&k| k != j).map(|k| factor(j, k)).product()).collect())
@@ -68,13 +70,19 @@ pub(super) fn check_family(parameter: Option<&Parameter>, a: &Arrays) -> Result<
         ("edge_force", a.family.edge_force.len(), a.edge_force.len()),
         ("norms", a.family.norms.len(), a.norms.len()),
         ("compression", a.family.compression.len(), a.compression.len()),
-        ("position_coefficients", a.family.position_coefficients.len(), a.position_coefficients.len()),
+        (
+            "position_coefficients",
+            a.family.position_coefficients.len(),
+            a.position_coefficients.len(),
+        ),
         ("edge_coefficients", a.family.edge_coefficients.len(), a.edge_coefficients.len()),
     ];
     for (name, found, one) in lengths {
         if found != members * one {
             let expected = members * one;
-            return Err(bad(format!("array family_{name} has {found} entries instead of {expected}")));
+            return Err(bad(format!(
+                "array family_{name} has {found} entries instead of {expected}"
+            )));
         }
     }
     Ok(())
@@ -123,7 +131,10 @@ impl ReducedModel {
     /// Another number of them, or one that is not finite.
     pub fn set_law_parameters(&mut self, parameters: Vec<f64>) -> Result<(), Error> {
         let columns = self.metadata.law_parameter_names.len();
-        if columns == 0 || parameters.len() % columns != 0 || parameters.iter().any(|p| !p.is_finite()) {
+        if columns == 0
+            || parameters.len() % columns != 0
+            || parameters.iter().any(|p| !p.is_finite())
+        {
             return Err(Error::input(format!(
                 "{} parameters of the law; it has {columns} for each cell, all finite",
                 parameters.len()
@@ -145,7 +156,8 @@ impl ReducedModel {
         (a.patch_start, a.patch_nodes, a.patch_weights) = (vec![0], Vec::new(), Vec::new());
         for &node in &a.positions {
             let patch = surface.patch_at_node(node, radius, &|n| is_fixed[n as usize]);
-            let patch = patch.ok_or_else(|| bad(format!("there is no patch around point {node}")))?;
+            let patch =
+                patch.ok_or_else(|| bad(format!("there is no patch around point {node}")))?;
             a.patch_nodes.extend(patch.nodes);
             a.patch_weights.extend(patch.weights);
             a.patch_start.push(a.patch_nodes.len() as u32);

@@ -119,7 +119,11 @@ fn along(axis: usize, size: f64) -> [f64; 3] {
 }
 
 /// Field and force.
-fn evaluate_series(series: &TouchSeries, model: &ReducedModel, d: [f64; 3]) -> (Vec<f64>, [f64; 3]) {
+fn evaluate_series(
+    series: &TouchSeries,
+    model: &ReducedModel,
+    d: [f64; 3],
+) -> (Vec<f64>, [f64; 3]) {
     let mut monomials = vec![0.0; model.n_terms()];
     evaluate_monomials(&model.exponents, d, &mut monomials);
     let mut field = vec![0.0; series.displacement[0].len()];

@@ -12,15 +12,16 @@ mod assemble;
 mod basis;
 #[cfg(feature = "solvers")]
 mod build;
+mod check;
 mod combine;
 mod evaluate;
 mod family;
 mod file;
 mod interpolation;
-mod metadata;
-mod model;
 #[cfg(feature = "solvers")]
 mod measure;
+mod metadata;
+mod model;
 #[cfg(feature = "solvers")]
 mod positions;
 #[cfg(feature = "solvers")]

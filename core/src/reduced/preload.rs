@@ -27,7 +27,9 @@ pub(super) fn check(body: &Body, fixed: &[u32], preload: &[f64]) -> Result<(), E
     }
     if let Some(dof) = preload.iter().position(|u| !u.is_finite()) {
         let (value, node) = (preload[dof], dof / 3);
-        return Err(Error::input(format!("the preload is {value} at point {node}; it must be finite")));
+        return Err(Error::input(format!(
+            "the preload is {value} at point {node}; it must be finite"
+        )));
     }
     let moves = |node: &&u32| preload[3 * **node as usize..][..3].iter().any(|&u| u != 0.0);
     if let Some(node) = fixed.iter().find(moves) {

@@ -57,9 +57,10 @@ pub(super) fn compress(members: &[Exact], tolerance: f64) -> Result<Region, Erro
     let columns: Vec<Mat<f64>> = members.iter().map(Exact::columns).collect();
     let n_first = FIRST_ORDER * members[0].positions.len();
     let common = Common::new(&columns, n_first, 0.1 * tolerance)?;
-    let kept = members.iter().enumerate().fold(common.n_first(), |kept, (j, exact)| {
-        exact.modes_needed(&common, j, tolerance, kept)
-    });
+    let kept = members
+        .iter()
+        .enumerate()
+        .fold(common.n_first(), |kept, (j, exact)| exact.modes_needed(&common, j, tolerance, kept));
     let (modes, scales) = quantise(&common.modes(&columns, kept));
     let decoded = Mat::from_fn(columns[0].nrows(), kept, |i, m| {
         f64::from(modes[m * columns[0].nrows() + i]) * f64::from(scales[m])
@@ -141,7 +142,12 @@ impl Exact<'_> {
     }
 
     /// Amplitudes from the coordinates of the columns in the modes, and what they leave.
-    fn amplitudes(&self, columns: &Mat<f64>, coordinates: &Mat<f64>, decoded: &Mat<f64>) -> Amplitudes {
+    fn amplitudes(
+        &self,
+        columns: &Mat<f64>,
+        coordinates: &Mat<f64>,
+        decoded: &Mat<f64>,
+    ) -> Amplitudes {
         let kept = decoded.ncols();
         let amplitudes = |column: usize, term: usize| -> Vec<f32> {
             let weight = self.weight(term);

@@ -132,7 +132,12 @@ impl Reduction {
                 edge_force: of_edges.into_iter().map(|s| s.force[3..].to_vec()).collect(),
             }
         });
-        Ok(Solved { answers: answers.collect(), region: compressed, positions: region.to_vec(), edges })
+        Ok(Solved {
+            answers: answers.collect(),
+            region: compressed,
+            positions: region.to_vec(),
+            edges,
+        })
     }
 }
 

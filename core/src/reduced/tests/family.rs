@@ -19,9 +19,7 @@ fn stiffened(factor: f64) -> Body {
 /// Chebyshev's nodes over the logarithm of the range.
 fn nodes(count: usize) -> Vec<f64> {
     let [low, high] = RANGE.map(f64::ln);
-    let place = |j: usize| {
-        -(std::f64::consts::PI * (j as f64 + 0.5) / count as f64).cos()
-    };
+    let place = |j: usize| -(std::f64::consts::PI * (j as f64 + 0.5) / count as f64).cos();
     (0..count).map(|j| (0.5 * (low + high) + 0.5 * (high - low) * place(j)).exp()).collect()
 }
 
@@ -158,7 +156,9 @@ fn what_a_family_cannot_be_set_to_is_refused() {
     let loaded = Reduction { preload: vec![0.0; ORGAN.body.n_dofs()], ..settings() };
     let (surface, fixed) = (&ORGAN.surface, &ORGAN.fixed);
     let refused = loaded.run_family(&ORGAN.body, &family, surface, fixed, &mut |_| true);
-    assert!(refused.unwrap_err().to_string().contains("the loaded shape is another for every young"));
+    assert!(
+        refused.unwrap_err().to_string().contains("the loaded shape is another for every young")
+    );
 }
 
 #[test]

@@ -35,7 +35,8 @@ fn a_touch_of_a_loaded_organ_is_what_newton_adds_to_the_load() {
     let model = reduce(&Reduction { preload: loaded.clone(), ..settings() }).unwrap();
     let worst = |model: &ReducedModel, depth: f64| {
         let mut worst: f64 = 0.0;
-        for (triangle, d) in [(2, [0.6, 0.0, -0.8]), (9, [0.0, -0.6, 0.8]), (14, [-0.8, 0.6, 0.0])] {
+        for (triangle, d) in [(2, [0.6, 0.0, -0.8]), (9, [0.0, -0.6, 0.8]), (14, [-0.8, 0.6, 0.0])]
+        {
             let d: [f64; 3] = d.map(|x| depth * x);
             let contact = model.centroid(triangle);
             let patch = model.patch(&contact);
