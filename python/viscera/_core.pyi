@@ -32,6 +32,10 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
 
+def touch_series(body: Body, patches: list[Patch], base: Floats, order: int) -> list[tuple[Floats, Floats]]:
+    """Fields (terms, n, 3) and forces (terms, 3) of the series of contacts about the equilibrium `base` (n, 3), which
+    may be that of a contact already; monomials as in docs/model-file.md."""
+
 def pgd(
     body: Body,
     *,
@@ -143,7 +147,8 @@ class Body:
         order: int,
         tolerance: float,
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
-        family: dict[str, Any] | None,  # name, range, is_logarithmic, value, cells; members and unseen: (value, body, radius)
+        family: dict[str, Any]
+        | None,  # name, range, is_logarithmic, value, cells; members and unseen: (value, body, radius)
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:

@@ -35,7 +35,7 @@ class Vary:
     high: float
     part: Where | None = None
     """Cells whose law it is: a cell set's name, indices, or a predicate on centroids; all of them without."""
-    nodes: int = 4
+    nodes: int = 5
     """Values that are solved; the error falls by a factor with each."""
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class Vary:
 
     def _at(self, x: Floats) -> Floats:
         """Values from places in [-1, 1]."""
-        low, high = (np.log([self.low, self.high]) if self.is_logarithmic else (self.low, self.high))
+        low, high = np.log([self.low, self.high]) if self.is_logarithmic else (self.low, self.high)
         value = 0.5 * (low + high) + 0.5 * (high - low) * x
         return np.clip(np.exp(value) if self.is_logarithmic else value, self.low, self.high)
 

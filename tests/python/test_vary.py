@@ -18,15 +18,15 @@ TOP: dict[str, Any] = {
     "depth": 0.02,
     "order": 3,
 }
-POINT, PUSH = (0.27, 0.05, 0.1), np.array([1e-3, 0.0, -4e-3])
+POINT, PUSH = (0.27, 0.05, 0.1), np.array([5e-4, 0.0, -2e-3])
 
 
-def nodule(x: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.norm(x - (0.3, 0.05, 0.07), axis=1) < 0.06)
+def waist(x: np.ndarray) -> np.ndarray:
+    return np.asarray((x[:, 0] > 0.1) & (x[:, 0] < 0.2))
 
 
 def organ_of(bar: vs.Mesh, young: float, poisson: float = 0.3) -> vs.Organ:
-    stiffness = bar.per_cell(1e5, {nodule: young})
+    stiffness = bar.per_cell(1e5, {waist: young})
     return vs.Organ(bar, vs.NeoHookean(young=stiffness, poisson=poisson), fixed="root", element="P1")
 
 
@@ -40,22 +40,22 @@ def gap(touch: vs.Touch, organ: vs.Organ) -> float:
 
 @pytest.fixture(scope="module")
 def touch(bar: vs.Mesh) -> vs.Touch:
-    return organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=nodule))
+    return organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=6))
 
 
-def test_a_nodule_of_any_stiffness(touch: vs.Touch, bar: vs.Mesh) -> None:
+def test_a_part_of_any_stiffness(touch: vs.Touch, bar: vs.Mesh) -> None:
     soft, stiff = touch.at(5e4), touch.at(2e6)
     change = np.linalg.norm(stiff(POINT, PUSH).force) / np.linalg.norm(soft(POINT, PUSH).force)
-    assert change > 1.5, "a stiff nodule under the finger is felt"
+    assert change > 1.5, "the finger feels what bends between it and the root"
     for young in (5e4, 1.3e5, 7e5, 2e6):
-        assert gap(touch.at(young), organ_of(bar, young)) < 0.01
+        assert gap(touch.at(young), organ_of(bar, young)) < 0.005
 
 
 def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:
     assert touch.value == pytest.approx(1e5)
-    assert gap(touch, organ_of(bar, 1e5)) < 0.01
-    assert "young = 1e+05" in repr(touch)
-    outside = organ_of(bar, 1e4).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=nodule, nodes=2))
+    assert gap(touch, organ_of(bar, 1e5)) < 0.005
+    assert "young = 100000" in repr(touch)
+    outside = organ_of(bar, 1e4).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=2))
     assert outside.value == pytest.approx(np.sqrt(5e4 * 2e6)), "the middle of the range, over the logarithm"
 
 
@@ -65,10 +65,10 @@ def test_a_model_at_a_value_checks_itself_against_that_organ(touch: vs.Touch, tm
     full = other.organ()
     mu, lam = full.law.parameters.T
     young = mu * (3 * lam + 2 * mu) / (lam + mu)
-    inside = nodule(full.mesh.centroids)
+    inside = waist(full.mesh.centroids)
     assert young[inside] == pytest.approx(4e5)
     assert young[~inside] == pytest.approx(1e5)
-    result = other.check(touches=4, depths=[0.02, 0.04])
+    result = other.check(touches=4, depths=[0.01, 0.03])
     assert result.is_passed
     assert result.overall.trusted > 4
     for row in result.rows:
@@ -77,21 +77,21 @@ def test_a_model_at_a_value_checks_itself_against_that_organ(touch: vs.Touch, tm
 
 
 def test_poissons_ratio_of_the_whole_organ(bar: vs.Mesh) -> None:
-    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("poisson", 0.2, 0.45, nodes=3))
+    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("poisson", 0.2, 0.45, nodes=5))
     for poisson in (0.2, 0.33, 0.45):
-        assert gap(touch.at(poisson), organ_of(bar, 1e5, poisson)) < 0.01
+        assert gap(touch.at(poisson), organ_of(bar, 1e5, poisson)) < 0.005
 
 
 def test_the_contact_radius(bar: vs.Mesh) -> None:
     organ = organ_of(bar, 1e5)
-    touch = organ.reduce(**TOP, vary=vs.Vary("radius", 0.06, 0.09, nodes=3))
+    touch = organ.reduce(**TOP, vary=vs.Vary("radius", 0.06, 0.09, nodes=5))
     assert touch.radius == pytest.approx(0.07)
     for radius in (0.06, 0.08, 0.09):
         other = touch.at(radius)
         assert other.radius == radius
-        patch = other.patch(bar.points[70])
-        assert patch.weights == pytest.approx(organ.patch(bar.points[70], radius).weights)
-        assert gap(other, organ) < 0.02
+        node = bar.points[other._model.array("positions")[4]]
+        assert other.patch(node).weights == pytest.approx(organ.patch(node, radius).weights)
+        assert gap(other, organ) < 0.01
 
 
 def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
@@ -114,7 +114,7 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
         (("young", 1e4, 1e3), "must ascend"),
         (("radius", 0.0, 0.1), "must be positive"),
         (("young", 1e3, 1e4, None, 1), "1 nodes of young; take 2 to 12"),
-        (("radius", 0.01, 0.1, nodule), "belongs to no part"),
+        (("radius", 0.01, 0.1, waist), "belongs to no part"),
     ],
 )
 def test_ranges_that_are_none(words: Any, sentence: str) -> None:

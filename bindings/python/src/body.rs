@@ -1,5 +1,6 @@
 //! The body and its statics.
 
+use crate::family::FamilyArguments;
 use crate::{convert, law::Law, mesh::Patch, model::Model, path};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
@@ -8,7 +9,7 @@ use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Pressure, Problem};
-use viscera_core::reduced::{Family, Member, Parameter, Progress, Reduction};
+use viscera_core::reduced::{Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
 
@@ -208,41 +209,6 @@ impl Body {
     fn lumped_areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.surface.lumped_areas())
     }
-}
-
-/// A range of a parameter: its name, its bounds, the value of the organ itself, and other organs.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct FamilyArguments {
-    name: String,
-    range: [f64; 2],
-    is_logarithmic: bool,
-    value: f64,
-    cells: Vec<u32>,
-    /// Value, organ and radius of the patch at each node.
-    members: Vec<(f64, Py<Body>, f64)>,
-    unseen: Vec<(f64, Py<Body>, f64)>,
-}
-
-impl FamilyArguments {
-    fn family(&self) -> Family<'_> {
-        Family {
-            parameter: Parameter {
-                name: self.name.clone(),
-                range: self.range,
-                is_logarithmic: self.is_logarithmic,
-                nodes: self.members.iter().map(|m| m.0).collect(),
-                value: self.value,
-            },
-            cells: self.cells.clone(),
-            members: self.members.iter().map(|m| member_of(m).1).collect(),
-            unseen: self.unseen.iter().map(member_of).collect(),
-        }
-    }
-}
-
-fn member_of((value, body, radius): &(f64, Py<Body>, f64)) -> (f64, Member<'_>) {
-    (*value, Member { body: &body.get().body, radius: *radius })
 }
 
 fn newton_settings(steps: usize, settings: &BTreeMap<String, f64>) -> PyResult<Newton> {
