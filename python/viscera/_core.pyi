@@ -148,7 +148,7 @@ class Body:
         tolerance: float,
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
         family: dict[str, Any]
-        | None,  # name, range, is_logarithmic, value, cells; members and unseen: (value, body, radius)
+        | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
