@@ -172,9 +172,7 @@ class Case:
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
         if start is None and self.scan:
-            raise VisceraError(
-                'a case with a [scan] says what is touched: start = "scan", "loads" or "rest" in [reduce]'
-            )
+            raise VisceraError('a [scan] leaves open what is touched: start = "scan", "loads" or "rest" in [reduce]')
         if start not in {None, *STARTS}:
             raise VisceraError(f"start in [reduce] is {start!r}; {did_you_mean(str(start), STARTS)}")
         if start == "scan" and not self.scan:

@@ -1,7 +1,7 @@
 """The loaded equilibrium that touches start from: an organ hangs in gravity before anything touches it.
 
-The load stays as it is while the organ is touched, so it has to be dead: its nodal forces are the internal forces of the
-state, and nothing else of it needs to be known.
+The load stays as it is while the organ is touched, so it has to be dead: its nodal forces are the internal forces of
+the state, and nothing else of it needs to be known.
 """
 
 from __future__ import annotations

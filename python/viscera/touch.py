@@ -164,7 +164,7 @@ class Touch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh in the shape before a touch, without its named sets; midpoints of edges where the element has them."""
+        """The mesh in the shape before a touch, without its named sets; with midpoints where the element has them."""
         return self.rest if self.preload is None else replace(self.rest, points=self._model.array("points"))
 
     @cached_property

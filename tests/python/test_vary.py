@@ -123,7 +123,7 @@ def test_ranges_that_are_none(words: Any, sentence: str) -> None:
 
 
 def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
-    with pytest.raises(vs.VisceraError, match="this model covers young from 50000 to 2e[+]06, not 1000"):
+    with pytest.raises(vs.VisceraError, match=r"this model covers young from 50000 to 2e\+06, not 1000"):
         touch.at(1e3)
     organ = organ_of(bar, 1e5)
     plain = organ.reduce(**TOP)
