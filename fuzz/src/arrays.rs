@@ -13,7 +13,7 @@ pub(crate) enum Field<'a> {
 
 impl<'a> Field<'a> {
     pub(crate) fn of(a: &'a mut Arrays, which: u8) -> Self {
-        match which % 37 {
+        match which % 39 {
             0 => Field::Double(&mut a.points),
             1 => Field::Index(&mut a.cells),
             2 => Field::Index(&mut a.fixed),
@@ -50,7 +50,9 @@ impl<'a> Field<'a> {
             33 => Field::Single(&mut a.family.norms),
             34 => Field::Single(&mut a.family.compression),
             35 => Field::Single(&mut a.family.position_coefficients),
-            _ => Field::Single(&mut a.family.edge_coefficients),
+            36 => Field::Single(&mut a.family.edge_coefficients),
+            37 => Field::Single(&mut a.sketch),
+            _ => Field::Single(&mut a.family.sketch),
         }
     }
 

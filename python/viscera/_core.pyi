@@ -146,6 +146,7 @@ class Body:
         depth: float,
         order: int,
         tolerance: float,
+        pade: bool,  # whether orders are summed in their Pade form
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
         family: dict[str, Any]
         | None,  # `Vary.family`; members and unseen: [(value, body, radius)]

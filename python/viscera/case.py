@@ -85,7 +85,7 @@ KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the key
     "scan.traction": None,
     "scan.pressure": None,
     "settings": ("steps", "newton"),
-    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "start", "vary"),
+    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "pade", "start", "vary"),
     "reduce.vary": ("parameter", "part", "low", "high", "nodes"),
     "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
     "material.fibres": ("angle", "axis", "through"),

@@ -248,6 +248,7 @@ class Organ:
         depth: float | None = None,
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
+        pade: bool = True,
         start: State | None = None,
         vary: Vary | None = None,
         progress: Progress | None = None,
@@ -261,6 +262,7 @@ class Organ:
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
+        pade: sum the orders in their vector Padé form, which reaches deeper at the same cost; otherwise as a polynomial.
         start: a stable equilibrium of this organ under dead loads (gravity, forces, tractions), which stay; rest
             otherwise. The model then is of the loaded shape: contact points, patches and lengths are measured on it,
             displacements and forces are what the touch adds.
@@ -284,6 +286,7 @@ class Organ:
             depth=depth,
             order=int(order),
             tolerance=float(tolerance),
+            pade=bool(pade),
             preload=None if start is None else preload_of(self, start),
             family=family,
             metadata="{}",

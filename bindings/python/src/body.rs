@@ -171,7 +171,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, preload, family, metadata, on_progress))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, preload, family, metadata, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -181,6 +181,7 @@ impl Body {
         depth: f64,
         order: usize,
         tolerance: f64,
+        pade: bool,
         preload: Option<PyReadonlyArray2<f64>>,
         family: Option<FamilyArguments>,
         metadata: &str,
@@ -191,7 +192,8 @@ impl Body {
         let touchable = touchable.as_array().to_vec();
         let n = self.body.points().len();
         let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
-        let reduction = Reduction { touchable, radius, depth, order, tolerance, preload, user };
+        let reduction =
+            Reduction { touchable, radius, depth, order, tolerance, pade, preload, user };
         let mut watch = Watch::new(on_progress);
         let result = py.detach(|| {
             let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));

@@ -74,6 +74,7 @@ pub(super) fn assemble(
         cross_compliance,
         force,
         edge_force,
+        sketch,
         norms,
         compression,
         position_coefficients,
@@ -84,6 +85,7 @@ pub(super) fn assemble(
         cross_compliance,
         force,
         edge_force,
+        sketch,
         norms,
         compression,
         position_coefficients,
@@ -109,6 +111,7 @@ impl Places<'_> {
                 let (own, modes) = (&self.solved[r].answers[j], &self.solved[r].region.members[j]);
                 all.compliance.extend(own.compliance[k]);
                 all.force.extend(own.force[k].iter().flatten());
+                all.sketch.extend(&own.sketches[k]);
                 all.norms.extend(&own.norms[k]);
                 all.compression.push(modes.errors[k]);
                 all.position_coefficients.extend(&modes.positions[k]);

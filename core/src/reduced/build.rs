@@ -27,6 +27,8 @@ pub struct Reduction {
     /// Compression error of the field at full depth, relative to it, at the worst position, root
     /// mean square over directions.
     pub tolerance: f64,
+    /// Whether the orders are summed in their Padé form, from order 3 on, or as a polynomial.
+    pub pade: bool,
     /// Displacement of the loaded equilibrium that touches start from, three values for each
     /// node [m]; its dead load stays. Empty: touches start from rest.
     pub preload: Vec<f64>,
@@ -155,11 +157,16 @@ impl Reduction {
             ..assemble(body, surface, fixed, &members, solved)
         };
         let mut model = ReducedModel::new(metadata, arrays)?;
+        // Measured is what is stored, of every order as the series has it.
+        let sketch = std::mem::take(&mut model.arrays.sketch);
         self.measure_interpolation(&members, &mut model, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
                 self.measure_parameter(&expand(member)?, *value, &mut model)?;
             }
+        }
+        model.arrays.sketch = sketch;
+        if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;
         }
         model.metadata.seconds = clock.elapsed().as_secs_f64();

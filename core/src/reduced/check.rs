@@ -3,6 +3,7 @@
 use super::family::check_family;
 use super::metadata::{FORMAT_VERSION, Metadata};
 use super::model::Arrays;
+use super::resummation::SKETCH;
 use crate::error::Error;
 use crate::number::Monomials;
 
@@ -113,6 +114,11 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ("cross_compliance", a.cross_compliance.len(), 9 * n.edges),
         ("force", a.force.len(), 3 * n.positions * n.terms),
         ("edge_force", a.edge_force.len(), 3 * n.edges * n.edge_terms),
+        (
+            "sketch",
+            a.sketch.len(),
+            if a.sketch.is_empty() { 0 } else { n.positions * n.terms * SKETCH },
+        ),
         ("norms", a.norms.len(), n.positions * n.norms),
         ("compression", a.compression.len(), n.positions),
         ("position_region", a.position_region.len(), n.positions),
@@ -212,11 +218,13 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
         }
     }
     let singles = [
+        ("sketch", &a.sketch),
         ("norms", &a.norms),
         ("compression", &a.compression),
         ("mode_scale", &a.mode_scale),
         ("position_coefficients", &a.position_coefficients),
         ("edge_coefficients", &a.edge_coefficients),
+        ("family_sketch", &a.family.sketch),
         ("family_norms", &a.family.norms),
         ("family_compression", &a.family.compression),
         ("family_position_coefficients", &a.family.position_coefficients),

@@ -68,6 +68,7 @@ pub(super) fn check_family(parameter: Option<&Parameter>, a: &Arrays) -> Result<
         ("cross_compliance", a.family.cross_compliance.len(), a.cross_compliance.len()),
         ("force", a.family.force.len(), a.force.len()),
         ("edge_force", a.family.edge_force.len(), a.edge_force.len()),
+        ("sketch", a.family.sketch.len(), a.sketch.len()),
         ("norms", a.family.norms.len(), a.norms.len()),
         ("compression", a.family.compression.len(), a.compression.len()),
         (
@@ -106,6 +107,7 @@ impl ReducedModel {
         blend(&weights, &f.cross_compliance, &mut a.cross_compliance, |x| x);
         blend(&weights, &f.force, &mut a.force, |x| x);
         blend(&weights, &f.edge_force, &mut a.edge_force, |x| x);
+        blend(&weights, &f.sketch, &mut a.sketch, |x| x as f32);
         blend(&weights, &f.norms, &mut a.norms, |x| x as f32);
         blend(&weights, &f.position_coefficients, &mut a.position_coefficients, |x| x as f32);
         blend(&weights, &f.edge_coefficients, &mut a.edge_coefficients, |x| x as f32);

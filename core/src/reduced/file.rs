@@ -2,6 +2,7 @@
 
 use super::metadata::Metadata;
 use super::model::{Arrays, ReducedModel};
+use super::resummation::SKETCH;
 use crate::error::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
@@ -9,7 +10,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 const METADATA_KEY: &str = "viscera";
 /// Whether an array is written and asked for only where there is something in it.
 fn is_optional(name: &str) -> bool {
-    name == "preload" || name == "parameter_cells" || name.starts_with("family_")
+    matches!(name, "preload" | "sketch" | "parameter_cells") || name.starts_with("family_")
 }
 
 /// A number type with a fixed little-endian form.
@@ -59,6 +60,7 @@ macro_rules! for_each_array {
         $apply!("cross_compliance", cross_compliance, 9);
         $apply!("force", force, 3);
         $apply!("edge_force", edge_force, 3);
+        $apply!("sketch", sketch, SKETCH);
         $apply!("norms", norms, 1);
         $apply!("compression", compression, 1);
         $apply!("position_region", position_region, 1);
@@ -74,6 +76,7 @@ macro_rules! for_each_array {
         $apply!("family_cross_compliance", family.cross_compliance, 9);
         $apply!("family_force", family.force, 3);
         $apply!("family_edge_force", family.edge_force, 3);
+        $apply!("family_sketch", family.sketch, SKETCH);
         $apply!("family_norms", family.norms, 1);
         $apply!("family_compression", family.compression, 1);
         $apply!("family_position_coefficients", family.position_coefficients, 1);

@@ -28,6 +28,7 @@ mod positions;
 mod preload;
 #[cfg(feature = "solvers")]
 mod region;
+mod resummation;
 #[cfg(feature = "solvers")]
 mod solve;
 #[cfg(all(test, feature = "solvers"))]

@@ -46,6 +46,9 @@ pub struct Arrays {
     pub force: Vec<f64>,
     /// Force coefficients of edge midpoints (e, edge terms, 3).
     pub edge_force: Vec<f64>,
+    /// Sketches of the fields (p, terms, 24), by which their orders are summed in a Padé form; empty
+    /// where they are summed as a polynomial.
+    pub sketch: Vec<f32>,
     /// Inner products of the fields of equal degree (p, sum of squares), for the error estimate.
     pub norms: Vec<f32>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
@@ -80,6 +83,7 @@ pub struct Answers {
     pub cross_compliance: Vec<f64>,
     pub force: Vec<f64>,
     pub edge_force: Vec<f64>,
+    pub sketch: Vec<f32>,
     pub norms: Vec<f32>,
     pub compression: Vec<f32>,
     pub position_coefficients: Vec<f32>,

@@ -3,6 +3,7 @@
 use super::build::{Progress, Reduction};
 use super::positions::Positions;
 use super::region::{Exact, Region, compress};
+use super::resummation::SKETCH;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -39,6 +40,8 @@ pub(super) struct Answered {
     pub compliance: Vec<[f64; 9]>,
     /// By edge.
     pub cross_compliance: Vec<[f64; 9]>,
+    /// Empty where the orders are summed as a polynomial.
+    pub sketches: Vec<Vec<f32>>,
     pub norms: Vec<Vec<f32>>,
 }
 
@@ -126,6 +129,10 @@ impl Reduction {
             });
             Answered {
                 cross_compliance: cross.collect(),
+                sketches: own
+                    .iter()
+                    .map(|s| if self.pade { sketch(s) } else { Vec::new() })
+                    .collect(),
                 norms: own.iter().map(|s| gram_by_degree(s, self.order)).collect(),
                 compliance: own.iter().map(|s| flat(&s.compliance)).collect(),
                 force: own.into_iter().map(|s| s.force).collect(),
@@ -151,6 +158,30 @@ fn cross_compliance(series: &TouchSeries, patch: &Patch) -> [f64; 9] {
         }
     }
     out
+}
+
+/// Sums of a field with random signs, the same for all fields: the angles between fields in few numbers.
+fn sketch(series: &TouchSeries) -> Vec<f32> {
+    let mut sketch = Vec::with_capacity(SKETCH * series.displacement.len());
+    for field in &series.displacement {
+        let mut sums = [0.0; SKETCH];
+        for (dof, u) in field.iter().enumerate() {
+            let bits = random(dof as u64);
+            for (s, sum) in sums.iter_mut().enumerate() {
+                *sum += if bits >> s & 1 == 1 { *u } else { -u };
+            }
+        }
+        sketch.extend(sums.map(|sum| (sum / (SKETCH as f64).sqrt()) as f32));
+    }
+    sketch
+}
+
+/// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
+fn random(seed: u64) -> u64 {
+    let mut z = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    z ^ (z >> 31)
 }
 
 /// Inner products of the fields of each degree, degree after degree.

@@ -48,6 +48,7 @@ fn settings() -> Reduction {
         depth: DEPTH,
         order: 3,
         tolerance: TOLERANCE,
+        pade: false,
         preload: Vec::new(),
         user: serde_json::json!({"note": "a block"}),
     }
