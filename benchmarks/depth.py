@@ -2,9 +2,9 @@
 
     python benchmarks/depth.py [TOUCHES [ORDER [ELEMENT]]]
 
-The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells by default; random touches of the anterior face in any
-direction at 5, 10 and 15 % of the diagonal. A touch at which Newton passed an instability has several answers;
-it is counted, and its error as well, but beside the others.
+The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells by default; random touches of the anterior face
+in any direction at 5, 10 and 15 % of the diagonal. A touch at which Newton passed an instability may have several
+answers: errors are given with such touches and without.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 mod family;
 mod file;
+mod pade;
 mod preload;
 mod work;
 

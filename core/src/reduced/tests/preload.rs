@@ -4,7 +4,11 @@ use super::*;
 use crate::equilibrium::{Equilibrium, Newton, PatchLoad, Pressure, Problem};
 
 /// Newton's equilibrium under dead forces, with or without a touch on top.
-fn newton(force: &[f64], start: Option<&[f64]>, touch: Option<PatchLoad>) -> Equilibrium {
+pub(super) fn newton(
+    force: &[f64],
+    start: Option<&[f64]>,
+    touch: Option<PatchLoad>,
+) -> Equilibrium {
     let held = ORGAN.fixed.iter().flat_map(|n| (0..3).map(move |i| (3 * n + i, 0.0)));
     let problem = Problem {
         body: &ORGAN.body,
