@@ -12,6 +12,7 @@ from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
 from viscera.comparison import compare
+from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.law import (
@@ -27,23 +28,32 @@ from viscera.law import (
 from viscera.mesh import Mesh, mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
+from viscera.solver import ConjugateGradients
 from viscera.state import State
+from viscera.stepper import Frame, Hand, Stepper
 from viscera.touch import Answer, Touch, load
 from viscera.vary import Vary
 
 __all__ = [
     "Answer",
+    "BackwardEuler",
+    "ConjugateGradients",
     "Corotated",
+    "Frame",
+    "Hand",
     "HolzapfelGasserOgden",
     "Linear",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
+    "Newmark",
     "NotConverged",
     "Ogden",
     "Organ",
+    "Prony",
     "SaintVenantKirchhoff",
     "State",
+    "Stepper",
     "Touch",
     "Unloaded",
     "Vary",

@@ -113,6 +113,7 @@ class Body:
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,
         settings: dict[str, float],  # see `Newton` in core/src/equilibrium/newton.rs
+        solver: Solver,
         on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
@@ -155,14 +156,44 @@ class Body:
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
 
-class Stepper:
-    """One Newton iteration a frame; the fixed nodes of the body are held beside what is listed."""
+Solver = tuple[str, float, int]
+"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
 
-    def __init__(self, body: Body, *, prescribed: Indices, patches: list[Patch], start: Floats | None) -> None: ...
-    def frame(self, *, values: Floats, means: Floats, force: Floats) -> dict[str, Any]:
-        """values (k,) of the prescribed degrees of freedom, means (p, 3) of the patches [m], nodal forces (n, 3) [N].
-        Returns displacement (n, 3), internal_force (n, 3) and residual before the step, patch_forces (p, 3), taken
-        (part of the step), is_unstable."""
+class Stepper:
+    """One Newton iteration a frame; the fixed nodes of the body are held beside what is grasped."""
+
+    def __init__(
+        self,
+        body: Body,
+        *,
+        start: Floats | None,  # (n, 3) displacement to start from; None = rest
+        solver: Solver,
+        iterations: int,  # Newton iterations a frame
+        budget: float | None,  # wall time of a frame [s]
+        density: Floats,  # (0,), (1,) or (m,) [kg/m^3]
+        time_step: float | None,  # [s]
+        dynamics: tuple[tuple[float, float] | None, bool, tuple[float, float]] | None,
+        # Newmark's beta and gamma (None = backward Euler), lumped mass, Rayleigh's alpha [1/s] and beta [s]
+        relaxation: tuple[list[float], list[float]] | None,  # Prony's g and tau [s]
+    ) -> None: ...
+    def grasp(self, prescribed: Indices, patches: list[Patch]) -> None:
+        """Hold these degrees of freedom and patch means, and nothing else beside the fixed nodes."""
+    def set_velocity(self, velocity: Floats) -> None: ...
+    def displacement(self) -> Floats: ...
+    def velocity(self) -> Floats | None: ...
+    def reactions(self) -> Floats:
+        """(n, 3) internal force and inertia less the forces applied [N]."""
+    def frame(
+        self,
+        *,
+        values: Floats,  # (k,) displacements of the grasped degrees of freedom [m]
+        means: Floats,  # (p, 3) of the patches [m]
+        force: Floats | None,  # (n, 3) nodal forces [N]
+        gravity: tuple[float, float, float],  # [m/s^2]
+    ) -> dict[str, Any]:
+        """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), taken (part of the
+        step), is_unstable, iterations (of the linear solver), is_solved, within_budget, seconds, energy,
+        kinetic_energy."""
 
 class Model:
     """A loaded reduced model and its evaluator."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, defaults, navigation
+from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError, did_you_mean
 from viscera.law import Law
 from viscera.loads import (
@@ -30,8 +31,9 @@ from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
 from viscera.preload import preload_of
+from viscera.solver import Solver, core_solver
 from viscera.state import State
-from viscera.stepper import Stepper
+from viscera.stepper import Stepper, settings_of
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 from viscera.vary import Vary
@@ -97,6 +99,7 @@ class Organ:
         steps: int = 1,
         start: State | Floats | None = None,
         settings: Mapping[str, float] | None = None,
+        solver: Solver = "cholesky",
         throw: bool = False,
         progress: Progress | None = None,
     ) -> State:
@@ -113,6 +116,7 @@ class Organ:
         steps: at least this many load steps; more are taken where needed.
         start: a state to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
+        solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
         """
         if gravity is not None and density is None:
@@ -143,6 +147,7 @@ class Organ:
             start=begin,
             steps=int(steps),
             settings=dict(settings or {}),
+            solver=core_solver(solver),
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
@@ -151,12 +156,47 @@ class Organ:
             raise NotConverged(state)
         return state
 
-    def stepper(self, grasped: Displacements, *, start: State | None = None) -> Stepper:
-        """The organ in real time: one Newton iteration a frame, the places of `grasped` in the hands.
+    def stepper(
+        self,
+        grasped: Displacements | None = None,
+        *,
+        start: State | None = None,
+        solver: Solver = "cholesky",
+        iterations: int = 1,
+        budget: float | None = None,
+        density: ArrayLike | None = None,
+        time_step: float | None = None,
+        dynamics: Integration | None = None,
+        mass: str = "lumped",
+        damping: tuple[float, float] = (0.0, 0.0),
+        relaxation: Prony | None = None,
+    ) -> Stepper:
+        """The organ in real time: one Newton iteration a frame from the last state, quasi-static or with inertia.
 
-        grasped: `{where: (x, y, z)}` as in `solve`; None leaves a component free. The values come with every frame.
+        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold to begin with; every frame may change it.
+        start: a state to start from; rest otherwise.
+        solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
+        iterations: Newton iterations a frame.
+        budget: wall time [s] after which conjugate gradients stop with what they have.
+        density [kg/m^3], one or per cell: for gravity and inertia.
+        time_step [s] between frames: for inertia and relaxation.
+        dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static where None.
+        mass: "lumped" or "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
+        relaxation: `Prony` viscoelasticity.
         """
-        return Stepper(self, grasped, start)
+        settings = settings_of(
+            self.mesh,
+            solver=solver,
+            iterations=iterations,
+            budget=budget,
+            density=density,
+            time_step=time_step,
+            dynamics=dynamics,
+            mass=mass,
+            damping=damping,
+            relaxation=relaxation,
+        )
+        return Stepper(self, grasped or {}, start, settings)
 
     def path(
         self,

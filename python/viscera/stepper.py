@@ -1,17 +1,20 @@
-"""Real time: one Newton iteration a frame, while hands hold, pull and turn the organ."""
+"""Real time: one Newton iteration a frame, while hands hold, pull and let go, and the organ is turned."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
+from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
-from viscera.loads import Displacements, Forces, Where, density_per_cell, nodal_forces, prescribed, vector
-from viscera.mesh import Floats
+from viscera.grasp import Grasp
+from viscera.loads import Displacements, Forces, Where, density_per_cell, name_of, nodal_forces, vector
+from viscera.mesh import Floats, Mesh
+from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
 if TYPE_CHECKING:
@@ -21,23 +24,40 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Frame:
-    """The organ after one frame."""
+    """The organ after one frame, and what the frame did."""
 
     displacement: Floats
     """Displacement (n, 3) [m]."""
     residual: float
-    """Out-of-balance force before the step, relative to all nodal forces: what the frame before had left."""
+    """Out-of-balance force that the frame left, relative to all nodal forces."""
     taken: float
     """Part of the step taken: below 1 where a cell would have turned inside out; the hands then moved only so far."""
     is_unstable: bool
-    """Whether the organ was about to buckle, so that the tangent had to be shifted."""
+    """Whether the organ was about to buckle, so that the tangent was not positive definite."""
+    iterations: int
+    """Iterations of conjugate gradients; 0 with a direct solver."""
+    is_solved: bool
+    """Whether conjugate gradients reached their tolerance."""
+    within_budget: bool
+    """Whether the frame took no longer than its budget."""
+    seconds: float
+    """Wall time [s]."""
+    energy: float
+    """Strain energy [J], of the law without its relaxation."""
+    kinetic_energy: float
+    """Kinetic energy [J]; 0 without inertia."""
     _reactions: Floats
     _patches: list[_core.Patch]
     _patch_forces: Floats
     _organ: Organ
 
+    @property
+    def positions(self) -> Floats:
+        """Positions of the nodes (n, 3) [m]."""
+        return self._organ.mesh.points + self.displacement
+
     def reaction(self, where: Where) -> Floats:
-        """Force (3,) [N] with which a place is held: of a grasped patch, or summed over nodes (at the step's start)."""
+        """Force (3,) [N] with which a place is held: of a grasped patch, or summed over nodes."""
         if isinstance(where, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):
                 if patch is where:
@@ -46,54 +66,188 @@ class Frame:
         return np.asarray(self._reactions[self._organ.mesh.nodes(where)].sum(axis=0))
 
 
+class Hand:
+    """A hand, or a pair of forceps, that holds a place of the organ: made by `Stepper.grasp`, ended by `release`."""
+
+    def __init__(self, stepper: Stepper, where: Any, displacement: Floats) -> None:
+        self._stepper = stepper
+        self._where = where
+        self.displacement = displacement
+        """Displacement from rest of what it holds [m]: (3,) of a patch, (k, 3) node by node; for the next frame."""
+
+    def move(self, by: ArrayLike) -> None:
+        """Move on by (x, y, z) [m] with the next frame."""
+        self.displacement = self.displacement + vector(by, "motion of a hand", "m")
+
+    def release(self) -> None:
+        """Let go with the next frame."""
+        self._stepper._hands = [hand for hand in self._stepper._hands if hand is not self]
+
+
 class Stepper:
-    """An organ that is stepped: what is grasped is chosen once, where it moves comes with every frame.
+    """An organ in real time, made by `Organ.stepper`. Paper B: one Newton iteration a frame from the last state."""
 
-    Paper B: one Newton iteration per frame from the last state, quasi-static.
-    """
-
-    def __init__(self, organ: Organ, grasped: Displacements, start: State | None = None) -> None:
-        held = prescribed(organ.mesh, organ.fixed, grasped)
-        require_held(organ.mesh, organ.fixed, held.dofs, [patch for patch, _ in held.patches])
+    def __init__(self, organ: Organ, grasped: Displacements, start: State | None, settings: dict[str, Any]) -> None:
         self._organ = organ
-        self._held = held
-        patches = [patch for patch, _ in held.patches]
+        self._hands: list[Hand] = []
+        self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
+        self._named: Displacements = grasped
+        self._has_density = len(settings["density"]) > 0
+        self._may_float = settings["dynamics"] is not None
+        if start is not None and start.displacement.shape != organ.mesh.points.shape:
+            raise VisceraError("the state to start from belongs to another mesh")
         origin = None if start is None else start.displacement
-        self._core = _core.Stepper(organ._body, prescribed=held.dofs, patches=patches, start=origin)
+        try:
+            self._core = _core.Stepper(organ._body, start=origin, **settings)
+        except ValueError as error:
+            raise VisceraError(str(error)) from None
+        self._hold(self._grasp)
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement (n, 3) after the last frame [m]."""
+        return self._core.displacement()
+
+    @property
+    def velocity(self) -> Floats | None:
+        """Velocity (n, 3) after the last frame [m/s]; None without inertia."""
+        return self._core.velocity()
+
+    @velocity.setter
+    def velocity(self, value: ArrayLike) -> None:
+        try:
+            self._core.set_velocity(np.array(value, dtype=float, ndmin=2))
+        except ValueError as error:
+            raise VisceraError(str(error)) from None
+
+    def grasp(self, where: Where) -> Hand:
+        """Take hold of a place as it is now: of the free nodes of a set, or of the mean of a contact patch."""
+        displacement = self._core.displacement()
+        if isinstance(where, _core.Patch):
+            hand = Hand(self, where, where.weights @ displacement[where.nodes])
+        else:
+            nodes = np.setdiff1d(self._organ.mesh.nodes(where), self._organ.fixed)
+            if len(nodes) == 0:
+                raise VisceraError(f"all nodes of {name_of(where)} are fixed: a hand cannot move them")
+            hand = Hand(self, tuple(nodes.tolist()), displacement[nodes])
+        self._hands.append(hand)
+        return hand
 
     def frame(
         self,
-        displacement: Displacements,
+        displacement: Displacements | None = None,
         *,
         force: Forces | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
     ) -> Frame:
-        """Move the grasped places to `{where: (x, y, z)}` [m] from rest, under dead forces [N] and gravity [m/s^2]."""
-        organ = self._organ
-        moved = prescribed(organ.mesh, organ.fixed, displacement)
-        patches = [patch for patch, _ in moved.patches]
-        if not np.array_equal(moved.dofs, self._held.dofs) or [id(p) for p in patches] != [
-            id(p) for p, _ in self._held.patches
-        ]:
-            raise VisceraError(
-                "a frame moves exactly the places the stepper was made with; make a new stepper to regrasp"
-            )
-        applied = nodal_forces(organ.mesh, organ.fixed, {} if force is None else force)
-        if gravity is not None:
-            if density is None:
-                raise VisceraError("gravity needs a density [kg/m^3]")
-            weight = organ._body.gravity(vector(gravity, "gravity", "m/s^2"), density_per_cell(organ.mesh, density))
-            applied = applied + weight
-        means = np.array([mean for _, mean in moved.patches], dtype=float).reshape(-1, 3)
-        result = self._core.frame(values=moved.values, means=means, force=applied)
+        """One frame: the hands move, the organ follows.
+
+        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free; what is named is held, what
+            is named no longer is let go. Without it, what was named last stays where it was put.
+        force: dead forces [N] as in `solve`; gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one
+            given here.
+        """
+        named = self._named if displacement is None else displacement
+        targets: dict[Any, Any] = dict(named)
+        for hand in self._hands:
+            if hand._where in targets:
+                raise VisceraError(f"{name_of(hand._where)} is held twice; let one hand go")
+            targets[hand._where] = hand.displacement
+        if not self._grasp.fits(targets):
+            grasp = Grasp(self._organ.mesh, self._organ.fixed, targets)
+            self._hold(grasp)
+            self._grasp = grasp
+        values, means = self._grasp.move(targets)
+        applied, acceleration = self._loads(force, gravity, density)
+        try:
+            result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
+        except ValueError as error:
+            raise VisceraError(str(error)) from None
+        self._named = named
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
             taken=result["taken"],
             is_unstable=result["is_unstable"],
-            _reactions=result["internal_force"] - applied,
-            _patches=patches,
+            iterations=result["iterations"],
+            is_solved=result["is_solved"],
+            within_budget=result["within_budget"],
+            seconds=result["seconds"],
+            energy=result["energy"],
+            kinetic_energy=result["kinetic_energy"],
+            _reactions=result["reactions"],
+            _patches=self._grasp.patches,
             _patch_forces=result["patch_forces"],
-            _organ=organ,
+            _organ=self._organ,
         )
+
+    def _hold(self, grasp: Grasp) -> None:
+        if not self._may_float:
+            require_held(self._organ.mesh, self._organ.fixed, grasp.dofs, grasp.patches)
+        try:
+            self._core.grasp(grasp.dofs, grasp.patches)
+        except ValueError as error:
+            raise VisceraError(str(error)) from None
+
+    def _loads(
+        self, force: Forces | None, gravity: ArrayLike | None, density: ArrayLike | None
+    ) -> tuple[Floats | None, tuple[float, float, float]]:
+        """Nodal forces and the gravity that the core turns into more of them."""
+        organ = self._organ
+        applied = None if force is None else nodal_forces(organ.mesh, organ.fixed, force)
+        if gravity is None:
+            return applied, (0.0, 0.0, 0.0)
+        x, y, z = vector(gravity, "gravity", "m/s^2").tolist()
+        if density is None:
+            if not self._has_density:
+                raise VisceraError("gravity needs a density [kg/m^3]")
+            return applied, (x, y, z)
+        if self._has_density:
+            raise VisceraError("the stepper has a density already; leave it out of the frame")
+        weight = organ._body.gravity(np.array([x, y, z]), density_per_cell(organ.mesh, density))
+        return weight if applied is None else applied + weight, (0.0, 0.0, 0.0)
+
+
+def settings_of(
+    mesh: Mesh,
+    *,
+    solver: Solver,
+    iterations: int,
+    budget: float | None,
+    density: ArrayLike | None,
+    time_step: float | None,
+    dynamics: Integration | None,
+    mass: str,
+    damping: tuple[float, float],
+    relaxation: Prony | None,
+) -> dict[str, Any]:
+    """A stepper's settings as the core knows them; raises `VisceraError` where one is wrong or another is missing."""
+    if iterations < 1:
+        raise VisceraError(f"a frame needs at least one Newton iteration, got {iterations}")
+    for name, value in (("time_step", time_step), ("budget", budget)):
+        if value is not None and not 0.0 < value < np.inf:
+            raise VisceraError(f"{name} must be positive [s], got {value}")
+    if mass not in {"lumped", "consistent"}:
+        raise VisceraError(f"the mass is 'lumped' or 'consistent', got {mass!r}")
+    if dynamics is None and tuple(damping) != (0.0, 0.0):
+        raise VisceraError("damping means nothing without dynamics; choose dynamics='newmark' or 'backward_euler'")
+    if time_step is not None and dynamics is None and relaxation is None:
+        raise VisceraError("a time_step means nothing without dynamics or relaxation; add one, or leave it out")
+    if time_step is None and not (dynamics is None and relaxation is None):
+        raise VisceraError("dynamics and relaxation need a time_step [s]")
+    if dynamics is not None and density is None:
+        raise VisceraError("dynamics needs a density [kg/m^3]")
+    inertia = None
+    if dynamics is not None:
+        alpha, beta = damping
+        inertia = (core_integration(dynamics), mass == "lumped", (float(alpha), float(beta)))
+    return {
+        "solver": core_solver(solver),
+        "iterations": int(iterations),
+        "budget": budget,
+        "density": np.empty(0) if density is None else density_per_cell(mesh, density),
+        "time_step": time_step,
+        "dynamics": inertia,
+        "relaxation": None if relaxation is None else (list(relaxation.g), list(relaxation.tau)),
+    }

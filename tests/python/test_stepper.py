@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -47,11 +49,170 @@ def test_turning_gravity_turns_the_organ(organ: vs.Organ) -> None:
     assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
 
 
-def test_a_frame_moves_what_is_grasped(organ: vs.Organ) -> None:
-    stepper = organ.stepper({"tip": (None, None, 0)})
-    with pytest.raises(VisceraError, match="exactly the places"):
-        stepper.frame({"tip": (0, None, 0)})
-    with pytest.raises(VisceraError, match="finite"):
-        stepper.frame({"tip": (None, None, np.nan)})
+SOLVERS = ["cholesky", "cg", *(vs.ConjugateGradients(p, 1e-4) for p in ("block_jacobi", "incomplete_cholesky"))]
+
+
+@pytest.mark.parametrize("solver", SOLVERS, ids=str)
+def test_every_solver_settles_in_the_same_place(organ: vs.Organ, solver: str | vs.ConjugateGradients) -> None:
+    patch = organ.patch((0.4, 0.05, 0.1), radius=0.06)
+    exact = organ.solve(displacement={patch: (0, 0, -0.02)})
+    again = organ.solve(displacement={patch: (0, 0, -0.02)}, solver=solver)
+    assert again.is_converged
+    assert again.displacement == pytest.approx(exact.displacement, abs=1e-9)
+    stepper = organ.stepper({patch: (0, 0, 0)}, solver=solver)
+    for _ in range(12):
+        frame = stepper.frame({patch: (0, 0, -0.02)})
+    assert frame.is_solved
+    assert (frame.iterations == 0) == (solver == "cholesky")
+    assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
+    assert frame.reaction(patch) == pytest.approx(exact.reaction(patch), rel=1e-6)
+
+
+def test_hands_grasp_and_let_go(organ: vs.Organ) -> None:
+    """A hand takes a place as it is, moves it, lets it go; another is named frame by frame."""
+    stepper = organ.stepper(density=1000)
+    for _ in range(10):
+        hanging = stepper.frame(gravity=(0, 0, -9.81))
+    hand = stepper.grasp("tip")
+    still = stepper.frame(gravity=(0, 0, -9.81))
+    assert still.displacement == pytest.approx(hanging.displacement, abs=1e-8)
+    assert still.reaction("tip") == pytest.approx(np.zeros(3), abs=1e-5)
+    for _ in range(5):
+        hand.move((0, 0, -0.002))
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    tip = organ.mesh.nodes("tip")
+    assert frame.displacement[tip] - hanging.displacement[tip] == pytest.approx(
+        np.tile([0, 0, -0.01], (len(tip), 1)), abs=1e-12
+    )
+    assert frame.reaction("tip")[2] < -0.1
+    assert frame.positions == pytest.approx(organ.mesh.points + frame.displacement)
+    hand.release()
+    for _ in range(10):
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    assert frame.displacement == pytest.approx(hanging.displacement, abs=1e-9)
+    held = stepper.frame({"tip": (None, None, 0.001)})
+    assert held.displacement[tip, 2] == pytest.approx(0.001)
+    assert stepper.frame().displacement[tip, 2] == pytest.approx(0.001)  # stays where it was put
+    for _ in range(10):
+        free = stepper.frame({})
+    assert abs(free.displacement).max() < 1e-9
+
+
+def test_a_budget_is_kept_and_its_price_told(organ: vs.Organ) -> None:
+    solver = vs.ConjugateGradients("block_jacobi", tolerance=1e-6, max_iterations=5)
+    few = organ.stepper(solver=solver).frame({"tip": (0, 0, -0.01)})
+    assert few.iterations == 5
+    assert not few.is_solved
+    assert few.residual > 1e-3
+    late = organ.stepper(solver="cg", budget=1e-9).frame({"tip": (0, 0, -0.01)})
+    assert not late.within_budget
+    assert not late.is_solved
+    assert late.seconds > 1e-9
+    easy = organ.stepper(solver="cg", budget=100.0).frame({"tip": (0, 0, -0.01)})
+    assert easy.within_budget
+    assert easy.is_solved
+
+
+def test_a_jump_is_cut_back_and_said(organ: vs.Organ) -> None:
+    frame = organ.stepper().frame({"tip": (-0.7, 0, 0)})
+    assert frame.taken < 1.0
+    assert np.isfinite(frame.displacement).all()
+    assert np.isfinite(frame.energy)
+
+
+@pytest.mark.parametrize("dynamics", ["newmark", "backward_euler"])
+def test_an_organ_let_go_swings_and_comes_to_rest(organ: vs.Organ, dynamics: str) -> None:
+    start = organ.solve(displacement={"tip": (None, None, -0.03)})
+    settings: dict[str, Any] = {"start": start, "dynamics": dynamics, "density": 1000, "time_step": 0.005}
+    swinging = organ.stepper(**settings)
+    energies = []
+    for _ in range(60):
+        frame = swinging.frame()
+        energies.append(frame.energy + frame.kinetic_energy)
+    assert max(energies) < 1.02 * start.energy
+    assert (min(energies) > 0.95 * start.energy) == (dynamics == "newmark")
+    assert swinging.velocity is not None
+    damped = organ.stepper(**settings, damping=(20.0, 0.01), mass="consistent")
+    for _ in range(150):
+        frame = damped.frame()
+    assert frame.energy + frame.kinetic_energy < 1e-2 * start.energy
+
+
+def test_gravity_pulls_with_the_weight(organ: vs.Organ) -> None:
+    """At rest under damping, the root carries the weight; at the first instant, nothing does."""
+    stepper = organ.stepper(dynamics="newmark", density=300, time_step=0.01, damping=(30.0, 0.01))
+    weight = 300 * organ.mesh.volume * 9.81
+    for _ in range(300):
+        frame = stepper.frame(gravity=(0, -9.81, 0))
+    assert frame.reaction("root")[1] == pytest.approx(weight, rel=1e-3)
+    assert frame.residual < 1e-4
+
+
+def test_a_held_organ_relaxes(organ: vs.Organ) -> None:
+    """What is held keeps its shape, since all of its stress fades alike, and its force follows Prony's curve."""
+    patch = organ.patch((0.4, 0.05, 0.1), radius=0.06)
+    exact = organ.solve(displacement={patch: (0, 0, -0.02)})
+    g, tau, step = np.array([0.3, 0.4]), np.array([0.05, 0.5]), 0.01
+    stepper = organ.stepper(time_step=step, relaxation=vs.Prony(g.tolist(), tau.tolist()), iterations=6)
+    for n in range(100):
+        frame = stepper.frame({patch: (0, 0, -0.02)})
+        share = 1 - (g * (1 + np.expm1(-step / tau) * tau / step * np.exp(-n * step / tau))).sum()
+        assert frame.reaction(patch) == pytest.approx(share * exact.reaction(patch), rel=1e-6)
+    assert share < 0.45
+    assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
+
+
+def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
+    moving: dict[str, Any] = {"dynamics": "newmark", "density": 1000, "time_step": 0.01}
+    settings: dict[str, Any]
+    for settings, words in (
+        ({"time_step": -0.01, "dynamics": "newmark", "density": 1000}, "time_step must be positive"),
+        ({"dynamics": "newmark", "time_step": 0.01}, "dynamics needs a density"),
+        ({"dynamics": "newmark", "density": 1000}, "need a time_step"),
+        ({"time_step": 0.01}, "means nothing without dynamics"),
+        ({"damping": (1.0, 0.0)}, "damping means nothing"),
+        ({"solver": "choleski"}, "did you mean 'cholesky'"),
+        ({"solver": "multigrid"}, "known: 'cg', 'cholesky'"),
+        ({"budget": 0.0}, "budget must be positive"),
+        ({"iterations": 0}, "at least one Newton iteration"),
+        ({**moving, "dynamics": "newmrk"}, "did you mean 'newmark'"),
+        ({**moving, "mass": "heavy"}, "'lumped' or 'consistent'"),
+        ({**moving, "damping": (-1.0, 0.0)}, "not negative"),
+        ({**moving, "density": -1000}, "density must be positive"),
+    ):
+        with pytest.raises(VisceraError, match=words):
+            organ.stepper(**settings)
+    with pytest.raises(VisceraError, match="did you mean 'block_jacobi'"):
+        vs.ConjugateGradients("block-jacobi")
+    with pytest.raises(VisceraError, match="between 0 and 1"):
+        vs.ConjugateGradients(tolerance=0.0)
+    with pytest.raises(VisceraError, match="2 beta >= gamma"):
+        vs.Newmark(beta=0.1)
+    with pytest.raises(VisceraError, match="sum below 1"):
+        vs.Prony([0.6, 0.5], [1.0, 1.0])
+    with pytest.raises(VisceraError, match="no solver is called"):
+        organ.solve(solver="lu")
+
+
+def test_bad_frames_are_refused_and_change_nothing(organ: vs.Organ) -> None:
+    stepper = organ.stepper({"tip": (None, None, 0)}, density=1000)
+    before = stepper.frame({"tip": (None, None, -0.01)}).displacement
+    frame: dict[str, Any]
+    for frame, words in (
+        ({"displacement": {"tip": (None, None, np.nan)}}, "finite"),
+        ({"displacement": {"tip": (0, 0)}}, "three components"),
+        ({"displacement": {"root": (0, 0, 0.01)}}, "all nodes of 'root' are fixed"),
+        ({"displacement": {"tipp": (0, 0, 0.01)}}, "did you mean 'tip'"),
+        ({"force": {"tip": (0, 0, np.inf)}}, "finite"),
+        ({"gravity": (0, 0, -9.81), "density": 1000}, "has a density already"),
+        ({"gravity": (0, 0)}, "three numbers"),
+    ):
+        with pytest.raises(VisceraError, match=words):
+            stepper.frame(**frame)
+    with pytest.raises(VisceraError, match="all nodes of 'root' are fixed"):
+        stepper.grasp("root")
     with pytest.raises(VisceraError, match="density"):
-        stepper.frame({"tip": (None, None, 0)}, gravity=(0, 0, -9.81))
+        organ.stepper().frame(gravity=(0, 0, -9.81))
+    with pytest.raises(VisceraError, match="without dynamics"):
+        stepper.velocity = np.zeros_like(before)
+    assert (stepper.displacement == before).all()

@@ -77,6 +77,14 @@ class Viewer:
         found: dict[str, Any] = self.call("state")
         return found
 
+    def wait_for(self, activity: str) -> None:
+        """Wait, a minute at most, until this is what the view does."""
+        for _ in range(3000):
+            if self.state["activity"] == activity:
+                return
+            self.page.wait_for_timeout(20)
+        raise AssertionError(f"the view is {self.state['activity']}, not {activity}, after a minute")
+
     def place(self, point: Any) -> tuple[float, float]:
         """Where a point [m] is on the screen."""
         at = self.call("project", list(map(float, point)))

@@ -74,8 +74,8 @@ def test_letting_go_brings_the_organ_back(viewer: Viewer) -> None:
     viewer.page.mouse.down()
     viewer.page.mouse.move(x, y + 20, steps=2)
     viewer.page.mouse.up()
+    viewer.wait_for("rest")
     viewer.page.wait_for_selector(".force-label", state="hidden")
-    assert viewer.state["activity"] == "rest"
 
 
 def test_a_kept_touch_stays(viewer: Viewer) -> None:

@@ -1,14 +1,14 @@
 //! The body and its statics.
 
 use crate::family::FamilyArguments;
-use crate::{convert, law::Law, mesh::Patch, model::Model, path};
+use crate::{convert, law::Law, mesh::Patch, model::Model, path, stepper};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::element::Element;
-use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Pressure, Problem};
+use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Pressure, Problem};
 use viscera_core::reduced::{Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -48,7 +48,7 @@ impl Body {
         Ok(Body { body, surface, fixed })
     }
 
-    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, start, steps, settings, on_progress))]
+    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, start, steps, settings, solver, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn solve<'py>(
         &self,
@@ -63,6 +63,7 @@ impl Body {
         start: Option<PyReadonlyArray2<f64>>,
         steps: usize,
         settings: BTreeMap<String, f64>,
+        solver: stepper::Solver,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let n = self.body.points().len();
@@ -96,7 +97,7 @@ impl Body {
             patches,
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };
-        let newton = newton_settings(steps, &settings)?;
+        let newton = newton_settings(steps, &settings, stepper::method(solver)?)?;
         let mut watch = Watch::new(on_progress);
         let result = py.detach(|| newton.solve(&problem, &mut |load| watch.report((load,))));
         let state = watch.outcome(result)?;
@@ -213,8 +214,12 @@ impl Body {
     }
 }
 
-fn newton_settings(steps: usize, settings: &BTreeMap<String, f64>) -> PyResult<Newton> {
-    let mut newton = Newton { steps, ..Newton::default() };
+fn newton_settings(
+    steps: usize,
+    settings: &BTreeMap<String, f64>,
+    method: Method,
+) -> PyResult<Newton> {
+    let mut newton = Newton { steps, method, ..Newton::default() };
     for (name, &value) in settings {
         match name.as_str() {
             "tolerance" => newton.tolerance = value,

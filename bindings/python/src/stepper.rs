@@ -1,10 +1,33 @@
-//! One Newton iteration a frame.
+//! Frames in real time, and the settings of solver, inertia and relaxation.
 
 use crate::{body::Body, convert, mesh::Patch};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use viscera_core::equilibrium::{self, PatchLoad, Pressure, Problem};
+use viscera_core::equilibrium::{
+    self, ConjugateGradients, Dynamics, Input, Integration, Mass, Method, Preconditioner, Prony,
+    StepperSettings,
+};
+
+/// Name of the method, tolerance, largest number of iterations.
+pub type Solver = (String, f64, usize);
+
+/// The core's name for a linear solver.
+pub fn method((name, tolerance, max_iterations): Solver) -> PyResult<Method> {
+    if name == "cholesky" {
+        return Ok(Method::Cholesky);
+    }
+    let known = Preconditioner::NAMES.into_iter().find(|(known, _)| *known == name);
+    let Some((_, preconditioner)) = known else {
+        return Err(PyValueError::new_err(format!("no solver is called {name:?}")));
+    };
+    let settings = ConjugateGradients { preconditioner, tolerance, max_iterations };
+    Ok(Method::ConjugateGradients(settings))
+}
+
+/// `beta` and `gamma` of Newmark's rule or none for backward Euler; whether the mass is lumped; Rayleigh's damping.
+type Inertia = (Option<(f64, f64)>, bool, [f64; 2]);
 
 /// A body in the hands of a simulator.
 #[pyclass(module = "viscera._core")]
@@ -16,60 +39,108 @@ pub struct Stepper {
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (body, *, prescribed, patches, start))]
+    #[pyo3(signature = (body, *, start, solver, iterations, budget, density, time_step, dynamics, relaxation))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         body: Py<Body>,
-        prescribed: PyReadonlyArray1<u32>,
-        patches: Vec<PyRef<'_, Patch>>,
         start: Option<PyReadonlyArray2<f64>>,
+        solver: Solver,
+        iterations: usize,
+        budget: Option<f64>,
+        density: PyReadonlyArray1<f64>,
+        time_step: Option<f64>,
+        dynamics: Option<Inertia>,
+        relaxation: Option<(Vec<f64>, Vec<f64>)>,
     ) -> PyResult<Self> {
         let held = body.get();
         let n = held.body.points().len();
-        let free = prescribed.as_array();
-        let dofs = held.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
-        let at_rest = |patch: &PyRef<'_, Patch>| PatchLoad {
-            patch: patch.patch.clone(),
-            displacement: [0.0; 3],
+        let settings = StepperSettings {
+            method: method(solver)?,
+            iterations,
+            budget,
+            time_step,
+            density: density.as_array().to_vec(),
+            dynamics: dynamics.map(|(newmark, is_lumped, damping)| Dynamics {
+                integration: newmark.map_or(Integration::BackwardEuler, |(beta, gamma)| {
+                    Integration::Newmark { beta, gamma }
+                }),
+                mass: if is_lumped { Mass::Lumped } else { Mass::Consistent },
+                damping,
+            }),
+            relaxation: relaxation.map(|(g, tau)| Prony { g, tau }),
         };
-        let problem = Problem {
-            body: &held.body,
-            prescribed: dofs.chain(free.iter().copied()).map(|dof| (dof, 0.0)).collect(),
-            force: vec![0.0; 3 * n],
-            pressure: Pressure::default(),
-            patches: patches.iter().map(at_rest).collect(),
-            start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
-        };
-        let stepper = equilibrium::Stepper::new(&problem).map_err(convert::error)?;
+        let fixed: Vec<u32> =
+            held.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
+        let start = start.map(|u| convert::dofs("start", &u, n)).transpose()?;
+        let stepper = equilibrium::Stepper::new(&held.body, &fixed, start, settings)
+            .map_err(convert::error)?;
         Ok(Stepper { body, stepper })
     }
 
-    #[pyo3(signature = (*, values, means, force))]
+    fn grasp(
+        &mut self,
+        prescribed: PyReadonlyArray1<u32>,
+        patches: Vec<PyRef<'_, Patch>>,
+    ) -> PyResult<()> {
+        let dofs = prescribed.as_array().to_vec();
+        let patches: Vec<_> = patches.iter().map(|patch| patch.patch.clone()).collect();
+        self.stepper.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
+    }
+
+    fn set_velocity(&mut self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
+        let n = self.body.get().body.points().len();
+        let velocity = convert::dofs("velocity", &velocity, n)?;
+        self.stepper.set_velocity(&velocity).map_err(convert::error)
+    }
+
+    fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        field(py, self.stepper.displacement())
+    }
+
+    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.stepper.velocity().map(|velocity| field(py, velocity)).transpose()
+    }
+
+    fn reactions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        convert::field(py, self.stepper.reactions().collect())
+    }
+
+    #[pyo3(signature = (*, values, means, force, gravity))]
     fn frame<'py>(
         &mut self,
         py: Python<'py>,
         values: PyReadonlyArray1<f64>,
         means: PyReadonlyArray2<f64>,
-        force: PyReadonlyArray2<f64>,
+        force: Option<PyReadonlyArray2<f64>>,
+        gravity: [f64; 3],
     ) -> PyResult<Bound<'py, PyDict>> {
-        let held = self.body.get();
-        let fixed = std::iter::repeat_n(0.0, 3 * held.fixed.len());
-        let values: Vec<f64> = fixed.chain(values.as_array().iter().copied()).collect();
+        let body = &self.body.get().body;
+        let values = values.as_array().to_vec();
         let means = convert::points("means", &means)?;
-        let force = convert::dofs("force", &force, held.body.points().len())?;
+        let force = match force {
+            Some(force) => convert::dofs("force", &force, body.points().len())?,
+            None => Vec::new(),
+        };
         let stepper = &mut self.stepper;
-        let frame = py
-            .detach(|| stepper.frame(&held.body, &values, &means, &force))
-            .map_err(convert::error)?;
+        let input = Input { values: &values, means: &means, force: &force, gravity };
+        let frame = py.detach(|| stepper.frame(body, &input)).map_err(convert::error)?;
         let dict = PyDict::new(py);
-        dict.set_item("displacement", convert::field(py, self.stepper.displacement().to_vec())?)?;
-        dict.set_item(
-            "internal_force",
-            convert::field(py, self.stepper.internal_force().to_vec())?,
-        )?;
+        dict.set_item("displacement", field(py, self.stepper.displacement())?)?;
+        dict.set_item("reactions", convert::field(py, self.stepper.reactions().collect())?)?;
         dict.set_item("patch_forces", convert::table(py, &frame.patch_forces)?)?;
         dict.set_item("residual", frame.residual)?;
         dict.set_item("taken", frame.taken)?;
         dict.set_item("is_unstable", frame.is_unstable)?;
+        dict.set_item("iterations", frame.iterations)?;
+        dict.set_item("is_solved", frame.is_solved)?;
+        dict.set_item("within_budget", frame.within_budget)?;
+        dict.set_item("seconds", frame.seconds)?;
+        dict.set_item("energy", frame.energy)?;
+        dict.set_item("kinetic_energy", frame.kinetic_energy)?;
         Ok(dict)
     }
+}
+
+fn field<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    PyArray1::from_slice(py, values).reshape([values.len() / 3, 3])
 }

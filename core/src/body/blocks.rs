@@ -11,6 +11,23 @@ pub struct SymmetricBlocks {
 }
 
 impl SymmetricBlocks {
+    /// Row and column node of every block, in the order of [`SymmetricBlocks::values`].
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let columns = (0..self.pattern.n())
+            .flat_map(|column| self.pattern.column(column).map(move |_| column as u32));
+        self.pattern.row.iter().copied().zip(columns)
+    }
+
+    /// Entries `[i][k]` of each block, 9 per block.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The same, to be changed.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
     /// `y = A x` over all degrees of freedom.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);

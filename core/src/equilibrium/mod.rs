@@ -7,6 +7,7 @@ mod outcome;
 mod pressure;
 mod problem;
 mod skew;
+mod solver;
 mod stepper;
 mod system;
 #[cfg(test)]
@@ -15,6 +16,7 @@ mod tests;
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;
-pub use problem::{PatchLoad, Problem};
-pub use stepper::{Frame, Stepper};
-pub use system::{System, patch_mean};
+pub use problem::{PatchLoad, Problem, patch_mean};
+pub use solver::{ConjugateGradients, Method, Preconditioner, Solved, Solver};
+pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};
+pub use system::System;

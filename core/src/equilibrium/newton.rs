@@ -7,9 +7,9 @@
 
 use super::ending::{Cut, Ending, Slopes};
 use super::outcome::{Equilibrium, Seconds};
-use super::problem::Problem;
+use super::problem::{Problem, patch_mean};
 use super::skew;
-use super::system::{System, patch_mean};
+use super::solver::{Method, Solver};
 use crate::body::{Body, SymmetricBlocks};
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -28,6 +28,8 @@ pub struct Newton {
     pub steps: usize,
     /// Smallest load step before the solver gives up.
     pub smallest_step: f64,
+    /// How the linear systems are solved.
+    pub method: Method,
 }
 
 impl Default for Newton {
@@ -38,6 +40,7 @@ impl Default for Newton {
             max_backtracks: 12,
             steps: 1,
             smallest_step: 1.0 / 1024.0,
+            method: Method::default(),
         }
     }
 }
@@ -95,7 +98,7 @@ impl Newton {
                 self.tolerance, self.smallest_step, self.max_iterations
             )));
         }
-        Ok(())
+        self.method.check()
     }
 }
 
@@ -103,7 +106,7 @@ impl Newton {
 struct Run<'a> {
     settings: Newton,
     problem: &'a Problem<'a>,
-    system: System,
+    solver: Solver,
     tangent: SymmetricBlocks,
     u: Vec<f64>,
     multipliers: Vec<f64>,
@@ -128,7 +131,7 @@ impl<'a> Run<'a> {
         let tangent = body.zero_tangent();
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
         let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
-        let system = System::new(&tangent, body.n_dofs(), prescribed, patches)?;
+        let solver = Solver::new(settings.method, &tangent, body.n_dofs(), prescribed, patches)?;
         let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
         if !body.energy(&start).is_finite() {
             let (jacobian, cell) = body.smallest_jacobian(&start);
@@ -141,7 +144,8 @@ impl<'a> Run<'a> {
         for (r, f) in imbalance.iter_mut().zip(&problem.force) {
             *r -= f;
         }
-        let start_means = system.patch_means(&start);
+        let start_means =
+            problem.patches.iter().map(|load| patch_mean(&load.patch, &start)).collect();
         Ok(Run {
             settings,
             problem,
@@ -152,7 +156,7 @@ impl<'a> Run<'a> {
             start_means,
             imbalance,
             force_scale: body.force_scale(),
-            system,
+            solver,
             tangent,
             iterations: 0,
             residuals: Vec::new(),
@@ -208,7 +212,8 @@ impl<'a> Run<'a> {
             self.iterations += 1;
             unstable = self.factorize()?;
             let clock = Instant::now();
-            let (step, change) = self.newton_step(&u, &residual, load, moving)?;
+            let (step, change, indefinite) = self.newton_step(&u, &residual, load, moving)?;
+            unstable = unstable.or(indefinite);
             self.seconds.solve += clock.elapsed().as_secs_f64();
             let length = if moving {
                 self.note_slope(&step, load);
@@ -230,8 +235,8 @@ impl<'a> Run<'a> {
         self.residuals.push(history);
     }
 
-    /// `f_int - f_ext - W^T F` on the free degrees of freedom, and its norm relative to that of
-    /// all nodal forces.
+    /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed, and its norm relative to
+    /// that of all nodal forces.
     fn residual(&self, force: &[f64], external: &[f64], multipliers: &[f64]) -> (Vec<f64>, f64) {
         let mut out: Vec<f64> = force.iter().zip(external).map(|(i, e)| i - e).collect();
         for (load, m) in self.problem.patches.iter().zip(multipliers.chunks_exact(3)) {
@@ -241,14 +246,14 @@ impl<'a> Run<'a> {
                 }
             }
         }
-        let free: Vec<f64> = self.system.free().iter().map(|&dof| out[dof as usize]).collect();
+        self.problem.prescribed.iter().for_each(|&(dof, _)| out[dof as usize] = 0.0);
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let loads = square(force).max(square(external)).sqrt();
         // Below this the residual is rounding.
         let rounding = 8.0 * f64::EPSILON * self.force_scale;
         let scale = loads.max(rounding / self.settings.tolerance);
-        let norm = square(&free).sqrt();
-        (free, if scale > 0.0 { norm / scale } else { 0.0 })
+        let norm = square(&out).sqrt();
+        (out, if scale > 0.0 { norm / scale } else { 0.0 })
     }
 
     /// Factorises the tangent, shifted where it is not positive definite; returns the degree of
@@ -257,7 +262,7 @@ impl<'a> Run<'a> {
         let clock = Instant::now();
         let (mut shift, mut unstable) = (0.0, None);
         loop {
-            match self.system.factorize(&self.tangent, shift) {
+            match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => break,
                 Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
                     if shift < 10.0 =>
@@ -273,14 +278,16 @@ impl<'a> Run<'a> {
         Ok(unstable)
     }
 
-    /// The full-length step; the first one of a load step also moves what is prescribed.
+    /// The full-length step, which in the first iteration of a load step also moves what is prescribed; the change of
+    /// the patch forces; a degree of freedom of a direction of negative curvature, where one was met.
+    #[allow(clippy::type_complexity)]
     fn newton_step(
-        &self,
+        &mut self,
         u: &[f64],
         residual: &[f64],
         load: f64,
         moving: bool,
-    ) -> Result<(Vec<f64>, Vec<f64>), Cut> {
+    ) -> Result<(Vec<f64>, Vec<f64>, Option<usize>), Cut> {
         let mut step = vec![0.0; u.len()];
         let mut rhs: Vec<f64> = residual.iter().map(|r| -r).collect();
         if moving {
@@ -290,9 +297,7 @@ impl<'a> Run<'a> {
             }
             let mut force = vec![0.0; u.len()];
             self.tangent.multiply(&step, &mut force);
-            for (b, &dof) in rhs.iter_mut().zip(self.system.free()) {
-                *b -= force[dof as usize];
-            }
+            rhs.iter_mut().zip(&force).for_each(|(b, f)| *b -= f);
         }
         let gap: Vec<f64> = self
             .problem
@@ -307,36 +312,30 @@ impl<'a> Run<'a> {
                 })
             })
             .collect();
-        let change = if self.problem.pressure.is_empty() {
-            self.system.solve(&mut rhs, &gap)
+        let (mut free, mut change) = (vec![0.0; u.len()], Vec::new());
+        let (problem, solver) = (self.problem, &mut self.solver);
+        let solved = if problem.pressure.is_empty() {
+            solver.solve(&mut rhs, &gap, &mut free, &mut change, None)
         } else {
-            // What is prescribed pulls through the skew part too.
-            rhs.iter_mut().zip(self.skew(u, load, &step)).for_each(|(b, s)| *b -= s);
-            let skew = |s: &[f64]| {
-                let mut full = vec![0.0; u.len()];
-                s.iter().zip(self.system.free()).for_each(|(s, &dof)| full[dof as usize] = *s);
-                self.skew(u, load, &full)
+            let skew = |x: &[f64]| {
+                let mut force = vec![0.0; u.len()];
+                problem.pressure.add_skew(problem.body, u, load, x, &mut force);
+                force
             };
-            skew::solve(&self.system, skew, &mut rhs, &gap)
+            // What is prescribed pulls through the skew part too.
+            rhs.iter_mut().zip(skew(&step)).for_each(|(b, s)| *b -= s);
+            skew::solve(solver, skew, &mut rhs, &gap, &mut free, &mut change)
         }
         .map_err(Cut::Factor)?;
-        for (s, &dof) in rhs.iter().zip(self.system.free()) {
-            step[dof as usize] = *s;
-        }
-        Ok((step, change))
+        step.iter_mut().zip(&free).for_each(|(s, f)| *s += f);
+        Ok((step, change, solved.indefinite))
     }
 
     /// The first step of a load step is the tangent of the path.
     fn note_slope(&mut self, step: &[f64], load: f64) {
-        let square: f64 = self.system.free().iter().map(|&dof| step[dof as usize].powi(2)).sum();
+        let free = step.iter().enumerate().filter(|&(dof, _)| !self.solver.is_held(dof));
+        let square: f64 = free.map(|(_, s)| s.powi(2)).sum();
         self.slopes.note(self.load, square.sqrt() / (load - self.load));
-    }
-
-    /// The skew part of the pressure's stiffness times `x`, on the free degrees of freedom.
-    fn skew(&self, u: &[f64], load: f64, x: &[f64]) -> Vec<f64> {
-        let mut force = vec![0.0; u.len()];
-        self.problem.pressure.add_skew(self.body(), u, load, x, &mut force);
-        self.system.free().iter().map(|&dof| force[dof as usize]).collect()
     }
 
     fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
@@ -367,8 +366,7 @@ impl<'a> Run<'a> {
             (energy - work, energy.abs() + work.abs())
         };
         let (start, magnitude) = potential(0.0);
-        let free = self.system.free();
-        let slope: f64 = residual.iter().zip(free).map(|(r, &d)| r * step[d as usize]).sum();
+        let slope: f64 = residual.iter().zip(step).map(|(r, s)| r * s).sum();
         // A strain energy cancels terms of the size of its moduli, however small the strain.
         let rounding = 1e-13 * (magnitude + self.body().energy_scale());
         let mut length = 1.0;

@@ -15,6 +15,16 @@ pub struct PatchLoad {
     pub displacement: [f64; 3],
 }
 
+/// `sum_i w_i u_i`.
+pub fn patch_mean(patch: &Patch, u: &[f64]) -> [f64; 3] {
+    let mut mean = [0.0; 3];
+    for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
+        for i in 0..3 {
+            mean[i] += w * u[3 * node as usize + i];
+        }
+    }
+    mean
+}
 /// Part of a patch that must be its own: with less, forces between patches grow beyond any meaning.
 const DEPENDENT: f64 = 1e-4;
 
@@ -41,6 +51,15 @@ impl Problem<'_> {
     /// Anything out of range, given twice or not finite; a connected part of the body on which
     /// nothing is prescribed in some direction.
     pub fn check(&self) -> Result<(), Error> {
+        self.check_grasp()?;
+        self.check_support()
+    }
+
+    /// The same, but for what nothing holds.
+    ///
+    /// # Errors
+    /// Anything out of range, given twice or not finite.
+    pub fn check_grasp(&self) -> Result<(), Error> {
         let n = self.body.n_dofs();
         for (name, values) in
             [("force", Some(&self.force)), ("start displacement", self.start.as_ref())]
@@ -66,8 +85,7 @@ impl Problem<'_> {
             check_patch(k, load, self.body.points().len())?;
             self.check_patch_moves(k, load)?;
         }
-        self.check_patches_differ()?;
-        self.check_support()
+        self.check_patches_differ()
     }
 
     fn check_prescribed(&self, n: usize) -> Result<(), Error> {

@@ -1,6 +1,6 @@
 //! A tangent with a small unsymmetric part: pressure on a free rim gives `K + S` with a skew `S` of few rows.
 
-use super::system::System;
+use super::solver::{Solved, Solver};
 use crate::linear::{FactorError, gmres};
 
 /// Below this fraction of the right-hand side, the unsymmetric part of a tangent is rounding.
@@ -9,33 +9,37 @@ const SYMMETRIC: f64 = 1e-10;
 /// Residual of the solution, relative: Newton's convergence stays quadratic.
 const TOLERANCE: f64 = 1e-10;
 
-/// Solves `(K + S) s - W^T f = b`, `W s = c` with the factor of `K`, by GMRES on `1 + K^-1 S`; `rhs` becomes `s`, and
-/// the change `f` of the patch forces is returned. `skew` is `S` on the free degrees of freedom.
+/// Solves `(K + S) s - W^T f = b`, `W s = c` with a solver of `K`, by GMRES on `1 + K^-1 S`: for the step `s` and the
+/// change `f` of the patch forces. `skew` is `S` on all degrees of freedom; held ones stay zero.
 ///
 /// # Errors
 /// Those of the solves.
 pub(super) fn solve(
-    system: &System,
+    solver: &mut Solver,
     skew: impl Fn(&[f64]) -> Vec<f64>,
-    rhs: &mut [f64],
+    b: &mut [f64],
     gap: &[f64],
-) -> Result<Vec<f64>, FactorError> {
-    let plain = rhs.to_vec();
-    let change = system.solve(rhs, gap)?;
-    let size = plain.iter().fold(0.0f64, |max, b| max.max(b.abs()));
-    if skew(rhs).iter().all(|d| d.abs() <= SYMMETRIC * size) {
-        return Ok(change);
+    step: &mut [f64],
+    forces: &mut Vec<f64>,
+) -> Result<Solved, FactorError> {
+    let plain = b.to_vec();
+    let solved = solver.solve(b, gap, step, forces, None)?;
+    let size = b.iter().fold(0.0f64, |max, b| max.max(b.abs()));
+    let mut pull = skew(step);
+    solver.project(&mut pull);
+    if pull.iter().all(|d| d.abs() <= SYMMETRIC * size) {
+        return Ok(solved);
     }
-    let held = vec![0.0; gap.len()];
+    let still = vec![0.0; gap.len()];
     let apply = |s: &[f64]| {
-        let mut out = skew(s);
-        system.solve(&mut out, &held)?;
+        let mut out = vec![0.0; s.len()];
+        solver.solve(&mut skew(s), &still, &mut out, &mut Vec::new(), None)?;
         out.iter_mut().zip(s).for_each(|(o, s)| *o += s);
         Ok(out)
     };
-    let step = gmres(apply, rhs, TOLERANCE, 60)?;
-    for ((b, plain), s) in rhs.iter_mut().zip(&plain).zip(skew(&step)) {
+    let whole = gmres(apply, step, TOLERANCE, 60)?;
+    for ((b, plain), s) in b.iter_mut().zip(&plain).zip(skew(&whole)) {
         *b = plain - s;
     }
-    system.solve(rhs, gap)
+    solver.solve(b, gap, step, forces, None)
 }

@@ -13,8 +13,8 @@ use faer::sparse::linalg::cholesky::supernodal::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 
-use super::substitution::Panel;
-use super::{FactorError, Pattern, ordering};
+use super::substitution::{Panel, zeros};
+use super::{FactorError, Pattern, Precision, ordering};
 
 /// Right-hand sides solved together; the time for each falls steeply up to 32 and hardly beyond 64.
 const PANEL: usize = 64;
@@ -24,7 +24,7 @@ const PANEL: usize = 64;
 const SHARED_FROM: usize = 10_000_000;
 
 /// Symbolic factorisation of a pattern, with buffers for the permuted values.
-pub(super) struct Analysis {
+pub(super) struct Analysis<T> {
     /// The caller's row eliminated at each step.
     order: Vec<u32>,
     pub(super) supernodes: SymbolicSupernodalCholesky<u32>,
@@ -32,12 +32,12 @@ pub(super) struct Analysis {
     pub(super) parallelism: Par,
     /// Lower triangle of the permuted matrix.
     lower: SymbolicSparseColMat<u32>,
-    values: Vec<f64>,
+    values: Vec<T>,
     /// Where the caller's values go in `values`.
     target: Vec<u32>,
 }
 
-impl Analysis {
+impl<T: Precision> Analysis<T> {
     /// Orders the pattern and predicts its factor.
     pub(super) fn new(pattern: &Pattern) -> Result<Self, FactorError> {
         pattern.validate()?;
@@ -46,7 +46,7 @@ impl Analysis {
         let supernodes = supernodes_of(&lower)?;
         let is_large = supernodes.len_val() >= SHARED_FROM;
         let parallelism = if is_large { Par::rayon(0) } else { Par::Seq };
-        Ok(Self { order, supernodes, parallelism, values: vec![0.0; pattern.len()], lower, target })
+        Ok(Self { order, supernodes, parallelism, values: zeros(pattern.len())?, lower, target })
     }
 
     pub(super) fn n(&self) -> usize {
@@ -65,55 +65,51 @@ impl Analysis {
             if !value.is_finite() {
                 return Err(FactorError::NotFinite { position });
             }
-            self.values[target as usize] = value;
+            self.values[target as usize] = T::round(value);
         }
         Ok(())
     }
 
+    /// The caller's row eliminated at each step.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Data of each of the caller's entries, in the order in which [`Analysis::load_placed`] wants the values.
+    pub(super) fn place(&self, of_entries: &[u32]) -> Vec<u32> {
+        let mut placed = vec![0; of_entries.len()];
+        of_entries.iter().zip(&self.target).for_each(|(&data, &t)| placed[t as usize] = data);
+        placed
+    }
+
+    /// Takes new values over that are in elimination order already.
+    pub(super) fn load_placed(
+        &mut self,
+        values: impl Iterator<Item = f64>,
+    ) -> Result<(), FactorError> {
+        // A sum is finite if and only if all its terms are, or else it overflows with them.
+        let mut sum = 0.0;
+        for (place, value) in self.values.iter_mut().zip(values) {
+            sum += value;
+            *place = T::round(value);
+        }
+        if f64::is_finite(sum) { Ok(()) } else { Err(self.not_finite()) }
+    }
+
+    fn not_finite(&self) -> FactorError {
+        let place = self.values.iter().position(|v| !v.is_finite()).unwrap_or_default() as u32;
+        let position = self.target.iter().position(|&t| t == place).unwrap_or_default();
+        FactorError::NotFinite { position }
+    }
+
     /// The loaded matrix in elimination order, lower triangle.
-    pub(super) fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
+    pub(super) fn matrix(&self) -> SparseColMatRef<'_, u32, T> {
         SparseColMatRef::new(self.lower.as_ref(), &self.values)
     }
 
     /// The loaded diagonal value of an elimination step.
-    pub(super) fn diagonal(&self, step: usize) -> f64 {
+    pub(super) fn diagonal(&self, step: usize) -> T {
         self.values[self.lower.col_ptr()[step] as usize]
-    }
-
-    /// Largest row sum of the absolute values of the loaded matrix.
-    pub(super) fn norm(&self) -> f64 {
-        let mut sums = vec![0.0; self.n()];
-        self.for_each_loaded(|row, column, value| {
-            sums[column] += value.abs();
-            if row != column {
-                sums[row] += value.abs();
-            }
-        });
-        sums.into_iter().fold(0.0, f64::max)
-    }
-
-    /// `panel -= A x` with the loaded matrix, `x` laid out like the panel.
-    pub(super) fn subtract_product(&self, x: &[f64], panel: &mut Panel) {
-        let width = panel.width;
-        let mut subtract = |row: usize, column: usize, value: f64| {
-            let y = &mut panel.values[row * width..][..width];
-            let x = &x[column * width..][..width];
-            y.iter_mut().zip(x).for_each(|(y, x)| *y -= value * x);
-        };
-        self.for_each_loaded(|row, column, value| {
-            subtract(row, column, value);
-            if row != column {
-                subtract(column, row, value);
-            }
-        });
-    }
-
-    fn for_each_loaded(&self, mut visit: impl FnMut(usize, usize, f64)) {
-        for column in 0..self.n() {
-            for entry in self.lower.col_range(column) {
-                visit(self.lower.row_idx()[entry] as usize, column, self.values[entry]);
-            }
-        }
     }
 
     /// Every step with its pivot position in the values of a factor.
@@ -133,7 +129,7 @@ impl Analysis {
         &self,
         rhs: &mut [f64],
         columns: usize,
-        substitute: impl Fn(&mut Panel) -> Result<(), FactorError>,
+        substitute: impl Fn(&mut Panel<T>) -> Result<(), FactorError>,
     ) -> Result<(), FactorError> {
         let n = self.n();
         FactorError::expect_length("rhs", n * columns, rhs.len())?;
@@ -154,6 +150,44 @@ impl Analysis {
         match rhs.iter().position(|value| !value.is_finite()) {
             Some(at) => Err(FactorError::SolutionNotFinite { row: at % n, column: at / n }),
             None => Ok(()),
+        }
+    }
+}
+
+impl Analysis<f64> {
+    /// Largest row sum of the absolute values of the loaded matrix.
+    pub(super) fn norm(&self) -> f64 {
+        let mut sums = vec![0.0; self.n()];
+        self.for_each_loaded(|row, column, value| {
+            sums[column] += value.abs();
+            if row != column {
+                sums[row] += value.abs();
+            }
+        });
+        sums.into_iter().fold(0.0, f64::max)
+    }
+
+    /// `panel -= A x` with the loaded matrix, `x` laid out like the panel.
+    pub(super) fn subtract_product(&self, x: &[f64], panel: &mut Panel<f64>) {
+        let width = panel.width;
+        let mut subtract = |row: usize, column: usize, value: f64| {
+            let y = &mut panel.values[row * width..][..width];
+            let x = &x[column * width..][..width];
+            y.iter_mut().zip(x).for_each(|(y, x)| *y -= value * x);
+        };
+        self.for_each_loaded(|row, column, value| {
+            subtract(row, column, value);
+            if row != column {
+                subtract(column, row, value);
+            }
+        });
+    }
+
+    fn for_each_loaded(&self, mut visit: impl FnMut(usize, usize, f64)) {
+        for column in 0..self.n() {
+            for entry in self.lower.col_range(column) {
+                visit(self.lower.row_idx()[entry] as usize, column, self.values[entry]);
+            }
         }
     }
 }

@@ -8,13 +8,15 @@ use faer::sparse::linalg::cholesky::supernodal::{
 };
 
 use super::analysis::Analysis;
+use super::column::Column;
 use super::substitution::{Factor, zeros};
-use super::{FactorError, Factorization, LOST, Pattern};
+use super::{FactorError, Factorization, Pattern, Precision};
 
-/// Sparse Cholesky factorisation with a symbolic analysis done once.
-pub struct Cholesky {
-    analysis: Analysis,
-    factor: Vec<f64>,
+/// Sparse Cholesky factorisation with a symbolic analysis done once; in single precision, `Cholesky<f32>`, a
+/// preconditioner.
+pub struct Cholesky<T: Precision = f64> {
+    analysis: Analysis<T>,
+    factor: Vec<T>,
     memory: MemBuffer,
     is_factorized: bool,
 }
@@ -25,8 +27,18 @@ impl Cholesky {
     /// # Errors
     /// An invalid pattern, or a factor too large to number or to hold.
     pub fn analyze(pattern: &Pattern) -> Result<Self, FactorError> {
+        Self::with_precision(pattern)
+    }
+}
+
+impl<T: Precision> Cholesky<T> {
+    /// [`Cholesky::analyze`] for a factor in any precision.
+    ///
+    /// # Errors
+    /// Those of [`Cholesky::analyze`].
+    pub fn with_precision(pattern: &Pattern) -> Result<Self, FactorError> {
         let analysis = Analysis::new(pattern)?;
-        let request = factorize_supernodal_numeric_llt_scratch::<u32, f64>(
+        let request = factorize_supernodal_numeric_llt_scratch::<u32, T>(
             &analysis.supernodes,
             analysis.parallelism,
             Default::default(),
@@ -35,16 +47,61 @@ impl Cholesky {
         let factor = zeros(analysis.supernodes.len_val())?;
         Ok(Self { analysis, factor, memory, is_factorized: false })
     }
-}
 
-impl Factorization for Cholesky {
-    fn n(&self) -> usize {
-        self.analysis.n()
+    /// The caller's row eliminated at each step.
+    pub fn order(&self) -> &[u32] {
+        self.analysis.order()
     }
 
-    fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
+    /// Data of each entry of the pattern in the order in which [`Cholesky::factorize_placed`] wants the values.
+    pub fn place(&self, of_entries: &[u32]) -> Vec<u32> {
+        self.analysis.place(of_entries)
+    }
+
+    /// [`Factorization::factorize`] with values that come in the order of [`Cholesky::place`]: no copy between.
+    ///
+    /// # Errors
+    /// Those of [`Factorization::factorize`].
+    pub fn factorize_placed(
+        &mut self,
+        values: impl Iterator<Item = f64>,
+    ) -> Result<(), FactorError> {
         self.is_factorized = false;
-        self.analysis.load(values)?;
+        self.analysis.load_placed(values)?;
+        self.eliminate()
+    }
+
+    /// Room for [`Cholesky::solve_column`].
+    pub fn column(&self) -> Column<T> {
+        Column::new(&self.analysis.supernodes)
+    }
+
+    /// Solves for one right-hand side without allocation: row `rows[k]` of `b` and `x` is eliminated at step `k`;
+    /// rows that are not listed stay as they are. A solution that is not finite is the caller's to notice.
+    ///
+    /// # Errors
+    /// A missing factor.
+    pub fn solve_column(
+        &self,
+        rows: &[u32],
+        b: &[f64],
+        x: &mut [f64],
+        column: &mut Column<T>,
+    ) -> Result<(), FactorError> {
+        if !self.is_factorized {
+            return Err(FactorError::NotFactorized);
+        }
+        FactorError::expect_length("rows", self.analysis.n(), rows.len())?;
+        column.solve(&self.factor(), rows, b, x);
+        Ok(())
+    }
+
+    fn factor(&self) -> Factor<'_, T> {
+        let symbolic = &self.analysis.supernodes;
+        Factor { symbolic, values: &self.factor, has_unit_diagonal: false }
+    }
+
+    fn eliminate(&mut self) -> Result<(), FactorError> {
         let analysis = &self.analysis;
         factorize_supernodal_numeric_llt(
             &mut self.factor,
@@ -61,20 +118,31 @@ impl Factorization for Cholesky {
         for (step, position) in analysis.pivots() {
             let pivot = self.factor[position] * self.factor[position];
             // Only an overflow can leave a NaN here.
-            if pivot.is_nan() || pivot <= LOST * analysis.diagonal(step) {
+            if !pivot.is_finite() || pivot <= T::round(T::LOST) * analysis.diagonal(step) {
                 return Err(FactorError::Singular { row: analysis.row(step) });
             }
         }
         self.is_factorized = true;
         Ok(())
     }
+}
+
+impl<T: Precision> Factorization for Cholesky<T> {
+    fn n(&self) -> usize {
+        self.analysis.n()
+    }
+
+    fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
+        self.is_factorized = false;
+        self.analysis.load(values)?;
+        self.eliminate()
+    }
 
     fn solve(&self, rhs: &mut [f64], columns: usize) -> Result<(), FactorError> {
         if !self.is_factorized {
             return Err(FactorError::NotFactorized);
         }
-        let symbolic = &self.analysis.supernodes;
-        let factor = Factor { symbolic, values: &self.factor, has_unit_diagonal: false };
+        let factor = self.factor();
         self.analysis.solve(rhs, columns, |panel| {
             factor.forward(panel);
             factor.backward(panel);
@@ -155,6 +223,37 @@ mod tests {
         let mut cholesky = factorized(&first);
         cholesky.factorize(&second.values).unwrap();
         assert_eq!(solved(&cholesky, &b), solved(&factorized(&second), &b));
+    }
+
+    #[test]
+    fn one_column_without_allocation_is_the_same_solution() {
+        let matrix = elastic_block(8, 7, 6);
+        let n = matrix.pattern.n;
+        let b = load(n, 5);
+        let cholesky = factorized(&matrix);
+        // Rows of a longer vector, and values in elimination order.
+        let rows: Vec<u32> = cholesky.order().iter().map(|row| row + 2).collect();
+        let long: Vec<f64> = [7.0, 8.0].iter().chain(&b).copied().collect();
+        let mut placed = Cholesky::analyze(&matrix.pattern).unwrap();
+        let entries: Vec<u32> = (0..matrix.values.len() as u32).collect();
+        let values = placed.place(&entries).into_iter().map(|e| matrix.values[e as usize]);
+        placed.factorize_placed(values).unwrap();
+        let mut x = long.clone();
+        placed.solve_column(&rows, &long, &mut x, &mut placed.column()).unwrap();
+        assert_eq!(x[..2], [7.0, 8.0]);
+        assert!(relative_difference(&x[2..], &solved(&cholesky, &b)) < 1e-12);
+    }
+
+    #[test]
+    fn single_precision_is_a_close_preconditioner() {
+        let matrix = elastic_block(8, 7, 6);
+        let b: Vec<f64> = load(matrix.pattern.n, 6).iter().map(|b| 1e60 * b).collect();
+        let mut single = Cholesky::<f32>::with_precision(&matrix.pattern).unwrap();
+        single.factorize(&matrix.values).unwrap();
+        let rows = single.order().to_vec();
+        let mut x = vec![0.0; b.len()];
+        single.solve_column(&rows, &b, &mut x, &mut single.column()).unwrap();
+        assert!(relative_difference(&x, &solved(&factorized(&matrix), &b)) < 1e-4);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use faer::sparse::linalg::cholesky::supernodal::{
 
 use super::analysis::Analysis;
 use super::substitution::{Factor, Panel, zeros};
-use super::{FactorError, Factorization, LOST, Pattern};
+use super::{FactorError, Factorization, Pattern, Precision};
 
 /// Where a pivot is this small beside the matrix it is lifted to that size: harmless in an empty column of the
 /// factor, where it stands for a zero eigenvalue; anywhere else the growth gives it away.
@@ -49,7 +49,7 @@ struct Outcome {
 
 /// Sparse LDLᵀ factorisation with a symbolic analysis done once.
 pub struct Ldlt {
-    analysis: Analysis,
+    analysis: Analysis<f64>,
     factor: Vec<f64>,
     pivots: Vec<f64>,
     memory: MemBuffer,
@@ -82,7 +82,7 @@ impl Ldlt {
         self.outcome.as_ref().map(|outcome| outcome.inertia).ok_or(FactorError::NotFactorized)
     }
 
-    fn factor(&self) -> Factor<'_> {
+    fn factor(&self) -> Factor<'_, f64> {
         Factor {
             symbolic: &self.analysis.supernodes,
             values: &self.factor,
@@ -100,7 +100,7 @@ impl Ldlt {
             if growth.is_nan() || growth > MAX_GROWTH {
                 return Err(FactorError::Unstable { row, growth });
             }
-            if pivot.abs() <= LOST * (self.analysis.diagonal(step).abs() + subtracted) {
+            if pivot.abs() <= f64::LOST * (self.analysis.diagonal(step).abs() + subtracted) {
                 inertia.zero += 1;
                 null_row = null_row.or(Some(row));
             } else if pivot > 0.0 {
@@ -112,7 +112,7 @@ impl Ldlt {
         Ok(Outcome { inertia, null_row, norm: self.analysis.norm() })
     }
 
-    fn substitute(&self, panel: &mut Panel) {
+    fn substitute(&self, panel: &mut Panel<f64>) {
         let factor = self.factor();
         factor.forward(panel);
         panel.divide_rows(&self.pivots);
@@ -120,7 +120,7 @@ impl Ldlt {
     }
 
     /// Solves for a panel of right-hand sides and refines until the residual says that the solution is one.
-    fn solve_refined(&self, panel: &mut Panel, norm: f64) -> Result<(), FactorError> {
+    fn solve_refined(&self, panel: &mut Panel<f64>, norm: f64) -> Result<(), FactorError> {
         let rhs = panel.values.clone();
         self.substitute(panel);
         for refinement in 0.. {

@@ -4,26 +4,28 @@
 //! nothing outside this module sees them.
 
 mod analysis;
+mod block_matrix;
 mod cholesky;
+mod column;
 pub mod conjugate_gradients;
 mod error;
 mod gmres;
 mod ldlt;
 mod ordering;
 mod pattern;
+mod precision;
 mod substitution;
 #[cfg(test)]
 mod test_matrices;
 
+pub use block_matrix::BlockMatrix;
 pub use cholesky::Cholesky;
+pub use column::Column;
 pub use error::FactorError;
 pub use gmres::gmres;
 pub use ldlt::{Inertia, Ldlt};
 pub use pattern::Pattern;
-
-/// A pivot below this fraction of the terms it is the difference of has no digit left to trust: rounding alone
-/// leaves 5e-14 of them in the zero pivots of a body of 3e4 rows that nothing holds.
-const LOST: f64 = 1e-12;
+pub use precision::Precision;
 
 /// A direct solver for `A x = b`, `A` symmetric on a fixed [`Pattern`].
 pub trait Factorization: Send + Sync {

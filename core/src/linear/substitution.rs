@@ -12,16 +12,16 @@ use faer::linalg::triangular_solve::{
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::FactorError;
+use super::{FactorError, Precision};
 
 /// Right-hand sides in elimination order, `n x width`, row-major, with room for one supernode's update.
-pub(super) struct Panel {
+pub(super) struct Panel<T> {
     pub width: usize,
-    pub values: Vec<f64>,
-    update: Vec<f64>,
+    pub values: Vec<T>,
+    update: Vec<T>,
 }
 
-impl Panel {
+impl<T: Precision> Panel<T> {
     pub fn new(
         symbolic: &SymbolicSupernodalCholesky<u32>,
         width: usize,
@@ -39,7 +39,7 @@ impl Panel {
         self.values.truncate(rhs.len());
         for (x, &row) in self.values.chunks_exact_mut(self.width).zip(order) {
             for (x, b) in x.iter_mut().zip(rhs.chunks_exact(n)) {
-                *x = b[row as usize];
+                *x = T::round(b[row as usize]);
             }
         }
     }
@@ -48,11 +48,18 @@ impl Panel {
     pub fn scatter(&self, rhs: &mut [f64], order: &[u32]) {
         for (x, &row) in self.values.chunks_exact(self.width).zip(order) {
             for (x, b) in x.iter().zip(rhs.chunks_exact_mut(order.len())) {
-                b[row as usize] = *x;
+                b[row as usize] = x.double();
             }
         }
     }
 
+    fn rows(&mut self, first: usize, count: usize) -> MatMut<'_, T> {
+        let rows = &mut self.values[first * self.width..][..count * self.width];
+        MatMut::from_row_major_slice_mut(rows, count, self.width)
+    }
+}
+
+impl Panel<f64> {
     /// Largest entry of this panel, taken as a residual, over that of `|A| |x| + |b|`, for the worst column.
     pub fn backward_error(&self, solution: &[f64], rhs: &[f64], norm: f64) -> f64 {
         if !self.values.iter().chain(solution).all(|value| value.is_finite()) {
@@ -75,41 +82,36 @@ impl Panel {
             x.iter_mut().for_each(|x| *x /= divisor);
         }
     }
-
-    fn rows(&mut self, first: usize, count: usize) -> MatMut<'_, f64> {
-        let rows = &mut self.values[first * self.width..][..count * self.width];
-        MatMut::from_row_major_slice_mut(rows, count, self.width)
-    }
 }
 
 /// Zeros, or the memory's refusal as an error.
-pub(super) fn zeros(len: usize) -> Result<Vec<f64>, FactorError> {
+pub(super) fn zeros<T: Precision>(len: usize) -> Result<Vec<T>, FactorError> {
     let mut values = Vec::new();
     values.try_reserve_exact(len).map_err(|_| FactorError::OutOfMemory)?;
-    values.resize(len, 0.0);
+    values.resize(len, T::default());
     Ok(values)
 }
 
 /// A lower triangular factor by supernodes: the diagonal block on top of the rows below it, column-major.
 #[derive(Clone, Copy)]
-pub(super) struct Factor<'a> {
+pub(super) struct Factor<'a, T> {
     pub symbolic: &'a SymbolicSupernodalCholesky<u32>,
-    pub values: &'a [f64],
+    pub values: &'a [T],
     /// Whether the diagonal counts as one, its place being taken by the `D` of `L D Lᵀ`.
     pub has_unit_diagonal: bool,
 }
 
 /// One supernode of a factor.
-struct Supernode<'a> {
+struct Supernode<'a, T> {
     first: usize,
-    top: MatRef<'a, f64>,
-    below: MatRef<'a, f64>,
+    top: MatRef<'a, T>,
+    below: MatRef<'a, T>,
     rows_below: &'a [u32],
 }
 
-impl<'a> Factor<'a> {
+impl<'a, T: Precision> Factor<'a, T> {
     /// `panel <- L⁻¹ panel`.
-    pub fn forward(&self, panel: &mut Panel) {
+    pub fn forward(&self, panel: &mut Panel<T>) {
         for s in 0..self.symbolic.n_supernodes() {
             let Supernode { first, top, below, rows_below } = self.supernode(s);
             let mut update = std::mem::take(&mut panel.update);
@@ -122,17 +124,17 @@ impl<'a> Factor<'a> {
             }
             let known = &mut update[..rows_below.len() * width];
             let product = MatMut::from_row_major_slice_mut(known, rows_below.len(), width);
-            matmul(product, Accum::Replace, below, x.as_ref(), 1.0, Par::Seq);
+            matmul(product, Accum::Replace, below, x.as_ref(), T::round(1.0), Par::Seq);
             for (&row, known) in rows_below.iter().zip(known.chunks_exact(width)) {
                 let x = &mut panel.values[row as usize * width..][..width];
-                x.iter_mut().zip(known).for_each(|(x, known)| *x -= known);
+                x.iter_mut().zip(known).for_each(|(x, known)| *x -= *known);
             }
             panel.update = update;
         }
     }
 
     /// `panel <- L⁻ᵀ panel`.
-    pub fn backward(&self, panel: &mut Panel) {
+    pub fn backward(&self, panel: &mut Panel<T>) {
         for s in (0..self.symbolic.n_supernodes()).rev() {
             let Supernode { first, top, below, rows_below } = self.supernode(s);
             let mut update = std::mem::take(&mut panel.update);
@@ -143,7 +145,7 @@ impl<'a> Factor<'a> {
             }
             let known = MatRef::from_row_major_slice(known, rows_below.len(), width);
             let mut x = panel.rows(first, top.ncols());
-            matmul(x.as_mut(), Accum::Add, below.transpose(), known, -1.0, Par::Seq);
+            matmul(x.as_mut(), Accum::Add, below.transpose(), known, T::round(-1.0), Par::Seq);
             if self.has_unit_diagonal {
                 solve_unit_upper_triangular_in_place(top.transpose(), x, Par::Seq);
             } else {
@@ -153,6 +155,20 @@ impl<'a> Factor<'a> {
         }
     }
 
+    fn supernode(&self, s: usize) -> Supernode<'a, T> {
+        let symbolic = self.symbolic;
+        let first = symbolic.supernode_begin()[s] as usize;
+        let columns = symbolic.supernode_end()[s] as usize - first;
+        let rows_below = symbolic.supernode(s).pattern();
+        let offsets = symbolic.col_ptr_for_val();
+        let values = &self.values[offsets[s] as usize..offsets[s + 1] as usize];
+        let block = MatRef::from_column_major_slice(values, columns + rows_below.len(), columns);
+        let (top, below) = block.split_at_row(columns);
+        Supernode { first, top, below, rows_below }
+    }
+}
+
+impl Factor<'_, f64> {
     /// `sum_k L_ik² |d_k|` over `k < i` for every row `i`: the diagonal of `|L| |D| |Lᵀ|` less the pivot.
     pub fn weighted_row_squares(&self, weights: &[f64]) -> Vec<f64> {
         let mut sums = vec![0.0; weights.len()];
@@ -169,17 +185,5 @@ impl<'a> Factor<'a> {
             }
         }
         sums
-    }
-
-    fn supernode(&self, s: usize) -> Supernode<'a> {
-        let symbolic = self.symbolic;
-        let first = symbolic.supernode_begin()[s] as usize;
-        let columns = symbolic.supernode_end()[s] as usize - first;
-        let rows_below = symbolic.supernode(s).pattern();
-        let offsets = symbolic.col_ptr_for_val();
-        let values = &self.values[offsets[s] as usize..offsets[s + 1] as usize];
-        let block = MatRef::from_column_major_slice(values, columns + rows_below.len(), columns);
-        let (top, below) = block.split_at_row(columns);
-        Supernode { first, top, below, rows_below }
     }
 }

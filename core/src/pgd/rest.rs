@@ -18,7 +18,7 @@ impl<'a> Rest<'a> {
         let (mut force, mut tangent) = (vec![0.0; body.n_dofs()], body.zero_tangent());
         body.internal_force_and_tangent(&vec![0.0; body.n_dofs()], &mut force, &mut tangent);
         let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
-        let mut system = System::new(&tangent, body.n_dofs(), dofs, Vec::new())?;
+        let mut system = System::new(&tangent, body.n_dofs(), dofs)?;
         system.factorize(&tangent, 0.0)?;
         Ok(Rest { body, system })
     }

@@ -50,7 +50,7 @@ impl<'a> TouchExpansion<'a> {
         let mut force = vec![0.0; body.n_dofs()];
         body.internal_force_and_tangent(&base, &mut force, &mut tangent);
         let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
-        let mut system = System::new(&tangent, body.n_dofs(), dofs, Vec::new())?;
+        let mut system = System::new(&tangent, body.n_dofs(), dofs)?;
         system.factorize(&tangent, 0.0)?;
         Ok(TouchExpansion { body, system, base, order })
     }

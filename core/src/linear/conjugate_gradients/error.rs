@@ -38,8 +38,8 @@ pub enum Error {
         /// Iterations done before.
         iterations: usize,
     },
-    /// The budget ran out before the tolerance was reached.
-    MaxIterations(Info),
+    /// The budget of iterations or of time ran out before the tolerance was reached.
+    BudgetSpent(Info),
 }
 
 impl Error {
@@ -78,9 +78,9 @@ impl fmt::Display for Error {
             Self::IndefinitePreconditioner { iterations } => {
                 write!(f, "preconditioner is not positive definite (after {iterations} iterations)")
             }
-            Self::MaxIterations(Info { iterations, relative_residual }) => write!(
+            Self::BudgetSpent(Info { iterations, relative_residual }) => write!(
                 f,
-                "residual {relative_residual:.3e} after {iterations} iterations; raise max_iterations, loosen \
+                "residual {relative_residual:.3e} after {iterations} iterations; raise the budget, loosen \
                  relative_tolerance or use a stronger preconditioner"
             ),
         }

@@ -10,6 +10,8 @@ mod incomplete_cholesky;
 mod tests;
 
 use super::Pattern;
+use crate::simd::{Kernel, dispatch};
+use std::time::Instant;
 
 pub use block_jacobi::BlockJacobi;
 pub use error::Error;
@@ -30,7 +32,7 @@ pub trait Preconditioner {
     fn n(&self) -> usize;
 
     /// `z = M⁻¹ r`.
-    fn apply(&self, r: &[f64], z: &mut [f64]);
+    fn apply(&mut self, r: &[f64], z: &mut [f64]);
 }
 
 /// The symmetric matrix with `values` on `pattern`.
@@ -59,11 +61,13 @@ pub struct Settings {
     pub relative_tolerance: f64,
     /// Budget of iterations, each one product with the operator; default 1000.
     pub max_iterations: usize,
+    /// Time at which to stop with what there is; default none.
+    pub deadline: Option<Instant>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { relative_tolerance: 1e-8, max_iterations: 1000 }
+        Self { relative_tolerance: 1e-8, max_iterations: 1000, deadline: None }
     }
 }
 
@@ -97,10 +101,19 @@ impl Workspace {
         }
     }
 
+    /// The direction of the last iteration: where an indefinite operator has its negative curvature.
+    pub fn direction(&self) -> &[f64] {
+        &self.direction
+    }
+
     /// Sets out from `x` afresh: computes the residual and returns its norm.
     fn restart(&mut self, operator: &(impl Operator + ?Sized), b: &[f64], x: &[f64]) -> f64 {
-        operator.apply(x, &mut self.residual);
-        self.residual.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
+        if x.iter().all(|&x| x == 0.0) {
+            self.residual.copy_from_slice(b);
+        } else {
+            operator.apply(x, &mut self.residual);
+            self.residual.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
+        }
         self.direction.fill(0.0);
         norm(&self.residual)
     }
@@ -109,11 +122,11 @@ impl Workspace {
 /// Solves `A x = b` from the guess in `x`.
 ///
 /// # Errors
-/// Every [`Error`] but the first two leaves the last iterate in `x`; [`Error::MaxIterations`] says how good it is.
+/// Every [`Error`] but the first two leaves the last iterate in `x`; [`Error::BudgetSpent`] says how good it is.
 pub fn solve(
     x: &mut [f64],
     operator: &(impl Operator + ?Sized),
-    preconditioner: &(impl Preconditioner + ?Sized),
+    preconditioner: &mut (impl Preconditioner + ?Sized),
     b: &[f64],
     settings: &Settings,
     workspace: &mut Workspace,
@@ -145,8 +158,9 @@ pub fn solve(
         }
         // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
         while residual > settings.relative_tolerance * scale {
-            if info.iterations == settings.max_iterations {
-                return Err(Error::MaxIterations(info));
+            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if info.iterations == settings.max_iterations || is_late {
+                return Err(Error::BudgetSpent(info));
             }
             residual = step(x, operator, preconditioner, &mut energy, info.iterations, workspace)?;
             info.iterations += 1;
@@ -159,7 +173,7 @@ pub fn solve(
 fn step(
     x: &mut [f64],
     operator: &(impl Operator + ?Sized),
-    preconditioner: &(impl Preconditioner + ?Sized),
+    preconditioner: &mut (impl Preconditioner + ?Sized),
     energy: &mut f64,
     iterations: usize,
     workspace: &mut Workspace,
@@ -171,7 +185,7 @@ fn step(
         return Err(Error::IndefinitePreconditioner { iterations });
     }
     let turn = *energy / previous;
-    direction.iter_mut().zip(&*preconditioned).for_each(|(p, z)| *p = z + turn * *p);
+    dispatch(Turn { direction, preconditioned, turn });
     operator.apply(direction, image);
     let curvature = dot(direction, image);
     if !(curvature.is_finite() && energy.is_finite()) {
@@ -184,8 +198,8 @@ fn step(
         });
     }
     let length = *energy / curvature;
-    x.iter_mut().zip(&*direction).for_each(|(x, p)| *x += length * p);
-    residual.iter_mut().zip(&*image).for_each(|(r, q)| *r -= length * q);
+    dispatch(Advance { y: x, length, direction });
+    dispatch(Advance { y: residual, length: -length, direction: image });
     Ok(norm(residual))
 }
 
@@ -195,9 +209,62 @@ fn check_settings(&Settings { relative_tolerance, .. }: &Settings) -> Result<(),
 }
 
 fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
+    dispatch(Dot(x, y))
 }
 
 fn norm(x: &[f64]) -> f64 {
     dot(x, x).sqrt()
+}
+
+/// `x . y` in eight sums: one alone would wait for itself at every addition.
+struct Dot<'a>(&'a [f64], &'a [f64]);
+
+impl Kernel for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let (x, y) = (self.0.chunks_exact(8), self.1.chunks_exact(8));
+        let tail: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| x * y).sum();
+        let mut sums = [0.0; 8];
+        for (x, y) in x.zip(y) {
+            for lane in 0..8 {
+                sums[lane] += x[lane] * y[lane];
+            }
+        }
+        sums.iter().sum::<f64>() + tail
+    }
+}
+
+/// `y += length * direction`.
+struct Advance<'a> {
+    y: &'a mut [f64],
+    length: f64,
+    direction: &'a [f64],
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.y.iter_mut().zip(self.direction).for_each(|(y, p)| *y += self.length * p);
+    }
+}
+
+/// `direction <- preconditioned + turn * direction`.
+struct Turn<'a> {
+    direction: &'a mut [f64],
+    preconditioned: &'a [f64],
+    turn: f64,
+}
+
+impl Kernel for Turn<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let terms = self.direction.iter_mut().zip(self.preconditioned);
+        terms.for_each(|(p, z)| *p = z + self.turn * *p);
+    }
 }

@@ -1,5 +1,6 @@
 //! The solver against the direct one, preconditioners against each other, and every failure.
 
+use super::super::block_matrix::tests::blocked;
 use super::super::test_matrices::{self as matrices, elastic_block, load, relative_difference};
 use super::super::{Cholesky, Factorization};
 use super::*;
@@ -12,7 +13,7 @@ impl Preconditioner for Multiple {
         self.0
     }
 
-    fn apply(&self, r: &[f64], z: &mut [f64]) {
+    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         z.iter_mut().zip(r).for_each(|(z, r)| *z = self.1 * r);
     }
 }
@@ -40,7 +41,7 @@ fn operator(matrix: &matrices::Matrix) -> Matrix<'_> {
 
 fn solved(
     matrix: &matrices::Matrix,
-    preconditioner: &impl Preconditioner,
+    preconditioner: &mut impl Preconditioner,
     tolerance: f64,
 ) -> (Vec<f64>, Info) {
     let n = matrix.pattern.n;
@@ -66,15 +67,15 @@ fn uneven_block() -> matrices::Matrix {
 }
 
 fn block_jacobi(matrix: &matrices::Matrix) -> BlockJacobi {
-    let node: Vec<u32> = (0..matrix.pattern.n as u32).map(|dof| dof / 3).collect();
-    let mut preconditioner = BlockJacobi::analyze(&matrix.pattern, &node).unwrap();
-    preconditioner.factorize(&matrix.values).unwrap();
+    let mut preconditioner = BlockJacobi::new(matrix.pattern.n / 3);
+    preconditioner.factorize(&blocked(matrix)).unwrap();
     preconditioner
 }
 
 fn incomplete_cholesky(matrix: &matrices::Matrix) -> IncompleteCholesky {
-    let mut preconditioner = IncompleteCholesky::analyze(&matrix.pattern).unwrap();
-    preconditioner.factorize(&matrix.values).unwrap();
+    let matrix = blocked(matrix);
+    let mut preconditioner = IncompleteCholesky::new(&matrix);
+    preconditioner.factorize(&matrix).unwrap();
     preconditioner
 }
 
@@ -85,9 +86,9 @@ fn agrees_with_the_direct_solver() {
     let mut cholesky = Cholesky::analyze(&matrix.pattern).unwrap();
     cholesky.factorize(&matrix.values).unwrap();
     cholesky.solve(&mut direct, 1).unwrap();
-    let (x, info) = solved(&matrix, &block_jacobi(&matrix), 1e-12);
+    let (x, info) = solved(&matrix, &mut block_jacobi(&matrix), 1e-12);
     assert!(relative_difference(&x, &direct) < 1e-10);
-    let (x, _) = solved(&matrix, &incomplete_cholesky(&matrix), 1e-12);
+    let (x, _) = solved(&matrix, &mut incomplete_cholesky(&matrix), 1e-12);
     assert!(relative_difference(&x, &direct) < 1e-10);
     assert!(
         (matrix.relative_residual(&x, &load(x.len(), 0)) - info.relative_residual).abs() < 1e-12
@@ -97,9 +98,9 @@ fn agrees_with_the_direct_solver() {
 #[test]
 fn a_stronger_preconditioner_takes_fewer_iterations() {
     let matrix = uneven_block();
-    let (_, none) = solved(&matrix, &Multiple(matrix.pattern.n, 1.0), 1e-8);
-    let (_, block) = solved(&matrix, &block_jacobi(&matrix), 1e-8);
-    let (_, incomplete) = solved(&matrix, &incomplete_cholesky(&matrix), 1e-8);
+    let (_, none) = solved(&matrix, &mut Multiple(matrix.pattern.n, 1.0), 1e-8);
+    let (_, block) = solved(&matrix, &mut block_jacobi(&matrix), 1e-8);
+    let (_, incomplete) = solved(&matrix, &mut incomplete_cholesky(&matrix), 1e-8);
     assert!(2 * block.iterations < none.iterations, "{block:?} {none:?}");
     assert!(2 * incomplete.iterations < block.iterations, "{incomplete:?} {block:?}");
 }
@@ -110,8 +111,8 @@ fn solves_without_a_matrix_in_as_many_iterations_as_there_are_rows() {
     let mut x = vec![0.0; n];
     let mut tip_force = vec![0.0; n];
     tip_force[n - 1] = 1.0;
-    let settings = Settings { relative_tolerance: 1e-12, max_iterations: n };
-    solve(&mut x, &Bar(n), &Multiple(n, 1.0), &tip_force, &settings, &mut Workspace::new(n))
+    let settings = Settings { relative_tolerance: 1e-12, max_iterations: n, deadline: None };
+    solve(&mut x, &Bar(n), &mut Multiple(n, 1.0), &tip_force, &settings, &mut Workspace::new(n))
         .unwrap();
     (0..n).for_each(|i| assert!((x[i] - (i + 1) as f64).abs() < 1e-9));
 }
@@ -119,12 +120,12 @@ fn solves_without_a_matrix_in_as_many_iterations_as_there_are_rows() {
 #[test]
 fn starts_from_the_guess() {
     let matrix = elastic_block(6, 5, 4);
-    let preconditioner = block_jacobi(&matrix);
-    let (solution, cold) = solved(&matrix, &preconditioner, 1e-8);
+    let mut preconditioner = block_jacobi(&matrix);
+    let (solution, cold) = solved(&matrix, &mut preconditioner, 1e-8);
     let (b, settings) = (load(solution.len(), 0), Settings::default());
     let mut workspace = Workspace::new(b.len());
     let mut again = |x: &mut Vec<f64>| {
-        solve(x, &operator(&matrix), &preconditioner, &b, &settings, &mut workspace).unwrap()
+        solve(x, &operator(&matrix), &mut preconditioner, &b, &settings, &mut workspace).unwrap()
     };
     assert_eq!(again(&mut solution.clone()).iterations, 0);
     let mut near: Vec<f64> =
@@ -135,21 +136,32 @@ fn starts_from_the_guess() {
 #[test]
 fn a_spent_budget_keeps_the_last_iterate() {
     let matrix = elastic_block(6, 5, 4);
-    let preconditioner = block_jacobi(&matrix);
+    let mut preconditioner = block_jacobi(&matrix);
     let b = load(matrix.pattern.n, 0);
     let mut workspace = Workspace::new(b.len());
     let mut x = vec![0.0; b.len()];
     let mut run = |x: &mut Vec<f64>, max_iterations| {
         let settings = Settings { max_iterations, ..Settings::default() };
-        solve(x, &operator(&matrix), &preconditioner, &b, &settings, &mut workspace)
+        solve(x, &operator(&matrix), &mut preconditioner, &b, &settings, &mut workspace)
     };
-    let Err(Error::MaxIterations(info)) = run(&mut x, 12) else {
-        panic!("12 iterations cannot do")
-    };
+    let Err(Error::BudgetSpent(info)) = run(&mut x, 12) else { panic!("12 iterations cannot do") };
     assert_eq!(info.iterations, 12);
     assert!(info.relative_residual < 0.5);
     assert!((matrix.relative_residual(&x, &b) - info.relative_residual).abs() < 1e-12);
     assert!(run(&mut x, 1000).is_ok());
+}
+
+#[test]
+fn a_deadline_that_has_passed_stops_at_once() {
+    let matrix = elastic_block(4, 3, 3);
+    let b = load(matrix.pattern.n, 0);
+    let settings = Settings { deadline: Some(std::time::Instant::now()), ..Settings::default() };
+    let mut x = vec![0.0; b.len()];
+    let workspace = &mut Workspace::new(b.len());
+    let preconditioner = &mut block_jacobi(&matrix);
+    let stopped = solve(&mut x, &operator(&matrix), preconditioner, &b, &settings, workspace);
+    let info = Info { iterations: 0, relative_residual: 1.0 };
+    assert_eq!(stopped, Err(Error::BudgetSpent(info)));
 }
 
 #[test]
@@ -159,7 +171,7 @@ fn reports_an_indefinite_operator_and_preconditioner() {
     let mut workspace = Workspace::new(180);
     let mut x = vec![0.0; 180];
     let mut run = |matrix: &matrices::Matrix, sign| {
-        solve(&mut x, &operator(matrix), &Multiple(180, sign), &b, &settings, &mut workspace)
+        solve(&mut x, &operator(matrix), &mut Multiple(180, sign), &b, &settings, &mut workspace)
     };
     let failed = run(&matrix, 1.0);
     assert!(
@@ -175,7 +187,7 @@ fn refuses_bad_arguments() {
     let mut x = vec![0.0; 3];
     let mut run = |b: &[f64], relative_tolerance| {
         let settings = Settings { relative_tolerance, ..Settings::default() };
-        solve(&mut x, &Bar(3), &Multiple(3, 1.0), b, &settings, &mut Workspace::new(3))
+        solve(&mut x, &Bar(3), &mut Multiple(3, 1.0), b, &settings, &mut Workspace::new(3))
     };
     assert_eq!(run(&[1.0; 3], 0.0), Err(Error::InvalidTolerance { relative_tolerance: 0.0 }));
     assert_eq!(run(&[1.0; 2], 1e-8), Err(Error::Length { argument: "b", expected: 3, found: 2 }));
@@ -187,16 +199,16 @@ fn refuses_bad_arguments() {
 fn stops_at_rounding_rather_than_run_for_ever() {
     let matrix = elastic_block(4, 3, 3);
     let b = load(matrix.pattern.n, 0);
-    let settings = Settings { relative_tolerance: 1e-30, max_iterations: 300 };
+    let settings = Settings { relative_tolerance: 1e-30, max_iterations: 300, deadline: None };
     let mut x = vec![0.0; b.len()];
     let stopped = solve(
         &mut x,
         &operator(&matrix),
-        &block_jacobi(&matrix),
+        &mut block_jacobi(&matrix),
         &b,
         &settings,
         &mut Workspace::new(b.len()),
     );
-    assert!(matches!(stopped, Err(Error::MaxIterations(_))));
+    assert!(matches!(stopped, Err(Error::BudgetSpent(_))));
     assert!(matrix.relative_residual(&x, &b) < 1e-14);
 }

@@ -1,0 +1,103 @@
+"""A jerky random hand on the artery, in quasi-static and dynamic frames by direct and iterative solvers, for minutes.
+
+    python benchmarks/soak.py [SECONDS, 600 by default] [--seed N]
+
+The hand grasps a random place, jumps by up to a tenth of the organ's size a frame, jerks gravity about and lets go at
+random. What must not happen, and ends the run with status 1: a displacement that is not finite, a cell inside out, a
+frame that stands still for long without saying so, memory that grows. `make bench` runs ten seconds of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from machine import describe
+
+import viscera as vs
+
+KINDS = {
+    "quasi-static, cholesky": {"solver": "cholesky"},
+    "quasi-static, cg": {"solver": "cg", "budget": 0.005},
+    "backward Euler, cholesky": {"dynamics": "backward_euler", "time_step": 1 / 60},
+    "Newmark, cg": {"dynamics": "newmark", "time_step": 1 / 60, "damping": (2.0, 0.01), "solver": "cg"},
+}
+
+
+def resident() -> float:
+    """Resident memory of this process [MB]; 0 where the system does not tell."""
+    statm = Path("/proc/self/statm")
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6 if statm.exists() else 0.0
+
+
+def volumes(mesh: vs.Mesh, displacement: np.ndarray) -> np.ndarray:
+    """Deformed volume of every cell, times six."""
+    a, b, c, d = (mesh.points + displacement)[mesh.cells].swapaxes(0, 1)
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)
+
+
+def soak(name: str, seconds: float, seed: int) -> list[str]:
+    """Frames for some seconds; what went wrong, in words."""
+    rng, mesh = np.random.default_rng(seed), vs.organs.artery()
+    organ = vs.Organ(mesh, vs.MooneyRivlin(1.343e5, 0.335e5, alpha=4.167e6), fixed="top", element="P1")
+    stepper = organ.stepper(density=1060, **KINDS[name])
+    hand, faults = None, []
+    frames = cut = unstable = late = standing = 0
+    worst, gravity = 0.0, np.array([0.0, 0.0, -9.81])
+    began, memory = perf_counter(), [resident()]
+    while perf_counter() - began < seconds and not faults:
+        if hand is None:
+            hand = stepper.grasp(organ.patch(mesh.points[rng.choice(mesh.surface_nodes)], 0.1 * mesh.diagonal))
+        elif rng.random() < 0.02:
+            hand.release()
+            hand = None
+        else:
+            hand.move(rng.normal(size=3) * mesh.diagonal * rng.choice([0.002, 0.01, 0.05]))
+            if np.linalg.norm(hand.displacement) > 0.4 * mesh.diagonal:
+                hand.displacement = hand.displacement * 0.5  # a hand stays within reach
+        if rng.random() < 0.01:
+            turned = rng.normal(size=3)
+            gravity = 9.81 * turned / np.linalg.norm(turned)
+        frame = stepper.frame(gravity=gravity)
+        frames += 1
+        cut += frame.taken < 1.0
+        unstable += frame.is_unstable
+        late += not frame.within_budget
+        worst = max(worst, frame.residual)
+        standing = standing + 1 if frame.taken == 0.0 else 0
+        if not (np.isfinite(frame.displacement).all() and np.isfinite(frame.residual)):
+            faults.append(f"frame {frames} is not finite")
+        elif volumes(mesh, frame.displacement).min() <= 0.0:
+            faults.append(f"frame {frames} has a cell inside out")
+        if frames % 500 == 0:
+            memory.append(resident())
+    if hand is not None:
+        hand.release()
+    for _ in range(300):
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    if not (frame.residual < 1e-3 and frame.taken == 1.0):
+        faults.append(f"let go, it did not come to rest: residual {frame.residual:.1e}, taken {frame.taken}")
+    half = len(memory) // 2
+    growth = max(memory[half:]) - max(memory[: half + 1]) if half > 1 else 0.0
+    if growth > 20.0:
+        faults.append(f"memory grew by {growth:.0f} MB in the second half")
+    print(
+        f"{name:26s}{frames:9d}{cut:8d}{unstable:10d}{late:8d}{worst:12.1e}{frame.residual:12.1e}{growth:12.1f}"
+        f"  {'; '.join(faults) or 'none'}"
+    )
+    return faults
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("seconds", nargs="?", type=float, default=600.0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print(describe())
+    print("kind                         frames     cut  unstable    late  worst res.  at the end  growth [MB]  faults")
+    wrong = [soak(name, options.seconds / len(KINDS), options.seed) for name in KINDS]
+    sys.exit(1 if any(wrong) else 0)

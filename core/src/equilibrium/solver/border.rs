@@ -1,0 +1,119 @@
+//! The rows that patches add to a system: their tools prescribe `W s = c` and answer with forces `F`.
+//!
+//! Beside the inverse `M⁻¹` of a matrix, exact or not, the border keeps `G = M⁻¹ Wᵀ` and `(W G)⁻¹`. With an exact
+//! inverse, closing a step solves the bordered system; with a preconditioner, it is the constraint preconditioner of
+//! Gould, Hribar and Nocedal (2001).
+
+use crate::linear::FactorError;
+use crate::mesh::Patch;
+use faer::Mat;
+use faer::linalg::solvers::Solve;
+
+/// Patches on the degrees of freedom that are not held.
+pub(super) struct Border {
+    /// Rows of `W`: degree of freedom and weight.
+    rows: Vec<Vec<(u32, f64)>>,
+    /// `(W Wᵀ)⁻¹`.
+    gram: Mat<f64>,
+    n_dofs: usize,
+    /// A row of `W` laid out, zero between uses.
+    column: Vec<f64>,
+    /// Columns of `G`, one after the other.
+    influence: Vec<f64>,
+    /// `(W G)⁻¹`.
+    schur: Mat<f64>,
+}
+
+impl Border {
+    pub fn new(patches: Vec<Patch>, is_held: &[bool]) -> Self {
+        let row = |patch: &Patch, i: u32| {
+            let dofs =
+                patch.nodes.iter().map(move |node| 3 * node + i).zip(patch.weights.iter().copied());
+            dofs.filter(|&(dof, _)| !is_held[dof as usize]).collect::<Vec<_>>()
+        };
+        let rows: Vec<Vec<(u32, f64)>> = patches
+            .iter()
+            .flat_map(|patch| (0..3).map(|i| row(patch, i)).collect::<Vec<_>>())
+            .collect();
+        let mut dense = vec![0.0; is_held.len()];
+        let mut gram = Mat::zeros(rows.len(), rows.len());
+        for (k, row) in rows.iter().enumerate() {
+            row.iter().for_each(|&(dof, w)| dense[dof as usize] = w);
+            for (j, other) in rows.iter().enumerate() {
+                gram[(k, j)] = other.iter().map(|&(dof, w)| w * dense[dof as usize]).sum();
+            }
+            row.iter().for_each(|&(dof, _)| dense[dof as usize] = 0.0);
+        }
+        let gram = inverse(&gram);
+        let (n_dofs, influence) = (is_held.len(), Vec::new());
+        Border { rows, gram, n_dofs, column: dense, influence, schur: Mat::zeros(0, 0) }
+    }
+
+    /// Patch means that do not change.
+    pub fn zeros(&self) -> Vec<f64> {
+        vec![0.0; self.rows.len()]
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Renews `G` and `(W G)⁻¹` with a new `M⁻¹`.
+    pub fn influence(
+        &mut self,
+        mut solve: impl FnMut(&[f64], &mut [f64]) -> Result<(), FactorError>,
+    ) -> Result<(), FactorError> {
+        let k = self.rows.len();
+        if k == 0 {
+            return Ok(());
+        }
+        let n = self.n_dofs;
+        self.influence.resize(n * k, 0.0);
+        for (row, out) in self.rows.iter().zip(self.influence.chunks_exact_mut(n)) {
+            row.iter().for_each(|&(dof, w)| self.column[dof as usize] = w);
+            out.fill(0.0);
+            solve(&self.column, out)?;
+            row.iter().for_each(|&(dof, _)| self.column[dof as usize] = 0.0);
+        }
+        let columns = self.influence.chunks_exact(n);
+        let means: Vec<Vec<f64>> = columns.map(|column| self.means(column)).collect();
+        self.schur = inverse(&Mat::from_fn(k, k, |r, c| means[c][r]));
+        Ok(())
+    }
+
+    /// `W s`.
+    fn means(&self, s: &[f64]) -> Vec<f64> {
+        self.rows.iter().map(|row| row.iter().map(|&(dof, w)| w * s[dof as usize]).sum()).collect()
+    }
+
+    /// Adds to `s` the step by which `W s = c`, and gives the forces that take it.
+    pub fn close(&self, s: &mut [f64], c: &[f64], forces: &mut Vec<f64>) {
+        let gap: Vec<f64> = c.iter().zip(self.means(s)).map(|(c, mean)| c - mean).collect();
+        forces.clear();
+        forces.extend(product(&self.schur, &gap));
+        for (force, column) in forces.iter().zip(self.influence.chunks_exact(s.len().max(1))) {
+            s.iter_mut().zip(column).for_each(|(s, g)| *s += force * g);
+        }
+    }
+
+    /// The forces `F` that bring `residual + Wᵀ F` nearest to zero.
+    pub fn forces(&self, residual: &[f64]) -> Vec<f64> {
+        product(&self.gram, &self.means(residual)).map(|f| -f).collect()
+    }
+
+    /// Takes from a residual what forces of the tools can balance.
+    pub fn project(&self, residual: &mut [f64]) {
+        for (row, force) in self.rows.iter().zip(self.forces(residual)) {
+            row.iter().for_each(|&(dof, w)| residual[dof as usize] += force * w);
+        }
+    }
+}
+
+fn product<'a>(a: &'a Mat<f64>, x: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    (0..a.nrows()).map(move |r| (0..x.len()).map(|c| a[(r, c)] * x[c]).sum())
+}
+
+fn inverse(a: &Mat<f64>) -> Mat<f64> {
+    let n = a.nrows();
+    if n == 0 { Mat::zeros(0, 0) } else { a.partial_piv_lu().solve(Mat::<f64>::identity(n, n)) }
+}

@@ -1,0 +1,95 @@
+//! A Cholesky factor of the tangent on the degrees of freedom that are not fixed. What hands hold keeps its rows,
+//! as those of the identity: a grasp or a release changes values, not the pattern, and needs no new analysis.
+
+use crate::body::SymmetricBlocks;
+use crate::linear::{Cholesky, Column, FactorError, Precision};
+
+/// A factor with the way from the values of the tangent to its own order.
+pub(super) struct TangentFactor<T: Precision> {
+    cholesky: Cholesky<T>,
+    column: Column<T>,
+    /// Degree of freedom eliminated at each step.
+    dofs: Vec<u32>,
+    /// For every entry in elimination order its place in the values of the tangent, and its row and column.
+    positions: Vec<u32>,
+    ends: Vec<[u32; 2]>,
+    /// Diagonal entries in elimination order.
+    diagonal: Vec<u32>,
+    /// Entries that vanish because their row or column is held, and held diagonal entries.
+    silenced: Vec<u32>,
+    held: Vec<u32>,
+    values: Vec<f64>,
+}
+
+impl<T: Precision> TangentFactor<T> {
+    /// Analyses the pattern of a tangent on the `free` degrees of freedom, ascending.
+    pub fn new(tangent: &SymmetricBlocks, free: &[u32]) -> Result<Self, FactorError> {
+        let (pattern, positions) = tangent.restrict(free);
+        let cholesky = Cholesky::with_precision(&pattern)?;
+        let entries: Vec<u32> = (0..pattern.len() as u32).collect();
+        let placed = cholesky.place(&entries);
+        let mut column_of = vec![0u32; pattern.len()];
+        for column in 0..pattern.n {
+            column_of[pattern.column(column)].fill(column as u32);
+        }
+        let end = |entry: u32| [pattern.row[entry as usize], column_of[entry as usize]];
+        let ends: Vec<[u32; 2]> =
+            placed.iter().map(|&entry| end(entry).map(|row| free[row as usize])).collect();
+        let is_diagonal = |&k: &u32| ends[k as usize][0] == ends[k as usize][1];
+        Ok(TangentFactor {
+            column: cholesky.column(),
+            dofs: cholesky.order().iter().map(|&row| free[row as usize]).collect(),
+            positions: placed.iter().map(|&entry| positions[entry as usize]).collect(),
+            diagonal: (0..ends.len() as u32).filter(is_diagonal).collect(),
+            values: vec![0.0; ends.len()],
+            ends,
+            silenced: Vec::new(),
+            held: Vec::new(),
+            cholesky,
+        })
+    }
+
+    /// Chooses the degrees of freedom that are held from the next factor on.
+    pub fn hold(&mut self, is_held: &[bool]) {
+        let touches = |&k: &u32| self.ends[k as usize].iter().any(|&dof| is_held[dof as usize]);
+        let touched: Vec<u32> = (0..self.ends.len() as u32).filter(touches).collect();
+        let is_diagonal = |&k: &u32| self.ends[k as usize][0] == self.ends[k as usize][1];
+        (self.held, self.silenced) = touched.into_iter().partition(is_diagonal);
+    }
+
+    /// Factorises the tangent with these values and `shift` added to its diagonal.
+    pub fn factorize(&mut self, values: &[f64], shift: f64) -> Result<(), FactorError> {
+        if shift == 0.0 && self.held.is_empty() {
+            let placed = self.positions.iter().map(|&p| values[p as usize]);
+            return self.cholesky.factorize_placed(placed).map_err(|e| self.in_dofs(e));
+        }
+        for (value, &position) in self.values.iter_mut().zip(&self.positions) {
+            *value = values[position as usize];
+        }
+        self.diagonal.iter().for_each(|&k| self.values[k as usize] += shift);
+        self.silenced.iter().for_each(|&k| self.values[k as usize] = 0.0);
+        self.held.iter().for_each(|&k| {
+            self.values[k as usize] = self.values[k as usize].abs().max(f64::MIN_POSITIVE)
+        });
+        self.cholesky.factorize_placed(self.values.iter().copied()).map_err(|e| self.in_dofs(e))
+    }
+
+    fn in_dofs(&self, error: FactorError) -> FactorError {
+        let dof = |row: usize| {
+            let step = self.cholesky.order().iter().position(|&r| r as usize == row);
+            step.map_or(row, |step| self.dofs[step] as usize)
+        };
+        match error {
+            FactorError::NotPositiveDefinite { row } => {
+                FactorError::NotPositiveDefinite { row: dof(row) }
+            }
+            FactorError::Singular { row } => FactorError::Singular { row: dof(row) },
+            other => other,
+        }
+    }
+
+    /// `x = K⁻¹ b` on the free degrees of freedom; where `b` is zero on what is held, so is `x`.
+    pub fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
+        self.cholesky.solve_column(&self.dofs, b, x, &mut self.column)
+    }
+}

@@ -1,0 +1,265 @@
+//! Conjugate gradients for one tangent after another, on all degrees of freedom at once: held ones are zero.
+//!
+//! With patches the iteration runs in the space of steps that leave their means alone: residuals are projected,
+//! preconditioned residuals closed by the border. Every solve sets out from the best multiple of the last step, since
+//! a hand mostly goes on as it went.
+
+use super::border::Border;
+use super::lagged::Lagged;
+use super::{ConjugateGradients, Preconditioner, Solved};
+use crate::body::SymmetricBlocks;
+use crate::linear::conjugate_gradients::{
+    self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
+};
+use crate::linear::{BlockMatrix, FactorError};
+use std::time::Instant;
+
+/// A right-hand side that falls to this part of itself once the tools carry their share is none.
+const ROUNDING: f64 = 1e-14;
+
+enum Inverse {
+    BlockJacobi(BlockJacobi),
+    IncompleteCholesky(IncompleteCholesky),
+    Lagged(Lagged),
+}
+
+/// Conjugate gradients with their matrix, preconditioner and vectors.
+pub(super) struct Iterative {
+    settings: ConjugateGradients,
+    matrix: BlockMatrix,
+    inverse: Inverse,
+    /// Whether the preconditioner must be made anew, for good reason or because iterations grew.
+    is_stale: bool,
+    /// Iterations of the first solve after the preconditioner was made.
+    fresh_iterations: Option<usize>,
+    workspace: Workspace,
+    residual: Vec<f64>,
+    correction: Vec<f64>,
+    last: Vec<f64>,
+}
+
+impl Iterative {
+    pub fn new(
+        settings: ConjugateGradients,
+        tangent: &SymmetricBlocks,
+        free: &[u32],
+        n_dofs: usize,
+    ) -> Result<Self, FactorError> {
+        let matrix = BlockMatrix::new(n_dofs / 3, tangent.pairs());
+        let inverse = match settings.preconditioner {
+            Preconditioner::BlockJacobi => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
+            Preconditioner::IncompleteCholesky => {
+                Inverse::IncompleteCholesky(IncompleteCholesky::new(&matrix))
+            }
+            Preconditioner::LaggedCholesky => Inverse::Lagged(Lagged::new(tangent, free, n_dofs)?),
+        };
+        Ok(Iterative {
+            settings,
+            matrix,
+            inverse,
+            is_stale: true,
+            fresh_iterations: None,
+            workspace: Workspace::new(n_dofs),
+            residual: vec![0.0; n_dofs],
+            correction: vec![0.0; n_dofs],
+            last: vec![0.0; n_dofs],
+        })
+    }
+
+    pub fn hold(&mut self, is_held: &[bool]) {
+        self.matrix.hold(is_held);
+        if let Inverse::Lagged(lagged) = &mut self.inverse {
+            lagged.hold(is_held);
+        }
+        // The last step moved what is held now, or left alone what is free.
+        self.last.fill(0.0);
+        self.is_stale = true;
+    }
+
+    /// Takes a new tangent over; whether the preconditioner changed.
+    pub fn prepare(&mut self, values: &[f64], shift: f64) -> Result<bool, FactorError> {
+        self.matrix.fill(values, shift);
+        let is_stale = std::mem::take(&mut self.is_stale);
+        let renewed = match &mut self.inverse {
+            Inverse::BlockJacobi(inverse) => inverse.factorize(&self.matrix).map(|()| true),
+            Inverse::IncompleteCholesky(inverse) if is_stale => {
+                inverse.factorize(&self.matrix).map(|()| true)
+            }
+            Inverse::IncompleteCholesky(_) => Ok(false),
+            Inverse::Lagged(inverse) => inverse.renew(values, shift, is_stale),
+        };
+        self.is_stale = is_stale && renewed.is_err();
+        if *renewed.as_ref().unwrap_or(&false) {
+            self.fresh_iterations = None;
+        }
+        renewed
+    }
+
+    /// `z = M⁻¹ r`.
+    pub fn precondition(&mut self, r: &[f64], z: &mut [f64]) {
+        self.inverse.apply(r, z);
+    }
+
+    pub fn solve(
+        &mut self,
+        border: &Border,
+        b: &[f64],
+        c: &[f64],
+        step: &mut [f64],
+        forces: &mut Vec<f64>,
+        deadline: Option<Instant>,
+    ) -> Result<Solved, FactorError> {
+        // The step that moves the patches, and what is left to balance.
+        border.close(step, c, forces);
+        self.residual.copy_from_slice(b);
+        if step.iter().any(|&s| s != 0.0) {
+            self.matrix.apply(step, &mut self.correction);
+            self.residual.iter_mut().zip(&self.correction).for_each(|(r, k)| *r -= k);
+        }
+        // Twice: the force of a tool may be many times what is left without it, and so would be its rounding.
+        border.project(&mut self.residual);
+        border.project(&mut self.residual);
+        let is_rounding = dot(&self.residual, &self.residual) <= ROUNDING * ROUNDING * dot(b, b);
+        let solved = if is_rounding {
+            Solved { is_complete: true, ..Solved::default() }
+        } else {
+            let solved = self.iterate(border, deadline)?;
+            self.note(solved.iterations);
+            self.last.copy_from_slice(&self.correction);
+            step.iter_mut().zip(&self.correction).for_each(|(s, x)| *s += x);
+            solved
+        };
+        if !border.is_empty() {
+            self.matrix.apply(step, &mut self.correction);
+            let products = b.iter().zip(&self.correction);
+            self.residual.iter_mut().zip(products).for_each(|(r, (b, k))| *r = b - k);
+            *forces = border.forces(&self.residual);
+        }
+        Ok(solved)
+    }
+
+    /// The correction that balances the residual without moving the patches.
+    fn iterate(
+        &mut self,
+        border: &Border,
+        deadline: Option<Instant>,
+    ) -> Result<Solved, FactorError> {
+        self.guess(border);
+        let settings = Settings {
+            relative_tolerance: self.settings.tolerance,
+            max_iterations: self.settings.max_iterations,
+            deadline,
+        };
+        let n = self.residual.len();
+        let outcome = cg::solve(
+            &mut self.correction,
+            &Projected { matrix: &self.matrix, border },
+            &mut Closed { inverse: &mut self.inverse, n, border, forces: Vec::new() },
+            &self.residual,
+            &settings,
+            &mut self.workspace,
+        );
+        self.judge(outcome)
+    }
+
+    /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.
+    fn guess(&mut self, border: &Border) {
+        let Iterative { matrix, residual, correction, last, .. } = self;
+        let along = dot(last, residual);
+        if along == 0.0 {
+            correction.fill(0.0);
+            return;
+        }
+        Projected { matrix, border }.apply(last, correction);
+        let curvature = dot(last, correction);
+        let factor = if curvature > 0.0 { along / curvature } else { 0.0 };
+        correction.iter_mut().zip(&*last).for_each(|(x, p)| *x = factor * p);
+    }
+
+    /// What conjugate gradients say, in the terms of a step: a spent budget or a direction of negative curvature
+    /// still leaves a descent.
+    fn judge(&mut self, outcome: Result<cg::Info, Error>) -> Result<Solved, FactorError> {
+        let solved = |info: cg::Info, is_complete| Solved {
+            iterations: info.iterations,
+            residual: info.relative_residual,
+            is_complete,
+            indefinite: None,
+        };
+        match outcome {
+            Ok(info) => Ok(solved(info, true)),
+            Err(Error::BudgetSpent(info)) => Ok(solved(info, false)),
+            // What is left is rounding.
+            Err(Error::IndefinitePreconditioner { iterations }) => {
+                self.is_stale = true;
+                let info = cg::Info { iterations, relative_residual: self.settings.tolerance };
+                Ok(solved(info, false))
+            }
+            Err(Error::IndefiniteOperator { iterations, .. }) => {
+                let direction = self.workspace.direction();
+                let largest = (0..direction.len())
+                    .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()));
+                if iterations == 0 {
+                    self.correction.copy_from_slice(direction);
+                }
+                Ok(Solved { iterations, residual: 1.0, is_complete: false, indefinite: largest })
+            }
+            Err(_) => Err(FactorError::NotFinite { position: 0 }),
+        }
+    }
+
+    /// Iterations well above those of a fresh preconditioner ask for a new one.
+    fn note(&mut self, iterations: usize) {
+        let fresh = *self.fresh_iterations.get_or_insert(iterations);
+        self.is_stale |= iterations > 2 * fresh + 2;
+    }
+}
+
+impl Inverse {
+    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        match self {
+            Inverse::BlockJacobi(inverse) => cg::Preconditioner::apply(inverse, r, z),
+            Inverse::IncompleteCholesky(inverse) => cg::Preconditioner::apply(inverse, r, z),
+            Inverse::Lagged(inverse) => inverse.apply(r, z),
+        }
+    }
+}
+
+/// `P K` with the projector `P` of the patches.
+struct Projected<'a> {
+    matrix: &'a BlockMatrix,
+    border: &'a Border,
+}
+
+impl Operator for Projected<'_> {
+    fn n(&self) -> usize {
+        self.matrix.n()
+    }
+
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        self.matrix.apply(x, y);
+        self.border.project(y);
+    }
+}
+
+/// A preconditioner whose answers leave the means of the patches alone.
+struct Closed<'a> {
+    inverse: &'a mut Inverse,
+    n: usize,
+    border: &'a Border,
+    forces: Vec<f64>,
+}
+
+impl cg::Preconditioner for Closed<'_> {
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        self.inverse.apply(r, z);
+        self.border.close(z, &self.border.zeros(), &mut self.forces);
+    }
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}

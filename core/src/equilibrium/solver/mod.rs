@@ -1,0 +1,236 @@
+//! The linear systems of equilibrium behind one interface: a tangent `K` on the degrees of freedom that nothing
+//! holds, bordered by the prescribed means of patches,
+//!   K s - W^T F = b,   W s = c,
+//! by sparse Cholesky or by conjugate gradients. Fixed degrees of freedom are left out once and for all; what hands
+//! hold may change at any time.
+
+mod border;
+mod factor;
+mod iterative;
+mod lagged;
+#[cfg(test)]
+mod tests;
+
+use crate::body::SymmetricBlocks;
+use crate::error::Error;
+use crate::linear::FactorError;
+use crate::mesh::Patch;
+use border::Border;
+use factor::TangentFactor;
+use iterative::Iterative;
+use std::time::Instant;
+
+/// How linear systems are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Method {
+    /// Sparse Cholesky, a new factor for every tangent.
+    #[default]
+    Cholesky,
+    /// Preconditioned conjugate gradients.
+    ConjugateGradients(ConjugateGradients),
+}
+
+/// Settings of conjugate gradients.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConjugateGradients {
+    /// What each residual goes through.
+    pub preconditioner: Preconditioner,
+    /// Residual to reach, relative to the right-hand side.
+    pub tolerance: f64,
+    /// Iterations after which to stop with what there is.
+    pub max_iterations: usize,
+}
+
+impl Default for ConjugateGradients {
+    fn default() -> Self {
+        Self {
+            preconditioner: Preconditioner::LaggedCholesky,
+            tolerance: 1e-3,
+            max_iterations: 200,
+        }
+    }
+}
+
+/// Preconditioners of conjugate gradients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preconditioner {
+    /// The inverse of each node's diagonal block (paper B).
+    BlockJacobi,
+    /// Incomplete Cholesky without fill, by node blocks.
+    IncompleteCholesky,
+    /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside the
+    /// frames where there is a second thread.
+    LaggedCholesky,
+}
+
+impl Preconditioner {
+    /// Names, for messages and other languages.
+    pub const NAMES: [(&'static str, Preconditioner); 3] = [
+        ("block_jacobi", Preconditioner::BlockJacobi),
+        ("incomplete_cholesky", Preconditioner::IncompleteCholesky),
+        ("lagged_cholesky", Preconditioner::LaggedCholesky),
+    ];
+}
+
+impl Method {
+    /// # Errors
+    /// A tolerance that is not between 0 and 1, or no iterations.
+    pub fn check(&self) -> Result<(), Error> {
+        let Method::ConjugateGradients(cg) = self else { return Ok(()) };
+        if !(cg.tolerance > 0.0 && cg.tolerance < 1.0) || cg.max_iterations == 0 {
+            return Err(Error::input(format!(
+                "conjugate gradients: tolerance {} and {} iterations; give a tolerance between 0 and 1 and at \
+                 least one iteration",
+                cg.tolerance, cg.max_iterations
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// How a solve went.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Solved {
+    /// Iterations of conjugate gradients; 0 for a direct solve.
+    pub iterations: usize,
+    /// `|b - K s + W^T F| / |b|`; 0 for a direct solve.
+    pub residual: f64,
+    /// Whether the tolerance was reached within the budget.
+    pub is_complete: bool,
+    /// Degree of freedom that moves most in a direction of negative curvature, where one was met: the tangent is
+    /// not positive definite, and the step is the descent made before.
+    pub indefinite: Option<usize>,
+}
+
+/// A solver for the tangents of one body.
+pub struct Solver {
+    is_fixed: Vec<bool>,
+    is_held: Vec<bool>,
+    border: Border,
+    /// The border has not met the preconditioner yet.
+    is_border_new: bool,
+    kind: Kind,
+}
+
+enum Kind {
+    Direct(Box<TangentFactor<f64>>),
+    Iterative(Box<Iterative>),
+}
+
+impl Solver {
+    /// For tangents on the pattern of this one; the `fixed` degrees of freedom never move.
+    ///
+    /// # Errors
+    /// Settings out of range; a pattern the solver refuses.
+    pub fn new(
+        method: Method,
+        tangent: &SymmetricBlocks,
+        n_dofs: usize,
+        fixed: impl Iterator<Item = u32>,
+        patches: Vec<Patch>,
+    ) -> Result<Self, Error> {
+        method.check()?;
+        let mut is_fixed = vec![false; n_dofs];
+        fixed.for_each(|dof| is_fixed[dof as usize] = true);
+        let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| !is_fixed[d as usize]).collect();
+        let kind = match method {
+            Method::Cholesky => Kind::Direct(Box::new(TangentFactor::new(tangent, &free)?)),
+            Method::ConjugateGradients(settings) => {
+                Kind::Iterative(Box::new(Iterative::new(settings, tangent, &free, n_dofs)?))
+            }
+        };
+        let (is_held, border) = (is_fixed.clone(), Border::new(Vec::new(), &is_fixed));
+        let mut solver = Solver { is_fixed, is_held, border, is_border_new: true, kind };
+        solver.hold(&[], patches);
+        Ok(solver)
+    }
+
+    /// Holds `dofs`, beside the fixed ones, and the means of `patches`, until the next call.
+    pub fn hold(&mut self, dofs: &[u32], patches: Vec<Patch>) {
+        self.is_held.copy_from_slice(&self.is_fixed);
+        dofs.iter().for_each(|&dof| self.is_held[dof as usize] = true);
+        self.border = Border::new(patches, &self.is_held);
+        self.is_border_new = true;
+        match &mut self.kind {
+            Kind::Direct(factor) => factor.hold(&self.is_held),
+            Kind::Iterative(iterative) => iterative.hold(&self.is_held),
+        }
+    }
+
+    /// Whether a degree of freedom is fixed or held.
+    pub fn is_held(&self, dof: usize) -> bool {
+        self.is_held[dof]
+    }
+
+    /// Zeroes what is held, and takes from the rest the part that the patches' tools carry: what is out of balance.
+    pub fn project(&self, residual: &mut [f64]) {
+        for (r, &held) in residual.iter_mut().zip(&self.is_held) {
+            *r = if held { 0.0 } else { *r };
+        }
+        self.border.project(residual);
+    }
+
+    /// The forces of the patches' tools that balance a residual best [N]; zero on what is held.
+    pub fn patch_forces(&self, residual: &[f64]) -> Vec<f64> {
+        self.border.forces(residual)
+    }
+
+    /// Makes ready to solve with `K + shift * mean(diag K) * I`.
+    ///
+    /// # Errors
+    /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the state is not stable; other
+    /// factorisation errors.
+    pub fn prepare(&mut self, tangent: &SymmetricBlocks, shift: f64) -> Result<(), FactorError> {
+        let shift = if shift > 0.0 { shift * tangent.mean_diagonal() } else { 0.0 };
+        match &mut self.kind {
+            Kind::Direct(factor) => {
+                factor.factorize(tangent.values(), shift)?;
+                self.border.influence(|b, x| factor.solve(b, x))
+            }
+            Kind::Iterative(iterative) => {
+                let is_renewed = iterative.prepare(tangent.values(), shift)?;
+                if is_renewed || std::mem::take(&mut self.is_border_new) {
+                    self.border.influence(|b, x| {
+                        iterative.precondition(b, x);
+                        Ok(())
+                    })?;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Solves for the step `s` (held degrees of freedom stay zero) and the change of the patch forces, `b` being
+    /// the force on all degrees of freedom, `c` the change of the patch means. At the `deadline` an iterative
+    /// solver stops with what it has.
+    ///
+    /// # Errors
+    /// Values that are not finite; no matrix prepared.
+    pub fn solve(
+        &mut self,
+        b: &mut [f64],
+        c: &[f64],
+        step: &mut [f64],
+        forces: &mut Vec<f64>,
+        deadline: Option<Instant>,
+    ) -> Result<Solved, FactorError> {
+        for (b, &held) in b.iter_mut().zip(&self.is_held) {
+            *b = if held { 0.0 } else { *b };
+        }
+        step.fill(0.0);
+        let solved = match &mut self.kind {
+            Kind::Direct(factor) => {
+                factor.solve(b, step)?;
+                self.border.close(step, c, forces);
+                Solved { is_complete: true, ..Solved::default() }
+            }
+            Kind::Iterative(iterative) => {
+                iterative.solve(&self.border, b, c, step, forces, deadline)?
+            }
+        };
+        match step.iter().position(|s| !s.is_finite()) {
+            Some(row) => Err(FactorError::SolutionNotFinite { row, column: 0 }),
+            None => Ok(solved),
+        }
+    }
+}

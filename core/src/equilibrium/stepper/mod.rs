@@ -1,0 +1,518 @@
+//! Real time (paper B): one Newton iteration a frame from the last state.
+//!
+//! A frame moves what the hands hold, takes one full Newton step towards the new equilibrium, of forces alone or of
+//! forces and inertia, and reports what is left. A step that would turn a cell inside out is cut back, and said so;
+//! then the hands have moved only that part of the way, and the next frame goes on.
+
+mod mass;
+mod motion;
+mod relaxation;
+mod settings;
+#[cfg(test)]
+mod tests;
+
+pub use relaxation::Prony;
+pub use settings::{Dynamics, Integration, Mass, StepperSettings};
+
+use super::pressure::Pressure;
+use super::problem::{PatchLoad, Problem, patch_mean};
+use super::solver::{Solved, Solver};
+use crate::body::{Body, SymmetricBlocks};
+use crate::element::Element;
+use crate::error::Error;
+use crate::linear::FactorError;
+use crate::mesh::Patch;
+use mass::{MassMatrix, nodal_weight};
+use motion::Motion;
+use relaxation::Relaxation;
+use std::time::{Duration, Instant};
+
+/// What the hands and the world do in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// Displacements of the grasped degrees of freedom [m].
+    pub values: &'a [f64],
+    /// Mean displacements of the grasped patches [m].
+    pub means: &'a [[f64; 3]],
+    /// Dead nodal forces [N]; none where empty.
+    pub force: &'a [f64],
+    /// Gravity [m/s^2].
+    pub gravity: [f64; 3],
+}
+
+/// What one frame did.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Out-of-balance force that is left, relative to all nodal forces.
+    pub residual: f64,
+    /// Part of the step taken: 1, or less where a cell would have turned inside out.
+    pub taken: f64,
+    /// Whether the tangent was not positive definite: the state is not stable.
+    pub is_unstable: bool,
+    /// Iterations of the linear solver; 0 for a direct one.
+    pub iterations: usize,
+    /// Whether the linear solver reached its tolerance.
+    pub is_solved: bool,
+    /// Whether the frame took no longer than its budget of time.
+    pub within_budget: bool,
+    /// Wall time [s].
+    pub seconds: f64,
+    /// Strain energy of the law [J].
+    pub energy: f64,
+    /// Kinetic energy [J].
+    pub kinetic_energy: f64,
+    /// Force of each patch's tool on the body [N].
+    pub patch_forces: Vec<[f64; 3]>,
+}
+
+/// A body in the hands of a simulator.
+pub struct Stepper {
+    settings: StepperSettings,
+    fixed: Vec<u32>,
+    grasped: Vec<u32>,
+    patches: Vec<Patch>,
+    solver: Solver,
+    tangent: SymmetricBlocks,
+    motion: Option<Motion>,
+    relaxation: Option<Relaxation>,
+    nodal_mass: Vec<f64>,
+    force_scale: f64,
+    displacement: Vec<f64>,
+    start: Vec<f64>,
+    external: Vec<f64>,
+    internal: Vec<f64>,
+    residual: Vec<f64>,
+    way: Vec<f64>,
+    step: Vec<f64>,
+    trial: Vec<f64>,
+    forces: Vec<f64>,
+}
+
+/// Halvings of a step before a frame stands still.
+const MAX_CUTS: i32 = 10;
+
+/// What the Newton iterations of a frame did.
+struct Progress {
+    taken: f64,
+    is_unstable: bool,
+    iterations: usize,
+    is_solved: bool,
+    energy: f64,
+}
+
+impl Stepper {
+    /// A body with `fixed` degrees of freedom, from the displacement `start` or rest.
+    ///
+    /// # Errors
+    /// Settings out of range; indices out of range; a start that turns a cell inside out.
+    pub fn new(
+        body: &Body,
+        fixed: &[u32],
+        start: Option<Vec<f64>>,
+        settings: StepperSettings,
+    ) -> Result<Self, Error> {
+        settings.check()?;
+        let n = body.n_dofs();
+        let displacement = start.unwrap_or_else(|| vec![0.0; n]);
+        check_vector("start displacement", &displacement, n)?;
+        if let Some(dof) = fixed.iter().find(|&&dof| dof as usize >= n) {
+            return Err(Error::input(format!(
+                "point {} is fixed; there are {} points",
+                dof / 3,
+                n / 3
+            )));
+        }
+        if !body.energy(&displacement).is_finite() {
+            let (jacobian, cell) = body.smallest_jacobian(&displacement);
+            return Err(Error::input(format!(
+                "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
+            )));
+        }
+        let tangent = body.zero_tangent();
+        let nodal_mass = if settings.density.is_empty() {
+            Vec::new()
+        } else {
+            nodal_weight(body, &settings.density)?
+        };
+        let time_step = settings.time_step.unwrap_or_default();
+        let motion = match &settings.dynamics {
+            Some(dynamics) => {
+                let mass = MassMatrix::new(dynamics.mass, body, &tangent, &settings.density)?;
+                Some(Motion::new(dynamics, time_step, mass, n))
+            }
+            None => None,
+        };
+        if settings.relaxation.is_some() && body.element() != Element::P1 {
+            return Err(Error::input(format!(
+                "relaxation is for the element \"P1\", this body has {:?}; choose element=\"P1\"",
+                body.element().name()
+            )));
+        }
+        let relax = |prony| Relaxation::new(prony, time_step, body, &tangent, &displacement);
+        let relaxation = settings.relaxation.as_ref().map(relax);
+        let fixed = fixed.to_vec();
+        let dofs = fixed.iter().copied();
+        Ok(Stepper {
+            solver: Solver::new(settings.method, &tangent, n, dofs, Vec::new())?,
+            settings,
+            fixed,
+            grasped: Vec::new(),
+            patches: Vec::new(),
+            tangent,
+            motion,
+            relaxation,
+            nodal_mass,
+            force_scale: body.force_scale(),
+            start: displacement.clone(),
+            displacement,
+            external: vec![0.0; n],
+            internal: vec![0.0; n],
+            residual: vec![0.0; n],
+            way: vec![0.0; n],
+            step: vec![0.0; n],
+            trial: vec![0.0; n],
+            forces: Vec::new(),
+        })
+    }
+
+    /// From now on the hands hold these degrees of freedom and the means of these patches, and nothing else.
+    ///
+    /// # Errors
+    /// What [`Problem::check_grasp`] refuses of a problem that prescribes them. What nothing holds is not refused:
+    /// inertia may hold it, and without, the frame says that its tangent was not definite.
+    pub fn grasp(&mut self, body: &Body, dofs: &[u32], patches: &[Patch]) -> Result<(), Error> {
+        if dofs == self.grasped && patches == self.patches {
+            return Ok(());
+        }
+        let load = |patch: &Patch| PatchLoad { patch: patch.clone(), displacement: [0.0; 3] };
+        let problem = Problem {
+            body,
+            prescribed: self.fixed.iter().chain(dofs).map(|&dof| (dof, 0.0)).collect(),
+            force: vec![0.0; body.n_dofs()],
+            pressure: Pressure::default(),
+            patches: patches.iter().map(load).collect(),
+            start: None,
+        };
+        problem.check_grasp()?;
+        self.grasped = dofs.to_vec();
+        self.patches = patches.to_vec();
+        self.solver.hold(dofs, patches.to_vec());
+        Ok(())
+    }
+
+    /// Displacement after the last frame [m].
+    pub fn displacement(&self) -> &[f64] {
+        &self.displacement
+    }
+
+    /// Velocity after the last frame [m/s]; none without inertia.
+    pub fn velocity(&self) -> Option<&[f64]> {
+        self.motion.as_ref().map(|motion| motion.velocity.as_slice())
+    }
+
+    /// Sets the velocity of everything that is not fixed [m/s].
+    ///
+    /// # Errors
+    /// A wrong length; a value that is not finite; no inertia.
+    pub fn set_velocity(&mut self, velocity: &[f64]) -> Result<(), Error> {
+        check_vector("velocity", velocity, self.displacement.len())?;
+        let Some(motion) = &mut self.motion else {
+            return Err(Error::input(
+                "a velocity means nothing without dynamics; choose an integration",
+            ));
+        };
+        motion.velocity.copy_from_slice(velocity);
+        self.fixed.iter().for_each(|&dof| motion.velocity[dof as usize] = 0.0);
+        motion.has_started = false;
+        Ok(())
+    }
+
+    /// What holds each node after the last frame [N]: internal force and inertia less the forces applied.
+    pub fn reactions(&self) -> impl Iterator<Item = f64> + '_ {
+        self.internal.iter().zip(&self.external).map(|(i, e)| i - e)
+    }
+
+    /// One frame.
+    ///
+    /// # Errors
+    /// Values of a wrong length or not finite; gravity without a density; a tangent that no shift makes definite.
+    /// The state is then that of the frame before.
+    pub fn frame(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
+        // Into the thread pool once for the frame, not once for every loop over cells.
+        rayon::join(|| self.frame_in_pool(body, input), || ()).0
+    }
+
+    fn frame_in_pool(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
+        let clock = Instant::now();
+        self.check(input)?;
+        let deadline = self.settings.budget.map(|budget| clock + Duration::from_secs_f64(budget));
+        self.apply_loads(input);
+        self.start.copy_from_slice(&self.displacement);
+        let outcome = self.advance(body, input, deadline);
+        let progress = match outcome {
+            Ok(progress) => progress,
+            Err(error) => {
+                self.displacement.copy_from_slice(&self.start);
+                return Err(error);
+            }
+        };
+        let residual = self.take_stock(body, progress.taken < 1.0);
+        let seconds = clock.elapsed().as_secs_f64();
+        Ok(Frame {
+            residual,
+            taken: progress.taken,
+            is_unstable: progress.is_unstable,
+            iterations: progress.iterations,
+            is_solved: progress.is_solved,
+            within_budget: self.settings.budget.is_none_or(|budget| seconds <= budget),
+            seconds,
+            energy: progress.energy,
+            kinetic_energy: self.motion.as_ref().map_or(0.0, |m| m.mass.energy(&m.velocity)),
+            patch_forces: self.forces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect(),
+        })
+    }
+
+    fn check(&self, input: &Input<'_>) -> Result<(), Error> {
+        let (values, means) = (self.grasped.len(), self.patches.len());
+        let has_force = input.force.is_empty() || input.force.len() == self.displacement.len();
+        if (input.values.len(), input.means.len()) != (values, means) || !has_force {
+            return Err(Error::input(format!(
+                "a frame needs {values} grasped values, {means} patch displacements and {} force components or \
+                 none; got {}, {} and {}",
+                self.displacement.len(),
+                input.values.len(),
+                input.means.len(),
+                input.force.len()
+            )));
+        }
+        let moves = input.values.iter().chain(input.means.iter().flatten());
+        if !moves.chain(input.force).chain(&input.gravity).all(|v| v.is_finite()) {
+            return Err(Error::input("a frame's values must be finite"));
+        }
+        if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
+            return Err(Error::input("gravity needs a density [kg/m^3]"));
+        }
+        Ok(())
+    }
+
+    fn apply_loads(&mut self, input: &Input<'_>) {
+        if input.force.is_empty() {
+            self.external.fill(0.0);
+        } else {
+            self.external.copy_from_slice(input.force);
+        }
+        for (force, mass) in self.external.chunks_exact_mut(3).zip(&self.nodal_mass) {
+            (0..3).for_each(|i| force[i] += mass * input.gravity[i]);
+        }
+    }
+
+    /// The Newton iterations of a frame.
+    fn advance(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        deadline: Option<Instant>,
+    ) -> Result<Progress, Error> {
+        let mut progress = Progress {
+            taken: 1.0,
+            is_unstable: false,
+            iterations: 0,
+            is_solved: true,
+            energy: 0.0,
+        };
+        for iteration in 0..self.settings.iterations {
+            let tangent = &mut self.tangent;
+            body.internal_force_and_tangent(&self.displacement, &mut self.internal, tangent);
+            if let Some(relaxation) = &self.relaxation {
+                relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
+            }
+            if iteration == 0 {
+                self.set_out();
+            }
+            self.move_hands(input);
+            self.balance();
+            let (is_shifted, solved) = self.solve(input, deadline)?;
+            progress.is_unstable |= is_shifted || solved.indefinite.is_some();
+            progress.iterations += solved.iterations;
+            progress.is_solved &= solved.is_complete;
+            let (taken, energy) = self.take(body);
+            (progress.taken, progress.energy) = (progress.taken.min(taken), energy);
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                break;
+            }
+        }
+        Ok(progress)
+    }
+
+    /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
+    fn set_out(&mut self) {
+        let Some(motion) = &mut self.motion else { return };
+        let solver = &self.solver;
+        if !motion.has_started {
+            // M a = f_ext - f_int - C v
+            let [alpha, beta] = motion.damping;
+            self.tangent.multiply(&motion.velocity, &mut self.residual);
+            for (dof, r) in self.residual.iter_mut().enumerate() {
+                *r = self.external[dof] - self.internal[dof] - beta * *r;
+            }
+            motion.mass.add_product(-alpha, &motion.velocity, &mut self.residual);
+            solver.project(&mut self.residual);
+            motion.acceleration =
+                motion.mass.accelerations(&self.residual, &|dof| solver.is_held(dof));
+            motion.has_started = true;
+        }
+        motion.begin(|dof| solver.is_held(dof));
+    }
+
+    /// The way of what is held, in `step`; and with it the motion that the frame would end with.
+    fn move_hands(&mut self, input: &Input<'_>) {
+        self.step.fill(0.0);
+        for (&dof, value) in self.grasped.iter().zip(input.values) {
+            self.step[dof as usize] = value - self.displacement[dof as usize];
+        }
+        if let Some(motion) = &mut self.motion {
+            let (u, start, step) = (&self.displacement, &self.start, &self.step);
+            let solver = &self.solver;
+            motion.follow(|dof| u[dof] - start[dof] + step[dof], |dof| solver.is_held(dof));
+        }
+    }
+
+    /// `f_ext - f_int - K s - M a - C v` with the step `s` of the hands, in `residual`; the tangent becomes that of
+    /// the frame.
+    fn balance(&mut self) {
+        let beta = self.motion.as_ref().map_or(0.0, |motion| motion.damping[1]);
+        self.way.copy_from_slice(&self.step);
+        if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
+            self.way.iter_mut().zip(&motion.trial_velocity).for_each(|(w, v)| *w += beta * v);
+        }
+        if self.way.iter().any(|&w| w != 0.0) {
+            self.tangent.multiply(&self.way, &mut self.residual);
+        } else {
+            self.residual.fill(0.0);
+        }
+        for (dof, r) in self.residual.iter_mut().enumerate() {
+            *r = self.external[dof] - self.internal[dof] - *r;
+        }
+        if let Some(motion) = &self.motion {
+            let (mass, alpha) = (&motion.mass, motion.damping[0]);
+            mass.add_product(-1.0, &motion.trial_acceleration, &mut self.residual);
+            if alpha > 0.0 {
+                mass.add_product(-alpha, &motion.trial_velocity, &mut self.residual);
+            }
+            let [of_mass, of_stiffness] = motion.tangent_factors();
+            if beta > 0.0 {
+                self.tangent.values_mut().iter_mut().for_each(|k| *k *= of_stiffness);
+            }
+            mass.add_to(of_mass, &mut self.tangent);
+        }
+    }
+
+    /// Adds to the hands' step that of everything else; whether the tangent had to be shifted to be definite.
+    fn solve(
+        &mut self,
+        input: &Input<'_>,
+        deadline: Option<Instant>,
+    ) -> Result<(bool, Solved), Error> {
+        let mut shift = 0.0;
+        loop {
+            match self.solver.prepare(&self.tangent, shift) {
+                Ok(()) => break,
+                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
+                    if shift < 10.0 =>
+                {
+                    shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let gap: Vec<f64> = self
+            .patches
+            .iter()
+            .zip(input.means)
+            .flat_map(|(patch, mean)| {
+                let (now, held) =
+                    (patch_mean(patch, &self.displacement), patch_mean(patch, &self.step));
+                std::array::from_fn::<f64, 3, _>(|i| mean[i] - now[i] - held[i])
+            })
+            .collect();
+        let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
+        let solved = self.solver.solve(b, &gap, free, forces, deadline)?;
+        self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
+        Ok((shift > 0.0, solved))
+    }
+
+    /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy.
+    fn take(&mut self, body: &Body) -> (f64, f64) {
+        for cuts in 0..=MAX_CUTS {
+            let taken = 0.5f64.powi(cuts);
+            for (dof, trial) in self.trial.iter_mut().enumerate() {
+                *trial = self.displacement[dof] + taken * self.step[dof];
+            }
+            let energy = body.energy(&self.trial);
+            if energy.is_finite() {
+                std::mem::swap(&mut self.displacement, &mut self.trial);
+                return (taken, energy);
+            }
+        }
+        (0.0, body.energy(&self.displacement))
+    }
+
+    /// Ends a frame: the motion, what is out of balance, what the tools feel. The residual, relative.
+    fn take_stock(&mut self, body: &Body, is_cut: bool) -> f64 {
+        body.internal_force(&self.displacement, &mut self.internal);
+        if let Some(relaxation) = &mut self.relaxation {
+            relaxation.apply(&self.displacement, &mut self.internal, None);
+            relaxation.end(body.material(), &self.displacement);
+        }
+        let mut scale = square(&self.internal).max(square(&self.external));
+        if let Some(motion) = &mut self.motion {
+            let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
+            let way = |dof: usize| u[dof] - start[dof];
+            motion.follow(way, |dof| solver.is_held(dof));
+            motion.end(is_cut, way);
+            self.residual.fill(0.0);
+            motion.mass.add_product(1.0, &motion.acceleration, &mut self.residual);
+            scale = scale.max(square(&self.residual));
+            let [alpha, beta] = motion.damping;
+            motion.mass.add_product(alpha, &motion.velocity, &mut self.residual);
+            if beta > 0.0 {
+                // K of the frame's start, out of its tangent `of_mass M + of_stiffness K`.
+                let [of_mass, of_stiffness] = motion.tangent_factors();
+                self.tangent.multiply(&motion.velocity, &mut self.way);
+                motion.mass.add_product(-of_mass, &motion.velocity, &mut self.way);
+                let factor = beta / of_stiffness;
+                self.residual.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
+            }
+            self.internal.iter_mut().zip(&self.residual).for_each(|(f, r)| *f += r);
+        }
+        for (dof, r) in self.residual.iter_mut().enumerate() {
+            *r = self.external[dof] - self.internal[dof];
+        }
+        self.forces = self.solver.patch_forces(&self.residual);
+        self.solver.project(&mut self.residual);
+        // Below this the residual is rounding.
+        let rounding = 8.0 * f64::EPSILON * self.force_scale / 1e-9;
+        (square(&self.residual) / scale.max(rounding * rounding)).sqrt()
+    }
+}
+
+fn square(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
+}
+
+fn check_vector(name: &str, values: &[f64], n: usize) -> Result<(), Error> {
+    if values.len() != n {
+        return Err(Error::input(format!(
+            "{name} has {} values; it needs {n}, three for each point",
+            values.len()
+        )));
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(dof) => Err(Error::input(format!(
+            "{name} is {} at point {}; it must be finite",
+            values[dof],
+            dof / 3
+        ))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,102 @@
+//! Time: displacement, velocity and acceleration from frame to frame.
+//!
+//! With `D` the way of a frame of length `h`, both rules read `a = c_a D - a*`, `v = c_v D - v*`:
+//!   backward Euler:  c_a = 1/h^2,        c_v = 1/h,            a* = v/h,                         v* = 0;
+//!   Newmark:         c_a = 1/(beta h^2), c_v = gamma/(beta h), a* = v/(beta h) + (1/(2 beta) - 1) a,
+//!                    v* = (gamma/beta - 1) v + h (gamma/(2 beta) - 1) a.
+//! What is held moves with the mean velocity of the frame: a hand's way is given, and the trapezoidal rule would
+//! make its velocity swing.
+
+use super::mass::MassMatrix;
+use super::{Dynamics, Integration};
+
+/// The state of motion, with the terms a frame sets out with.
+pub(super) struct Motion {
+    pub mass: MassMatrix,
+    pub damping: [f64; 2],
+    integration: Integration,
+    time_step: f64,
+    pub velocity: Vec<f64>,
+    pub acceleration: Vec<f64>,
+    /// Whether `acceleration` is that of the equation of motion.
+    pub has_started: bool,
+    velocity_offset: Vec<f64>,
+    acceleration_offset: Vec<f64>,
+    /// Velocity and acceleration that end the frame on the way taken so far.
+    pub trial_velocity: Vec<f64>,
+    pub trial_acceleration: Vec<f64>,
+}
+
+impl Motion {
+    pub fn new(dynamics: &Dynamics, time_step: f64, mass: MassMatrix, n_dofs: usize) -> Self {
+        let zeros = || vec![0.0; n_dofs];
+        Motion {
+            mass,
+            damping: dynamics.damping,
+            integration: dynamics.integration,
+            time_step,
+            velocity: zeros(),
+            acceleration: zeros(),
+            has_started: false,
+            velocity_offset: zeros(),
+            acceleration_offset: zeros(),
+            trial_velocity: zeros(),
+            trial_acceleration: zeros(),
+        }
+    }
+
+    /// `[c_a, c_v]`.
+    fn rates(&self) -> [f64; 2] {
+        let h = self.time_step;
+        match self.integration {
+            Integration::BackwardEuler => [1.0 / (h * h), 1.0 / h],
+            Integration::Newmark { beta, gamma } => [1.0 / (beta * h * h), gamma / (beta * h)],
+        }
+    }
+
+    /// Factors of `M` and `K` in the tangent of a frame, `(c_a + c_v alpha) M + (1 + c_v beta) K`.
+    pub fn tangent_factors(&self) -> [f64; 2] {
+        let ([ca, cv], [alpha, beta]) = (self.rates(), self.damping);
+        [ca + cv * alpha, 1.0 + cv * beta]
+    }
+
+    /// Sets out on a frame.
+    pub fn begin(&mut self, is_held: impl Fn(usize) -> bool) {
+        let h = self.time_step;
+        for dof in 0..self.velocity.len() {
+            let (v, a) = (self.velocity[dof], self.acceleration[dof]);
+            let (velocity, acceleration) = match self.integration {
+                Integration::Newmark { beta, gamma } if !is_held(dof) => (
+                    (gamma / beta - 1.0) * v + h * (gamma / (2.0 * beta) - 1.0) * a,
+                    v / (beta * h) + (0.5 / beta - 1.0) * a,
+                ),
+                _ => (0.0, v / h),
+            };
+            self.velocity_offset[dof] = velocity;
+            self.acceleration_offset[dof] = acceleration;
+        }
+    }
+
+    /// Velocity and acceleration that the way `D` of the frame means.
+    pub fn follow(&mut self, way: impl Fn(usize) -> f64, is_held: impl Fn(usize) -> bool) {
+        let h = self.time_step;
+        let free = self.rates();
+        for dof in 0..self.velocity.len() {
+            let [ca, cv] = if is_held(dof) { [1.0 / (h * h), 1.0 / h] } else { free };
+            self.trial_velocity[dof] = cv * way(dof) - self.velocity_offset[dof];
+            self.trial_acceleration[dof] = ca * way(dof) - self.acceleration_offset[dof];
+        }
+    }
+
+    /// Ends the frame. One that was cut back ends with its mean velocity and no acceleration, like a soft blow.
+    pub fn end(&mut self, is_cut: bool, way: impl Fn(usize) -> f64) {
+        if is_cut {
+            for (dof, v) in self.trial_velocity.iter_mut().enumerate() {
+                *v = way(dof) / self.time_step;
+            }
+            self.trial_acceleration.fill(0.0);
+        }
+        std::mem::swap(&mut self.velocity, &mut self.trial_velocity);
+        std::mem::swap(&mut self.acceleration, &mut self.trial_acceleration);
+    }
+}

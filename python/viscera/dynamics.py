@@ -1,0 +1,71 @@
+"""Time: rules of integration, and tissue that relaxes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from viscera.errors import VisceraError, did_you_mean
+
+
+@dataclass(frozen=True)
+class Newmark:
+    """Newmark's rule (1959): u' = u + h v + h^2 ((1/2 - beta) a + beta a'), v' = v + h ((1 - gamma) a + gamma a').
+
+    With the defaults of second order and without dissipation; stable for every step where 2 beta >= gamma >= 1/2.
+    """
+
+    beta: float = 0.25
+    gamma: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.gamma >= 0.5 and 2.0 * self.beta >= self.gamma):
+            raise VisceraError(
+                f"Newmark with beta = {self.beta} and gamma = {self.gamma} is not stable for every time step; choose "
+                "2 beta >= gamma >= 1/2"
+            )
+
+
+@dataclass(frozen=True)
+class BackwardEuler:
+    """v' = (u' - u) / h, a' = (v' - v) / h: of first order; damps whatever is quick beside the time step h."""
+
+
+Integration: TypeAlias = str | Newmark | BackwardEuler
+""""newmark", "backward_euler", or a rule with settings of its own."""
+
+
+@dataclass(frozen=True)
+class Prony:
+    """Viscoelasticity: the law is what the tissue answers at once, and parts g_i of its stress fade with times tau_i.
+
+    S(t) = integral of G(t - s) dS_law(s), G(t) = 1 - sum_i g_i (1 - exp(-t / tau_i)), S the second Piola-Kirchhoff
+    stress, all of it. Simo and Hughes, Computational Inelasticity (1998), chapter 10.
+    g: relative moduli, positive, with a sum below 1; tau: relaxation times [s].
+    """
+
+    g: Sequence[float]
+    tau: Sequence[float]
+
+    def __post_init__(self) -> None:
+        if len(self.g) == 0 or len(self.g) != len(self.tau):
+            raise VisceraError(
+                f"relaxation has {len(self.g)} moduli g and {len(self.tau)} times tau; give one time for each modulus"
+            )
+        if not (min(self.g) > 0.0 and sum(self.g) < 1.0):
+            raise VisceraError(f"relaxation moduli g must be positive with a sum below 1, got {list(self.g)}")
+        if not min(self.tau) > 0.0:
+            raise VisceraError(f"relaxation times tau must be positive [s], got {list(self.tau)}")
+
+
+def core_integration(dynamics: Integration) -> tuple[float, float] | None:
+    """Newmark's beta and gamma, None for backward Euler."""
+    if isinstance(dynamics, Newmark):
+        return dynamics.beta, dynamics.gamma
+    if dynamics == "newmark":
+        return core_integration(Newmark())
+    if isinstance(dynamics, BackwardEuler) or dynamics == "backward_euler":
+        return None
+    hint = did_you_mean(str(dynamics), ("newmark", "backward_euler"))
+    raise VisceraError(f"no integration is called {dynamics!r}; {hint}")
