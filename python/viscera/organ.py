@@ -302,10 +302,9 @@ class Organ:
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
-        pade: sum the orders in their vector Padé form, which reaches deeper at the same cost; otherwise as a polynomial.
-        start: a stable equilibrium of this organ under dead loads (gravity, forces, tractions), which stay; rest
-            otherwise. The model then is of the loaded shape: contact points, patches and lengths are measured on it,
-            displacements and forces are what the touch adds.
+        pade: sum the orders in their vector Padé form, which reaches deeper, instead of as a polynomial.
+        start: a stable equilibrium under dead loads, which stay; rest otherwise. Contact points, patches and lengths
+            are then of the loaded shape, displacements and forces what the touch adds.
         vary: a parameter that the model is to cover for a range of values; `Touch.at` sets it.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)

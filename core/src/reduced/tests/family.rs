@@ -104,18 +104,18 @@ fn more_nodes_leave_less() {
 
 #[test]
 fn the_contact_radius_is_a_parameter_like_any_other() {
-    let (range, nodes) = ([0.010, 0.016], [0.0104, 0.0127, 0.0155]);
+    let (range, nodes) = ([0.013, 0.017], [0.0133, 0.0149, 0.0167]);
     let member = |&radius: &f64| Member { body: &ORGAN.body, radius };
     let family = Family {
         parameter: parameter("radius", &nodes, range),
         cells: Vec::new(),
         members: nodes.iter().map(member).collect(),
-        unseen: [0.010, 0.0115, 0.016].iter().map(|r| (*r, member(r))).collect(),
+        unseen: [0.013, 0.0141, 0.017].iter().map(|r| (*r, member(r))).collect(),
     };
     let (body, surface, fixed) = (&ORGAN.body, &ORGAN.surface, &ORGAN.fixed);
     let model = settings().run_family(body, &family, surface, fixed, &mut |_| true).unwrap();
     assert_eq!(model.metadata.radius, nodes[0]);
-    for radius in [0.010, 0.0121, 0.014, 0.016] {
+    for radius in [0.013, 0.0138, 0.0156, 0.017] {
         let mut model = model.clone();
         model.set_parameter(radius).unwrap();
         assert_eq!(model.metadata.radius, radius);
