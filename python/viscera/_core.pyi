@@ -32,6 +32,10 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
 
+def touch_series(body: Body, patches: list[Patch], base: Floats, order: int) -> list[tuple[Floats, Floats]]:
+    """Fields (terms, n, 3) and forces (terms, 3) of the series of contacts about the equilibrium `base` (n, 3), which
+    may be that of a contact already; monomials as in docs/model-file.md."""
+
 def pgd(
     body: Body,
     *,
@@ -143,6 +147,10 @@ class Body:
         depth: float,
         order: int,
         tolerance: float,
+        pade: bool,  # whether orders are summed in their Pade form
+        preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
+        family: dict[str, Any]
+        | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
@@ -213,5 +221,7 @@ class Model:
         contact_point (3,), and with `field` displacement (n, 3) [m]."""
     def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
+    def at(self, value: float, law_parameters: list[float]) -> Model:
+        """The model at another value of its parameter."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
