@@ -149,8 +149,7 @@ class Body:
         tolerance: float,
         pade: bool,  # whether orders are summed in their Pade form
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
-        family: dict[str, Any]
-        | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
+        family: dict[str, Any] | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
