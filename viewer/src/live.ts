@@ -172,7 +172,7 @@ export class LiveView implements Touched, Keyed {
   }
 
   touchMiddle(): void {
-    const hit = this.pointer.near(this.stage.centre);
+    const hit = this.pointer.near(this.middle);
     if (!hit) return;
     this.grab(hit);
     this.nudge(0, 0, 0.25);
@@ -230,6 +230,12 @@ export class LiveView implements Touched, Keyed {
       frame: { rate: this.stage.pace.rate, step: this.step.value, drawing: this.stage.drawing.value },
       specimens: this.specimens.map(({ facts, field }) => ({ ...facts, field: Array.from(field) })),
     };
+  }
+
+  /** The middle of the first organ at rest, where it stands [m]. */
+  private get middle(): Vec3 {
+    const { position } = this.specimens[0]!.place;
+    return new THREE.Vector3(...this.stage.centre).add(position).toArray();
   }
 
   /** Where a point of the first organ at rest [m] is on the canvas, in CSS pixels. */

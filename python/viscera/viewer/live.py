@@ -20,7 +20,7 @@ from viscera.viewer.surface import Arrays, pack
 
 DENSITY = 1000.0
 """Of tissue [kg/m^3], for a case that names none."""
-PAGE_UNKNOWNS = 6000
+PAGE_UNKNOWNS = 10_000
 """A page steps organs with so many degrees of freedom at tens of frames a second; larger ones, this machine."""
 
 
