@@ -10,7 +10,10 @@ import pytest
 
 import viscera as vs
 from viscera.case import read_case
+from viscera.touch import load_bytes
 from viscera.vary import law_at
+from viscera.viewer.surface import surface_model
+from viscera.viewer.web import web_model
 
 TOP: dict[str, Any] = {
     "touchable": lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.16),
@@ -132,6 +135,15 @@ def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
     state = organ.solve(force={"tip": (0, 0, -1.0)})
     with pytest.raises(ValueError, match="the loaded shape is another for every young"):
         organ.reduce(**TOP, start=state, vary=vs.Vary("young", 5e4, 2e6, nodes=2))
+
+
+def test_the_page_shows_the_value_the_model_is_set_to(touch: vs.Touch) -> None:
+    stiff = touch.at(2e6)
+    page = load_bytes(surface_model(stiff, "bar"))
+    assert page.value is None
+    assert page(POINT, PUSH).force == pytest.approx(stiff(POINT, PUSH).force)
+    small = web_model(stiff, "bar")
+    assert load_bytes(small.data)(POINT, PUSH).force == pytest.approx(stiff(POINT, PUSH).force, rel=1e-4)
 
 
 def test_a_case_with_a_range(tmp_path: Path) -> None:
