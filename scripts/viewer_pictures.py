@@ -42,8 +42,11 @@ def photograph_pair(browser: Any, url: str, name: str) -> None:
     page.goto(url)
     page.wait_for_selector(".view canvas.stage")
     page.get_by_text("Compare two laws").click()
-    page.evaluate("() => { viscera.touchMiddle(); viscera.nudge(-0.5, 0.1, 0.2); }")
-    page.wait_for_function("() => viscera.state().specimens.every(({ residual }) => residual < 1e-8)")
+    page.evaluate("() => { viscera.touchMiddle(); viscera.nudge(-0.8, 0.1, 0.4); }")
+    page.wait_for_function(
+        "() => { const { held, specimens } = viscera.state(); "
+        "return held && specimens.every(({ residual, force }) => residual < 1e-8 && Math.hypot(...force) > 0) }"
+    )
     shoot(page, name)
 
 
@@ -60,8 +63,8 @@ def main(model: str) -> None:
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with serve(vs.load(model), Path(model).stem.capitalize()) as server, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
-        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 38)
-        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 24)
+        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 26)
+        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)
         with serve_live(read_case(ROOT / "examples" / "artery.toml"), "Artery") as live:
             photograph_pair(browser, live.url, "viewer-pair.png")
         browser.close()

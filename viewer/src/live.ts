@@ -316,8 +316,9 @@ export class LiveView implements Touched, Keyed {
     const along = Array.from({ length: this.surface.rest.length / 3 }, (_, n) =>
       right.reduce((sum, r, i) => sum + r * this.surface.rest[3 * n + i]!, 0),
     );
-    const width = 1.15 * (Math.max(...along) - Math.min(...along));
-    if (isRoomier) this.stage.widen(this.laws.length > 1 ? 1.6 : 1);
+    const extent = Math.max(...along) - Math.min(...along);
+    const width = 1.15 * extent;
+    if (isRoomier) this.stage.widen((this.laws.length - 1) * width + extent);
     this.specimens = this.laws.map((law, k) => {
       const choose = (chosen: string) => this.setLaws(this.laws.map((old, j) => (j === k ? chosen : old)));
       const specimen = new Specimen(this.surface, this.hello.radius, this.stage, names, law, choose);

@@ -47,11 +47,19 @@ export class Pointer {
     return this.body.hit(this.ray);
   }
 
-  /** What lies under a point of the organ [m], or else under the middle of the canvas. */
+  /** What lies under a point of the organ [m], or nearest to it on the screen: vessels are hollow, organs bent. */
   near(point: Vec3): Hit | null {
-    const { clientWidth, clientHeight } = this.stage.canvas;
     const { x, y } = this.stage.project(new THREE.Vector3(...point));
-    return this.under(x, y) ?? this.under(clientWidth / 2, clientHeight / 2);
+    const { clientWidth, clientHeight } = this.stage.canvas;
+    const step = 0.03 * Math.min(clientWidth, clientHeight);
+    for (let ring = 0; ring <= 10; ring++) {
+      for (let k = 0; k < Math.max(1, 8 * ring); k++) {
+        const angle = (Math.PI * k) / (4 * ring || 1);
+        const hit = this.under(x + ring * step * Math.cos(angle), y + ring * step * Math.sin(angle));
+        if (hit) return hit;
+      }
+    }
+    return null;
   }
 
   dispose(): void {

@@ -8,6 +8,9 @@ import { studio } from "./studio";
 /** Field of view [degrees], and half the width that must be seen at the distance of 1. */
 const FIELD = 32;
 const HALF_WIDTH = 0.27;
+/** From where one organ is looked at, and up to which width [px] the readings lie below it. */
+const DISTANCE = 1.85;
+const NARROW = 820;
 /** Below so many frames a second pixels are saved; the share of them that is left along each side. */
 const SLUGGISH = 20;
 const COARSE = 0.5;
@@ -50,7 +53,7 @@ export class Stage {
     this.world.position.set(...centre).multiplyScalar(-1 / diagonal);
     this.scene.add(this.world);
     this.camera.up.set(0, 0, 1);
-    this.home.copy(viewpoint(facing)).multiplyScalar(1.85);
+    this.home.copy(viewpoint(facing)).multiplyScalar(DISTANCE);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
@@ -82,9 +85,12 @@ export class Stage {
     return new THREE.Vector3().crossVectors(this.camera.up, this.home).normalize().toArray();
   }
 
-  /** Makes room for organs side by side. */
-  widen(factor: number): void {
-    this.room = factor;
+  /** Makes room for organs side by side, together of this width [m]. */
+  widen(width: number): void {
+    const { fov, aspect } = this.camera;
+    const free = this.canvas.clientWidth > NARROW ? 0.74 : 0.92;
+    const seen = 2 * DISTANCE * Math.tan(0.5 * fov * THREE.MathUtils.DEG2RAD) * aspect * free;
+    this.room = Math.max(1, width / this.diagonal / seen);
     this.goHome();
   }
 
@@ -140,8 +146,8 @@ export class Stage {
     this.camera.aspect = width / height;
     // On a narrow screen the organ must still fit; beside the readings it stands left of the middle.
     this.camera.fov = Math.max(FIELD, 2 * THREE.MathUtils.RAD2DEG * Math.atan(HALF_WIDTH / this.camera.aspect));
-    const shift = width > 820 ? 0.5 * Math.min(330, 0.3 * width) : 0;
-    const drop = width > 820 ? 0 : 0.13 * height;
+    const shift = width > NARROW ? 0.5 * Math.min(330, 0.3 * width) : 0;
+    const drop = width > NARROW ? 0 : 0.13 * height;
     this.camera.setViewOffset(width, height, shift, drop, width, height);
     this.camera.updateProjectionMatrix();
     this.invalidate();
