@@ -149,12 +149,18 @@ class Body:
         tolerance: float,
         pade: bool,  # whether orders are summed in their Pade form
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
-        family: dict[str, Any]
-        | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
+        family: dict[str, Any] | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
+
+class Live:
+    """A case in real time for one page (live/): requests in, frames out; raises `ValueError` with a sentence."""
+
+    def __init__(self, case: bytes) -> None: ...
+    def describe(self) -> str: ...  # JSON
+    def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
 Solver = tuple[str, float, int]
 """Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""

@@ -47,6 +47,13 @@ export class Pointer {
     return this.body.hit(this.ray);
   }
 
+  /** What lies under a point of the organ [m], or else under the middle of the canvas. */
+  near(point: Vec3): Hit | null {
+    const { clientWidth, clientHeight } = this.stage.canvas;
+    const { x, y } = this.stage.project(new THREE.Vector3(...point));
+    return this.under(x, y) ?? this.under(clientWidth / 2, clientHeight / 2);
+  }
+
   dispose(): void {
     this.abort.abort();
   }
@@ -137,4 +144,17 @@ export class Pointer {
     const place = new THREE.Vector2((2 * x) / canvas.clientWidth - 1, 1 - (2 * y) / canvas.clientHeight);
     this.ray.setFromCamera(place, camera);
   }
+}
+
+/** A contact's displacement moved on by lengths [m] along the screen's axes and along the inward normal. */
+export function nudged(
+  { camera }: Stage,
+  contact: { normal: Vec3; displacement: Vec3 },
+  [right, up, inward]: readonly [number, number, number],
+): Vec3 {
+  const d = new THREE.Vector3(...contact.displacement);
+  d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0), right);
+  d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 1), up);
+  d.addScaledVector(new THREE.Vector3(...contact.normal), -inward);
+  return d.toArray();
 }

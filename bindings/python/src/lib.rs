@@ -7,6 +7,7 @@ mod body;
 mod convert;
 mod family;
 mod law;
+mod live;
 mod mesh;
 mod model;
 mod path;
@@ -33,6 +34,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     Ok(())
 }

@@ -9,9 +9,9 @@ use super::positions::Positions;
 use super::preload;
 use super::solve::{EDGE_ORDER, Expanded};
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::Surface;
-use std::time::Instant;
 
 /// Settings of a reduction.
 #[derive(Clone, Debug)]

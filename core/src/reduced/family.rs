@@ -134,7 +134,7 @@ impl ReducedModel {
     pub fn set_law_parameters(&mut self, parameters: Vec<f64>) -> Result<(), Error> {
         let columns = self.metadata.law_parameter_names.len();
         if columns == 0
-            || parameters.len() % columns != 0
+            || !parameters.len().is_multiple_of(columns)
             || parameters.iter().any(|p| !p.is_finite())
         {
             return Err(Error::input(format!(

@@ -114,7 +114,7 @@ impl Reduction {
 /// A displacement of the given size along one of six axes.
 fn along(axis: usize, size: f64) -> [f64; 3] {
     let mut d = [0.0; 3];
-    d[axis / 2] = if axis % 2 == 0 { size } else { -size };
+    d[axis / 2] = if axis.is_multiple_of(2) { size } else { -size };
     d
 }
 

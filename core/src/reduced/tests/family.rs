@@ -130,7 +130,7 @@ fn a_family_is_read_back_as_it_was_written() {
     let model = at(2.2);
     let again = ReducedModel::from_bytes(&model.to_bytes().unwrap()).unwrap();
     assert!(again.arrays == model.arrays && again.metadata == model.metadata);
-    assert_eq!(again.array("family_force").is_some(), true);
+    assert!(again.array("family_force").is_some());
     // Without the family it is a plain model of that one value.
     let mut plain = model.clone();
     (plain.metadata.parameter, plain.arrays.family) = (None, Answers::default());
