@@ -28,7 +28,7 @@ def main(touches: int) -> None:
     organ = vs.Organ(liver, vs.NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")
     face = organ.touchable("anterior")
     centre = liver.points[middle(liver, face)]
-    near = np.intersect1d(face, liver.near(centre, 0.2 * liver.diagonal))
+    near = np.intersect1d(face, liver.near(centre, 0.09 * liver.diagonal))
 
     def nodule(x: Floats) -> Floats:
         return np.asarray(np.linalg.norm(x - (centre - (0.0, 0.0, 0.012)), axis=1) < 0.015)
