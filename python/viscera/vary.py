@@ -27,7 +27,7 @@ class Vary:
     >>> import viscera as vs
     >>> nodes = vs.Vary("young", 1e3, 1e5, nodes=3).values
     >>> [round(float(young)) for young in nodes]
-    [1364, 10000, 73313]
+    [1361, 10000, 73456]
     """
 
     name: str
