@@ -80,7 +80,7 @@ fn forward<T: Precision>(factor: &Factor<'_, T>, s: usize, values: &mut [T], bel
         let known = x[j] / column[j];
         x[j] = known;
         for (x, l) in x[j + 1..].iter_mut().zip(&column[j + 1..]) {
-            *x = *x - *l * known;
+            *x -= *l * known;
         }
     }
     if rows_below.is_empty() {
@@ -94,17 +94,17 @@ fn forward<T: Precision>(factor: &Factor<'_, T>, s: usize, values: &mut [T], bel
         let (l0, l1, l2, l3) = (tail(j), tail(j + 1), tail(j + 2), tail(j + 3));
         let (x0, x1, x2, x3) = (x[j], x[j + 1], x[j + 2], x[j + 3]);
         for ((((y, l0), l1), l2), l3) in below.iter_mut().zip(l0).zip(l1).zip(l2).zip(l3) {
-            *y = *y + ((*l0 * x0 + *l1 * x1) + (*l2 * x2 + *l3 * x3));
+            *y += (*l0 * x0 + *l1 * x1) + (*l2 * x2 + *l3 * x3);
         }
         j += 4;
     }
     for j in j..columns {
         let known = x[j];
-        below.iter_mut().zip(tail(j)).for_each(|(y, l)| *y = *y + *l * known);
+        below.iter_mut().zip(tail(j)).for_each(|(y, l)| *y += *l * known);
     }
     for (&row, share) in rows_below.iter().zip(below) {
         let value = &mut values[row as usize];
-        *value = *value - *share;
+        *value -= *share;
     }
 }
 
@@ -123,12 +123,12 @@ fn backward<T: Precision>(factor: &Factor<'_, T>, s: usize, values: &mut [T], be
     while j + 4 <= columns && !below.is_empty() {
         let known = dot4([tail(j), tail(j + 1), tail(j + 2), tail(j + 3)], below);
         for k in 0..4 {
-            x[j + k] = x[j + k] - known[k];
+            x[j + k] -= known[k];
         }
         j += 4;
     }
     for j in j..columns {
-        x[j] = x[j] - dot(tail(j), below);
+        x[j] -= dot(tail(j), below);
     }
     for j in (0..columns).rev() {
         let column = &block[j * height..j * height + columns];
@@ -148,10 +148,10 @@ fn dot<T: Precision>(a: &[T], b: &[T]) -> T {
     let mut sum = tails.fold(T::default(), |sum, (a, b)| sum + *a * *b);
     for (a, b) in a_chunks.zip(b_chunks) {
         for lane in 0..LANES {
-            sums[lane] = sums[lane] + a[lane] * b[lane];
+            sums[lane] += a[lane] * b[lane];
         }
     }
-    sums.iter().for_each(|s| sum = sum + *s);
+    sums.iter().for_each(|s| sum += *s);
     sum
 }
 
@@ -168,7 +168,7 @@ fn dot4<T: Precision>(a: [&[T]; 4], b: &[T]) -> [T; 4] {
         let rows = [&a0[i..i + LANES], &a1[i..i + LANES], &a2[i..i + LANES], &a3[i..i + LANES]];
         for (sums, a) in sums.iter_mut().zip(rows) {
             for lane in 0..LANES {
-                sums[lane] = sums[lane] + a[lane] * b[lane];
+                sums[lane] += a[lane] * b[lane];
             }
         }
         i += LANES;

@@ -127,7 +127,7 @@ impl<'a, T: Precision> Factor<'a, T> {
             matmul(product, Accum::Replace, below, x.as_ref(), T::round(1.0), Par::Seq);
             for (&row, known) in rows_below.iter().zip(known.chunks_exact(width)) {
                 let x = &mut panel.values[row as usize * width..][..width];
-                x.iter_mut().zip(known).for_each(|(x, known)| *x = *x - *known);
+                x.iter_mut().zip(known).for_each(|(x, known)| *x -= *known);
             }
             panel.update = update;
         }

@@ -29,11 +29,16 @@ struct Spare {
     is_wanted: bool,
 }
 
+/// A factor to renew, with the values of the tangent and the shift.
+type Order = (Box<Factor>, Vec<f64>, f64);
+/// The factor come back, and whether it is of use.
+type Done = (Box<Factor>, Result<(), FactorError>);
+
 /// A thread that factorises what it is sent, and ends when nothing more can come.
 struct Worker {
-    orders: Option<Sender<(Box<Factor>, Vec<f64>, f64)>>,
+    orders: Option<Sender<Order>>,
     /// Behind a lock only so that a stepper may be shared; nobody ever waits for it.
-    done: Mutex<Receiver<(Box<Factor>, Result<(), FactorError>)>>,
+    done: Mutex<Receiver<Done>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -140,7 +145,7 @@ impl Spare {
 
 impl Worker {
     fn start() -> Self {
-        let (orders, incoming) = channel::<(Box<Factor>, Vec<f64>, f64)>();
+        let (orders, incoming) = channel::<Order>();
         let (outgoing, done) = channel();
         let thread = std::thread::spawn(move || {
             for (mut factor, values, shift) in incoming {
