@@ -32,7 +32,16 @@ static MODEL: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
     let body = Body::new(points, cells, law).unwrap();
     let user = serde_json::Value::Null;
     let tolerance = 1e-4;
-    let reduction = Reduction { touchable, radius: 0.015, depth: DEPTH, order: 3, tolerance, user };
+    let reduction = Reduction {
+        touchable,
+        radius: 0.015,
+        depth: DEPTH,
+        order: 3,
+        tolerance,
+        pade: true,
+        preload: Vec::new(),
+        user,
+    };
     let model = reduction.run(&body, &skin, &fixed, &mut |_| true).unwrap();
     let sampling = Sampling { order: 3, tolerance: 0.01, depth: DEPTH };
     Arc::new(Galerkin::new(model, sampling, &mut |_| true).unwrap())
