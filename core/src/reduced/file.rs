@@ -14,7 +14,7 @@ fn is_optional(name: &str) -> bool {
 }
 
 /// A number type with a fixed little-endian form.
-pub(crate) trait Stored: Copy {
+trait Stored: Copy {
     const DTYPE: Dtype;
     const SIZE: usize;
     fn read(bytes: &[u8]) -> Self;
@@ -56,21 +56,21 @@ macro_rules! for_each_array {
         $apply!("patch_start", patch_start, 1);
         $apply!("patch_nodes", patch_nodes, 1);
         $apply!("patch_weights", patch_weights, 1);
-        $apply!("compliance", compliance, 9);
-        $apply!("cross_compliance", cross_compliance, 9);
-        $apply!("force", force, 3);
-        $apply!("edge_force", edge_force, 3);
-        $apply!("sketch", sketch, SKETCH);
-        $apply!("norms", norms, 1);
-        $apply!("compression", compression, 1);
+        $apply!("compliance", answers.compliance, 9);
+        $apply!("cross_compliance", answers.cross_compliance, 9);
+        $apply!("force", answers.force, 3);
+        $apply!("edge_force", answers.edge_force, 3);
+        $apply!("sketch", answers.sketch, SKETCH);
+        $apply!("norms", answers.norms, 1);
+        $apply!("compression", answers.compression, 1);
         $apply!("position_region", position_region, 1);
         $apply!("edge_region", edge_region, 1);
         $apply!("region_start", region_start, 1);
         $apply!("mode_scale", mode_scale, 1);
         $apply!("surface_modes", surface_modes, 3);
         $apply!("interior_modes", interior_modes, 3);
-        $apply!("position_coefficients", position_coefficients, 1);
-        $apply!("edge_coefficients", edge_coefficients, 1);
+        $apply!("position_coefficients", answers.position_coefficients, 1);
+        $apply!("edge_coefficients", answers.edge_coefficients, 1);
         $apply!("parameter_cells", parameter_cells, 1);
         $apply!("family_compliance", family.compliance, 9);
         $apply!("family_cross_compliance", family.cross_compliance, 9);
@@ -126,16 +126,8 @@ impl ReducedModel {
     /// # Errors
     /// Metadata that cannot be written as JSON.
     pub fn to_bytes(&self) -> Result<Vec<u8>, Error> {
-        self.to_bytes_with(Vec::new(), Vec::new())
-    }
-
-    /// The model file with further arrays, and further entries of its header: readers pass over them.
-    pub(crate) fn to_bytes_with<'a>(
-        &'a self,
-        mut encoded: Vec<Encoded<'a>>,
-        mut header: Vec<(String, String)>,
-    ) -> Result<Vec<u8>, Error> {
         let arrays = &self.arrays;
+        let mut encoded: Vec<(&str, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
         macro_rules! encode {
             ($name:literal, $($place:ident).+, $columns:expr) => {
                 if !arrays.$($place).+.is_empty() || !is_optional($name) {
@@ -152,8 +144,8 @@ impl ReducedModel {
             .collect::<Result<Vec<_>, Error>>()?;
         let text = serde_json::to_string(&self.metadata)
             .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
-        header.push((METADATA_KEY.to_string(), text));
-        serialize(views, Some(header.into_iter().collect())).map_err(broken)
+        let header = [(METADATA_KEY.to_string(), text)].into_iter().collect();
+        serialize(views, Some(header)).map_err(broken)
     }
 
     /// Reads a model file, checking everything before anything is used.
@@ -181,10 +173,11 @@ impl ReducedModel {
     }
 }
 
-/// An array in a file: name, type, shape, bytes.
-pub(crate) type Encoded<'a> = (&'a str, Dtype, Vec<usize>, Vec<u8>);
-
-pub(crate) fn encode<'a, T: Stored>(name: &'a str, values: &[T], columns: usize) -> Encoded<'a> {
+fn encode<'a, T: Stored>(
+    name: &'a str,
+    values: &[T],
+    columns: usize,
+) -> (&'a str, Dtype, Vec<usize>, Vec<u8>) {
     let mut bytes = Vec::with_capacity(T::SIZE * values.len());
     values.iter().for_each(|v| v.write(&mut bytes));
     let shape =
@@ -192,7 +185,7 @@ pub(crate) fn encode<'a, T: Stored>(name: &'a str, values: &[T], columns: usize)
     (name, T::DTYPE, shape, bytes)
 }
 
-pub(crate) fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
+fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
     let tensor = match tensors.tensor(name) {
         Ok(tensor) => tensor,
         Err(_) if is_optional(name) => return Ok(Vec::new()),
@@ -216,6 +209,6 @@ pub(crate) fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usiz
     Ok(tensor.data().chunks_exact(T::SIZE).map(T::read).collect())
 }
 
-pub(crate) fn broken(error: safetensors::SafeTensorError) -> Error {
+fn broken(error: safetensors::SafeTensorError) -> Error {
     Error::ModelFile(format!("{error}; it may be cut short or of another kind"))
 }
