@@ -226,30 +226,23 @@ class Model:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
 
 class Galerkin:
-    """The series model of an organ, with the cells that each of its regions has chosen."""
+    """The series model of an organ with its body, for several touches at once."""
 
     def __init__(
         self,
         model: Model,
         *,
         order: int,  # of the series fields
-        tolerance: float,  # of the forces of the chosen cells
+        tolerance: float,  # of the forces of the sampled cells
         depth: float,  # [m]
-        on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> None: ...
-    @staticmethod
-    def from_bytes(data: bytes) -> Galerkin: ...
-    def to_bytes(self) -> bytes: ...
-    model: Model
-    seconds: float
-    cells: list[Indices]
     def grasp(self, points: Floats) -> Grasp:
         """Contacts at points (k, 3) [m] take hold."""
 
 class Grasp:
     """Contacts that hold an organ."""
 
-    facts: dict[str, Any]  # modes, cells, sampling_error, seconds
+    facts: dict[str, Any]  # modes, cells, errors, seconds
     def patches(self) -> list[Patch]: ...
     def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> dict[str, Any]:
         """Equilibrium under mean displacements (k, 3) [m]: force (k, 3), stiffness (3 k, 3 k) if asked for,

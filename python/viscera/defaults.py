@@ -24,8 +24,8 @@ TOLERANCE = 2e-3
 GALERKIN_ORDER = 3
 """Order of the series fields that several touches are solved in: 19 modes for each contact."""
 
-GALERKIN_TOLERANCE = 0.02
-"""Relative error of the forces of the cells that a region chooses."""
+GALERKIN_TOLERANCE = 0.01
+"""Error of the forces of the sampled cells in training, relative to those of all."""
 
 CHECK_DEPTH_FRACTIONS = (0.05, 0.10)
 """Depths at which a model is checked, in units of the bounding-box diagonal."""

@@ -119,16 +119,16 @@ class Touch:
         order: int = defaults.GALERKIN_ORDER,
         tolerance: float = defaults.GALERKIN_TOLERANCE,
         depth: float | None = None,
-        progress: Callable[[int, int, str], None] | None = None,
     ) -> Galerkin:
         """The model of several touches at once, see `viscera.galerkin`; needs the element "P1".
 
-        order: of the series fields in its basis, at most that of this model. tolerance: relative error of the forces
-        of the cells that each region chooses. depth: largest displacement of a contact [m], by default this model's.
+        order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
+        sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
+        this model's.
         """
-        from viscera.galerkin import sample
+        from viscera.galerkin import galerkin
 
-        return sample(self, order, tolerance, depth, progress)
+        return galerkin(self, order, tolerance, depth)
 
     def organ(self) -> Organ:
         """The full organ this model was reduced from: mesh, law and supports are in the file."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.galerkin import Galerkin, load
+from viscera.galerkin import Galerkin
 
 LEFT, RIGHT = (0.3, 0.05, 0.1), (0.15, 0.04, 0.1)
 PUSHES = np.array([[0.004, 0.0, -0.010], [-0.003, 0.002, -0.012]])
@@ -83,20 +83,6 @@ def test_beyond_the_depth_of_training_nothing_is_trusted(fingers: Galerkin, touc
     assert "not trusted" in repr(held)
 
 
-def test_progress_is_told_and_may_stop_the_work(touch: vs.Touch) -> None:
-    seen = []
-    touch.galerkin(progress=lambda done, total, stage: seen.append((done, total, stage)))
-    assert seen
-    assert seen[0][0] == 0
-    assert {stage for *_, stage in seen} == {"sample"}
-
-    def stop(done: int, total: int, stage: str) -> None:
-        raise InterruptedError("enough")
-
-    with pytest.raises(InterruptedError, match="enough"):
-        touch.galerkin(progress=stop)
-
-
 @pytest.mark.parametrize(
     ("touches", "words"),
     [
@@ -127,17 +113,11 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
         fingers.grasp([[0.1, 0.2]])
 
 
-def test_a_file_brings_the_model_back(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:
-    file = tmp_path / "bar.viscera"
-    fingers.save(file)
+def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:
+    touch.save(tmp_path / "bar.viscera")
     touches = [(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])]
-    assert load(file).solve(touches).force == pytest.approx(fingers.solve(touches).force, rel=1e-9)
-    assert vs.load(file)(LEFT, PUSHES[0]).force == pytest.approx(touch(LEFT, PUSHES[0]).force, rel=1e-12)
-    touch.save(file)
-    with pytest.raises(vs.VisceraError, match="single touches only"):
-        load(file)
-    with pytest.raises(vs.VisceraError, match="no such model file"):
-        load(tmp_path / "none.viscera")
+    read = vs.load(tmp_path / "bar.viscera").galerkin(tolerance=0.005)
+    assert read.solve(touches).force == pytest.approx(fingers.solve(touches).force, rel=1e-9)
 
 
 def test_other_elements_are_refused(bar: vs.Mesh) -> None:

@@ -1,16 +1,15 @@
 //! Several touches at once: the hyper-reduced Galerkin model.
 
-use crate::body::Watch;
 use crate::mesh::Patch;
 use crate::{convert, model::Model};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
 use viscera_core::galerkin::{self, Sampling, Status, Trust};
 
-/// The series model of an organ, sampled.
+/// The series model of an organ and its body.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Galerkin {
     galerkin: Arc<galerkin::Galerkin>,
@@ -19,49 +18,17 @@ pub struct Galerkin {
 #[pymethods]
 impl Galerkin {
     #[new]
-    #[pyo3(signature = (model, *, order, tolerance, depth, on_progress))]
+    #[pyo3(signature = (model, *, order, tolerance, depth))]
     fn new(
         py: Python<'_>,
         model: &Model,
         order: usize,
         tolerance: f64,
         depth: f64,
-        on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Self> {
         let (series, sampling) = (model.model.clone(), Sampling { order, tolerance, depth });
-        let mut watch = Watch::new(on_progress);
-        let result = py.detach(|| {
-            galerkin::Galerkin::new(series, sampling, &mut |p| {
-                watch.report((p.done, p.total, p.stage))
-            })
-        });
-        Ok(Galerkin { galerkin: Arc::new(watch.outcome(result)?) })
-    }
-
-    #[staticmethod]
-    fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let read = py.detach(|| galerkin::Galerkin::from_bytes(data)).map_err(convert::error)?;
-        Ok(Galerkin { galerkin: Arc::new(read) })
-    }
-
-    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.galerkin.to_bytes()).map_err(convert::error)?;
-        Ok(PyBytes::new(py, &bytes))
-    }
-
-    #[getter]
-    fn model(&self) -> Model {
-        Model { model: self.galerkin.model().clone() }
-    }
-
-    #[getter]
-    fn seconds(&self) -> f64 {
-        self.galerkin.seconds
-    }
-
-    #[getter]
-    fn cells<'py>(&self, py: Python<'py>) -> Vec<Bound<'py, PyArray1<u32>>> {
-        self.galerkin.cells().iter().map(|cells| PyArray1::from_slice(py, cells)).collect()
+        let made = py.detach(|| galerkin::Galerkin::new(series, sampling));
+        Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
     }
 
     fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>) -> PyResult<Grasp> {
@@ -91,7 +58,7 @@ impl Grasp {
         let facts = PyDict::new(py);
         facts.set_item("modes", grasp.n_modes())?;
         facts.set_item("cells", grasp.n_cells())?;
-        facts.set_item("sampling_error", grasp.sampling_error())?;
+        facts.set_item("errors", (grasp.errors().half_depth, grasp.errors().depth))?;
         facts.set_item("seconds", grasp.seconds())?;
         Ok(facts)
     }

@@ -14,8 +14,6 @@ pub(super) struct Basis {
     pub modes: Vec<Vec<f64>>,
     /// Coordinates of each field in the modes: a row of the Cholesky factor of their Gram matrix.
     pub coordinates: Vec<Vec<f64>>,
-    /// The field each mode was made of.
-    pub origin: Vec<usize>,
 }
 
 impl Basis {
@@ -55,7 +53,7 @@ impl Basis {
             mode.iter_mut().for_each(|x| *x /= own);
             modes.push(mode);
         }
-        Basis { modes, coordinates, origin }
+        Basis { modes, coordinates }
     }
 
     /// Number of modes.

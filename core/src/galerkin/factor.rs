@@ -1,20 +1,27 @@
-//! The reduced tangent with its constraints, factorised: small, dense and without allocation where it matters.
+//! The reduced tangent under its constraints, factorised: small, dense and without allocation.
+//!
+//! Where tools hold the organ its tangent `K` may be indefinite although the equilibrium is stable: only displacements
+//! that leave the means of the patches, `A dq = 0`, must cost energy. `K_g = K + g A^T A` is definite then, and the
+//! step of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
 
 use super::nnls::dot;
 
+/// `g` in units of the mean diagonal entries of `K` and `A A^T`.
+const PENALTY: f64 = 10.0;
 /// First shift of an indefinite tangent, in units of its mean diagonal entry; ten times more until it is definite.
 const SHIFT: f64 = 1e-3;
 
-/// Cholesky factor of `K`, and of `A K^-1 A^T`.
+/// Cholesky factor of `K_g`, and of `A K_g^-1 A^T`.
 pub(super) struct Factor {
     r: usize,
     /// Rows of the lower factor, each `r` long.
     lower: Vec<f64>,
-    /// Rows of `A K^-1`.
+    /// Rows of `A K_g^-1`.
     influence: Vec<f64>,
-    /// Rows of the lower factor of `A K^-1 A^T`, each as long as there are constraints.
+    /// Rows of the lower factor of `A K_g^-1 A^T`, each as long as there are constraints.
     compliance: Vec<f64>,
     constraints: usize,
+    penalty: f64,
     is_ready: bool,
     is_shifted: bool,
 }
@@ -28,6 +35,7 @@ impl Factor {
             influence: vec![0.0; constraints * r],
             compliance: vec![0.0; constraints * constraints],
             constraints,
+            penalty: 0.0,
             is_ready: false,
             is_shifted: false,
         }
@@ -38,7 +46,7 @@ impl Factor {
         self.is_ready
     }
 
-    /// Whether it had to be shifted to be positive definite.
+    /// Whether it had to be shifted to be definite under the constraints.
     pub fn is_shifted(&self) -> bool {
         self.is_shifted
     }
@@ -48,14 +56,22 @@ impl Factor {
         self.is_ready = false;
     }
 
-    /// Factorises a tangent, shifted until it is positive definite.
+    /// Factorises a tangent, shifted until it is definite.
     pub fn factorize(&mut self, tangent: &[f64], means: &[Vec<f64>]) {
-        let r = self.r;
+        let (r, n) = (self.r, self.constraints);
         let mean = (0..r).map(|k| tangent[k * r + k].abs()).sum::<f64>() / r as f64;
+        let size = means.iter().map(|row| dot(row, row)).sum::<f64>() / n as f64;
+        self.penalty = PENALTY * mean / size;
         let mut shift = 0.0;
         loop {
             self.lower.copy_from_slice(tangent);
-            (0..r).for_each(|k| self.lower[k * r + k] += shift * mean);
+            for (k, row) in self.lower.chunks_exact_mut(r).enumerate() {
+                row[k] += shift * mean;
+                for a in means {
+                    let scale = self.penalty * a[k];
+                    row[..=k].iter_mut().zip(a).for_each(|(x, a)| *x += scale * a);
+                }
+            }
             if cholesky(&mut self.lower, r) || !(shift < 1e6) {
                 break;
             }
@@ -66,7 +82,6 @@ impl Factor {
             row.copy_from_slice(mean);
             solve(&self.lower, r, row);
         }
-        let n = self.constraints;
         for i in 0..n {
             for j in 0..n {
                 let row = &self.influence[j * r..(j + 1) * r];
@@ -77,26 +92,34 @@ impl Factor {
     }
 
     /// `dq` and the contact forces `F` of `K dq - A^T F = -force`, `A dq = missing`.
-    pub fn step(&self, force: &[f64], missing: &[f64], means: &[Vec<f64>]) -> (Vec<f64>, Vec<f64>) {
-        let r = self.r;
-        let mut step: Vec<f64> = force.iter().map(|f| -f).collect();
-        solve(&self.lower, r, &mut step);
-        let mut forces: Vec<f64> =
-            means.iter().zip(missing).map(|(row, m)| m - dot(row, &step)).collect();
-        solve(&self.compliance, self.constraints, &mut forces);
-        for (row, f) in self.influence.chunks_exact(r).zip(&forces) {
+    pub fn step(
+        &self,
+        force: &[f64],
+        missing: &[f64],
+        means: &[Vec<f64>],
+        step: &mut [f64],
+        forces: &mut [f64],
+    ) {
+        step.iter_mut().zip(force).for_each(|(x, f)| *x = -f);
+        solve(&self.lower, self.r, step);
+        for ((f, row), m) in forces.iter_mut().zip(means).zip(missing) {
+            *f = m - dot(row, step);
+        }
+        solve(&self.compliance, self.constraints, forces);
+        for (row, f) in self.influence.chunks_exact(self.r).zip(forces.iter()) {
             step.iter_mut().zip(row).for_each(|(x, a)| *x += f * a);
         }
-        (step, forces)
+        forces.iter_mut().zip(missing).for_each(|(f, m)| *f -= self.penalty * m);
     }
 
-    /// `dF/dd = (A K^-1 A^T)^-1`, row by row.
+    /// `dF/dd = (A K_g^-1 A^T)^-1 - g`, row by row.
     pub fn stiffness(&self) -> Vec<f64> {
         let n = self.constraints;
         let mut inverse = vec![0.0; n * n];
         for (k, row) in inverse.chunks_exact_mut(n).enumerate() {
             row[k] = 1.0;
             solve(&self.compliance, n, row);
+            row[k] -= self.penalty;
         }
         inverse
     }

@@ -1,24 +1,24 @@
-//! Contacts that hold an organ: basis and weights for them, and what the reduced equilibrium says and is worth.
+//! Contacts that hold an organ: basis, cells and weights for them, and what the reduced equilibrium says and is worth.
 
-use super::model::Galerkin;
-use super::nnls::{self, norm};
+use super::model::{Galerkin, Sampling};
+use super::nnls::{Columns, greedy, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
-use super::training::{Forces, State, states};
+use super::training::{Forces, State, states, systematic};
+use super::trial::Errors;
+use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::reduced::{Contact, allowance};
-use faer::MatRef;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// States by which the weights of a grasp are found, at least, and further ones by which they are judged.
+/// States by which cells and weights of a grasp are found, and how many of them show which cells come into question.
 const STATES: usize = 24;
-const CHECKS: usize = 6;
-
-/// Part of tail and sampling error that is left as error of the field (measured: 0.4 covers 19 of 20).
-const SHARE: f64 = 0.5;
+const FIRST_STATES: usize = 4;
+/// Cells that come into question.
+const CANDIDATES: usize = 2000;
 
 /// Whether a solution may be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,9 +68,9 @@ pub struct Grasp {
     owner: Arc<Galerkin>,
     contacts: Vec<Contact>,
     subspace: Subspace,
-    sampling_error: f64,
-    seconds: f64,
     solver: Solver,
+    errors: Errors,
+    seconds: f64,
     /// Whether it is at an equilibrium, to start the next from.
     is_settled: bool,
 }
@@ -78,34 +78,18 @@ pub struct Grasp {
 impl Grasp {
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
         let clock = Instant::now();
-        let (model, rest) = (&owner.model, &owner.rest);
-        let subspace = Subspace::new(model, rest, &contacts, owner.sampling.order)?;
-        let body = &rest.body;
-        let mut cells: Vec<usize> = contacts
-            .iter()
-            .flat_map(|c| &owner.cells[model.region_of(c)])
-            .map(|&cell| cell as usize)
-            .collect();
-        cells.sort_unstable();
-        cells.dedup();
-        let sample =
-            |cells: &[usize]| Sample::new(body.points(), body.cells(), body.material(), cells);
-        let depth = owner.sampling.depth;
-        // More equations than weights, or these are not determined.
-        let count = (2 * cells.len()).div_ceil(subspace.len()).clamp(STATES, 4 * STATES);
-        let training = states(rest, &subspace, depth, 0..count);
-        let weights = weights(&sample(&cells), &subspace, &training);
-        let (kept, weights): (Vec<usize>, Vec<f64>) =
-            cells.iter().zip(weights).filter(|(_, w)| *w > 0.0).unzip();
-        let mut sample = sample(&kept);
-        let unseen = states(rest, &subspace, depth, count..count + CHECKS);
-        let sampling_error = Forces::new(&sample, &subspace, &unseen).error(&weights, unseen.len());
-        sample.weigh(&weights);
-        let modes = &subspace.basis.modes;
-        let solver = Solver::new(sample, modes, subspace.means.clone(), unit(&training));
-        let seconds = clock.elapsed().as_secs_f64();
-        let is_settled = false;
-        Ok(Grasp { owner, contacts, subspace, sampling_error, seconds, solver, is_settled })
+        let Sampling { order, tolerance, depth } = owner.sampling;
+        let subspace = Subspace::new(&owner.model, &owner.rest, &contacts, order)?;
+        let training = states(&owner.rest, &subspace, depth, 0..STATES);
+        let sample = sample(&owner.rest.body, &subspace, &training, tolerance);
+        let unit = (training.iter().map(State::square).sum::<f64>() / STATES as f64).sqrt();
+        let solver = Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit);
+        let (errors, seconds, is_settled) = (Errors::NONE, 0.0, false);
+        let mut grasp = Grasp { owner, contacts, subspace, solver, errors, seconds, is_settled };
+        grasp.errors = Errors::measure(&mut grasp);
+        grasp.is_settled = false;
+        grasp.seconds = clock.elapsed().as_secs_f64();
+        Ok(grasp)
     }
 
     /// Where the contacts are.
@@ -118,16 +102,26 @@ impl Grasp {
         self.contacts.iter().map(|c| self.owner.model.patch(c)).collect()
     }
 
+    /// The model it belongs to.
+    pub(super) fn galerkin(&self) -> &Galerkin {
+        &self.owner
+    }
+
     /// The modes and what they are made of.
-    #[cfg(test)]
     pub(super) fn subspace(&self) -> &Subspace {
         &self.subspace
     }
 
     /// What is solved on them.
+    pub(super) fn solver(&self) -> &Solver {
+        &self.solver
+    }
+
+    /// Reduced strain energy at some coordinates [J].
     #[cfg(test)]
-    pub(super) fn solver(&mut self) -> &mut Solver {
-        &mut self.solver
+    pub(super) fn energy_at(&mut self, coordinates: &[f64]) -> f64 {
+        self.solver.start(|_| coordinates.to_vec());
+        self.solver.reduced.energy
     }
 
     /// Number of modes.
@@ -140,9 +134,9 @@ impl Grasp {
         self.solver.n_cells()
     }
 
-    /// Error of the sampled forces in states unseen in training, relative to the forces.
-    pub fn sampling_error(&self) -> f64 {
-        self.sampling_error
+    /// Errors of the field, measured when it took hold.
+    pub fn errors(&self) -> Errors {
+        self.errors
     }
 
     /// Time that taking hold has taken [s].
@@ -181,14 +175,12 @@ impl Grasp {
         let clock = Instant::now();
         self.check(displacements)?;
         let d = displacements.as_flattened();
-        if !(from_last && self.is_settled) {
-            let subspace = &self.subspace;
-            let share_of = |share: f64| d.iter().map(|x| share * x).collect::<Vec<_>>();
-            self.solver.start(|share| subspace.superposed(&share_of(share)));
-        }
         let mut search = Search::default();
-        let status = self.solver.solve(d, &mut search);
-        self.is_settled = status == Status::Converged;
+        let status = if from_last && self.is_settled {
+            self.follow(d, &mut search)
+        } else {
+            self.find(d, &mut search)
+        };
         let mut stiffness = Vec::new();
         if with_stiffness && self.is_settled {
             stiffness = self.solver.stiffness(&mut search);
@@ -197,14 +189,15 @@ impl Grasp {
             let is_known = f.iter().all(|x| x.is_finite());
             if is_known { [f[0], f[1], f[2]] } else { [0.0; 3] }
         };
-        let forces = search.forces.chunks_exact(3).map(force).collect();
-        let error_estimate = self.error_estimate();
+        let forces = self.solver.forces.chunks_exact(3).map(force).collect();
+        let deepest = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
+        let error_estimate = self.errors.at(deepest / self.owner.sampling.depth);
         Ok(Solution {
             forces,
             stiffness,
             energy: self.solver.reduced.energy,
             status,
-            trust: self.trust(displacements, status, error_estimate),
+            trust: self.trust(deepest, status, error_estimate),
             error_estimate,
             smallest_jacobian: self.solver.reduced.jacobian,
             iterations: search.iterations,
@@ -212,6 +205,21 @@ impl Grasp {
             residual: search.residual,
             seconds: clock.elapsed().as_secs_f64(),
         })
+    }
+
+    /// Equilibrium under mean displacements `d`, one contact after the other, from the superposed series.
+    pub(super) fn find(&mut self, d: &[f64], search: &mut Search) -> Status {
+        let subspace = &self.subspace;
+        let share_of = |share: f64| d.iter().map(|x| share * x).collect::<Vec<_>>();
+        self.solver.start(|share| subspace.superposed(&share_of(share)));
+        self.follow(d, search)
+    }
+
+    /// The same from where it is.
+    fn follow(&mut self, d: &[f64], search: &mut Search) -> Status {
+        let status = self.solver.solve(d, search);
+        self.is_settled = status == Status::Converged;
+        status
     }
 
     fn check(&self, displacements: &[[f64; 3]]) -> Result<(), Error> {
@@ -231,30 +239,8 @@ impl Grasp {
         }
     }
 
-    /// What the orders beyond the basis would add, as the tail of a geometric series of energy norms, and the error of
-    /// the sampled forces.
-    fn error_estimate(&self) -> f64 {
-        let order = self.owner.sampling.order;
-        let norms: Vec<f64> = (1..=order)
-            .map(|p| {
-                let parts = self.solver.q.iter().zip(&self.subspace.orders);
-                parts.filter(|(_, o)| **o == p).map(|(q, _)| q * q).sum::<f64>().sqrt()
-            })
-            .collect();
-        let all = norm(&self.solver.q);
-        if self.solver.is_at_rest() {
-            return 0.0;
-        }
-        let last = norms[order - 1];
-        let ratio =
-            if order > 1 { last / norms[order - 2].max(f64::MIN_POSITIVE) } else { last / all };
-        let tail = if ratio < 0.9 { last * ratio / (1.0 - ratio) / all } else { 1.0 };
-        (SHARE * (tail + self.sampling_error)).min(1.0)
-    }
-
-    fn trust(&self, displacements: &[[f64; 3]], status: Status, estimate: f64) -> Trust {
+    fn trust(&self, depth: f64, status: Status, estimate: f64) -> Trust {
         let metadata = self.owner.model.metadata();
-        let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         if status != Status::Converged {
             Trust::NotConverged
         } else if !(self.solver.reduced.jacobian > 0.0) {
@@ -269,18 +255,17 @@ impl Grasp {
     }
 }
 
-/// Root mean square of the norms of some states.
-fn unit(states: &[State]) -> f64 {
-    let squares = states.iter().map(|s| s.square()).sum::<f64>();
-    (squares / states.len() as f64).sqrt()
-}
-
-/// The non-negative weights that integrate the forces of the training states best.
-fn weights(sample: &Sample, subspace: &Subspace, training: &[State]) -> Vec<f64> {
-    let forces = Forces::new(sample, subspace, training);
-    let columns = MatRef::from_column_major_slice(&forces.cells, forces.rows, sample.len());
-    let gram = columns.transpose() * columns;
-    let target: Vec<f64> =
-        forces.cells.chunks_exact(forces.rows).map(|cell| nnls::dot(cell, &forces.body)).collect();
-    nnls::solve(gram.as_ref(), &target)
+/// Cells and weights that give the forces of the whole body in training.
+fn sample(body: &Body, subspace: &Subspace, training: &[State], tolerance: f64) -> Sample {
+    let all: Vec<usize> = (0..body.cells().len()).collect();
+    let sizes = Forces::new(body, &all, subspace, &training[..FIRST_STATES]).sizes();
+    let candidates = systematic(&sizes, CANDIDATES);
+    let forces = Forces::new(body, &candidates, subspace, training);
+    let columns = Columns { rows: forces.rows, values: &forces.cells };
+    let chosen = greedy(&columns, &forces.body, tolerance);
+    let (cells, weights): (Vec<usize>, Vec<f64>) =
+        chosen.into_iter().map(|(place, weight)| (candidates[place], weight)).unzip();
+    let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
+    sample.weigh(&weights);
+    sample
 }

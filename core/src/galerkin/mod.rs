@@ -1,8 +1,7 @@
 //! Several touches at once: equilibrium in the span of what the series knows of each, on a few weighted cells.
 //!
-//! Off-line ([`Galerkin`]) each region of the touchable surface chooses the cells that matter to it. When tools take
-//! hold ([`Galerkin::grasp`]) the fields of their series and of their coupling become a basis, and the chosen cells
-//! get the weights `w_e >= 0` that integrate its forces best (energy-conserving sampling and weighting, Farhat,
+//! When tools take hold ([`Galerkin::grasp`]) the fields of their series and of their coupling become a basis, and few
+//! cells get the weights `w_e >= 0` that integrate its forces best (energy-conserving sampling and weighting, Farhat,
 //! Avery, Chapman and Cortial, IJNME 98 (2014) 625). On-line ([`Grasp::solve`]) the reduced energy
 //!   W(q) = sum_e w_e V_e psi(F_e(q))   under   A q = d
 //! is minimised by Newton's method: forces are its gradient, tangents symmetric, whatever the weights.
@@ -11,7 +10,6 @@ mod assembly;
 mod basis;
 mod coupling;
 mod factor;
-mod file;
 mod grasp;
 mod model;
 mod nnls;
@@ -21,7 +19,9 @@ mod subspace;
 #[cfg(test)]
 mod tests;
 mod training;
+mod trial;
 
 pub use grasp::{Grasp, Solution, Trust};
 pub use model::{Galerkin, Sampling};
 pub use solver::Status;
+pub use trial::Errors;

@@ -34,8 +34,6 @@ pub enum Status {
 /// How a search for equilibrium went.
 #[derive(Default)]
 pub(super) struct Search {
-    /// Contact forces, three for each.
-    pub forces: Vec<f64>,
     pub iterations: usize,
     pub tangents: usize,
     /// Last step, relative to the coordinates.
@@ -54,21 +52,33 @@ pub(super) struct Solver {
     factor: Factor,
     /// Usual norm of the coordinates.
     unit: f64,
+    /// Contact forces of the last step, three for each.
+    pub forces: Vec<f64>,
+    /// Its direction, where it started, and what the means of the patches lacked there.
+    step: Vec<f64>,
+    origin: Vec<f64>,
+    missing: Vec<f64>,
 }
 
 impl Solver {
     /// At rest; `modes` are runs of all degrees of freedom.
     pub fn new(sample: Sample, modes: &[Vec<f64>], means: Vec<Vec<f64>>, unit: f64) -> Self {
-        let r = modes.len();
-        Solver {
+        let (r, n) = (modes.len(), means.len());
+        let mut solver = Solver {
             reduced: Reduced::new(r),
             q: vec![0.0; r],
             modes: sample.restrict(modes),
-            factor: Factor::new(r, means.len()),
+            factor: Factor::new(r, n),
             sample,
             means,
             unit,
-        }
+            forces: vec![0.0; n],
+            step: vec![0.0; r],
+            origin: vec![0.0; r],
+            missing: vec![0.0; n],
+        };
+        solver.evaluate(false);
+        solver
     }
 
     /// Number of sampled cells.
@@ -80,11 +90,6 @@ impl Solver {
     #[cfg(test)]
     pub fn weights(&self) -> Vec<f64> {
         self.sample.weights()
-    }
-
-    /// Whether nothing is displaced to speak of.
-    pub fn is_at_rest(&self) -> bool {
-        norm(&self.q) <= SMALLEST * self.unit
     }
 
     /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
@@ -112,30 +117,30 @@ impl Solver {
         self.factor.stiffness()
     }
 
-    /// Goes from `q` to the equilibrium under `A q = d`, or as far as it gets.
+    /// Goes from `q`, where it was evaluated last, to the equilibrium under `A q = d`, or as far as it gets.
     pub fn solve(&mut self, d: &[f64], search: &mut Search) -> Status {
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (mut last, mut is_fresh) = (f64::INFINITY, false);
-        self.evaluate(false);
         for _ in 0..MAX_ITERATIONS {
             search.iterations += 1;
             if !self.factor.is_ready() {
                 self.renew(search);
                 is_fresh = true;
             }
-            let missing: Vec<f64> =
-                self.means.iter().zip(d).map(|(row, d)| d - dot(row, &self.q)).collect();
-            let is_feasible = norm(&missing) <= 1e-9 * size;
-            let (step, forces) = self.factor.step(&self.reduced.force, &missing, &self.means);
-            search.forces = forces;
-            let Some(length) = self.advance(&step, is_feasible) else {
+            for ((missing, row), d) in self.missing.iter_mut().zip(&self.means).zip(d) {
+                *missing = d - dot(row, &self.q);
+            }
+            let is_feasible = norm(&self.missing) <= 1e-9 * size;
+            let Solver { reduced, missing, means, step, forces, .. } = self;
+            self.factor.step(&reduced.force, missing, means, step, forces);
+            let Some(length) = self.advance(is_feasible) else {
                 if is_fresh {
                     return Status::StepTooSmall;
                 }
                 self.factor.forget();
                 continue;
             };
-            let way = norm(&step);
+            let way = norm(&self.step);
             search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
             if length == 1.0 && search.residual <= TOLERANCE {
                 return Status::Converged;
@@ -154,13 +159,14 @@ impl Solver {
         search.tangents += 1;
     }
 
-    /// Goes along a step, half as far again and again until no sampled cell is inside out and, on the constraint, the
-    /// energy does not rise; none where that leads nowhere.
-    fn advance(&mut self, step: &[f64], is_feasible: bool) -> Option<f64> {
-        let (energy, start) = (self.reduced.energy, self.q.clone());
+    /// Goes along the step, half as far again and again until no sampled cell is inside out and, on the constraint,
+    /// the energy does not rise; none where that leads nowhere.
+    fn advance(&mut self, is_feasible: bool) -> Option<f64> {
+        let energy = self.reduced.energy;
+        self.origin.copy_from_slice(&self.q);
         let mut length = 1.0;
         while length >= SHORTEST {
-            for ((q, &from), &along) in self.q.iter_mut().zip(&start).zip(step) {
+            for ((q, &from), &along) in self.q.iter_mut().zip(&self.origin).zip(&self.step) {
                 *q = from + length * along;
             }
             self.evaluate(false);
@@ -170,7 +176,7 @@ impl Solver {
             }
             length *= 0.5;
         }
-        self.q = start;
+        self.q.copy_from_slice(&self.origin);
         self.evaluate(false);
         None
     }

@@ -31,13 +31,23 @@ enum Source {
     Coupling([[usize; 2]; 2]),
 }
 
+impl Source {
+    /// The displacement, of all contacts one after the other, that a first-order field belongs to.
+    fn first_order(&self) -> Option<usize> {
+        match self {
+            Source::Series { contact, exponents } if degree_of(exponents) == 1 => {
+                exponents.iter().position(|&e| e == 1).map(|i| 3 * contact + i)
+            }
+            _ => None,
+        }
+    }
+}
+
 /// The span of the fields of some contacts.
 pub(super) struct Subspace {
     pub basis: Basis,
     /// Mean displacement of the patches under each mode: three rows for each contact.
     pub means: Vec<Vec<f64>>,
-    /// Order of the field each mode was made of.
-    pub orders: Vec<usize>,
     sources: Vec<Source>,
     /// Inverse of the means of the first-order fields.
     unmixed: Mat<f64>,
@@ -79,12 +89,7 @@ impl Subspace {
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
         let unmixed = unmixed(&means, &basis, &sources)?;
-        let order = |&field: &usize| match sources[field] {
-            Source::Series { exponents, .. } => degree_of(&exponents),
-            Source::Coupling(_) => 2,
-        };
-        let orders = basis.origin.iter().map(order).collect();
-        Ok(Subspace { basis, means, orders, sources, unmixed })
+        Ok(Subspace { basis, means, sources, unmixed })
     }
 
     /// Number of modes.
@@ -103,6 +108,18 @@ impl Subspace {
         }
         alone.iter_mut().zip(self.unmix(&missing)).for_each(|(a, more)| *a += more);
         self.sum_of_series(&alone)
+    }
+
+    /// First-order fields under which the means of the patches are `d`.
+    pub fn first_order(&self, d: &[f64]) -> Vec<f64> {
+        let alone = self.unmix(d);
+        let mut q = vec![0.0; self.len()];
+        for (field, source) in self.sources.iter().enumerate() {
+            if let Some(i) = source.first_order() {
+                self.basis.add(field, alone[i], &mut q);
+            }
+        }
+        q
     }
 
     /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of
@@ -133,9 +150,8 @@ impl Subspace {
 
 /// Inverse of the means under the first-order field of each contact, in units of their displacement.
 fn unmixed(means: &[Vec<f64>], basis: &Basis, sources: &[Source]) -> Result<Mat<f64>, Error> {
-    let is_first =
-        |s: &Source| matches!(s, Source::Series { exponents, .. } if degree_of(exponents) == 1);
-    let first: Vec<usize> = (0..sources.len()).filter(|&f| is_first(&sources[f])).collect();
+    let is_first = |&f: &usize| sources[f].first_order().is_some();
+    let first: Vec<usize> = (0..sources.len()).filter(is_first).collect();
     let n = means.len();
     let mixed = Mat::from_fn(n, n, |i, j| {
         let row = &basis.coordinates[first[j]];

@@ -4,10 +4,13 @@ use super::assembly::cell_forces;
 use super::nnls::norm;
 use super::sample::Sample;
 use super::subspace::{Rest, Subspace};
+use crate::body::Body;
 use rayon::prelude::*;
 
 /// A state in which some cell keeps less than this part of its volume is drawn back towards rest.
 const SMALLEST_RATIO: f64 = 0.3;
+/// Cells that a thread takes at once.
+const CHUNK: usize = 256;
 
 /// A state of training.
 pub(super) struct State {
@@ -52,7 +55,7 @@ pub(super) fn states(
         .collect()
 }
 
-/// Forces of the cells along the modes in some states, each state in units of the force of the whole body.
+/// Forces of some cells along the modes in some states, each state in units of the force of the whole body.
 pub(super) struct Forces {
     /// Rows: modes of a state after modes of another.
     pub rows: usize,
@@ -63,62 +66,53 @@ pub(super) struct Forces {
 }
 
 impl Forces {
-    /// Of the cells of a sample.
-    pub fn new(sample: &Sample, subspace: &Subspace, states: &[State]) -> Self {
-        let r = subspace.len();
-        let modes = sample.restrict(&subspace.basis.modes);
-        let rows = r * states.len();
-        let (mut cells, mut body) = (vec![0.0; rows * sample.len()], Vec::with_capacity(rows));
-        for (k, state) in states.iter().enumerate() {
-            let unit = 1.0 / norm(&state.force).max(f64::MIN_POSITIVE);
-            let forces = sample.by_cell(&cell_forces(sample, &modes, &state.q), r);
-            for (out, force) in cells.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
-                let out = &mut out[k * r..(k + 1) * r];
-                out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
+    /// Of some cells of a body.
+    pub fn new(body: &Body, cells: &[usize], subspace: &Subspace, states: &[State]) -> Self {
+        let units: Vec<f64> =
+            states.iter().map(|s| 1.0 / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
+        let (r, rows) = (subspace.len(), subspace.len() * states.len());
+        let of_some = |some: &[usize]| {
+            let sample = Sample::new(body.points(), body.cells(), body.material(), some);
+            let modes = sample.restrict(&subspace.basis.modes);
+            let mut columns = vec![0.0; rows * some.len()];
+            for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
+                let forces = sample.by_cell(&cell_forces(&sample, &modes, &state.q), r);
+                for (column, force) in columns.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
+                    let out = &mut column[k * r..(k + 1) * r];
+                    out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
+                }
             }
-            body.extend(state.force.iter().map(|f| unit * f));
-        }
+            columns
+        };
+        let cells = cells.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
+        let body = states.iter().zip(&units);
+        let body = body.flat_map(|(s, unit)| s.force.iter().map(move |f| unit * f)).collect();
         Forces { rows, cells, body }
     }
 
-    /// Joins forces of the same cells in other states.
-    pub fn join(parts: Vec<Forces>) -> Self {
-        let rows = parts.iter().map(|p| p.rows).sum();
-        let count = parts.first().map_or(0, |p| p.cells.len() / p.rows);
-        let mut cells = Vec::with_capacity(rows * count);
-        for cell in 0..count {
-            for part in &parts {
-                cells.extend_from_slice(&part.cells[cell * part.rows..(cell + 1) * part.rows]);
-            }
-        }
-        Forces { rows, cells, body: parts.into_iter().flat_map(|p| p.body).collect() }
+    /// The norm of each cell's forces.
+    pub fn sizes(&self) -> Vec<f64> {
+        self.cells.chunks_exact(self.rows).map(norm).collect()
     }
+}
 
-    /// Leaves the forces of some cells only, of which the body then consists.
-    pub fn restrict(&mut self, is_kept: impl Fn(usize) -> bool) {
-        self.body.fill(0.0);
-        for (cell, force) in self.cells.chunks_exact_mut(self.rows).enumerate() {
-            if is_kept(cell) {
-                self.body.iter_mut().zip(force).for_each(|(sum, f)| *sum += *f);
-            } else {
-                force.fill(0.0);
-            }
+/// About `count` places, evenly spaced along the running sum of their sizes: what counts more is taken more often.
+pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
+    let step = sizes.iter().sum::<f64>() / count as f64;
+    let (mut sum, mut next, mut taken) = (0.0, 0.5 * step, Vec::with_capacity(count));
+    for (place, size) in sizes.iter().enumerate() {
+        sum += size;
+        if sum > next {
+            taken.push(place);
+            next = step * ((sum / step - 0.5).floor() + 1.5);
         }
     }
-
-    /// `|sum_e w_e f_e - f|`, root mean square over the states.
-    pub fn error(&self, weights: &[f64], states: usize) -> f64 {
-        let mut residual = self.body.clone();
-        for (force, w) in self.cells.chunks_exact(self.rows).zip(weights) {
-            residual.iter_mut().zip(force).for_each(|(r, f)| *r -= w * f);
-        }
-        norm(&residual) / (states as f64).sqrt()
-    }
+    taken
 }
 
 /// The points of a sequence that fills the unit ball evenly, more densely towards its centre: direction from two
 /// terms of Roberts' R3 sequence, radius from the third.
-fn spread(number: usize) -> [f64; 3] {
+pub(super) fn spread(number: usize) -> [f64; 3] {
     const GOLDEN: f64 = 1.220_744_084_605_76;
     let term = |k: i32| (0.5 + (number + 1) as f64 / GOLDEN.powi(k)).fract();
     let (height, turn) = (2.0 * term(1) - 1.0, std::f64::consts::TAU * term(2));

@@ -23,28 +23,6 @@ impl ReducedModel {
         terms.map(|term| self.term_field(&here, term, &mut workspace)).collect()
     }
 
-    /// The regions of the corners of a contact's triangle.
-    pub fn regions_of(&self, contact: &Contact) -> [usize; 3] {
-        self.corners(contact).map(|p| self.arrays.position_region[p as usize] as usize)
-    }
-
-    /// The region of the nearest of them.
-    pub fn region_of(&self, contact: &Contact) -> usize {
-        let weights = contact.weights;
-        let nearest = (0..3).max_by(|&a, &b| weights[a].total_cmp(&weights[b])).unwrap_or(0);
-        self.regions_of(contact)[nearest]
-    }
-
-    /// Number of regions.
-    pub fn n_regions(&self) -> usize {
-        self.arrays.region_start.len() - 1
-    }
-
-    /// Number of touchable triangles.
-    pub fn n_triangles(&self) -> usize {
-        self.triangles.len()
-    }
-
     fn term_field(&self, here: &Interpolation, term: usize, workspace: &mut [f32]) -> Vec<f64> {
         let slots = here.term_amplitudes(term, workspace);
         let mut field = vec![0.0; 3 * self.n_points()];

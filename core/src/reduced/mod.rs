@@ -18,7 +18,7 @@ mod evaluate;
 mod family;
 #[cfg(feature = "solvers")]
 mod fields;
-pub(crate) mod file;
+mod file;
 mod interpolation;
 #[cfg(feature = "solvers")]
 mod measure;
