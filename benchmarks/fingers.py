@@ -1,74 +1,93 @@
-"""Two fingers on the liver: superposition, the Galerkin model and full Newton; and what the model does for one finger.
+"""Two fingers on the liver: superposition, the Galerkin model and full Newton; what it does for one; and its times.
 
-    python benchmarks/fingers.py [MODEL] [PAIRS TOUCHES]      (default: reduce the liver first; 60 40)
+    python benchmarks/fingers.py [MODEL] [PAIRS TOUCHES]      (default: reduce the liver first; 40 20)
 
 Neo-Hookean, E = 0.17 MPa, nu = 0.48, linear tetrahedra, patches of a tenth of the diagonal. Places and directions are
 random and unseen; pairs are drawn in equal parts from four ranges of distance. Errors are relative to the norm of the
-full solution over all nodes, those of the force over all contacts; where Newton itself finds no equilibrium there is
-nothing to compare with.
+full solution over all nodes, those of the force over all contacts. Where Newton finds no equilibrium there is nothing
+to compare with; where it passed an instability there may be several, and such answers are counted apart.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from machine import describe
 
 import viscera as vs
 from viscera.check import PATIENCE, surface_points, unit_vectors
+from viscera.galerkin import Galerkin, Grasp
 
 Array = np.ndarray
-Answer = tuple[Array, Array]  # field (n, 3) and forces (k, 3)
 
 PAIR_DEPTHS, TOUCH_DEPTHS = (0.05, 0.10), (0.05, 0.10, 0.15)
 BANDS = (1.0, 2.0, 3.0, 4.5, np.inf)  # distances of two fingers, in patch radii
-TICKS = 2000  # of the moving hand, a millisecond each
+TOLERANCES = (0.05, 0.02, 0.01, 0.005)  # of sampling
+TICKS = 400  # of a moving hand, a millisecond each
 SPEED = 0.1  # of the hand [m/s]
+
+
+class Truth(NamedTuple):
+    """A full solution."""
+
+    field: Array
+    forces: Array
+    is_stable: bool
+
+
+class Score(NamedTuple):
+    """One answer to one case: errors relative to the full solution."""
+
+    kind: str
+    depth: float
+    band: int
+    field: float
+    force: float
+    is_stable: bool
 
 
 @dataclass(frozen=True)
 class Case:
-    """Contacts at points (k, 3), displaced along unit directions (k, 3), by which the full solutions are known."""
+    """Contacts at points (k, 3), displaced along unit directions (k, 3), and the full solutions by depth."""
 
     points: Array
     directions: Array
-    truths: dict[float, Answer]
-
-    @property
-    def distance(self) -> float:
-        """Between the first and the last contact [m]."""
-        return float(np.linalg.norm(self.points[0] - self.points[-1]))
+    truths: dict[float, Truth]
+    band: int
 
 
-def pairs(touch: vs.Touch, count: int, seed: int) -> list[tuple[Array, Array]]:
+def pairs(touch: vs.Touch, count: int, seed: int) -> list[tuple[Array, Array, int]]:
     """Points and directions of pairs, the bands of distance in turn."""
     random, found = np.random.default_rng(seed), []
     while len(found) < count:
         points, directions = surface_points(touch, 2, random), unit_vectors(2, random)
         band = len(found) % (len(BANDS) - 1)
         if BANDS[band] <= np.linalg.norm(points[0] - points[1]) / touch.radius < BANDS[band + 1]:
-            found.append((points, directions))
+            found.append((points, directions, band))
     return found
 
 
-def singles(touch: vs.Touch, count: int, seed: int) -> list[tuple[Array, Array]]:
+def singles(touch: vs.Touch, count: int, seed: int) -> list[tuple[Array, Array, int]]:
     """Points and directions of single touches."""
     random = np.random.default_rng(seed)
     points, directions = surface_points(touch, count, random), unit_vectors(count, random)
-    return [(points[k : k + 1], directions[k : k + 1]) for k in range(count)]
+    return [(points[k : k + 1], directions[k : k + 1], 0) for k in range(count)]
 
 
-def solved(touch: vs.Touch, asked: list[tuple[Array, Array]], depths: tuple[float, ...]) -> list[Case]:
+def solved(touch: vs.Touch, asked: list[tuple[Array, Array, int]], depths: tuple[float, ...]) -> list[Case]:
     """The full solutions, each going on from the shallower one."""
     organ = touch.organ()
 
-    def solve(points: Array, directions: Array) -> Case:
+    def solve(points: Array, directions: Array, band: int) -> Case:
         patches, state, truths = [touch.patch(point) for point in points], None, {}
         for depth in depths:
             pushes = depth * touch.mesh.diagonal * directions
@@ -76,14 +95,18 @@ def solved(touch: vs.Touch, asked: list[tuple[Array, Array]], depths: tuple[floa
             state = organ.solve(displacement=moved, start=state, settings=PATIENCE)
             if not state.is_converged:
                 break
-            truths[depth] = state.displacement, np.array([state.reaction(patch) for patch in patches])
-        return Case(points, directions, truths)
+            forces = np.array([state.reaction(patch) for patch in patches])
+            truths[depth] = Truth(state.displacement, forces, "instability" not in state.status)
+        return Case(points, directions, truths, band)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(solve, *zip(*asked, strict=True)))
+        cases = list(pool.map(solve, *zip(*asked, strict=True)))
+    counts = (f"{sum(depth in case.truths for case in cases)} at {100 * depth:.0f} %" for depth in depths)
+    print(f"\nNewton converged for {', '.join(counts)} of {len(cases)} cases", flush=True)
+    return cases
 
 
-def superposition(touch: vs.Touch, points: Array, pushes: Array) -> Answer:
+def superposition(touch: vs.Touch, points: Array, pushes: Array) -> tuple[Array, Array]:
     """What the single touches do, added up."""
     answers = [touch(point, push) for point, push in zip(points, pushes, strict=True)]
     return np.sum([answer.displacement for answer in answers], axis=0), np.array([a.force for a in answers])
@@ -93,104 +116,106 @@ def relative(value: Array, truth: Array) -> float:
     return float(np.linalg.norm(value - truth) / np.linalg.norm(truth))
 
 
-def spread(errors: list[float]) -> str:
-    """Median and worst in per cent."""
-    return f"{100 * np.median(errors):8.2f} {100 * np.max(errors):8.2f}" if errors else f"{'-':>8s} {'-':>8s}"
-
-
-def table(title: str, rows: dict[str, list[tuple[float, float]]]) -> None:
-    """Errors of field and force by kind of answer."""
-    print(f"\n{title:42s}  cases   field: median  worst   force: median  worst")
-    for name, errors in rows.items():
-        fields, forces = [field for field, _ in errors], [force for _, force in errors]
-        print(f"  {name:40s}  {len(errors):5d}       {spread(fields)}       {spread(forces)}")
-
-
-def compare_pairs(fingers: vs.Galerkin, cases: list[Case]) -> None:
-    """Superposition and the Galerkin model against Newton, by depth and by distance."""
-    touch = fingers.touch
-    errors: dict[tuple[float, int], dict[str, list[tuple[float, float]]]] = {}
-    estimates: list[tuple[float, float]] = []
+def scores(fingers: Galerkin, cases: list[Case], name: str = "Galerkin") -> tuple[list[Score], list[float]]:
+    """The Galerkin model's answers, and of the trusted ones error over estimate."""
+    found, ratios = [], []
     for case in cases:
         grasp = fingers.grasp(case.points)
-        band = int(np.searchsorted(BANDS, case.distance / touch.radius, side="right")) - 1
-        for depth, (field, forces) in case.truths.items():
-            pushes = depth * touch.mesh.diagonal * case.directions
-            held = grasp.solve(pushes)
-            found = {"superposition": superposition(touch, case.points, pushes)}
-            found["moved, with coupling fields"] = grasp.superposed(pushes), held.force
-            found["Galerkin model"] = held.displacement, held.force
-            if held.is_trusted:
-                found["  where it trusts itself"] = held.displacement, held.force
-                estimates.append((held.error_estimate, relative(held.displacement, field)))
-            for name, (u, f) in found.items():
-                rows = errors.setdefault((depth, band), {}).setdefault(name, [])
-                rows.append((relative(u, field), relative(f, forces)))
+        for depth, truth in case.truths.items():
+            held = grasp.solve(depth * fingers.touch.mesh.diagonal * case.directions, stiffness=False)
+            error = relative(held.displacement, truth.field), relative(held.force, truth.forces)
+            kinds = [name] + [f"{name}, trusted"] * held.is_trusted
+            found += [Score(kind, depth, case.band, *error, truth.is_stable) for kind in kinds]
+            ratios += [error[0] / held.error_estimate] * held.is_trusted
+    return found, ratios
+
+
+def superposed(touch: vs.Touch, cases: list[Case]) -> list[Score]:
+    """The sum of the single touches."""
+    found = []
+    for case in cases:
+        for depth, truth in case.truths.items():
+            field, force = superposition(touch, case.points, depth * touch.mesh.diagonal * case.directions)
+            error = relative(field, truth.field), relative(force, truth.forces)
+            found.append(Score("superposition", depth, case.band, *error, truth.is_stable))
+    return found
+
+
+def table(title: str, found: Iterable[Score]) -> None:
+    """Errors of field and force by kind of answer, in per cent: median, 90 % and worst."""
+    rows: dict[str, list[Score]] = {}
+    for score in found:
+        rows.setdefault(score.kind if score.is_stable else f"{score.kind}, past an instability", []).append(score)
+    print(f"\n{title:46s} cases   field: median     90 %    worst   force: median     90 %    worst")
+    for name, scored in rows.items():
+        errors = (np.quantile([s[k] for s in scored], [0.5, 0.9, 1.0]) for k in (3, 4))
+        columns = "  ".join("     " + " ".join(f"{100 * error:8.2f}" for error in three) for three in errors)
+        print(f"  {name:44s} {len(scored):5d}  {columns}", flush=True)
+
+
+def compare(fingers: Galerkin, cases: list[Case]) -> None:
+    """Superposition and the Galerkin model against Newton, by depth and by distance."""
+    own, ratios = scores(fingers, cases)
+    found = superposed(fingers.touch, cases) + own
     for depth in PAIR_DEPTHS:
-        every: dict[str, list[tuple[float, float]]] = {}
-        for (at, _), rows in errors.items():
-            for name, found in rows.items() if at == depth else ():
-                every.setdefault(name, []).extend(found)
-        table(f"two fingers, {100 * depth:.0f} % of the diagonal", every)
-        for band, low in enumerate(BANDS[:-1]):
-            high = f"to {BANDS[band + 1]:g}" if np.isfinite(BANDS[band + 1]) else "and more"
-            if (depth, band) in errors:
-                table(f"  apart by {low:g} {high} patch radii", errors[depth, band])
-    below = np.mean([error <= estimate for estimate, error in estimates]) if estimates else 0.0
-    print(f"\nerror below its estimate in {100 * below:.0f} % of the {len(estimates)} trusted answers")
+        table(f"two fingers, {100 * depth:.0f} % of the diagonal", (s for s in found if s.depth == depth))
+        for band, (low, high) in enumerate(pairwise(BANDS)):
+            title = f"  apart by {low:g} to {high:g} patch radii"
+            table(title, (s for s in found if (s.depth, s.band) == (depth, band) and "trusted" not in s.kind))
+    if ratios:
+        nearer = 100 * np.mean(np.array(ratios) <= 1)
+        print(f"\nof {len(ratios)} trusted fields {nearer:.0f} % are nearer than estimated")
 
 
-def compare_singles(fingers: vs.Galerkin, cases: list[Case]) -> None:
+def compare_one(fingers: Galerkin, cases: list[Case]) -> None:
     """One finger: the series alone and the Galerkin model."""
-    touch = fingers.touch
+    found = superposed(fingers.touch, cases) + scores(fingers, cases)[0]
     for depth in TOUCH_DEPTHS:
-        errors: dict[str, list[tuple[float, float]]] = {}
-        for case in cases:
-            if depth not in case.truths:
-                continue
-            (field, force), push = case.truths[depth], depth * touch.mesh.diagonal * case.directions
-            answer, held = touch(case.points[0], push[0]), fingers.solve([(case.points[0], push[0])])
-            found = {"series": (answer.displacement, answer.force[None], answer.is_trusted)}
-            found["Galerkin model"] = held.displacement, held.force, held.is_trusted
-            for name, (u, f, is_trusted) in found.items():
-                error = relative(u, field), relative(f, force)
-                errors.setdefault(name, []).append(error)
-                if is_trusted:
-                    errors.setdefault(f"  {name}, trusted", []).append(error)
-        table(f"one finger, {100 * depth:.0f} % of the diagonal", errors)
+        named = (s._replace(kind="series") if s.kind == "superposition" else s for s in found if s.depth == depth)
+        table(f"one finger, {100 * depth:.0f} % of the diagonal", named)
 
 
-def times(fingers: vs.Galerkin, cases: list[Case]) -> None:
+def sampled(touch: vs.Touch, cases: list[Case]) -> None:
+    """What cells cost and bring."""
+    for tolerance in TOLERANCES:
+        fingers = touch.galerkin(tolerance=tolerance)
+        grasps = [fingers.grasp(case.points) for case in cases[:10]]
+        cells, seconds = (np.median([getattr(grasp, what) for grasp in grasps]) for what in ("cells", "seconds"))
+        tick = np.median(moving(touch, grasps[:5], np.random.default_rng(5), stiffness=True))
+        found, _ = scores(fingers, cases[:20], f"{cells:.0f} cells, hold {seconds:.2f} s, tick {1e3 * tick:.2f} ms")
+        for depth in PAIR_DEPTHS:
+            chosen = (s for s in found if s.depth == depth and s.is_stable and "trusted" not in s.kind)
+            table(f"sampling to {tolerance:g}: two fingers, {100 * depth:.0f} %", chosen)
+
+
+def times(fingers: Galerkin, cases: list[Case]) -> None:
     """Milliseconds of taking hold, of single solutions, and of every tick of a hand that moves."""
     touch, random = fingers.touch, np.random.default_rng(5)
     grasps = [fingers.grasp(case.points) for case in cases[:20]]
-    print("\nmilliseconds                                       p50      p99    worst")
+    modes, cells = (np.median([getattr(grasp, what) for grasp in grasps]) for what in ("modes", "cells"))
+    print(f"\n{modes:.0f} modes on {cells:.0f} of {len(touch.mesh.cells)} cells (medians); milliseconds")
+    print(f"{'':48s}      p50      p99    worst   within 1 ms")
 
     def report(name: str, seconds: list[float]) -> None:
         p50, p99, worst = 1e3 * np.quantile(seconds, [0.5, 0.99, 1.0])
-        print(f"  {name:44s} {p50:8.3f} {p99:8.3f} {worst:8.3f}")
+        within = 100 * np.mean(np.array(seconds) <= 1e-3)
+        print(f"  {name:46s} {p50:8.3f} {p99:8.3f} {worst:8.3f} {within:10.1f} %", flush=True)
 
     report("taking hold", [grasp.seconds for grasp in grasps])
     for depth in PAIR_DEPTHS:
-        for name, stiffness in (("forces", False), ("forces and stiffness", True)):
-            cold = [
-                grasp.solve(depth * touch.mesh.diagonal * unit_vectors(2, random), stiffness=stiffness).seconds
-                for grasp in grasps
-                for _ in range(50)
-            ]
-            report(f"from the superposed series, {100 * depth:.0f} %, {name}", cold)
+        pushes = depth * touch.mesh.diagonal * np.array([unit_vectors(2, random) for _ in range(20)])
+        cold = [grasp.solve(push, stiffness=False).seconds for grasp in grasps for push in pushes]
+        report(f"anew, {100 * depth:.0f} % of the diagonal, forces", cold)
     for name, stiffness in (("forces", False), ("forces and stiffness", True)):
         report(f"a tick of a moving hand, {name}", moving(touch, grasps, random, stiffness))
-    modes, cells = (np.median([getattr(grasp, what) for grasp in grasps]) for what in ("modes", "cells"))
-    print(f"  {modes:.0f} modes on {cells:.0f} of {len(touch.mesh.cells)} cells (medians)")
 
 
-def moving(touch: vs.Touch, grasps: list[vs.Grasp], random: np.random.Generator, stiffness: bool) -> list[float]:
+def moving(touch: vs.Touch, grasps: list[Grasp], random: np.random.Generator, stiffness: bool) -> list[float]:
     """Both fingers wander at `SPEED` within the ball of 5 % of the diagonal."""
     seconds, reach = [], 0.05 * touch.mesh.diagonal
-    for grasp in grasps[:5]:
+    for grasp in grasps:
         at, heading = np.zeros((2, 3)), unit_vectors(2, random)
-        for _ in range(TICKS // 5):
+        for _ in range(TICKS):
             heading += 0.1 * random.standard_normal((2, 3)) - 0.05 * at / reach
             heading /= np.linalg.norm(heading, axis=1, keepdims=True)
             at = at + 1e-3 * SPEED * heading
@@ -199,38 +224,33 @@ def moving(touch: vs.Touch, grasps: list[vs.Grasp], random: np.random.Generator,
     return seconds
 
 
-def timed(what: str, make: Callable[[], vs.Touch | vs.Galerkin]) -> vs.Touch | vs.Galerkin:
+def timed(what: str, make: Callable[[], vs.Touch | Galerkin]) -> vs.Touch | Galerkin:
     began = perf_counter()
     made = make()
-    print(f"{what}: {perf_counter() - began:.1f} s", flush=True)
+    print(f"{what}: {perf_counter() - began:.2f} s", flush=True)
     return made
 
 
 def main() -> None:
-    """Reduce, sample, solve, compare."""
+    """Reduce, take hold, solve, compare."""
     words = sys.argv[1:]
     model = words.pop(0) if words and not words[0].isdigit() else None
-    n_pairs, n_touches = (int(word) for word in words or ("60", "40"))
+    n_pairs, n_touches = (int(word) for word in words or ("40", "20"))
     print(describe())
     if model:
         touch = vs.load(model)
+        print(f"series of all positions, read from a file of {1e-6 * Path(model).stat().st_size:.0f} MB: {touch}")
     else:
         law = vs.NeoHookean(young=0.17e6, poisson=0.48)
         organ = vs.Organ(vs.organs.liver(), law, fixed="hilum", element="P1")
         touch = timed("series of all positions", lambda: organ.reduce("anterior"))
-    print(touch)
-    fingers = timed("choosing cells", touch.galerkin)
+        print(touch)
+    fingers = timed("what several touches need beyond the series, off-line", touch.galerkin)
     cases = solved(touch, pairs(touch, n_pairs, seed=1), PAIR_DEPTHS)
-    print("Newton converged for " + ", ".join(_count(cases, depth) for depth in PAIR_DEPTHS))
     times(fingers, cases)
-    compare_pairs(fingers, cases)
-    cases = solved(touch, singles(touch, n_touches, seed=2), TOUCH_DEPTHS)
-    print("\nNewton converged for " + ", ".join(_count(cases, depth) for depth in TOUCH_DEPTHS))
-    compare_singles(fingers, cases)
-
-
-def _count(cases: list[Case], depth: float) -> str:
-    return f"{sum(depth in case.truths for case in cases)} of {len(cases)} at {100 * depth:.0f} %"
+    compare(fingers, cases)
+    sampled(touch, cases)
+    compare_one(fingers, solved(touch, singles(touch, n_touches, seed=2), TOUCH_DEPTHS))
 
 
 if __name__ == "__main__":

@@ -72,7 +72,7 @@ class Grasp:
         self.cells: int = facts["cells"]
         """Number of cells the energy is summed over."""
         self.errors: tuple[float, float] = facts["errors"]
-        """Errors of the field, worst of a few trials, with all contacts displaced by half the depth and by the depth."""
+        """Errors of the field, worst of a few trials, all contacts displaced by half the depth and by the depth."""
         self.seconds: float = facts["seconds"]
         """Time that taking hold has taken [s]."""
 
