@@ -242,13 +242,22 @@ class Galerkin:
 class Grasp:
     """Contacts that hold an organ."""
 
-    facts: dict[str, Any]  # modes, cells, errors, seconds
+    modes: int
+    cells: int  # that the energy is summed over
+    seconds: float  # that taking hold has taken
     def patches(self) -> list[Patch]: ...
-    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> dict[str, Any]:
-        """Equilibrium under mean displacements (k, 3) [m]: force (k, 3), stiffness (3 k, 3 k) if asked for,
-        coordinates, energy, status, is_converged, is_trusted, reason, error_estimate, smallest_jacobian, iterations,
-        tangents, residual, seconds."""
-    def displacement(self, coordinates: Floats) -> Floats:
-        """Field (n, 3) [m] at the coordinates of a solution."""
+    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> Held:
+        """Equilibrium under mean displacements (k, 3) [m]."""
     def superposed(self, displacements: Floats) -> Floats:
         """Field (n, 3) [m] of the superposed series with their coupling."""
+
+class Held:
+    """An answer of a grasp."""
+
+    facts: dict[str, Any]
+    """force (k, 3), stiffness (3 k, 3 k) if asked for, energy, status, is_converged, smallest_jacobian, iterations,
+    tangents, residual, seconds."""
+    def displacement(self) -> Floats:
+        """Field (n, 3) [m]."""
+    def assess(self) -> tuple[float, str]:
+        """Expected error of the field, and why not to rely on it: empty where one may."""

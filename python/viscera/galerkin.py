@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,37 +22,52 @@ Touches = Sequence[tuple[ArrayLike, ArrayLike]]
 
 
 class Held:
-    """What a grasp gives back."""
+    """What a grasp gives back. Field and assessment are made when first asked for: a haptic loop needs neither."""
 
-    def __init__(self, grasp: _core.Grasp, result: dict[str, Any]) -> None:
-        self._grasp, self._coordinates = grasp, result["coordinates"]
-        self.force: Floats = result["force"]
+    def __init__(self, held: _core.Held) -> None:
+        self._held = held
+        facts = held.facts
+        self.force: Floats = facts["force"]
         """Force (k, 3) [N] by which each tool holds the organ."""
-        self.stiffness: Floats | None = result.get("stiffness")
+        self.stiffness: Floats | None = facts.get("stiffness")
         """Derivative (3 k, 3 k) [N/m] of the forces by the displacements; None where it was not asked for."""
-        self.energy: float = result["energy"]
+        self.energy: float = facts["energy"]
         """Reduced strain energy [J]."""
-        self.status: str = result["status"]
+        self.status: str = facts["status"]
         """How the search for equilibrium ended."""
-        self.is_converged: bool = result["is_converged"]
-        self.error_estimate: float = result["error_estimate"]
-        """Estimated error of the field, relative to its norm."""
-        self.is_trusted: bool = result["is_trusted"]
-        self.reason: str = result["reason"]
-        """Why the answer is not trusted; empty where it is."""
-        self.smallest_jacobian: float = result["smallest_jacobian"]
+        self.is_converged: bool = facts["is_converged"]
+        self.smallest_jacobian: float = facts["smallest_jacobian"]
         """Smallest volume ratio of a sampled cell; below zero it is inside out."""
-        self.iterations: int = result["iterations"]
+        self.iterations: int = facts["iterations"]
         """Newton steps."""
-        self.tangents: int = result["tangents"]
+        self.tangents: int = facts["tangents"]
         """Tangents among them."""
-        self.seconds: float = result["seconds"]
+        self.seconds: float = facts["seconds"]
         """Time of the solution itself [s]."""
 
     @cached_property
     def displacement(self) -> Floats:
-        """Displacement of all nodes (n, 3) [m], summed when first asked for: a haptic loop needs the forces alone."""
-        return self._grasp.displacement(self._coordinates)
+        """Displacement of all nodes (n, 3) [m]."""
+        return self._held.displacement()
+
+    @property
+    def error_estimate(self) -> float:
+        """Expected error of the field relative to its norm: the step that the whole organ would take from here."""
+        return self._assessment[0]
+
+    @property
+    def is_trusted(self) -> bool:
+        """Converged, no deeper than in training, no cell inside out, and an expected error within the allowance."""
+        return not self.reason
+
+    @property
+    def reason(self) -> str:
+        """Why the answer is not trusted; empty where it is."""
+        return self._assessment[1]
+
+    @cached_property
+    def _assessment(self) -> tuple[float, str]:
+        return self._held.assess()
 
     def __repr__(self) -> str:
         trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
@@ -66,14 +81,11 @@ class Grasp:
         self._grasp = grasp
         self.points = points
         """Contact points (k, 3) at rest [m]."""
-        facts = grasp.facts
-        self.modes: int = facts["modes"]
+        self.modes: int = grasp.modes
         """Number of modes."""
-        self.cells: int = facts["cells"]
+        self.cells: int = grasp.cells
         """Number of cells the energy is summed over."""
-        self.errors: tuple[float, float] = facts["errors"]
-        """Errors of the field, worst of a few trials, all contacts displaced by half the depth and by the depth."""
-        self.seconds: float = facts["seconds"]
+        self.seconds: float = grasp.seconds
         """Time that taking hold has taken [s]."""
 
     def solve(self, displacements: ArrayLike, *, from_last: bool = False, stiffness: bool = True) -> Held:
@@ -83,7 +95,7 @@ class Grasp:
         superposed series: quicker, but where there is more than one equilibrium the answer depends on the way there.
         stiffness: costs one more tangent.
         """
-        return Held(self._grasp, self._grasp.solve(self._displacements(displacements), from_last, stiffness))
+        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness))
 
     def superposed(self, displacements: ArrayLike) -> Floats:
         """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""

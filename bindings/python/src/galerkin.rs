@@ -2,12 +2,12 @@
 
 use crate::mesh::Patch;
 use crate::{convert, model::Model};
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
-use viscera_core::galerkin::{self, Sampling, Status, Trust};
+use viscera_core::galerkin::{self, Hold, Sampling, Solution, Status, Trust};
 
 /// The series model of an organ and its body.
 #[pyclass(frozen, module = "viscera._core")]
@@ -34,80 +34,47 @@ impl Galerkin {
     fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>) -> PyResult<Grasp> {
         let points = convert::points("contacts", &points)?;
         let grasp = py.detach(|| self.galerkin.grasp(&points)).map_err(convert::error)?;
-        Ok(Grasp { grasp: Mutex::new(grasp) })
+        let (cells, seconds) = (grasp.n_cells(), grasp.seconds());
+        Ok(Grasp { hold: Arc::clone(grasp.hold()), cells, seconds, grasp: Mutex::new(grasp) })
     }
 }
 
 /// Contacts that hold the organ.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Grasp {
+    hold: Arc<Hold>,
+    #[pyo3(get)]
+    cells: usize,
+    #[pyo3(get)]
+    seconds: f64,
     grasp: Mutex<galerkin::Grasp>,
-}
-
-impl Grasp {
-    fn lock(&self) -> PyResult<std::sync::MutexGuard<'_, galerkin::Grasp>> {
-        self.grasp.lock().map_err(|_| PyValueError::new_err("this grasp broke off; take hold anew"))
-    }
 }
 
 #[pymethods]
 impl Grasp {
     #[getter]
-    fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let grasp = self.lock()?;
-        let facts = PyDict::new(py);
-        facts.set_item("modes", grasp.n_modes())?;
-        facts.set_item("cells", grasp.n_cells())?;
-        facts.set_item("errors", (grasp.errors().half_depth, grasp.errors().depth))?;
-        facts.set_item("seconds", grasp.seconds())?;
-        Ok(facts)
+    fn modes(&self) -> usize {
+        self.hold.n_modes()
     }
 
-    fn patches(&self) -> PyResult<Vec<Patch>> {
-        Ok(self.lock()?.patches().into_iter().map(|patch| Patch { patch }).collect())
+    fn patches(&self) -> Vec<Patch> {
+        self.hold.patches().into_iter().map(|patch| Patch { patch }).collect()
     }
 
-    fn solve<'py>(
+    fn solve(
         &self,
-        py: Python<'py>,
+        py: Python<'_>,
         displacements: PyReadonlyArray2<f64>,
         from_last: bool,
         with_stiffness: bool,
-    ) -> PyResult<Bound<'py, PyDict>> {
+    ) -> PyResult<Held> {
         let d = convert::points("displacements", &displacements)?;
-        let mut guard = self.lock()?;
+        let broken = |_| PyValueError::new_err("this grasp broke off; take hold anew");
+        let mut guard = self.grasp.lock().map_err(broken)?;
         let grasp = &mut *guard;
         let solution =
             py.detach(|| grasp.solve(&d, from_last, with_stiffness)).map_err(convert::error)?;
-        let answer = PyDict::new(py);
-        answer.set_item("force", convert::table(py, &solution.forces)?)?;
-        let n = 3 * d.len();
-        if !solution.stiffness.is_empty() {
-            let stiffness = PyArray1::from_vec(py, solution.stiffness).reshape([n, n])?;
-            answer.set_item("stiffness", stiffness)?;
-        }
-        answer.set_item("coordinates", PyArray1::from_slice(py, grasp.coordinates()))?;
-        answer.set_item("energy", solution.energy)?;
-        answer.set_item("status", status(solution.status))?;
-        answer.set_item("is_converged", solution.status == Status::Converged)?;
-        answer.set_item("is_trusted", solution.trust == Trust::Trusted)?;
-        answer.set_item("reason", reason(solution.trust))?;
-        answer.set_item("error_estimate", solution.error_estimate)?;
-        answer.set_item("smallest_jacobian", solution.smallest_jacobian)?;
-        answer.set_item("iterations", solution.iterations)?;
-        answer.set_item("tangents", solution.tangents)?;
-        answer.set_item("residual", solution.residual)?;
-        answer.set_item("seconds", solution.seconds)?;
-        Ok(answer)
-    }
-
-    fn displacement<'py>(
-        &self,
-        py: Python<'py>,
-        coordinates: PyReadonlyArray1<f64>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let field = self.lock()?.displacement(&coordinates.as_array().to_vec());
-        convert::field(py, field)
+        Ok(Held { hold: Arc::clone(&self.hold), solution })
     }
 
     fn superposed<'py>(
@@ -116,8 +83,49 @@ impl Grasp {
         displacements: PyReadonlyArray2<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let d = convert::points("displacements", &displacements)?;
-        let field = self.lock()?.superposed(&d);
-        convert::field(py, field)
+        convert::field(py, self.hold.superposed(&d).map_err(convert::error)?)
+    }
+}
+
+/// An answer, with what it takes to make its field and to assess it.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Held {
+    hold: Arc<Hold>,
+    solution: Solution,
+}
+
+#[pymethods]
+impl Held {
+    /// Everything that is known at once.
+    #[getter]
+    fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let solution = &self.solution;
+        let facts = PyDict::new(py);
+        facts.set_item("force", convert::table(py, &solution.forces)?)?;
+        if !solution.stiffness.is_empty() {
+            let n = 3 * solution.forces.len();
+            let stiffness = PyArray1::from_slice(py, &solution.stiffness).reshape([n, n])?;
+            facts.set_item("stiffness", stiffness)?;
+        }
+        facts.set_item("energy", solution.energy)?;
+        facts.set_item("status", status(solution.status))?;
+        facts.set_item("is_converged", solution.status == Status::Converged)?;
+        facts.set_item("smallest_jacobian", solution.smallest_jacobian)?;
+        facts.set_item("iterations", solution.iterations)?;
+        facts.set_item("tangents", solution.tangents)?;
+        facts.set_item("residual", solution.residual)?;
+        facts.set_item("seconds", solution.seconds)?;
+        Ok(facts)
+    }
+
+    fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        convert::field(py, py.detach(|| self.hold.displacement(&self.solution)))
+    }
+
+    /// Expected error, and why not to rely on the answer.
+    fn assess(&self, py: Python<'_>) -> (f64, &'static str) {
+        let assessment = py.detach(|| self.hold.assess(&self.solution));
+        (assessment.error, reason(assessment.trust))
     }
 }
 
@@ -135,6 +143,6 @@ fn reason(trust: Trust) -> &'static str {
         Trust::NotConverged => "no equilibrium was found",
         Trust::Inverted => "a sampled cell is inside out",
         Trust::BeyondDepth => "a contact is displaced by more than in training",
-        Trust::ErrorTooLarge => "the estimated error is larger than allowed at this depth",
+        Trust::ErrorTooLarge => "the expected error is larger than allowed at this depth",
     }
 }

@@ -39,5 +39,6 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<galerkin::Galerkin>()?;
     m.add_class::<galerkin::Grasp>()?;
+    m.add_class::<galerkin::Held>()?;
     Ok(())
 }

@@ -11,6 +11,7 @@ mod basis;
 mod coupling;
 mod factor;
 mod grasp;
+mod hold;
 mod model;
 mod nnls;
 mod sample;
@@ -19,9 +20,8 @@ mod subspace;
 #[cfg(test)]
 mod tests;
 mod training;
-mod trial;
 
-pub use grasp::{Grasp, Solution, Trust};
+pub use grasp::{Grasp, Solution};
+pub use hold::{Assessment, Hold, Trust};
 pub use model::{Galerkin, Sampling};
 pub use solver::Status;
-pub use trial::Errors;

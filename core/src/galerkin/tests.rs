@@ -7,13 +7,13 @@ use super::nnls::{self, Columns, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::training::{Forces, states, systematic};
-use super::{Errors, Grasp, Trust};
+use super::{Assessment, Grasp, Solution, Trust};
 use crate::body::Body;
 use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem};
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface, surface};
-use crate::reduced::{Arrays, ReducedModel, Reduction};
+use crate::reduced::{Arrays, ReducedModel, Reduction, allowance};
 use std::sync::{Arc, LazyLock};
 
 const SIZE: [f64; 3] = [0.06, 0.04, 0.03];
@@ -168,9 +168,9 @@ fn force_and_tangent_are_derivatives_whatever_the_weights() {
     let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
     let weights: Vec<f64> = noise(cells.len(), 1).iter().map(|x| 2.0 + x).collect();
     sample.weigh(&weights);
-    let modes = sample.restrict(&grasp.subspace().basis.modes);
-    let r = grasp.n_modes();
-    let q = grasp.subspace().superposed(pushes(DEPTH).as_flattened());
+    let modes = sample.restrict(&grasp.hold().subspace.basis.modes);
+    let r = grasp.hold().n_modes();
+    let q = grasp.hold().subspace.superposed(pushes(DEPTH).as_flattened());
     let mut at = Reduced::new(r);
     at.evaluate(&sample, &modes, &q, true);
     let h = 1e-5 * norm(&q);
@@ -196,7 +196,7 @@ fn force_and_tangent_are_derivatives_whatever_the_weights() {
 fn all_modes_and_all_cells_are_newton() {
     let body = &MODEL.rest.body;
     let grasp = two();
-    let patches = grasp.patches();
+    let patches = grasp.hold().patches();
     let unit = |&dof: &u32| {
         let mut mode = vec![0.0; body.n_dofs()];
         mode[dof as usize] = 1.0;
@@ -225,9 +225,10 @@ fn sampled_energies_are_those_of_the_body_in_training() {
     let mut grasp = two();
     assert!(grasp.n_cells() < body.cells().len() * 3 / 4, "{} cells", grasp.n_cells());
     assert!(grasp.solver().weights().iter().all(|&w| w > 0.0));
-    for state in states(&MODEL.rest, grasp.subspace(), DEPTH, 0..20) {
-        let full = body.energy(&grasp.displacement(&state.q));
-        let error = (grasp.energy_at(&state.q) - full).abs() / full;
+    for state in states(&MODEL.rest, &grasp.hold().subspace, DEPTH, 0..20) {
+        let full = body.energy(&grasp.hold().subspace.basis.field(&state.q));
+        grasp.solver().start(|_| state.q.clone());
+        let error = (grasp.solver().reduced.energy - full).abs() / full;
         assert!(error < 0.03, "energy off by {error}");
     }
 }
@@ -235,9 +236,9 @@ fn sampled_energies_are_those_of_the_body_in_training() {
 #[test]
 fn forces_of_all_cells_are_those_of_the_body() {
     let (grasp, body) = (two(), &MODEL.rest.body);
-    let states = states(&MODEL.rest, grasp.subspace(), DEPTH, 0..3);
+    let states = states(&MODEL.rest, &grasp.hold().subspace, DEPTH, 0..3);
     let all: Vec<usize> = (0..body.cells().len()).collect();
-    let forces = Forces::new(body, &all, grasp.subspace(), &states);
+    let forces = Forces::new(body, &all, &grasp.hold().subspace, &states);
     let mut sum = vec![0.0; forces.rows];
     for force in forces.cells.chunks_exact(forces.rows) {
         sum.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
@@ -249,7 +250,7 @@ fn forces_of_all_cells_are_those_of_the_body() {
 #[test]
 fn one_shallow_touch_is_that_of_the_series() {
     let mut grasp = MODEL.grasp(&[LEFT]).unwrap();
-    let contact = grasp.contacts()[0];
+    let contact = grasp.hold().contacts()[0];
     let d = pushes(1e-3 * DEPTH)[0];
     let solution = grasp.solve(&[d], false, true).unwrap();
     let response = MODEL.model.respond(&contact, d);
@@ -263,10 +264,10 @@ fn one_shallow_touch_is_that_of_the_series() {
 #[test]
 fn the_superposed_series_is_right_to_second_order() {
     let grasp = two();
-    let patches = grasp.patches();
+    let patches = grasp.hold().patches();
     let error = |depth: f64| {
         let d = pushes(depth);
-        relative(&grasp.superposed(&d), &newton(&patches, &d).0)
+        relative(&grasp.hold().superposed(&d).unwrap(), &newton(&patches, &d).0)
     };
     let (coarse, fine) = (error(0.5 * DEPTH), error(0.25 * DEPTH));
     // The part left is of third order, a quarter relative to a displacement half as large.
@@ -276,15 +277,15 @@ fn the_superposed_series_is_right_to_second_order() {
 #[test]
 fn two_fingers_are_near_newton_where_superposition_is_not() {
     let mut grasp = two();
-    let patches = grasp.patches();
+    let patches = grasp.hold().patches();
     for depth in [0.25 * DEPTH, 0.5 * DEPTH] {
         let d = pushes(depth);
         let (field, forces) = newton(&patches, &d);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let error = relative(&grasp.displacement(grasp.coordinates()), &field);
+        let error = relative(&grasp.hold().displacement(&solution), &field);
         let force_error = relative(solution.forces.as_flattened(), forces.as_flattened());
         assert!(error < 0.015 && force_error < 0.03, "{error}, force {force_error} at {depth} m");
-        let responses = grasp.contacts().iter().zip(d);
+        let responses = grasp.hold().contacts().iter().zip(d);
         let alone: Vec<f64> =
             responses.flat_map(|(c, d)| MODEL.model.respond(c, d).force).collect();
         let alone = relative(&alone, forces.as_flattened());
@@ -321,34 +322,38 @@ fn the_way_there_does_not_matter() {
     let warm = grasp.solve(&d, true, false).unwrap();
     assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
     let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
-    assert_eq!((rest.status, rest.trust), (Status::Converged, Trust::Trusted));
+    assert_eq!(grasp.hold().assess(&rest), Assessment { error: 0.0, trust: Trust::Trusted });
     assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
 }
 
 #[test]
-fn measured_errors_are_those_against_newton() {
+fn the_whole_body_knows_the_error_of_an_answer() {
     let mut grasp = two();
-    let errors = grasp.errors();
-    let d = pushes(DEPTH);
-    grasp.solve(&d, false, false).unwrap();
-    let (field, _) = newton(&grasp.patches(), &d);
-    let error = relative(&grasp.displacement(grasp.coordinates()), &field);
-    assert!(errors.half_depth <= errors.depth, "{errors:?}");
-    assert!(error < errors.depth && errors.depth < 10.0 * error, "{error} and {errors:?}");
-    let estimate = |share: f64| errors.at(share);
-    assert_eq!([0.0, 0.5, 1.0].map(estimate), [0.0, errors.half_depth, errors.depth]);
-    assert_eq!(Errors { half_depth: 0.4, depth: 0.9 }.at(2.0), 1.0);
+    for depth in [0.5 * DEPTH, DEPTH] {
+        let d = pushes(depth);
+        let solution = grasp.solve(&d, false, false).unwrap();
+        let (field, _) = newton(&grasp.hold().patches(), &d);
+        let error = relative(&grasp.hold().displacement(&solution), &field);
+        let Assessment { error: expected, trust } = grasp.hold().assess(&solution);
+        assert!(error < expected && expected < 4.0 * error, "{error}, {expected} expected");
+        let allowed = allowance(depth / MODEL.model.metadata().diagonal);
+        assert_eq!(trust == Trust::Trusted, expected <= allowed);
+        // What is wrong is found to be wrong.
+        let spoilt = solution.coordinates.iter().map(|q| 1.2 * q).collect();
+        let spoilt = Solution { coordinates: spoilt, ..solution };
+        assert_eq!(grasp.hold().assess(&spoilt).trust, Trust::ErrorTooLarge);
+    }
 }
 
 #[test]
 fn failures_say_so() {
     let mut grasp = two();
     let beyond = grasp.solve(&pushes(1.5 * DEPTH), false, false).unwrap();
-    assert_ne!(beyond.trust, Trust::Trusted);
+    assert_ne!(grasp.hold().assess(&beyond).trust, Trust::Trusted);
     // Two fingers pulled through each other: no equilibrium, or none to be trusted.
     let through = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]];
     let hopeless = grasp.solve(&through, false, true).unwrap();
-    assert_ne!(hopeless.trust, Trust::Trusted);
+    assert_ne!(grasp.hold().assess(&hopeless).trust, Trust::Trusted);
     assert!(hopeless.forces.iter().flatten().all(|f| f.is_finite()));
     let again = grasp.solve(&pushes(0.5 * DEPTH), true, false).unwrap();
     assert_eq!(again.status, Status::Converged, "a failure spoils nothing that comes after it");

@@ -112,7 +112,7 @@ pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
 
 /// The points of a sequence that fills the unit ball evenly, more densely towards its centre: direction from two
 /// terms of Roberts' R3 sequence, radius from the third.
-pub(super) fn spread(number: usize) -> [f64; 3] {
+fn spread(number: usize) -> [f64; 3] {
     const GOLDEN: f64 = 1.220_744_084_605_76;
     let term = |k: i32| (0.5 + (number + 1) as f64 / GOLDEN.powi(k)).fract();
     let (height, turn) = (2.0 * term(1) - 1.0, std::f64::consts::TAU * term(2));
