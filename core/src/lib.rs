@@ -25,5 +25,6 @@ pub mod reduced;
 pub mod series;
 pub mod simd;
 pub mod tensor;
+mod unroll;
 
 pub use error::Error;
