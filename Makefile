@@ -8,7 +8,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  := cargo
 
-core_sources := Cargo.toml Cargo.lock $(shell find core bindings/python -name '*.rs' -o -name Cargo.toml)
+core_sources := Cargo.toml Cargo.lock $(shell find core live bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
@@ -22,7 +22,8 @@ HAPTIC_SECONDS ?= 600
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
 page         := python/viscera/viewer/static/viewer.js
 page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
-evaluator    := viewer/wasm/viscera.wasm
+evaluator    := viewer/wasm/evaluator.wasm
+stepper      := viewer/wasm/stepper.wasm
 node_page    := $(if $(shell command -v npm),$(page))
 
 debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
@@ -70,9 +71,9 @@ viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to on
 sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
 
-fuzz: ## model files and touches that bring the evaluator down, FUZZ_SECONDS for each target; needs nightly Rust
+fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_SECONDS for each target; needs nightly Rust
 	$(CARGO) fuzz --version || $(CARGO) install cargo-fuzz --locked
-	for target in file edits; do \
+	for target in file edits case requests; do \
 		mkdir -p out/fuzz/$$target && $(fuzz_profile) $(CARGO) +nightly fuzz run --target-dir target/fuzz --features libfuzzer \
 			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
 			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
@@ -93,9 +94,11 @@ bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
 
-bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz
+bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
 	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
-	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS)
+	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) > out/haptic.txt; status=$$?; \
+		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
+		exit $$status
 
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
@@ -111,14 +114,19 @@ pages: $(extension) ## run the marked programs of README and docs/, and write th
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
 
-# The evaluator alone, without the solvers; all browsers of the last years have these vector instructions.
-$(evaluator): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
+# The evaluator for every page, and all solvers for one that steps a case; all browsers of the last years have these
+# vector instructions. One after the other, as cargo gives both the same name.
+$(evaluator) $(stepper): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
 	rustup target add wasm32-unknown-unknown
-	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown
+	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown \
+		--no-default-features --features $(basename $(notdir $@))
 	install -D -m 644 target/wasm32-unknown-unknown/wasm/viscera_wasm.wasm $@
 
-$(page): $(evaluator) $(page_sources) viewer/node_modules/.package-lock.json
+$(stepper): $(evaluator)
+
+$(page): $(evaluator) $(stepper) $(page_sources) viewer/node_modules/.package-lock.json
 	npm --prefix viewer run build
+	install -m 644 $(stepper) $(dir $(page))stepper.wasm
 
 viewer/node_modules/.package-lock.json: viewer/package-lock.json
 	npm --prefix viewer ci --no-audit --no-fund

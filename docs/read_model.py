@@ -30,6 +30,23 @@ def locate(corners, x):
     return triangle, feet[kind][triangle]
 
 
+def weights(about, m, corners, w, d):
+    """How much each order counts (P,): all alike, or as in the Padé form where the file has sketches."""
+    P = about["order"]
+    alpha = [(i, j, n - i - j) for n in range(1, P + 1) for i in range(n, -1, -1) for j in range(n - i, -1, -1)]
+    if "sketch" not in m or P < 3:
+        return np.ones(P)
+    sketch = np.tensordot(w, m["sketch"].reshape(-1, len(alpha), 24).astype(float)[corners], 1)
+    terms = np.prod(d ** np.array(alpha), axis=1)[:, None] * sketch
+    parts = np.array([terms[np.sum(alpha, axis=1) == n].sum(axis=0) for n in range(1, P + 1)])
+    size = np.linalg.norm(parts, axis=1)
+    unit = parts / size[:, None]
+    c = np.linalg.solve(unit[:-1] @ unit[:-1].T + 1e-3 * np.eye(P - 1), -unit[:-1] @ unit[-1])
+    sums = np.cumsum([1.0, *(c * size[-1] / size[:-1])[::-1]])
+    t = np.clip((sums[-1] - 0.1) / 0.2, 0.0, 1.0)
+    return 1.0 + t * t * (3.0 - 2.0 * t) * (sums[::-1] / sums[-1] - 1.0)
+
+
 def touch(about, m, point, d):
     """Force (3,) [N] and displacement (n, 3) [m] for a contact point (3,) and its displacement d (3,) [m]."""
     degrees = range(2, about["order"] + 1)
@@ -40,6 +57,7 @@ def touch(about, m, point, d):
     own, cross = (m[name].reshape(-1, 3, 3) for name in ("compliance", "cross_compliance"))
     C = np.tensordot(w**2, own[corners], 1) + np.tensordot(pairs, cross[edges] + cross[edges].transpose(0, 2, 1), 1)
     force = first = np.linalg.solve(C, d)
+    monomials *= weights(about, m, corners, w, np.asarray(d))[exponents.sum(axis=1) - 1]
     terms = []  # array names, place, amplitudes of the linear terms, amplitudes of the higher ones
     for k in range(3):
         shape = np.where(is_quadratic, w[k] * (2 * w[k] - 1), w[k])

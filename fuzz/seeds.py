@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 
 import viscera as vs
+from viscera.case import Case
+from viscera.viewer.live import live_case
 
 FOLDER = Path(__file__).parent / "corpus"
 
 
-def block(n: int) -> bytes:
-    """The model file of a block of n x n x n cubes, held at the bottom and touched at the top."""
+def cubes(n: int) -> vs.Mesh:
+    """A block of n x n x n cubes, 4 cm in all, and its floor."""
     points = np.array([point[::-1] for point in product(range(n + 1), repeat=3)], dtype=float)
     index = {tuple(point): number for number, point in enumerate(points.astype(int).tolist())}
     cells = []
@@ -25,13 +27,40 @@ def block(n: int) -> bytes:
         for order in permutations(range(3)):
             steps = np.eye(3, dtype=int)[list(order)].cumsum(axis=0)
             cells.append([index[tuple(np.add(corner, step).tolist())] for step in ([0, 0, 0], *steps.tolist())])
-    mesh = vs.mesh(0.04 / n * points, cells, sets={"floor": np.flatnonzero(points[:, 2] == 0)})
-    organ = vs.Organ(mesh, vs.NeoHookean(young=3000, poisson=0.4), fixed="floor")
+    return vs.mesh(0.04 / n * points, cells, sets={"floor": np.flatnonzero(points[:, 2] == 0)})
+
+
+def block(n: int) -> bytes:
+    """The model file of such a block, held at the bottom and touched at the top."""
+    organ = vs.Organ(cubes(n), vs.NeoHookean(young=3000, poisson=0.4), fixed="floor")
     touch = organ.reduce(lambda x: x[:, 2] > 0.039, radius=0.02, depth=0.004, order=2, tolerance=0.01)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "block.viscera"
         touch.save(path)
         return path.read_bytes()
+
+
+def cube() -> bytes:
+    """A case of one cube of 4 cm, held at the bottom."""
+    with TemporaryDirectory() as folder:
+        mesh = cubes(1)
+        mesh.write(Path(folder) / "cube.vtu")
+        material = {"law": "NeoHookean", "young": 3000, "poisson": 0.4}
+        case = Case(mesh="cube.vtu", units="m", fixed="floor", material=material, folder=Path(folder))
+        return live_case(case, "Cube").data
+
+
+REQUESTS = {
+    "hand": '{"grab": [0.04, 0.04, 0.04], "move": [0, 0, -0.004]}\n{"move": [0, 0.004, 0]}\n{}\n{"release": true}\n{}',
+    "two_laws": '{"laws": ["Linear", "NeoHookean"], "gravity": [0, 0, -9.81]}\n{}\n{"laws": ["Corotated"]}\n{}',
+    "hand_gone_mad": '{"grab": [0.04, 0, 0.04], "move": [9e5, 9e5, 9e5]}\n{}\n{"gravity": [9e5, 0, -9e5]}\n{}\n{}',
+    "everything": '{"laws": ["MooneyRivlin"], "grab": [0, 0, 0.04], "move": [0, 0, 1], "release": false}',
+    "nobody_there": '{"grab": [1, 1, 1]}',
+    "numbers_out_of_range": '{"move": [0, 0, 1e999]}\n{"move": [0, 0, -1e7]}\n{"move": [0, 0, 1e-320]}',
+    "no_object": "[{}, {}, {}, {}, {}]",
+    "deep": '{"move": ' + "[" * 300,
+    "no_text": "\ufffe\x00{}",
+}
 
 
 def parts(file: bytes) -> tuple[dict[str, Any], bytes]:
@@ -90,11 +119,20 @@ def damaged(file: bytes) -> dict[str, bytes]:
 
 
 def main() -> None:
-    for name in ("file", "edits"):
+    for name in ("file", "edits", "case", "requests"):
         (FOLDER / name).mkdir(parents=True, exist_ok=True)
     (FOLDER / "file" / "block.viscera").write_bytes(block(2))
     for name, content in damaged(block(1)).items():
         (FOLDER / "file" / name).write_bytes(content)
+    whole_case = cube()
+    (FOLDER / "case" / "cube.case").write_bytes(whole_case)
+    (FOLDER / "case" / "cut").write_bytes(whole_case[: len(whole_case) // 2])
+    header, data = parts(whole_case)
+    for name in ("points", "cells", "fixed", "density"):
+        other = {**header, name: {**header[name], "dtype": "F32"}}
+        (FOLDER / "case" / f"{name}_of_another_type").write_bytes(whole(other, data))
+    for name, text in REQUESTS.items():
+        (FOLDER / "requests" / name).write_text(text, encoding="utf-8")
     random = np.random.default_rng(1)
     for number in range(16):
         (FOLDER / "edits" / f"random_{number}").write_bytes(random.bytes(8 * (number + 1)))

@@ -1,4 +1,4 @@
-"""Photographs the viewer for docs/viewer.md: a liver pushed in, on a wide screen and on a telephone in the dark.
+"""Photographs the viewer for docs/viewer.md: a liver pushed in, wide and on a telephone in the dark, and two arteries.
 
 python scripts/viewer_pictures.py out/liver.viscera
 """
@@ -13,9 +13,11 @@ from typing import Any
 from playwright.sync_api import sync_playwright
 
 import viscera as vs
-from viscera.viewer import serve
+from viscera.case import read_case
+from viscera.viewer import serve, serve_live
 
-PICTURES = Path(__file__).resolve().parent.parent / "docs" / "pictures"
+ROOT = Path(__file__).resolve().parent.parent
+PICTURES = ROOT / "docs" / "pictures"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 WIDE = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "light"}
 TELEPHONE = {"viewport": {"width": 390, "height": 780}, "color_scheme": "dark", "device_scale_factor": 2}
@@ -31,7 +33,26 @@ def photograph(browser: Any, url: str, name: str, settings: dict[str, Any], colo
     page.mouse.move(at["x"], at["y"])
     page.mouse.down()
     page.mouse.move(at["x"], at["y"] + drag, steps=5)
-    page.wait_for_timeout(500)
+    shoot(page, name)
+
+
+def photograph_pair(browser: Any, url: str, name: str) -> None:
+    """The case's law and the linear one, bent by the same hand."""
+    page = browser.new_context(**WIDE).new_page()
+    page.goto(url)
+    page.wait_for_selector(".view canvas.stage")
+    page.get_by_text("Compare two laws").click()
+    page.evaluate("() => { viscera.touchMiddle(); viscera.nudge(-0.8, 0.1, 0.4); }")
+    page.wait_for_function(
+        "() => { const { held, specimens } = viscera.state(); "
+        "return held && specimens.every(({ residual, force }) => residual < 1e-8 && Math.hypot(...force) > 0) }"
+    )
+    shoot(page, name)
+
+
+def shoot(page: Any, name: str) -> None:
+    """Keep what is seen once it rests and is drawn sharp."""
+    page.wait_for_timeout(3000)
     page.screenshot(path=PICTURES / name)
     page.context.close()
 
@@ -42,8 +63,10 @@ def main(model: str) -> None:
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with serve(vs.load(model), Path(model).stem.capitalize()) as server, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
-        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 38)
-        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 24)
+        photograph(browser, server.url, "viewer.png", WIDE, "tissue", 26)
+        photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)
+        with serve_live(read_case(ROOT / "examples" / "artery.toml"), "Artery") as live:
+            photograph_pair(browser, live.url, "viewer-pair.png")
         browser.close()
 
 

@@ -82,3 +82,5 @@ def test_reduce_check_and_touch(folder: Path) -> None:
     except VisceraError:
         return  # built without its viewer
     assert set(run(folder, "view", model, "--export", str(folder / "site"))) == documented("view")
+    case = str(folder / "case.toml")
+    assert set(run(folder, "view", case, "--export", str(folder / "live"))) == documented("view CASE.toml")

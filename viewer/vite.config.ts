@@ -1,4 +1,5 @@
 // One module with everything in it (three.js, the evaluator, the style): the page and the notebook load the same file.
+// Beside it the worker that steps a case, which shares no code with it.
 import { defineConfig } from "vite";
 
 export default defineConfig({
@@ -8,6 +9,6 @@ export default defineConfig({
     outDir: "../python/viscera/viewer/static",
     emptyOutDir: true,
     assetsInlineLimit: Number.MAX_SAFE_INTEGER,
-    lib: { entry: "src/index.ts", formats: ["es"], fileName: () => "viewer.js" },
+    lib: { entry: { viewer: "src/index.ts", stepper: "src/stepper.ts" }, formats: ["es"], fileName: (_, name) => `${name}.js` },
   },
 });

@@ -8,6 +8,8 @@
 
 #[cfg(feature = "solvers")]
 pub mod body;
+#[cfg(feature = "solvers")]
+pub mod clock;
 pub mod element;
 #[cfg(feature = "solvers")]
 pub mod equilibrium;

@@ -24,7 +24,16 @@ fn model() -> ReducedModel {
     let body = Body::new(points, cells, law).unwrap();
     let user = serde_json::Value::Null;
     let (radius, depth, order, tolerance) = (0.012, 0.004, 3, 1e-3);
-    let reduction = Reduction { touchable, radius, depth, order, tolerance, user };
+    let reduction = Reduction {
+        touchable,
+        radius,
+        depth,
+        order,
+        tolerance,
+        pade: true,
+        preload: Vec::new(),
+        user,
+    };
     reduction.run(&body, &surface, &fixed, &mut |_| true).unwrap()
 }
 

@@ -13,7 +13,7 @@ pub(crate) enum Field<'a> {
 
 impl<'a> Field<'a> {
     pub(crate) fn of(a: &'a mut Arrays, which: u8) -> Self {
-        match which % 27 {
+        match which % 39 {
             0 => Field::Double(&mut a.points),
             1 => Field::Index(&mut a.cells),
             2 => Field::Index(&mut a.fixed),
@@ -40,7 +40,19 @@ impl<'a> Field<'a> {
             23 => Field::Mode(&mut a.surface_modes),
             24 => Field::Mode(&mut a.interior_modes),
             25 => Field::Single(&mut a.position_coefficients),
-            _ => Field::Single(&mut a.edge_coefficients),
+            26 => Field::Single(&mut a.edge_coefficients),
+            27 => Field::Double(&mut a.preload),
+            28 => Field::Index(&mut a.parameter_cells),
+            29 => Field::Double(&mut a.family.compliance),
+            30 => Field::Double(&mut a.family.cross_compliance),
+            31 => Field::Double(&mut a.family.force),
+            32 => Field::Double(&mut a.family.edge_force),
+            33 => Field::Single(&mut a.family.norms),
+            34 => Field::Single(&mut a.family.compression),
+            35 => Field::Single(&mut a.family.position_coefficients),
+            36 => Field::Single(&mut a.family.edge_coefficients),
+            37 => Field::Single(&mut a.sketch),
+            _ => Field::Single(&mut a.family.sketch),
         }
     }
 

@@ -1,4 +1,5 @@
-//! What may be thrown at the reader of model files and at the on-line evaluator, and what must hold.
+//! What may be thrown at the reader of model files, at the on-line evaluator, and at the stepper of a case, and what
+//! must hold.
 //!
 //! A fuzzer looks for inputs (`make fuzz`); the tests replay those that are kept in `corpus/`. Nothing
 //! may panic, whatever the bytes; a trusted answer is finite; a model that is accepted is read back
@@ -9,9 +10,13 @@ mod arrays;
 use arrays::Field;
 use std::sync::LazyLock;
 use viscera_core::reduced::{Metadata, ReducedModel, Trust};
+use viscera_live::Live;
 
 /// A valid model of a small block, that edits begin with.
 pub const BLOCK: &[u8] = include_bytes!("../corpus/file/block.viscera");
+
+/// A valid case of a cube.
+pub const CASE: &[u8] = include_bytes!("../corpus/case/cube.case");
 
 static MODEL: LazyLock<ReducedModel> =
     LazyLock::new(|| ReducedModel::from_bytes(BLOCK).expect("the corpus holds a valid block"));
@@ -49,6 +54,25 @@ pub fn edits(bytes: &[u8]) -> bool {
         touch(&model, point, d);
     }
     true
+}
+
+/// Any bytes as a case; returns whether they are one that can be stepped.
+pub fn case(bytes: &[u8]) -> bool {
+    Live::open(bytes).is_ok_and(|live| follow(live, &["{}", r#"{"grab": [0.04, 0.04, 0.04]}"#]))
+}
+
+/// Any bytes as the requests of a page, one a line; returns whether one was followed.
+pub fn requests(bytes: &[u8]) -> bool {
+    let text = String::from_utf8_lossy(bytes);
+    let lines: Vec<&str> = text.lines().take(8).collect();
+    follow(Live::open(CASE).expect("the corpus holds a valid case"), &lines)
+}
+
+/// Whether one of the requests is followed; frames are finite.
+fn follow(mut live: Live, requests: &[&str]) -> bool {
+    let frames = requests.iter().filter_map(|request| live.answer(request).ok());
+    let sound = frames.map(|frame| assert!(frame.iter().all(|x| x.is_finite())));
+    sound.count() > 0
 }
 
 /// Everything a haptic loop asks for.

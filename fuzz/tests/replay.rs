@@ -91,6 +91,29 @@ fn no_edit_of_a_model_brings_the_evaluator_down() {
     assert!(accepted > 0 && accepted < scripts.len(), "{accepted} of {}", scripts.len());
 }
 
+#[test]
+fn no_case_and_no_request_brings_the_stepper_down() {
+    for (name, accepts) in
+        [("case", viscera_fuzz::case as fn(&[u8]) -> bool), ("requests", viscera_fuzz::requests)]
+    {
+        let tried = corpus(name);
+        let accepted = tried.iter().filter(|(_, bytes)| accepts(bytes)).count();
+        assert!(accepted > 0 && accepted < tried.len(), "{name}: {accepted} of {}", tried.len());
+    }
+}
+
+/// All of a valid case, cut or with one byte changed: refused, or stepped.
+#[test]
+fn no_damage_to_a_byte_of_a_case_brings_the_stepper_down() {
+    let bytes = viscera_fuzz::CASE;
+    for place in (0..bytes.len()).step_by(7) {
+        assert!(!viscera_fuzz::case(&bytes[..place]), "cut after {place} bytes");
+        let mut changed = bytes.to_vec();
+        changed[place] ^= 1 << (place % 8);
+        viscera_fuzz::case(&changed);
+    }
+}
+
 /// All of a valid file, cut or with one byte changed.
 #[test]
 fn no_damage_to_a_byte_brings_the_reader_down() {

@@ -32,6 +32,7 @@ from viscera.solver import ConjugateGradients
 from viscera.state import State
 from viscera.stepper import Frame, Hand, Stepper
 from viscera.touch import Answer, Touch, load
+from viscera.vary import Vary
 
 __all__ = [
     "Answer",
@@ -55,6 +56,7 @@ __all__ = [
     "Stepper",
     "Touch",
     "Unloaded",
+    "Vary",
     "VisceraError",
     "Yeoh",
     "__version__",

@@ -32,6 +32,10 @@ def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
 
+def touch_series(body: Body, patches: list[Patch], base: Floats, order: int) -> list[tuple[Floats, Floats]]:
+    """Fields (terms, n, 3) and forces (terms, 3) of the series of contacts about the equilibrium `base` (n, 3), which
+    may be that of a contact already; monomials as in docs/model-file.md."""
+
 def pgd(
     body: Body,
     *,
@@ -143,10 +147,20 @@ class Body:
         depth: float,
         order: int,
         tolerance: float,
+        pade: bool,  # whether orders are summed in their Pade form
+        preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
+        family: dict[str, Any] | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
+
+class Live:
+    """A case in real time for one page (live/): requests in, frames out; raises `ValueError` with a sentence."""
+
+    def __init__(self, case: bytes) -> None: ...
+    def describe(self) -> str: ...  # JSON
+    def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
 Solver = tuple[str, float, int]
 """Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
@@ -206,5 +220,7 @@ class Model:
         contact_point (3,), and with `field` displacement (n, 3) [m]."""
     def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
+    def at(self, value: float, law_parameters: list[float]) -> Model:
+        """The model at another value of its parameter."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""

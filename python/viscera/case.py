@@ -31,6 +31,13 @@
     touchable = "anterior"
     radius = "12 mm"              # or a number in metres, or a percentage of the bounding-box diagonal
     depth = "10%"
+    start = "loads"               # touch the organ as the [loads] leave it, or as it was in the "scan"; or at "rest"
+
+    [reduce.vary]                 # one model for a range of "young", "poisson" or the contact "radius"
+    parameter = "young"
+    part = "nodule"               # a cell set or a condition; the whole organ without it
+    low = 10e3
+    high = 100e3
 
 Unknown keys are errors that name the nearest known one.
 """
@@ -55,6 +62,7 @@ from viscera.organ import Organ, Progress
 from viscera.select import length, select, select_cells
 from viscera.state import State
 from viscera.touch import Touch
+from viscera.vary import Vary
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -77,10 +85,12 @@ KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the key
     "scan.traction": None,
     "scan.pressure": None,
     "settings": ("steps", "newton"),
-    "reduce": ("touchable", "radius", "depth", "order", "tolerance"),
+    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "pade", "start", "vary"),
+    "reduce.vary": ("parameter", "part", "low", "high", "nodes"),
     "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
     "material.fibres": ("angle", "axis", "through"),
 }
+STARTS = ("rest", "loads", "scan")  # of the touches of a reduced model
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
@@ -150,12 +160,32 @@ class Case:
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
     def reduce(self, organ: Organ, progress: Progress | None = None) -> Touch:
-        """The reduced model of the organ with the case's [reduce] settings."""
+        """The reduced model of the organ with the case's [reduce] settings, about the equilibrium they start from."""
         options = dict(self.reduction)
+        organ, state = self._touched(organ, options.pop("start", None), progress)
         for name in ("radius", "depth"):
             if name in options:
                 options[name] = length(options[name], organ.mesh.diagonal, name)
-        return organ.reduce(**options, progress=progress)
+        vary = _varied(organ.mesh, options.pop("vary")) if "vary" in options else None
+        return organ.reduce(**options, start=state, vary=vary, progress=progress)
+
+    def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
+        """The organ free of load, and the equilibrium that its touches start from; None at rest."""
+        if start is None and self.scan:
+            raise VisceraError('a [scan] leaves open what is touched: start = "scan", "loads" or "rest" in [reduce]')
+        if start not in {None, *STARTS}:
+            raise VisceraError(f"start in [reduce] is {start!r}; {did_you_mean(str(start), STARTS)}")
+        if start == "scan" and not self.scan:
+            raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
+        scanned = None
+        if self.scan:
+            rest = self.unloaded(organ, progress)
+            if not rest.is_converged:
+                raise VisceraError(f"the loads of the [scan] cannot be taken off: {rest.message}")
+            organ, scanned = rest.organ, rest.state
+        if start == "loads":
+            return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
+        return organ, scanned if start == "scan" else None
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
@@ -205,6 +235,20 @@ def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
             parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
     made: law.Law = _called(kind, f"material {kind.__name__}", **parameters)
     return made
+
+
+def _varied(mesh: Mesh, words: Mapping[str, Any]) -> Vary:
+    """The range of a parameter that a [reduce.vary] table describes."""
+    options = dict(words)
+    missing = [name for name in ("parameter", "low", "high") if name not in options]
+    if missing:
+        raise VisceraError(f"[reduce.vary]: the key {missing[0]!r} is missing")
+    name = options.pop("parameter")
+    if name == "radius":
+        options |= {end: length(options[end], mesh.diagonal, f"{end} radius") for end in ("low", "high")}
+    if "part" in options:
+        options["part"] = select_cells(mesh, options["part"])
+    return Vary(name, **options)
 
 
 def _is_part(name: str, value: Any) -> bool:

@@ -2,7 +2,8 @@
 
 Contact points are drawn uniformly over the touchable surface (between nodes too), displacement directions uniformly
 over the sphere (pulls included), and each touch is compared at every depth. The full solution prescribes the same
-patch mean as the model. Errors are relative to the norm of the full displacement field and of the full force.
+patch mean as the model, and continues from the model's preload where it has one, whose dead load stays. Errors are
+relative to the norm of the displacement and of the force that the touch adds.
 """
 
 from __future__ import annotations
@@ -17,10 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from viscera import defaults
+from viscera import _core, defaults
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
-from viscera.organ import Organ
+from viscera.organ import Progress
+from viscera.state import State
 from viscera.touch import Touch
 
 
@@ -29,7 +31,7 @@ class Row:
     """One touch at one depth; the errors are None where Newton itself did not converge."""
 
     point: list[float]
-    """Contact point (3,) at rest [m]."""
+    """Contact point (3,) on the untouched surface [m]."""
     displacement: list[float]
     """Contact displacement (3,) [m]."""
     depth_fraction: float
@@ -133,14 +135,14 @@ def check(
         raise VisceraError(f"a check needs at least one touch, got {touches}")
     began = perf_counter()
     fractions = _depth_fractions(touch, depths)
-    organ = touch.organ()
+    full = Full(touch)
     random = np.random.default_rng(seed)
     points, directions = surface_points(touch, touches, random), unit_vectors(touches, random)
     rows: list[Row] = []
     stop = Event()
 
     def ask(point: Floats, direction: Floats) -> list[Row]:
-        return _rows(touch, organ, point, [fraction * touch.mesh.diagonal * direction for fraction in fractions], stop)
+        return _rows(touch, full, point, [fraction * touch.mesh.diagonal * direction for fraction in fractions], stop)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:  # the core works outside the interpreter's lock
         try:
@@ -161,6 +163,34 @@ def check(
         microseconds_field=field,
         seconds=perf_counter() - began,
     )
+
+
+class Full:
+    """The full organ that a model speaks of, under the model's preload: the truth to compare with."""
+
+    def __init__(self, touch: Touch) -> None:
+        self.organ = touch.organ()
+        rest = np.zeros_like(self.organ.mesh.points)
+        self.preload: Floats = rest if touch.preload is None else touch.preload
+        self.dead_load = self.organ._body.internal_force(self.preload)
+        self.dead_load[self.organ.fixed] = 0.0
+
+    def solve(
+        self, patch: _core.Patch, push: Floats, start: State | None = None, progress: Progress | None = None
+    ) -> State:
+        """Equilibrium with the patch's mean displaced by `push` (3,) [m] from the preload."""
+        mean = patch.weights @ self.preload[patch.nodes]
+        return self.organ.solve(
+            displacement={patch: mean + push},
+            force=self.dead_load,
+            start=self.preload if start is None else start,
+            settings=PATIENCE,
+            progress=progress,
+        )
+
+    def added(self, state: State) -> Floats:
+        """What the touch adds to the displacement (n, 3) [m]."""
+        return state.displacement - self.preload
 
 
 def surface_points(touch: Touch, count: int, random: np.random.Generator) -> Floats:
@@ -186,7 +216,7 @@ def allowed_error(depth_fraction: float) -> float:
     return next((limit for depth, limit in limits if depth_fraction <= depth * (1 + 1e-9)), limits[-1][1])
 
 
-def _rows(touch: Touch, organ: Organ, point: Floats, pushes: list[Floats], stop: Event) -> list[Row]:
+def _rows(touch: Touch, full: Full, point: Floats, pushes: list[Floats], stop: Event) -> list[Row]:
     """One contact at all depths, each full solution continuing from the shallower one."""
 
     def go_on(done: int, total: int, stage: str) -> None:
@@ -196,14 +226,14 @@ def _rows(touch: Touch, organ: Organ, point: Floats, pushes: list[Floats], stop:
     rows: list[Row] = []
     patch, state = touch.patch(point), None
     for push in pushes:
-        state = organ.solve(displacement={patch: push}, start=state, settings=PATIENCE, progress=go_on)
+        state = full.solve(patch, push, start=state, progress=go_on)
         answer, force = touch(point, push), state.reaction(patch)
         rows.append(
             Row(
                 point=point.tolist(),
                 displacement=push.tolist(),
                 depth_fraction=float(np.linalg.norm(push)) / touch.mesh.diagonal,
-                displacement_error=_relative(answer.displacement, state.displacement) if state.is_converged else None,
+                displacement_error=_relative(answer.displacement, full.added(state)) if state.is_converged else None,
                 force_error=_relative(answer.force, force) if state.is_converged else None,
                 estimate=answer.error_estimate,
                 is_trusted=answer.is_trusted,

@@ -41,6 +41,9 @@ class Law:
     `parameters` has one row for all cells or one row per cell, in the columns that the core expects.
     """
 
+    stresses: ClassVar[tuple[int, ...]]
+    """The columns of `parameters` that are stresses: the energy is proportional to them together."""
+
     def __init__(self, name: str, parameters: Floats) -> None:
         self.name = name
         self.parameters = parameters
@@ -106,10 +109,11 @@ class Law:
         return _core.Law(self.name, np.ascontiguousarray(self.parameters[row : row + 1]))
 
 
-class _Isotropic(Law):
+class TwoModuli(Law):
     """The laws with two moduli: Young's modulus and Poisson's ratio, or the Lamé constants."""
 
     core_name: ClassVar[str]
+    stresses = (0, 1)
 
     def __init__(
         self,
@@ -152,7 +156,7 @@ class _Isotropic(Law):
         return f"{type(self).__name__}(mu={shown(self.mu)}, lam={shown(self.lam)})"
 
 
-class Linear(_Isotropic):
+class Linear(TwoModuli):
     """Linear elasticity: psi = mu eps : eps + lam / 2 (tr eps)^2, with eps = sym(F) - I. For small rotations only.
 
     >>> law = Linear(young=1000.0, poisson=0.25)
@@ -163,7 +167,7 @@ class Linear(_Isotropic):
     core_name = "linear"
 
 
-class Corotated(_Isotropic):
+class Corotated(TwoModuli):
     """Linear elasticity in the rotated frame of each cell: psi = mu |S - I|^2 + lam / 2 tr(S - I)^2, with F = R S.
 
     R is the rotation and S the stretch of the polar decomposition.
@@ -172,7 +176,7 @@ class Corotated(_Isotropic):
     core_name = "corotated"
 
 
-class SaintVenantKirchhoff(_Isotropic):
+class SaintVenantKirchhoff(TwoModuli):
     """psi = mu E : E + lam / 2 (tr E)^2. It weakens in compression and collapses under strong indentation.
 
     Niroomandi et al., IJNME 96 (2013) 129, section 5.1.
@@ -181,7 +185,7 @@ class SaintVenantKirchhoff(_Isotropic):
     core_name = "saint_venant_kirchhoff"
 
 
-class NeoHookean(_Isotropic):
+class NeoHookean(TwoModuli):
     """Compressible neo-Hookean: psi = mu / 2 (I1 - 3) - mu ln J + lam / 2 (ln J)^2.
 
     Niroomandi et al., IJNME 96 (2013) 129, equation 37.
@@ -206,6 +210,7 @@ class MooneyRivlin(Law):
     MooneyRivlin(c1=134300, c2=33500, kappa=1.6668e+07, volumetric='J^2-1')
     """
 
+    stresses = (0, 1, 2)
     bulk_moduli_per_alpha: ClassVar[dict[str, float]] = {"J^2-1": 4.0, "J-1": 1.0, "ln J": 1.0}
 
     def __init__(
@@ -245,6 +250,8 @@ class Yeoh(Law):
     Yeoh(c10=500, c20=200, c30=0, kappa=9666.67)
     """
 
+    stresses = (0, 1, 2, 3)
+
     def __init__(
         self,
         c10: ArrayLike,
@@ -279,6 +286,7 @@ class Ogden(Law):
     Ogden(mu=[500, -100], alpha=[3, -4], kappa=9183.33)
     """
 
+    stresses = (0, 1, 2, 6)
     terms: ClassVar[int] = 3
 
     def __init__(
@@ -329,6 +337,8 @@ class HolzapfelGasserOgden(Law):
     >>> HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=[(1, 0, 1), (1, 0, -1)], kappa=1e5)
     HolzapfelGasserOgden(c=3000, k1=2400, k2=0.84, dispersion=0, kappa=100000)
     """
+
+    stresses = (0, 1, 4)
 
     def __init__(
         self,

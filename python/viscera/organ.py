@@ -30,11 +30,13 @@ from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
+from viscera.preload import preload_of
 from viscera.solver import Solver, core_solver
 from viscera.state import State
 from viscera.stepper import Stepper, settings_of
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
+from viscera.vary import Vary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -95,7 +97,7 @@ class Organ:
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
-        start: State | None = None,
+        start: State | Floats | None = None,
         settings: Mapping[str, float] | None = None,
         solver: Solver = "cholesky",
         throw: bool = False,
@@ -112,7 +114,7 @@ class Organ:
             on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
-        start: a state to continue from; rest otherwise.
+        start: a state to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
         solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
@@ -121,7 +123,8 @@ class Organ:
             raise VisceraError("gravity needs a density [kg/m^3]")
         if not isinstance(steps, int | np.integer) or steps < 1:
             raise VisceraError(f"steps must be a whole number of at least 1, got {steps!r}")
-        if start is not None and start.displacement.shape != self.mesh.points.shape:
+        begin = start.displacement if isinstance(start, State) else start
+        if begin is not None and np.shape(begin) != self.mesh.points.shape:
             raise VisceraError("the state to start from belongs to another mesh")
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
@@ -141,13 +144,14 @@ class Organ:
             pressed=pressed,
             pressure=pressures,
             patches=moved.patches,
-            start=None if start is None else start.displacement,
+            start=begin,
             steps=int(steps),
             settings=dict(settings or {}),
             solver=core_solver(solver),
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
-        state = State(self.mesh, result, [patch for patch, _ in moved.patches], perf_counter() - began)
+        seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
+        state = State(self.mesh, result, patches, seconds, has_pressure=bool(pressure))
         if throw and not state.is_converged:
             raise NotConverged(state)
         return state
@@ -284,6 +288,9 @@ class Organ:
         depth: float | None = None,
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
+        pade: bool = True,
+        start: State | None = None,
+        vary: Vary | None = None,
         progress: Progress | None = None,
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
@@ -295,6 +302,10 @@ class Organ:
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
+        pade: sum the orders in their vector Padé form, which reaches deeper, instead of as a polynomial.
+        start: a stable equilibrium under dead loads, which stay; rest otherwise. Contact points, patches and lengths
+            are then of the loaded shape, displacements and forces what the touch adds.
+        vary: a parameter that the model is to cover for a range of values; `Touch.at` sets it.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
@@ -307,12 +318,16 @@ class Organ:
             )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
-        model = self._body.reduce(
+        organ, family = (self, None) if vary is None else vary.family(self, radius)
+        model = organ._body.reduce(
             touchable=nodes,
             radius=radius,
             depth=depth,
             order=int(order),
             tolerance=float(tolerance),
+            pade=bool(pade),
+            preload=None if start is None else preload_of(self, start),
+            family=family,
             metadata="{}",
             on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
         )

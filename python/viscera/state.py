@@ -22,7 +22,15 @@ if TYPE_CHECKING:
 class State:
     """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
 
-    def __init__(self, mesh: Mesh, result: Mapping[str, Any], patches: list[_core.Patch], seconds: float) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        result: Mapping[str, Any],
+        patches: list[_core.Patch],
+        seconds: float,
+        *,
+        has_pressure: bool = False,
+    ) -> None:
         self.mesh = mesh
         self.displacement: Floats = result["displacement"]
         """Displacement (n, 3) [m]."""
@@ -43,7 +51,13 @@ class State:
         """Wall time of the solve."""
         self.timings: dict[str, float] = result["seconds"]
         """Wall time [s] by stage."""
-        self._held: Floats = result["internal_force"] - result["external_force"]
+        self.internal_force: Floats = result["internal_force"]
+        """Nodal forces (n, 3) [N] of the stress."""
+        self.external_force: Floats = result["external_force"]
+        """Nodal forces (n, 3) [N] of the load; where the solve converged, equal but for what is held."""
+        self.has_pressure = has_pressure
+        """Whether a pressure is part of the load: it follows the surface, all other loads are dead."""
+        self._held: Floats = self.internal_force - self.external_force
         self._patches = patches
         self._patch_forces: Floats = result["patch_forces"]
 

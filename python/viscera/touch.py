@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from math import comb
 from pathlib import Path
@@ -18,6 +19,7 @@ from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.loads import vector
 from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.vary import law_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,8 +63,9 @@ class Answer:
 class Touch:
     """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
 
-    Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] at rest and
-    the displacement (3,) [m] of the contact gives an `Answer`.
+    Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
+    displacement (3,) [m] of the contact gives an `Answer`. Points are those of the shape before the touch: at rest, or
+    under a preload; displacements and forces are what the touch adds to it.
     """
 
     def __init__(self, model: _core.Model) -> None:
@@ -72,7 +75,7 @@ class Touch:
     def __call__(self, point: ArrayLike, displacement: ArrayLike) -> Answer:
         """The organ's answer to a touch; raises `ValueError` where the point is more than an edge off the surface.
 
-        point (3,): contact point on the surface at rest [m]; displacement (3,): mean displacement of the patch [m].
+        point (3,): contact point on the untouched surface [m]; displacement (3,): mean displacement of the patch [m].
         """
         at = vector(point, "contact point", "m")
         push = vector(displacement, "contact displacement", "m")
@@ -82,6 +85,20 @@ class Touch:
         """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
         with replacing(path) as scratch:
             scratch.write_bytes(self._model.to_bytes())
+
+    def at(self, value: float) -> Touch:
+        """The model at another value of the parameter that it was made for a range of (`Organ.reduce(vary=)`)."""
+        parameter = self.metadata.get("parameter")
+        if parameter is None:
+            raise VisceraError("this model has no parameter to set; reduce with vary=")
+        name, (low, high) = parameter["name"], parameter["range"]
+        if not low <= value <= high:
+            raise VisceraError(f"this model covers {name} from {low:g} to {high:g}, not {value:g}")
+        full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
+        if name != "radius":
+            cells = self._model.array("parameter_cells")
+            full = law_at(full, name, value, cells, len(self._model.array("cells")))
+        return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
 
     def check(
         self,
@@ -100,7 +117,7 @@ class Touch:
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
-        return Organ(self.mesh, full, fixed=self._model.array("fixed"), element=self.element)
+        return Organ(self.rest, full, fixed=self._model.array("fixed"), element=self.element)
 
     def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
@@ -147,10 +164,22 @@ class Touch:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh at rest, without its named sets; with the midpoints of edges where the element has them."""
+        """The mesh in the shape before a touch, without its named sets; with midpoints where the element has them."""
+        return self.rest if self.preload is None else replace(self.rest, points=self._model.array("points"))
+
+    @cached_property
+    def rest(self) -> Mesh:
+        """The mesh free of load: `mesh`, but for a preload."""
         points, cells = self._model.array("points"), self._model.array("cells")
-        linear = mesh(points[: int(cells.max()) + 1], cells)
+        free = points if self.preload is None else points - self.preload
+        linear = mesh(free[: int(cells.max()) + 1], cells)
         return linear.quadratic() if self.element == "P2" else linear
+
+    @cached_property
+    def preload(self) -> Floats | None:
+        """Displacement (n, 3) [m] from rest by the dead load under which the organ is touched; None without one."""
+        displacement: Floats = self._model.array("preload")
+        return displacement if len(displacement) else None
 
     @cached_property
     def surface_nodes(self) -> Indices:
@@ -169,6 +198,12 @@ class Touch:
         return str(self.metadata.get("element", "P1"))
 
     @property
+    def value(self) -> float | None:
+        """The value of the parameter that the model is set to; None where it has no parameter."""
+        parameter = self.metadata.get("parameter")
+        return None if parameter is None else float(parameter["value"])
+
+    @property
     def radius(self) -> float:
         """Radius of the contact patch [m]."""
         return float(self.metadata["radius"])
@@ -184,7 +219,9 @@ class Touch:
         return int(self.metadata["order"])
 
     def __repr__(self) -> str:
-        return f"Touch({len(self.mesh.points)} points, order {self.order}, depth {self.depth:g} m)"
+        parameter = self.metadata.get("parameter")
+        at = f", {parameter['name']} = {self.value:g}" if parameter else ""
+        return f"Touch({len(self.mesh.points)} points, order {self.order}, depth {self.depth:g} m{at})"
 
 
 def load(path: str | os.PathLike[str]) -> Touch:

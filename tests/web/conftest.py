@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import functools
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
@@ -51,17 +53,44 @@ def browser() -> Iterator[Any]:
         running.close()
 
 
+class Quiet(SimpleHTTPRequestHandler):
+    """A file server that keeps its log to itself."""
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing."""
+
+
+@pytest.fixture(scope="session")
+def file_server() -> Iterator[Callable[[Path], str]]:
+    """Offers a folder on Python's own file server, which knows nothing of Viscera; returns its address."""
+    running = []
+
+    def offer(folder: Path) -> str:
+        handler = functools.partial(Quiet, directory=str(folder))
+        running.append(ThreadingHTTPServer(("127.0.0.1", 0), handler))
+        Thread(target=running[-1].serve_forever, daemon=True).start()
+        return f"http://127.0.0.1:{running[-1].server_address[1]}/"
+
+    yield offer
+    for files in running:
+        files.shutdown()
+        files.server_close()
+
+
 class Viewer:
     """A page with its view, and everything it complained about."""
 
-    def __init__(self, browser: Any, url: str, **settings: Any) -> None:
+    def __init__(self, browser: Any, url: str, scripts: Sequence[str] = (), **settings: Any) -> None:
+        """Open an address with the settings of a device; scripts run before anything of the page."""
         self.page = browser.new_context(**{"viewport": {"width": 1100, "height": 720}, **settings}).new_page()
         self.complaints: list[str] = []
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._listen)
-        self.page.set_default_timeout(60_000)
+        self.page.set_default_timeout(20_000)
+        for script in scripts:
+            self.page.add_init_script(script)
         self.page.goto(url)
-        self.page.wait_for_selector(".view canvas.stage")
+        self.page.wait_for_function("() => window.viscera")
 
     def _listen(self, message: Any) -> None:
         if message.type in {"error", "warning"} and "GPU stall" not in message.text:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterator
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pytest
 
 import viscera as vs
 from viscera.viewer import Server, export, page
@@ -19,15 +15,9 @@ if TYPE_CHECKING:
     from tests.web.conftest import Viewer
 
     Look = Callable[..., Viewer]
+    Offer = Callable[[Path], str]
 
 TOP = (0.3, 0.05, 0.1)
-
-
-class Quiet(SimpleHTTPRequestHandler):
-    """A file server that keeps its log to itself."""
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing."""
 
 
 def test_a_finger_on_a_small_screen(look_at: Look, server: Server, touch: vs.Touch) -> None:
@@ -54,22 +44,12 @@ def test_a_finger_on_a_small_screen(look_at: Look, server: Server, touch: vs.Tou
     viewer.close()
 
 
-@pytest.fixture(scope="module")
-def site(touch: vs.Touch, server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
-    """The exported page on Python's own file server, which knows nothing of Viscera."""
-    folder = tmp_path_factory.mktemp("site")
-    export(touch, folder, "Bar")
-    handler = functools.partial(Quiet, directory=str(folder))
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as files:
-        Thread(target=files.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{files.server_address[1]}/", folder
-        files.shutdown()
-
-
-def test_the_exported_page_works_from_any_server(look_at: Look, site: tuple[str, Path], touch: vs.Touch) -> None:
-    url, folder = site
-    viewer = look_at(url, color_scheme="dark")
-    web = vs.load(folder / "organ.viscera")
+def test_the_exported_page_works_from_any_server(
+    look_at: Look, file_server: Offer, server: Server, touch: vs.Touch, tmp_path: Path
+) -> None:
+    export(touch, tmp_path, "Bar")
+    viewer = look_at(file_server(tmp_path), color_scheme="dark")
+    web = vs.load(tmp_path / "organ.viscera")
     push = (0.0, 0.002, -0.01)
     viewer.call("touch", TOP, push)
     state = viewer.state

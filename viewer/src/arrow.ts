@@ -10,8 +10,9 @@ export class Arrow {
   private readonly head: THREE.Mesh;
   private readonly ring: THREE.Mesh;
   private readonly material = new THREE.MeshStandardMaterial({ roughness: 0.35, metalness: 0.05 });
-  /** The arrow's far end, where its number belongs [m]. */
-  readonly tail = new THREE.Vector3();
+  /** The contact, and the arrow's far end, where its number belongs [m]. */
+  private readonly foot = new THREE.Vector3();
+  private readonly tail = new THREE.Vector3();
 
   /** Lengths follow the organ's diagonal [m]; the ring is the contact patch. */
   constructor(
@@ -43,6 +44,7 @@ export class Arrow {
     this.shaft.scale.set(1, length - headLength, 1);
     this.head.position.copy(start).addScaledVector(direction, length - headLength);
     this.head.quaternion.copy(turn);
+    this.foot.copy(point);
     this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
     this.shaft.visible = this.head.visible = size > 1e-3 * reference;
     this.material.color.set(isTrusted ? 0x2f7cf6 : 0xe5352b);
@@ -64,6 +66,11 @@ export class Arrow {
 
   hide(): void {
     this.group.visible = false;
+  }
+
+  /** The contact and the far end in the scene. */
+  endsInScene(): [THREE.Vector3, THREE.Vector3] {
+    return [this.group.localToWorld(this.foot.clone()), this.group.localToWorld(this.tail.clone())];
   }
 
   get hasForce(): boolean {

@@ -30,6 +30,22 @@ export function choice(label: string, options: readonly [string, string][], choo
   return made;
 }
 
+/** Turns a view from light to dark or back; it begins as the system has it. */
+export function toggleTheme(root: HTMLElement): void {
+  const { theme } = root.dataset;
+  const isDark = theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+  root.dataset.theme = isDark ? "light" : "dark";
+}
+
+/** The dialog that lists keys and gestures. */
+export function helpDialog(title: string, keys: readonly [string, string][]): HTMLDialogElement {
+  const list = element("dl");
+  for (const [key, meaning] of keys) list.append(element("dt", {}, key), element("dd", {}, meaning));
+  const dialog = element("dialog", { class: "panel help", "aria-label": "keys and gestures" });
+  dialog.append(element("h2", {}, title), list, button("Close", "close", () => dialog.close()));
+  return dialog;
+}
+
 /** A few exclusive choices side by side. */
 export class Segments<T extends string> {
   readonly root: HTMLDivElement;

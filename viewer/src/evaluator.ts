@@ -1,5 +1,5 @@
 // The Rust evaluator (bindings/wasm) as an object: names for its numbers, nothing computed here.
-import wasmUrl from "../wasm/viscera.wasm?url";
+import wasmUrl from "../wasm/evaluator.wasm?url";
 
 export type Vec3 = [number, number, number];
 export type Trust = "trusted" | "beyond-depth" | "error-too-large" | "no-number";

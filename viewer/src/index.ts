@@ -1,5 +1,6 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
 import { element } from "./dom";
+import { SocketLink, WorkerLink, type Link } from "./link";
 import { connect, type LiveView } from "./live";
 import { View } from "./view";
 
@@ -15,13 +16,26 @@ declare global {
 
 /** Fetches a model file and fills the place with its view. */
 export async function open(place: HTMLElement, url: string): Promise<void> {
+  await show(place, async (say) => View.mount(place, await load(url, say)));
+}
+
+/** Connects to the stepper of a case on this machine and fills the place with its view. */
+export async function openLive(place: HTMLElement, url: string): Promise<void> {
+  await show(place, () => linked(place, new SocketLink(url)));
+}
+
+/** Fetches a case, which a worker of this page steps, and fills the place with its view. */
+export async function openCase(place: HTMLElement, url: string): Promise<void> {
+  await show(place, async (say) => linked(place, new WorkerLink((await load(url, say)).buffer)));
+}
+
+/** Fills the page with a view, or with the sentence that says why not. */
+async function show(place: HTMLElement, make: (say: (words: string) => void) => Promise<View | LiveView>): Promise<void> {
   const status = element("p", { role: "status" }, "Loading the organ …");
   status.style.cssText = "position:fixed;inset:0;display:grid;place-content:center;margin:0;padding:2rem;font:16px system-ui;color:#808895";
   place.append(status);
   try {
-    const response = await fetch(url);
-    if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
-    const view = await View.mount(place, await bytes(response, (share) => (status.textContent = `Loading the organ … ${share} %`)));
+    const view = await make((words) => (status.textContent = words));
     window.viscera = view;
     view.focus();
     document.title = `${view.title} · Viscera`;
@@ -32,20 +46,19 @@ export async function open(place: HTMLElement, url: string): Promise<void> {
   }
 }
 
-/** Connects to the stepper of a case and fills the place with its view. */
-export async function openLive(place: HTMLElement, url: string): Promise<void> {
+async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
   try {
-    const view = await connect(place, url);
-    window.viscera = view;
-    document.title = `${view.title} · Viscera`;
+    return await connect(place, link);
   } catch (error) {
-    place.append(element("p", { role: "status" }, `The organ cannot be shown: ${String(error)}`));
+    link.close();
     throw error;
   }
 }
 
-/** The body of a response, saying how much of it is there. */
-async function bytes(response: Response, progress: (percent: number) => void): Promise<Uint8Array> {
+/** The bytes of a file, saying how much of them is there. */
+async function load(url: string, say: (words: string) => void): Promise<Uint8Array<ArrayBuffer>> {
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   const total = Number(response.headers.get("content-length"));
   const reader = response.body?.getReader();
   if (!reader || !total) return new Uint8Array(await response.arrayBuffer());
@@ -54,7 +67,7 @@ async function bytes(response: Response, progress: (percent: number) => void): P
   for (let part = await reader.read(); !part.done; part = await reader.read()) {
     chunks.push(part.value);
     length += part.value.length;
-    progress(Math.min(100, Math.round((100 * length) / total)));
+    say(`Loading the organ … ${Math.min(100, Math.round((100 * length) / total))} %`);
   }
   const all = new Uint8Array(length);
   chunks.reduce((at, chunk) => (all.set(chunk, at), at + chunk.length), 0);

@@ -1,5 +1,23 @@
 // The keyboard: everything a hand can do.
-import type { View } from "./view";
+
+/** What keys do to a view; a view that knows no orders, paths or modes leaves those out. */
+export interface Keyed {
+  touchMiddle(): void;
+  /** By parts of the depth: along the screen's axes and along the inward normal. */
+  nudge(right: number, up: number, inward: number): void;
+  rest(): void;
+  nextColouring(): void;
+  toggleOutline(): void;
+  toggleTheme(): void;
+  /** Lets go and looks from where it looked first. */
+  reset(): void;
+  toggleHelp(): void;
+  setOrder?(order: number): void;
+  toggleKeeping?(): void;
+  togglePath?(): void;
+  toggleModes?(): void;
+  stepMode?(by: number): void;
+}
 
 /** Keys and what they do, for the help. */
 export const KEYS: readonly [string, string][] = [
@@ -13,19 +31,29 @@ export const KEYS: readonly [string, string][] = [
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
   ["P  M", "play a load path, show the modes ([ ] to step)"],
-  ["T  R  ?", "light or dark, reset the view, this help"],
+  ["T  R  ?", "light or dark, reset, this help"],
 ];
 
-const COLOURINGS = ["tissue", "displacement", "error"] as const;
+/** The same where a case is stepped. */
+export const LIVE_KEYS: readonly [string, string][] = [
+  ["drag on the organ", "take hold and drag in the plane of the screen; Shift switches to push and pull"],
+  ["wheel while holding", "push in or pull out along the normal"],
+  ["drag beside it", "turn the view; wheel or two fingers zoom"],
+  ["Enter", "take hold of the middle"],
+  ["↑ ↓ ← →", "move the hand; Shift for small steps"],
+  ["+ −", "push in, pull out"],
+  ["Esc", "let go"],
+  ["C  W", "colour by displacement, wireframe at rest"],
+  ["T  R  ?", "light or dark, reset, this help"],
+];
 
 /** Listens wherever in the view the focus is; returns what ends it. */
-export function listen(root: HTMLElement, view: View): () => void {
-  let colouring = 0;
+export function listen(root: HTMLElement, view: Keyed): () => void {
   const act = (event: KeyboardEvent): boolean => {
     const step = event.shiftKey ? 0.01 : 0.05;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
-    if (/^[1-8]$/.test(key)) view.setOrder(Number(key));
+    if (/^[1-8]$/.test(key)) view.setOrder?.(Number(key));
     else if (key === "Enter") view.touchMiddle();
     else if (key === "ArrowLeft") view.nudge(-step, 0, 0);
     else if (key === "ArrowRight") view.nudge(step, 0, 0);
@@ -34,15 +62,15 @@ export function listen(root: HTMLElement, view: View): () => void {
     else if (key === "+" || key === "=" || key === "PageDown") view.nudge(0, 0, step);
     else if (key === "-" || key === "_" || key === "PageUp") view.nudge(0, 0, -step);
     else if (key === "Escape") view.rest();
-    else if (key === "c") view.setColouring(COLOURINGS[(colouring = (colouring + 1) % COLOURINGS.length)]!);
+    else if (key === "c") view.nextColouring();
     else if (key === "w") view.toggleOutline();
-    else if (key === "k") view.toggleKeeping();
-    else if (key === "p") view.togglePath();
-    else if (key === "m") view.toggleModes();
-    else if (key === "[") view.stepMode(-1);
-    else if (key === "]") view.stepMode(1);
+    else if (key === "k") view.toggleKeeping?.();
+    else if (key === "p") view.togglePath?.();
+    else if (key === "m") view.toggleModes?.();
+    else if (key === "[") view.stepMode?.(-1);
+    else if (key === "]") view.stepMode?.(1);
     else if (key === "t") view.toggleTheme();
-    else if (key === "r") view.goHome();
+    else if (key === "r") view.reset();
     else if (key === "?") view.toggleHelp();
     else return false;
     return true;

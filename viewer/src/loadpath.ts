@@ -16,6 +16,8 @@ export interface Station {
 
 export class LoadPath {
   readonly stations: Station[];
+  /** How much of the way has been gone at the most. */
+  gone = 0;
   /** Seconds since the start; the path comes back and begins again. */
   private time = 0;
 
@@ -29,14 +31,16 @@ export class LoadPath {
   }
 
   restart(): void {
-    this.time = 0;
+    this.time = this.gone = 0;
   }
 
   /** The station after some more seconds. */
   advance(seconds: number): Station {
     this.time = (this.time + seconds) % (2 * SECONDS);
     const there = this.time / SECONDS;
-    return this.at(there <= 1 ? there : 2 - there);
+    const share = there <= 1 ? there : 2 - there;
+    this.gone = Math.max(this.gone, share);
+    return this.at(share);
   }
 
   /** The station at a share of the way. */

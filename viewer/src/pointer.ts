@@ -47,6 +47,21 @@ export class Pointer {
     return this.body.hit(this.ray);
   }
 
+  /** What lies under a point of the organ [m], or nearest to it on the screen: vessels are hollow, organs bent. */
+  near(point: Vec3): Hit | null {
+    const { x, y } = this.stage.project(new THREE.Vector3(...point));
+    const { clientWidth, clientHeight } = this.stage.canvas;
+    const step = 0.03 * Math.min(clientWidth, clientHeight);
+    for (let ring = 0; ring <= 10; ring++) {
+      for (let k = 0; k < Math.max(1, 8 * ring); k++) {
+        const angle = (Math.PI * k) / (4 * ring || 1);
+        const hit = this.under(x + ring * step * Math.cos(angle), y + ring * step * Math.sin(angle));
+        if (hit) return hit;
+      }
+    }
+    return null;
+  }
+
   dispose(): void {
     this.abort.abort();
   }
@@ -137,4 +152,17 @@ export class Pointer {
     const place = new THREE.Vector2((2 * x) / canvas.clientWidth - 1, 1 - (2 * y) / canvas.clientHeight);
     this.ray.setFromCamera(place, camera);
   }
+}
+
+/** A contact's displacement moved on by lengths [m] along the screen's axes and along the inward normal. */
+export function nudged(
+  { camera }: Stage,
+  contact: { normal: Vec3; displacement: Vec3 },
+  [right, up, inward]: readonly [number, number, number],
+): Vec3 {
+  const d = new THREE.Vector3(...contact.displacement);
+  d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0), right);
+  d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 1), up);
+  d.addScaledVector(new THREE.Vector3(...contact.normal), -inward);
+  return d.toArray();
 }

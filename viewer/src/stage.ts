@@ -2,23 +2,38 @@
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import type { Vec3 } from "./evaluator";
+import { Mean, Pace } from "./pace";
 import { studio } from "./studio";
+
+/** Field of view [degrees], and half the width that must be seen at the distance of 1. */
+const FIELD = 32;
+const HALF_WIDTH = 0.27;
+/** From where one organ is looked at, and up to which width [px] the readings lie below it. */
+const DISTANCE = 1.85;
+const NARROW = 820;
+/** Below so many frames a second pixels are saved; the share of them that is left along each side. */
+const SLUGGISH = 20;
+const COARSE = 0.5;
 
 /** The view's lengths are organ diagonals, so that light, camera and controls suit every organ. */
 export class Stage {
   readonly renderer: THREE.WebGLRenderer;
   readonly scene = new THREE.Scene();
-  readonly camera = new THREE.PerspectiveCamera(32, 1, 0.02, 60);
+  readonly camera = new THREE.PerspectiveCamera(FIELD, 1, 0.02, 60);
   /** Holds the organ; its children are in metres. */
   readonly world = new THREE.Group();
   readonly controls: OrbitControls;
   /** Work of every frame, before it is drawn; given the seconds since the last. */
   onFrame: (seconds: number) => void = () => {};
-  /** Milliseconds between the last frames while something moved, and what drawing one took. */
-  frameTime = { interval: 0, work: 0 };
+  readonly pace = new Pace();
+  /** Milliseconds of a frame for shaping and drawing what is seen. */
+  readonly drawing = new Mean();
 
   private isStale = true;
   private last = 0;
+  private shaping = 0;
+  /** Whether it is drawn with fewer pixels than the screen has. */
+  private isCoarse = false;
   private room = 1;
   private readonly home = new THREE.Vector3();
   private readonly observer: ResizeObserver;
@@ -38,7 +53,7 @@ export class Stage {
     this.world.position.set(...centre).multiplyScalar(-1 / diagonal);
     this.scene.add(this.world);
     this.camera.up.set(0, 0, 1);
-    this.home.copy(viewpoint(facing)).multiplyScalar(1.85);
+    this.home.copy(viewpoint(facing)).multiplyScalar(DISTANCE);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = true;
     this.controls.dampingFactor = 0.12;
@@ -70,9 +85,12 @@ export class Stage {
     return new THREE.Vector3().crossVectors(this.camera.up, this.home).normalize().toArray();
   }
 
-  /** Makes room for organs side by side. */
-  widen(factor: number): void {
-    this.room = factor;
+  /** Makes room for organs side by side, together of this width [m]. */
+  widen(width: number): void {
+    const { fov, aspect } = this.camera;
+    const free = this.canvas.clientWidth > NARROW ? 0.74 : 0.92;
+    const seen = 2 * DISTANCE * Math.tan(0.5 * fov * THREE.MathUtils.DEG2RAD) * aspect * free;
+    this.room = Math.max(1, width / this.diagonal / seen);
     this.goHome();
   }
 
@@ -81,9 +99,22 @@ export class Stage {
     this.isStale = true;
   }
 
+  /** Does what the next frame shows, and counts its time as part of that frame's. */
+  shape(work: () => void): void {
+    const began = performance.now();
+    work();
+    this.shaping += performance.now() - began;
+    this.invalidate();
+  }
+
   /** A point of the organ [m] on the canvas, in CSS pixels. */
   project(point: THREE.Vector3): { x: number; y: number } {
-    const at = this.world.localToWorld(point.clone()).project(this.camera);
+    return this.onCanvas(this.world.localToWorld(point.clone()));
+  }
+
+  /** A point of the scene on the canvas, in CSS pixels. */
+  onCanvas(point: THREE.Vector3): { x: number; y: number } {
+    const at = point.clone().project(this.camera);
     return { x: (0.5 + 0.5 * at.x) * this.canvas.clientWidth, y: (0.5 - 0.5 * at.y) * this.canvas.clientHeight };
   }
 
@@ -114,24 +145,39 @@ export class Stage {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     // On a narrow screen the organ must still fit; beside the readings it stands left of the middle.
-    this.camera.fov = width < height ? 44 : 32;
-    const shift = width > 820 ? 0.5 * Math.min(330, 0.3 * width) : 0;
-    const drop = width > 820 ? 0 : 0.13 * height;
+    this.camera.fov = Math.max(FIELD, 2 * THREE.MathUtils.RAD2DEG * Math.atan(HALF_WIDTH / this.camera.aspect));
+    const shift = width > NARROW ? 0.5 * Math.min(330, 0.3 * width) : 0;
+    const drop = width > NARROW ? 0 : 0.13 * height;
     this.camera.setViewOffset(width, height, shift, drop, width, height);
     this.camera.updateProjectionMatrix();
+    this.invalidate();
+  }
+
+  /** Where drawing is slow, fewer pixels while something moves, and all of them once it rests. */
+  private sharpen(): void {
+    const { rate, isAtRest } = this.pace;
+    const isCoarse = !isAtRest && (this.isCoarse || (rate > 0 && rate < SLUGGISH));
+    if (isCoarse === this.isCoarse) return;
+    this.isCoarse = isCoarse;
+    this.renderer.setPixelRatio((isCoarse ? COARSE : 1) * Math.min(window.devicePixelRatio, 2));
     this.invalidate();
   }
 
   private frame(time: number): void {
     const interval = time - this.last;
     this.last = time;
-    const began = performance.now();
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
-    if (!this.isStale && !this.renderer.xr.isPresenting) return;
+    const { isPresenting } = this.renderer.xr;
+    if (!isPresenting) this.sharpen();
+    const isDrawn = this.isStale || isPresenting;
+    this.pace.tick(time, isDrawn);
+    if (!isDrawn) return;
     this.isStale = false;
+    const began = performance.now();
     this.renderer.render(this.scene, this.camera);
-    this.frameTime = { interval, work: performance.now() - began };
+    this.drawing.add(this.shaping + performance.now() - began);
+    this.shaping = 0;
   }
 }
 

@@ -1,5 +1,5 @@
 // The controls: name of the organ above, tools below, and the help.
-import { button, element, Segments } from "./dom";
+import { button, element, helpDialog, Segments } from "./dom";
 import { KEYS } from "./keys";
 import type { Tool } from "./pointer";
 import { percent } from "./readings";
@@ -73,13 +73,10 @@ export class Tools {
       this.switches.outline,
       this.switches.path,
       this.switches.modes,
-      button("Reset", "reset the view and let go", () => (view.rest(), view.goHome()), "R"),
+      button("Reset", "reset the view and let go", () => view.reset(), "R"),
     );
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
-    const list = element("dl");
-    for (const [key, meaning] of KEYS) list.append(element("dt", {}, key), element("dd", {}, meaning));
-    this.help = element("dialog", { class: "panel help", "aria-label": "keys and gestures" });
-    this.help.append(element("h2", {}, "Touch the organ"), list, button("Close", "close", () => this.help.close()));
+    this.help = helpDialog("Touch the organ", KEYS);
   }
 
   press(name: Switch, isOn: boolean): void {

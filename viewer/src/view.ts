@@ -3,26 +3,30 @@ import * as THREE from "three";
 import { Arrow } from "./arrow";
 import { Body, lookOver, type Hit } from "./body";
 import { INFERNO, VIRIDIS } from "./colour";
-import { element, fixed, newtons } from "./dom";
+import { element, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
-import { listen } from "./keys";
+import { listen, type Keyed } from "./keys";
+import { ForceLabel } from "./label";
 import { Legend } from "./legend";
 import { LoadPath } from "./loadpath";
 import { Modes } from "./modes";
-import { Pointer, type Tool, type Touched } from "./pointer";
+import { Mean, paceInWords } from "./pace";
+import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { Readings } from "./readings";
 import { Stage } from "./stage";
 import style from "./style.css?inline";
 import { Tools, type Colouring } from "./tools";
 import { TouchState } from "./touchstate";
+import { Trail } from "./trail";
 import { headsetButton } from "./xr";
 
 /** What moves the organ at the moment. */
 type Activity = "rest" | "held" | "kept" | "springing" | "path" | "modes";
 
 const SPRING_SECONDS = 0.22;
+const COLOURINGS: readonly Colouring[] = ["tissue", "displacement", "error"];
 
-export class View implements Touched {
+export class View implements Touched, Keyed {
   tool: Tool = "push";
   order: number;
   readonly title: string;
@@ -37,7 +41,6 @@ export class View implements Touched {
   private readonly host: HTMLElement;
   private readonly root: HTMLElement;
   private readonly canvas = element("canvas", { class: "stage", tabindex: "0" });
-  private readonly label = element("div", { class: "force-label", "aria-hidden": "true" });
   private readonly warning = element("div", { class: "warning", role: "alert" });
   private readonly clock = element("div", { class: "clock" });
   private readonly readings: Readings;
@@ -47,9 +50,12 @@ export class View implements Touched {
   private readonly stage: Stage;
   private readonly body: Body;
   private readonly arrow: Arrow;
+  private readonly label: ForceLabel;
+  private readonly answering = new Mean();
   private readonly pointer: Pointer;
   private readonly deaf: () => void;
   private path: LoadPath | null = null;
+  private trail: Trail | null = null;
 
   /** Reads a model file and fills the place with its view; throws a sentence where the file is no model. */
   static async mount(place: HTMLElement, model: Uint8Array): Promise<View> {
@@ -66,7 +72,7 @@ export class View implements Touched {
     this.title = metadata.user?.name ?? "Organ";
     this.magnitude = new Float32Array(evaluator.about.n_surface);
     this.canvas.setAttribute("aria-label", `${this.title}: press on it to touch it; ? lists the keys`);
-    this.root = element("div", { class: "view" }, this.canvas, this.label);
+    this.root = element("div", { class: "view" }, this.canvas);
     this.host = element("div", { style: "position:absolute;inset:0" });
     this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
     place.append(this.host);
@@ -74,11 +80,13 @@ export class View implements Touched {
     const { centre, facing } = lookOver(evaluator);
     this.stage = new Stage(this.canvas, centre, metadata.diagonal, facing);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
+    this.label = new ForceLabel(this.stage, this.arrow);
     this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
     this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
     this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
     this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
     this.root.append(
+      this.label.root,
       this.tools.header,
       this.readings.root,
       this.modes.root,
@@ -109,7 +117,9 @@ export class View implements Touched {
 
   move(displacement: Vec3): void {
     if (!this.touching) return;
+    const began = performance.now();
     this.touching.displace(displacement, this.order);
+    this.answering.add(performance.now() - began);
     this.show();
   }
 
@@ -146,25 +156,18 @@ export class View implements Touched {
 
   /** Touches what lies under the middle of the canvas. */
   touchMiddle(): void {
-    const { clientWidth, clientHeight } = this.canvas;
-    const middle = this.project(this.middle);
-    const hit = this.pointer.under(middle.x, middle.y) ?? this.pointer.under(clientWidth / 2, clientHeight / 2);
+    const hit = this.pointer.near(this.middle);
     if (!hit) return;
     this.grab(hit);
     this.activity = "kept";
     this.move(this.touching!.normal.map((x) => -0.25 * this.depth * x) as Vec3);
   }
 
-  /** Moves the contact by parts of the depth: along the screen's axes and along the inward normal. */
   nudge(right: number, up: number, inward: number): void {
     if (!this.touching) return this.touchMiddle();
-    const { camera } = this.stage;
-    const d = new THREE.Vector3(...this.touching.displacement);
-    d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 0), right * this.depth);
-    d.addScaledVector(new THREE.Vector3().setFromMatrixColumn(camera.matrixWorld, 1), up * this.depth);
-    d.addScaledVector(new THREE.Vector3(...this.touching.normal), -inward * this.depth);
+    const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
     this.activity = "kept";
-    this.move(d.toArray());
+    this.move(nudged(this.stage, this.touching, by));
   }
 
   /** Lets go, whatever moved the organ. */
@@ -190,6 +193,10 @@ export class View implements Touched {
     this.colouring = colouring;
     this.tools.colouring.value = colouring;
     this.show();
+  }
+
+  nextColouring(): void {
+    this.setColouring(COLOURINGS[(COLOURINGS.indexOf(this.colouring) + 1) % COLOURINGS.length]!);
   }
 
   setTool(tool: Tool): void {
@@ -222,6 +229,8 @@ export class View implements Touched {
     this.path ??= new LoadPath(this.evaluator, this.body);
     if (this.path.stations.length === 0) return;
     this.path.restart();
+    this.trail ??= new Trail(this.evaluator, this.path.stations);
+    this.stage.world.add(this.trail.group);
     this.activity = "path";
     this.tools.press("path", true);
   }
@@ -240,10 +249,7 @@ export class View implements Touched {
   }
 
   toggleTheme(): void {
-    const isDark = this.root.dataset.theme
-      ? this.root.dataset.theme === "dark"
-      : matchMedia("(prefers-color-scheme: dark)").matches;
-    this.root.dataset.theme = isDark ? "light" : "dark";
+    toggleTheme(this.root);
     this.show();
   }
 
@@ -256,7 +262,8 @@ export class View implements Touched {
     this.tools.toggleHelp();
   }
 
-  goHome(): void {
+  reset(): void {
+    this.rest();
     this.stage.goHome();
   }
 
@@ -274,7 +281,8 @@ export class View implements Touched {
       is_trusted: touching ? touching.answer.trust === "trusted" : null,
       field: touching ? Array.from(touching.field) : null,
       orders: touching?.orders ?? null,
-      frame: this.stage.frameTime,
+      shapes: this.trail?.shapes ?? 0,
+      frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
   }
 
@@ -292,6 +300,7 @@ export class View implements Touched {
     this.deaf();
     this.pointer.dispose();
     this.arrow.dispose();
+    this.trail?.dispose();
     this.body.dispose();
     this.stage.dispose();
     this.evaluator.dispose();
@@ -307,10 +316,14 @@ export class View implements Touched {
       this.modes.advance(seconds);
       this.stage.invalidate();
     }
-    this.placeLabel();
-    const { interval, work } = this.stage.frameTime;
-    if (work) this.clock.textContent = `${fixed(work, 1)} ms a frame`;
-    this.clock.title = `the last two frames were ${fixed(interval, 1)} ms apart`;
+    const { touching } = this;
+    if (touching) this.label.follow(Math.hypot(...touching.force), touching.doubt(this.order) === "");
+    else this.label.root.hidden = true;
+    const { pace, drawing } = this.stage;
+    this.clock.textContent = paceInWords(pace.rate, [
+      ["answer", this.answering.value],
+      ["drawing", drawing.value],
+    ]);
   }
 
   private spring(seconds: number): void {
@@ -322,6 +335,7 @@ export class View implements Touched {
 
   private walk(seconds: number): void {
     const station = this.path!.advance(seconds);
+    this.trail!.reach(this.path!.gone, this.order);
     this.touching = new TouchState(this.evaluator, station.point, station.normal);
     this.move(station.displacement);
   }
@@ -343,6 +357,8 @@ export class View implements Touched {
     if (this.activity === "modes") this.modes.hide();
     this.tools?.press("modes", false);
     this.tools?.press("path", false);
+    this.trail?.clear();
+    this.trail?.group.removeFromParent();
     if (this.activity === "path" || this.activity === "modes") {
       this.activity = "rest";
       this.setColouring(this.colouring);
@@ -350,8 +366,11 @@ export class View implements Touched {
   }
 
   private show(): void {
+    if (this.activity !== "modes") this.stage.shape(() => this.shape());
+  }
+
+  private shape(): void {
     const { touching, order } = this;
-    if (this.activity === "modes") return;
     if (touching) {
       this.body.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
@@ -364,7 +383,6 @@ export class View implements Touched {
     this.readings.draw(touching?.curves ?? null, order, this.depth, touching && { depth, force });
     this.colour();
     this.warn();
-    this.stage.invalidate();
   }
 
   private colour(): void {
@@ -391,16 +409,6 @@ export class View implements Touched {
     const doubt = this.touching?.doubt(this.order) ?? "";
     this.warning.classList.toggle("is-shown", doubt !== "");
     if (doubt) this.warning.textContent = `Not to be trusted: ${doubt}.`;
-  }
-
-  private placeLabel(): void {
-    const { touching } = this;
-    this.label.hidden = !touching || !this.arrow.hasForce;
-    if (this.label.hidden || !touching) return;
-    const { x, y } = this.stage.project(this.arrow.tail);
-    this.label.style.transform = `translate(${x}px, ${y}px) translate(-50%, -130%)`;
-    this.label.textContent = newtons(Math.hypot(...touching.force));
-    this.label.classList.toggle("is-doubtful", touching.doubt(this.order) !== "");
   }
 
   /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */

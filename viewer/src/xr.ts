@@ -10,7 +10,7 @@ const SIZE = 0.6;
 const PLACE = new THREE.Vector3(0, 1.25, -0.65);
 
 /** A button that enters the headset; stays hidden where there is none. */
-export function headsetButton(stage: Stage, body: Body, touched: Touched): HTMLButtonElement {
+export function headsetButton(stage: Stage, body: Pick<Body, "hit">, touched: Touched): HTMLButtonElement {
   const enter = button("VR", "touch the organ in a headset", () => void start(stage, body, touched, enter));
   enter.hidden = true;
   navigator.xr
@@ -20,7 +20,7 @@ export function headsetButton(stage: Stage, body: Body, touched: Touched): HTMLB
   return enter;
 }
 
-async function start(stage: Stage, body: Body, touched: Touched, enter: HTMLButtonElement): Promise<void> {
+async function start(stage: Stage, body: Pick<Body, "hit">, touched: Touched, enter: HTMLButtonElement): Promise<void> {
   const { renderer, scene } = stage;
   const session = await navigator.xr?.requestSession("immersive-vr", { optionalFeatures: ["local-floor"] });
   if (!session) return;
@@ -46,7 +46,7 @@ async function start(stage: Stage, body: Body, touched: Touched, enter: HTMLButt
 }
 
 /** A controller with a beam; returns what removes it. */
-function hand(index: number, stage: Stage, body: Body, touched: Touched): () => void {
+function hand(index: number, stage: Stage, body: Pick<Body, "hit">, touched: Touched): () => void {
   const controller = stage.renderer.xr.getController(index);
   const beam = new THREE.Line(
     new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3(0, 0, -1)]),

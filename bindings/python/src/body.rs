@@ -1,5 +1,6 @@
 //! The body and its statics.
 
+use crate::family::FamilyArguments;
 use crate::{convert, law::Law, mesh::Patch, model::Model, path, stepper};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
@@ -8,7 +9,7 @@ use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Pressure, Problem};
-use viscera_core::reduced::Reduction;
+use viscera_core::reduced::{Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
 
@@ -171,7 +172,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, metadata, on_progress))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, preload, family, metadata, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -181,18 +182,29 @@ impl Body {
         depth: f64,
         order: usize,
         tolerance: f64,
+        pade: bool,
+        preload: Option<PyReadonlyArray2<f64>>,
+        family: Option<FamilyArguments>,
         metadata: &str,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Model> {
         let user = serde_json::from_str(metadata)
             .map_err(|e| PyValueError::new_err(format!("metadata is not JSON: {e}")))?;
         let touchable = touchable.as_array().to_vec();
-        let reduction = Reduction { touchable, radius, depth, order, tolerance, user };
+        let n = self.body.points().len();
+        let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
+        let reduction =
+            Reduction { touchable, radius, depth, order, tolerance, pade, preload, user };
         let mut watch = Watch::new(on_progress);
         let result = py.detach(|| {
-            reduction.run(&self.body, &self.surface, &self.fixed, &mut |p| {
-                watch.report((p.done, p.total, p.stage))
-            })
+            let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));
+            let (body, surface, fixed) = (&self.body, &self.surface, &self.fixed[..]);
+            match &family {
+                None => reduction.run(body, surface, fixed, &mut report),
+                Some(family) => {
+                    reduction.run_family(body, &family.family(), surface, fixed, &mut report)
+                }
+            }
         });
         Ok(Model { model: watch.outcome(result)? })
     }

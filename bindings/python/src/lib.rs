@@ -5,12 +5,15 @@
 
 mod body;
 mod convert;
+mod family;
 mod law;
+mod live;
 mod mesh;
 mod model;
 mod path;
 mod pgd;
 mod stepper;
+mod touch;
 
 use pyo3::prelude::*;
 
@@ -22,6 +25,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(mesh::quadratic, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::quadratic_surface, m)?)?;
     m.add_function(wrap_pyfunction!(path::vector_pade, m)?)?;
+    m.add_function(wrap_pyfunction!(touch::touch_series, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
@@ -30,6 +34,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;
+    m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     Ok(())
 }

@@ -89,6 +89,16 @@ impl Model {
         convert::field(py, u.into_iter().map(f64::from).collect())
     }
 
+    fn at(&self, py: Python<'_>, value: f64, law_parameters: Vec<f64>) -> PyResult<Self> {
+        py.detach(|| {
+            let mut model = self.model.clone();
+            model.set_parameter(value)?;
+            model.set_law_parameters(law_parameters)?;
+            Ok(Model { model })
+        })
+        .map_err(convert::error)
+    }
+
     fn weights(&self, point: PyReadonlyArray1<f64>) -> PyResult<Patch> {
         Ok(Patch { patch: self.model.patch(&self.contact(&point)?) })
     }

@@ -11,9 +11,9 @@ use super::problem::{Problem, patch_mean};
 use super::skew;
 use super::solver::{Method, Solver};
 use crate::body::{Body, SymmetricBlocks};
+use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
-use std::time::Instant;
 
 /// Settings.
 #[derive(Clone, Copy, Debug)]

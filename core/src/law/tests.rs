@@ -260,6 +260,62 @@ fn volume_and_pressure_are_derivatives(law: impl Law) {
     assert!((bulk_modulus - (LAM + 2.0 / 3.0 * MU)).abs() < 1e-12 * (MU + LAM));
 }
 
+/// A law whose functions are compiled once for each kind of number: they are written to be inlined, and inlined at
+/// every call below they would take minutes.
+#[derive(Clone, Copy, PartialEq)]
+struct Once<L>(L);
+
+#[allow(non_snake_case)]
+impl<L: Law> Law for Once<L> {
+    const FORBIDS_INVERSION: bool = L::FORBIDS_INVERSION;
+    #[inline(never)]
+    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
+        self.0.energy(F)
+    }
+    #[inline(never)]
+    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
+        self.0.stress(F)
+    }
+    #[inline(never)]
+    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
+        self.0.tangent(F, g)
+    }
+    #[inline(never)]
+    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        self.0.volume_ratio(F)
+    }
+    #[inline(never)]
+    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
+        self.0.volume_curvature(F, g)
+    }
+    #[inline(never)]
+    fn dilatation<S: Scalar>(&self, J: &S) -> S {
+        self.0.dilatation(J)
+    }
+    #[inline(never)]
+    fn pressure<S: Scalar>(&self, J: &S) -> S {
+        self.0.pressure(J)
+    }
+    #[inline(never)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        self.0.pressure_and_modulus(J)
+    }
+    #[inline(never)]
+    fn stress_series<T: Real>(
+        &self,
+        table: &'static Monomials,
+        deformation: &[T],
+        q: &[T],
+        out: &mut [T],
+    ) {
+        self.0.stress_series(table, deformation, q, out);
+    }
+    #[inline(never)]
+    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        self.0.volume_series(table, deformation, out);
+    }
+}
+
 /// A law that only knows its energy, stress and tangent: what it inherits against what strain
 /// energies do faster.
 #[derive(Clone, Copy, PartialEq)]
@@ -295,23 +351,23 @@ macro_rules! law_tests {
         mod $name {
             use super::*;
             #[test]
-            fn stress() { stress_is_the_derivative_of_the_energy($law) }
+            fn stress() { stress_is_the_derivative_of_the_energy(Once($law)) }
             #[test]
-            fn tangent() { tangent_is_the_derivative_of_the_stress($law) }
+            fn tangent() { tangent_is_the_derivative_of_the_stress(Once($law)) }
             $(#[test]
             fn $property() { super::$property($law) })*
             #[test]
-            fn rest() { is_at_rest_undeformed($law) }
+            fn rest() { is_at_rest_undeformed(Once($law)) }
             #[test]
-            fn taylor() { taylor_series_is_the_stress_along_a_path($law) }
+            fn taylor() { taylor_series_is_the_stress_along_a_path(Once($law)) }
             #[test]
-            fn jet() { three_variables_restrict_to_one($law) }
+            fn jet() { three_variables_restrict_to_one(Once($law)) }
             #[test]
-            fn series() { series_agree_with_generic_jets($law) }
+            fn series() { series_agree_with_generic_jets(Once($law)) }
             #[test]
-            fn volume() { volume_and_pressure_are_derivatives($law) }
+            fn volume() { volume_and_pressure_are_derivatives(Once($law)) }
             #[test]
-            fn lanes() { lanes_and_single_precision_agree($law) }
+            fn lanes() { lanes_and_single_precision_agree(Once($law)) }
         }
     )*};
 }

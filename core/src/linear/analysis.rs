@@ -23,6 +23,14 @@ const PANEL: usize = 64;
 /// time for 2e7 entries and adds to it for 4e6.
 const SHARED_FROM: usize = 10_000_000;
 
+/// Dense kernels on all threads; a page has one.
+fn shared() -> Par {
+    #[cfg(target_family = "wasm")]
+    return Par::Seq;
+    #[cfg(not(target_family = "wasm"))]
+    Par::rayon(0)
+}
+
 /// Symbolic factorisation of a pattern, with buffers for the permuted values.
 pub(super) struct Analysis<T> {
     /// The caller's row eliminated at each step.
@@ -45,7 +53,7 @@ impl<T: Precision> Analysis<T> {
         let (lower, target) = permuted_lower(pattern, &ordering::inverse(&order));
         let supernodes = supernodes_of(&lower)?;
         let is_large = supernodes.len_val() >= SHARED_FROM;
-        let parallelism = if is_large { Par::rayon(0) } else { Par::Seq };
+        let parallelism = if is_large { shared() } else { Par::Seq };
         Ok(Self { order, supernodes, parallelism, values: zeros(pattern.len())?, lower, target })
     }
 

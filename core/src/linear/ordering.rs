@@ -4,7 +4,6 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
-use feral_scotch::{CscPattern, scotch_order};
 
 use super::{FactorError, Pattern};
 
@@ -31,10 +30,18 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
 }
 
 /// Nested dissection, or nothing where the partitioner fails or returns no permutation.
+#[cfg(not(target_family = "wasm"))]
 fn nested_dissection(graph: &Graph) -> Option<Vec<u32>> {
+    use feral_scotch::{CscPattern, scotch_order};
     let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
     let order: Vec<u32> = scotch_order(&pattern).ok()?.into_iter().map(|row| row as u32).collect();
     is_permutation(&order, graph.n).then_some(order)
+}
+
+/// In a page the partitioner cannot run, as it times itself; organs that are stepped there are small.
+#[cfg(target_family = "wasm")]
+fn nested_dissection(_: &Graph) -> Option<Vec<u32>> {
+    None
 }
 
 /// Approximate minimum degree.

@@ -10,10 +10,10 @@ use super::loads::Loads;
 use super::rest::Rest;
 use super::separated::Separated;
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::error::Error;
 use crate::number::{Lanes, Monomials};
 use rayon::prelude::*;
-use std::time::Instant;
 
 /// Positions that go through the element loop side by side.
 const WIDTH: usize = 8;

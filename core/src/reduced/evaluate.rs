@@ -82,9 +82,11 @@ impl ReducedModel {
         let mut monomials = [0.0; MAX_TERMS];
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
-        let (force, orders, correction) = here.force(monomials, d);
-        let stiffness = here.stiffness(d);
-        let error_estimate = here.error_estimate(monomials, force, &orders, correction);
+        let sum = here.sum(monomials, d);
+        let (orders, correction) = here.force(monomials, d);
+        let force = sum.of(&orders);
+        let stiffness = here.stiffness(d, &orders, &sum);
+        let error_estimate = here.error_estimate(monomials, force, &orders, correction, &sum);
         let depth = norm(d);
         // Written so that a displacement that is not a number is not trusted either.
         let trust = if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
@@ -97,11 +99,13 @@ impl ReducedModel {
         Response { force, stiffness, error_estimate, trust }
     }
 
-    /// Force of the series cut after an order of at least 1; the first is linear elasticity.
+    /// Force of the series cut after an order of at least 1, below the model's own a polynomial; the
+    /// first is linear elasticity.
     pub fn force_to_order(&self, contact: &Contact, d: [f64; 3], order: usize) -> [f64; 3] {
         let mut monomials = [0.0; MAX_TERMS];
         evaluate_monomials(&self.exponents, d, &mut monomials);
-        Interpolation::new(self, contact).cut_after(order).force(&monomials, d).0
+        let here = Interpolation::new(self, contact).cut_after(order);
+        here.sum(&monomials, d).of(&here.force(&monomials, d).0)
     }
 
     /// Numbers of workspace that the field functions need.

@@ -2,11 +2,16 @@
 
 use super::metadata::Metadata;
 use super::model::{Arrays, ReducedModel};
+use super::resummation::SKETCH;
 use crate::error::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 /// Key of the metadata string in the file's header.
 const METADATA_KEY: &str = "viscera";
+/// Whether an array is written and asked for only where there is something in it.
+fn is_optional(name: &str) -> bool {
+    matches!(name, "preload" | "sketch" | "parameter_cells") || name.starts_with("family_")
+}
 
 /// A number type with a fixed little-endian form.
 trait Stored: Copy {
@@ -34,36 +39,48 @@ macro_rules! stored {
 }
 stored! { f64, F64; f32, F32; u32, U32; i16, I16; }
 
-/// Applies a macro to every array: its name and the number of its columns.
+/// Applies a macro to every array: its name, where it is, and the number of its columns.
 macro_rules! for_each_array {
     ($apply:ident) => {
-        $apply!(points, 3);
-        $apply!(cells, 4);
-        $apply!(fixed, 1);
-        $apply!(law_parameters, 1);
-        $apply!(surface, 3);
-        $apply!(surface_nodes, 1);
-        $apply!(positions, 1);
-        $apply!(touchable, 3);
-        $apply!(edges, 2);
-        $apply!(triangle_edges, 3);
-        $apply!(patch_start, 1);
-        $apply!(patch_nodes, 1);
-        $apply!(patch_weights, 1);
-        $apply!(compliance, 9);
-        $apply!(cross_compliance, 9);
-        $apply!(force, 3);
-        $apply!(edge_force, 3);
-        $apply!(norms, 1);
-        $apply!(compression, 1);
-        $apply!(position_region, 1);
-        $apply!(edge_region, 1);
-        $apply!(region_start, 1);
-        $apply!(mode_scale, 1);
-        $apply!(surface_modes, 3);
-        $apply!(interior_modes, 3);
-        $apply!(position_coefficients, 1);
-        $apply!(edge_coefficients, 1);
+        $apply!("points", points, 3);
+        $apply!("preload", preload, 3);
+        $apply!("cells", cells, 4);
+        $apply!("fixed", fixed, 1);
+        $apply!("law_parameters", law_parameters, 1);
+        $apply!("surface", surface, 3);
+        $apply!("surface_nodes", surface_nodes, 1);
+        $apply!("positions", positions, 1);
+        $apply!("touchable", touchable, 3);
+        $apply!("edges", edges, 2);
+        $apply!("triangle_edges", triangle_edges, 3);
+        $apply!("patch_start", patch_start, 1);
+        $apply!("patch_nodes", patch_nodes, 1);
+        $apply!("patch_weights", patch_weights, 1);
+        $apply!("compliance", compliance, 9);
+        $apply!("cross_compliance", cross_compliance, 9);
+        $apply!("force", force, 3);
+        $apply!("edge_force", edge_force, 3);
+        $apply!("sketch", sketch, SKETCH);
+        $apply!("norms", norms, 1);
+        $apply!("compression", compression, 1);
+        $apply!("position_region", position_region, 1);
+        $apply!("edge_region", edge_region, 1);
+        $apply!("region_start", region_start, 1);
+        $apply!("mode_scale", mode_scale, 1);
+        $apply!("surface_modes", surface_modes, 3);
+        $apply!("interior_modes", interior_modes, 3);
+        $apply!("position_coefficients", position_coefficients, 1);
+        $apply!("edge_coefficients", edge_coefficients, 1);
+        $apply!("parameter_cells", parameter_cells, 1);
+        $apply!("family_compliance", family.compliance, 9);
+        $apply!("family_cross_compliance", family.cross_compliance, 9);
+        $apply!("family_force", family.force, 3);
+        $apply!("family_edge_force", family.edge_force, 3);
+        $apply!("family_sketch", family.sketch, SKETCH);
+        $apply!("family_norms", family.norms, 1);
+        $apply!("family_compression", family.compression, 1);
+        $apply!("family_position_coefficients", family.position_coefficients, 1);
+        $apply!("family_edge_coefficients", family.edge_coefficients, 1);
     };
 }
 
@@ -94,9 +111,9 @@ impl ReducedModel {
     /// An array by its name in the file.
     pub fn array(&self, wanted: &str) -> Option<View<'_>> {
         macro_rules! find {
-            ($name:ident, $columns:expr) => {
-                if wanted == stringify!($name) {
-                    return Some((&self.arrays.$name[..], $columns).into());
+            ($name:literal, $($place:ident).+, $columns:expr) => {
+                if wanted == $name {
+                    return Some((&self.arrays.$($place).+[..], $columns).into());
                 }
             };
         }
@@ -112,8 +129,10 @@ impl ReducedModel {
         let arrays = &self.arrays;
         let mut encoded: Vec<(&str, Dtype, Vec<usize>, Vec<u8>)> = Vec::new();
         macro_rules! encode {
-            ($name:ident, $columns:expr) => {
-                encoded.push(encode(stringify!($name), &arrays.$name, $columns));
+            ($name:literal, $($place:ident).+, $columns:expr) => {
+                if !arrays.$($place).+.is_empty() || !is_optional($name) {
+                    encoded.push(encode($name, &arrays.$($place).+, $columns));
+                }
             };
         }
         for_each_array!(encode);
@@ -145,8 +164,8 @@ impl ReducedModel {
             .map_err(|e| Error::ModelFile(format!("metadata is damaged: {e}")))?;
         let mut arrays = Arrays::default();
         macro_rules! decode {
-            ($name:ident, $columns:expr) => {
-                arrays.$name = decode(&tensors, stringify!($name), $columns)?;
+            ($name:literal, $($place:ident).+, $columns:expr) => {
+                arrays.$($place).+ = decode(&tensors, $name, $columns)?;
             };
         }
         for_each_array!(decode);
@@ -167,8 +186,11 @@ fn encode<'a, T: Stored>(
 }
 
 fn decode<T: Stored>(tensors: &SafeTensors, name: &str, columns: usize) -> Result<Vec<T>, Error> {
-    let tensor =
-        tensors.tensor(name).map_err(|_| Error::ModelFile(format!("array {name} is missing")))?;
+    let tensor = match tensors.tensor(name) {
+        Ok(tensor) => tensor,
+        Err(_) if is_optional(name) => return Ok(Vec::new()),
+        Err(_) => return Err(Error::ModelFile(format!("array {name} is missing"))),
+    };
     if tensor.dtype() != T::DTYPE {
         return Err(Error::ModelFile(format!(
             "array {name} holds {:?} instead of {:?}",

@@ -8,20 +8,35 @@
 
 use super::evaluate::Contact;
 use super::model::ReducedModel;
-use crate::number::{degree_of, evaluate_monomials};
+use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
+use crate::number::{Gradient, degree_of, evaluate_monomials};
 use crate::tensor::{Mat3, inverse, mul_vector};
 use crate::unroll::tabulate;
 
 /// Monomials of order 8 in three variables, the constant left out.
 pub(super) const MAX_TERMS: usize = 164;
-/// Highest order.
-const MAX_ORDER: usize = 8;
 /// An extrapolated tail is no bound: without it one trusted answer in some hundreds was 1.06 times
 /// its estimate from the truth.
 const MARGIN: f64 = 1.25;
+/// The difference of the last two Padé forms is no bound either: the error of trusted answers was up to 1.7 times it.
+const PADE_MARGIN: f64 = 1.6;
 /// Part of the quadratic correction that is left as interpolation error (measured: 0.1 to 0.3,
 /// 0.5 where positions are as far apart as the patch is wide).
 const INTERPOLATION_SHARE: f64 = 0.5;
+
+/// How much each order of the series counts, and what the last order has changed: the difference of
+/// the weights to those of the Padé form of one order less, and of the field, relative to it.
+pub(super) struct Sum {
+    pub weights: [Dual; MAX_ORDER],
+    difference: Option<([f64; MAX_ORDER], f64)>,
+}
+
+impl Sum {
+    /// The orders of a force, added up.
+    pub fn of(&self, orders: &[[f64; 3]; MAX_ORDER]) -> [f64; 3] {
+        std::array::from_fn(|i| self.weights.iter().zip(orders).map(|(w, f)| w.value * f[i]).sum())
+    }
+}
 
 /// A model at a contact: corners, edges and interpolation weights.
 pub(super) struct Interpolation<'a> {
@@ -78,12 +93,51 @@ impl<'a> Interpolation<'a> {
         if term < 3 + self.model.edge_terms { l * (2.0 * l - 1.0) } else { l }
     }
 
-    /// Force, its parts by order, and the size of the quadratic correction.
-    pub(super) fn force(
-        &self,
-        monomials: &[f64],
-        d: [f64; 3],
-    ) -> ([f64; 3], [[f64; 3]; MAX_ORDER], f64) {
+    /// How much each order counts.
+    pub(super) fn sum(&self, monomials: &[f64], d: [f64; 3]) -> Sum {
+        let ones = std::array::from_fn(|_| constant(1.0));
+        let (order, all) = (self.model.metadata.order, self.model.n_terms());
+        if self.model.arrays.sketch.is_empty() || self.terms < all || order < 3 {
+            return Sum { weights: ones, difference: None };
+        }
+        let parts = self.parts(monomials, d);
+        let (weights, lower) = (weights(&parts, order), weights(&parts, order - 1));
+        let (mut square, mut whole) = (0.0, 0.0);
+        let difference: [f64; MAX_ORDER] = std::array::from_fn(|p| {
+            let before = if p + 1 < order { lower[p].value } else { 0.0 };
+            if p < order { weights[p].value - before } else { 0.0 }
+        });
+        for s in 0..SKETCH {
+            let of = |w: &dyn Fn(usize) -> f64| {
+                (0..order).map(|p| w(p) * parts[p][s].value).sum::<f64>()
+            };
+            square += of(&|p| difference[p]).powi(2);
+            whole += of(&|p| weights[p].value).powi(2);
+        }
+        let field = (square / whole).sqrt();
+        Sum { weights, difference: Some((difference, field)) }
+    }
+
+    /// The part of each order in the sketch, blended from the corners.
+    fn parts(&self, monomials: &[f64], d: [f64; 3]) -> Parts {
+        let model = self.model;
+        let mut parts: Parts = std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
+        let size = SKETCH * model.n_terms();
+        let corners = self.corners.map(|c| &model.arrays.sketch[c * size..(c + 1) * size]);
+        for (term, exponents) in model.exponents.iter().enumerate() {
+            let slope = monomial_gradient(exponents, d);
+            for (s, part) in parts[degree_of(exponents) - 1].iter_mut().enumerate() {
+                let at = SKETCH * term + s;
+                let blend: f64 = (0..3).map(|k| self.weights[k] * f64::from(corners[k][at])).sum();
+                part.value += blend * monomials[term];
+                part.first.iter_mut().zip(slope).for_each(|(sum, x)| *sum += blend * x);
+            }
+        }
+        parts
+    }
+
+    /// The parts of the force by order, and the size of the quadratic correction.
+    pub(super) fn force(&self, monomials: &[f64], d: [f64; 3]) -> ([[f64; 3]; MAX_ORDER], f64) {
         let model = self.model;
         let mut orders = [[0.0; 3]; MAX_ORDER];
         let mut correction = [0.0; 3];
@@ -111,16 +165,28 @@ impl<'a> Interpolation<'a> {
                 }
             }
         }
-        let total = std::array::from_fn(|i| orders.iter().map(|f| f[i]).sum());
-        (total, orders, norm(correction))
+        (orders, norm(correction))
     }
 
-    /// `dF/dd`: the same sum over the derivatives of the monomials.
-    pub(super) fn stiffness(&self, d: [f64; 3]) -> Mat3<f64> {
+    /// `dF/dd`: the same sum over the derivatives of the monomials, and over those of the weights.
+    pub(super) fn stiffness(
+        &self,
+        d: [f64; 3],
+        orders: &[[f64; 3]; MAX_ORDER],
+        sum: &Sum,
+    ) -> Mat3<f64> {
         let model = self.model;
         let mut stiffness = self.stiffness;
+        for (force, Gradient { first, .. }) in orders.iter().zip(&sum.weights) {
+            for i in 0..3 {
+                for j in 0..3 {
+                    stiffness[i][j] += force[i] * first[j];
+                }
+            }
+        }
         for term in 3..self.terms {
-            let slope = monomial_gradient(&model.exponents[term], d);
+            let part = sum.weights[degree_of(&model.exponents[term]) - 1].value;
+            let slope = monomial_gradient(&model.exponents[term], d).map(|x| part * x);
             let mut force = [0.0; 3];
             for (k, &corner) in self.corners.iter().enumerate() {
                 let weight = self.corner_weight(k, term);
@@ -147,21 +213,52 @@ impl<'a> Interpolation<'a> {
         stiffness
     }
 
-    /// Estimated relative error: the tail of the series as a geometric one whose ratio is that of
-    /// its last orders extrapolated, plus interpolation, plus compression.
+    /// Estimated relative error: of the sum over the orders, plus interpolation, plus compression,
+    /// plus what a parameter between its nodes costs.
     pub(super) fn error_estimate(
         &self,
         monomials: &[f64],
         force: [f64; 3],
         orders: &[[f64; 3]; MAX_ORDER],
         correction: f64,
+        sum: &Sum,
     ) -> f64 {
         let model = self.model;
-        let order = model.metadata.order;
         let size = self.field_norms(monomials);
         if !(size[0] > 0.0) {
             return 0.0;
         }
+        let force_size = norm(force).max(f64::MIN_POSITIVE);
+        let polynomial = MARGIN * self.polynomial_error(&size, force_size, orders);
+        let truncation = match sum.difference {
+            None => polynomial,
+            Some((difference, field)) => {
+                let change: [f64; 3] = std::array::from_fn(|i| {
+                    difference.iter().zip(orders).map(|(w, force)| w * force[i]).sum()
+                });
+                let pade = PADE_MARGIN * field.max(norm(change) / force_size);
+                // Where the polynomial is good the difference of two Padé forms is far too careful.
+                (pade * pade.min(polynomial)).sqrt()
+            }
+        };
+        let interpolation = INTERPOLATION_SHARE * correction / force_size;
+        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
+        let stored = &model.arrays.compression;
+        let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
+        let compression = worst * depth / model.metadata.depth;
+        let parameter = model.metadata.errors.parameter;
+        (truncation + MARGIN * interpolation + compression + parameter).min(1.0)
+    }
+
+    /// The tail of the polynomial as a geometric series whose ratio is that of the last orders
+    /// extrapolated; infinite where that says nothing.
+    fn polynomial_error(
+        &self,
+        size: &[f64; MAX_ORDER],
+        force_size: f64,
+        orders: &[[f64; 3]; MAX_ORDER],
+    ) -> f64 {
+        let order = self.model.metadata.order;
         let last = size[order - 1];
         let mut ratio = last / size[order - 2].max(f64::MIN_POSITIVE);
         if order > 2 {
@@ -171,17 +268,10 @@ impl<'a> Interpolation<'a> {
         // ratios that grow with the order p as 1 - 3/(2p): extrapolated to the tail.
         ratio /= 1.0 - 1.5 / order as f64;
         if !(ratio < 0.9) {
-            return 1.0;
+            return f64::INFINITY;
         }
         let tail = ratio / (1.0 - ratio);
-        let force_size = norm(force).max(f64::MIN_POSITIVE);
-        let truncation = (tail * last / size[0]).max(tail * norm(orders[order - 1]) / force_size);
-        let interpolation = INTERPOLATION_SHARE * correction / force_size;
-        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
-        let stored = &model.arrays.compression;
-        let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
-        let compression = worst * depth / model.metadata.depth;
-        (MARGIN * (truncation + interpolation) + compression).min(1.0)
+        (tail * last / size[0]).max(tail * norm(orders[order - 1]) / force_size)
     }
 
     /// `|u_p(d)|` of each order, interpolated linearly.
@@ -221,6 +311,10 @@ impl<'a> Interpolation<'a> {
         let mut monomials = [0.0; MAX_TERMS];
         let monomials = &mut monomials[..model.n_terms()];
         evaluate_monomials(&model.exponents, d, monomials);
+        let sum = self.sum(monomials, d);
+        for (monomial, exponents) in monomials.iter_mut().zip(&model.exponents) {
+            *monomial *= sum.weights[degree_of(exponents) - 1].value;
+        }
         let f = mul_vector(&self.stiffness, &d);
         let mut slots = [None; 3];
         for (k, &corner) in self.corners.iter().enumerate() {

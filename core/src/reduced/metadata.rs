@@ -38,12 +38,30 @@ pub struct Metadata {
     pub errors: Errors,
     /// Off-line time [s].
     pub seconds: f64,
+    /// The parameter that the model may be set to, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameter: Option<Parameter>,
     /// Anything the writer adds: node sets, provenance.
     pub user: serde_json::Value,
 }
 
 fn linear() -> String {
     crate::element::Element::P1.name().to_string()
+}
+
+/// A parameter that a model may be set to, within a range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// `radius` of the contact patch [m], or a parameter of the law.
+    pub name: String,
+    /// Lowest and highest value.
+    pub range: [f64; 2],
+    /// Whether it is interpolated over its logarithm.
+    pub is_logarithmic: bool,
+    /// Values that were solved, ascending.
+    pub nodes: Vec<f64>,
+    /// Value that the model is set to.
+    pub value: f64,
 }
 
 /// Errors measured while the model was made, relative to the norm of the field.
@@ -55,4 +73,7 @@ pub struct Errors {
     pub interpolation_half_depth: f64,
     /// Interpolation between positions at full depth: worst of the points tried.
     pub interpolation: f64,
+    /// Between the nodes of the parameter: worst of the values, positions and depths tried.
+    #[serde(default)]
+    pub parameter: f64,
 }

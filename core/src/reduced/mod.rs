@@ -7,25 +7,36 @@
 //! nothing of finite elements.
 
 #[cfg(feature = "solvers")]
+mod assemble;
+#[cfg(feature = "solvers")]
 mod basis;
 #[cfg(feature = "solvers")]
 mod build;
+mod check;
 mod combine;
 mod evaluate;
+mod family;
 mod file;
 mod interpolation;
+#[cfg(feature = "solvers")]
+mod measure;
 mod metadata;
 mod model;
 #[cfg(feature = "solvers")]
 mod positions;
 #[cfg(feature = "solvers")]
+mod preload;
+#[cfg(feature = "solvers")]
 mod region;
+mod resummation;
+#[cfg(feature = "solvers")]
+mod solve;
 #[cfg(all(test, feature = "solvers"))]
 mod tests;
 
 #[cfg(feature = "solvers")]
-pub use build::{Progress, Reduction};
+pub use build::{Family, Member, Progress, Reduction};
 pub use evaluate::{Contact, Response, Trust};
 pub use file::View;
-pub use metadata::{Errors, Metadata};
-pub use model::{Arrays, ReducedModel};
+pub use metadata::{Errors, Metadata, Parameter};
+pub use model::{Answers, Arrays, ReducedModel};

@@ -1,6 +1,7 @@
-//! The arrays of a reduced model and the checks that make them safe to evaluate.
+//! The arrays of a reduced model, and what the evaluator looks up in them.
 
-use super::metadata::{FORMAT_VERSION, Metadata};
+use super::check::{check, offsets};
+use super::metadata::Metadata;
 use crate::error::Error;
 use crate::mesh::TriangleTree;
 use crate::number::Monomials;
@@ -8,8 +9,10 @@ use crate::number::Monomials;
 /// The arrays of a model file (docs/model-file.md), flat and row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Arrays {
-    /// Rest positions (n, 3) [m].
+    /// Positions (n, 3) [m] in the shape that is touched: at rest, or under the preload.
     pub points: Vec<f64>,
+    /// Displacement (n, 3) from rest to `points` under the preload [m]; empty where there is none.
+    pub preload: Vec<f64>,
     /// Tetrahedra (m, 4).
     pub cells: Vec<u32>,
     /// Fixed nodes.
@@ -43,6 +46,9 @@ pub struct Arrays {
     pub force: Vec<f64>,
     /// Force coefficients of edge midpoints (e, edge terms, 3).
     pub edge_force: Vec<f64>,
+    /// Sketches of the fields (p, terms, 24), by which their orders are summed in a Padé form; empty
+    /// where they are summed as a polynomial.
+    pub sketch: Vec<f32>,
     /// Inner products of the fields of equal degree (p, sum of squares), for the error estimate.
     pub norms: Vec<f32>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
@@ -62,6 +68,25 @@ pub struct Arrays {
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,
     /// Mode amplitudes of each edge: (edge terms, modes of its region), edge after edge.
+    pub edge_coefficients: Vec<f32>,
+    /// Cells whose law the parameter changes; none for all.
+    pub parameter_cells: Vec<u32>,
+    /// The answers at each node of the parameter; empty where there is none.
+    pub family: Answers,
+}
+
+/// The arrays that depend on a parameter, of all members of a family one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[allow(missing_docs)] // as in `Arrays`
+pub struct Answers {
+    pub compliance: Vec<f64>,
+    pub cross_compliance: Vec<f64>,
+    pub force: Vec<f64>,
+    pub edge_force: Vec<f64>,
+    pub sketch: Vec<f32>,
+    pub norms: Vec<f32>,
+    pub compression: Vec<f32>,
+    pub position_coefficients: Vec<f32>,
     pub edge_coefficients: Vec<f32>,
 }
 
@@ -92,11 +117,7 @@ impl ReducedModel {
     /// # Errors
     /// [`Error::ModelFile`] naming the array, the place and the value.
     pub fn new(metadata: Metadata, arrays: Arrays) -> Result<Self, Error> {
-        check_metadata(&metadata)?;
-        let counts = Counts::new(&metadata, &arrays)?;
-        check_shapes(&arrays, &counts)?;
-        check_indices(&arrays, &counts)?;
-        check_values(&arrays)?;
+        let counts = check(&metadata, &arrays)?;
         let (position_offset, edge_offset) = offsets(&arrays, &counts)?;
 
         let sizes = arrays.region_start.windows(2).map(|w| (w[1] - w[0]) as usize);
@@ -163,231 +184,4 @@ impl ReducedModel {
     pub fn n_terms(&self) -> usize {
         self.exponents.len()
     }
-}
-
-fn bad(sentence: String) -> Error {
-    Error::ModelFile(sentence)
-}
-
-fn check_metadata(m: &Metadata) -> Result<(), Error> {
-    if m.format_version != FORMAT_VERSION {
-        return Err(bad(format!(
-            "format version {}; this version reads {FORMAT_VERSION}",
-            m.format_version
-        )));
-    }
-    if !(2..=8).contains(&m.order) || !(1..=m.order).contains(&m.edge_order) {
-        return Err(bad(format!(
-            "order {} with edge order {}; orders are 2 to 8, edge orders 1 to the order",
-            m.order, m.edge_order
-        )));
-    }
-    for (name, value) in [
-        ("radius", m.radius),
-        ("depth", m.depth),
-        ("tolerance", m.tolerance),
-        ("diagonal", m.diagonal),
-    ] {
-        if !(value.is_finite() && value > 0.0) {
-            return Err(bad(format!("{name} = {value}; it must be positive")));
-        }
-    }
-    Ok(())
-}
-
-/// Sizes that shapes are checked against.
-struct Counts {
-    points: usize,
-    surface: usize,
-    positions: usize,
-    touchable: usize,
-    edges: usize,
-    regions: usize,
-    modes: usize,
-    terms: usize,
-    edge_terms: usize,
-    norms: usize,
-}
-
-impl Counts {
-    fn new(metadata: &Metadata, a: &Arrays) -> Result<Self, Error> {
-        let monomials = Monomials::of(3, metadata.order);
-        let squares = (1..=metadata.order).map(|d| monomials.of_degree(d).len().pow(2));
-        let counts = Counts {
-            points: a.points.len() / 3,
-            surface: a.surface_nodes.len(),
-            positions: a.positions.len(),
-            touchable: a.touchable.len() / 3,
-            edges: a.edges.len() / 2,
-            regions: a.region_start.len().saturating_sub(1),
-            modes: a.mode_scale.len(),
-            terms: monomials.len() - 1,
-            edge_terms: monomials.up_to(metadata.edge_order) - monomials.up_to(1),
-            norms: squares.sum(),
-        };
-        let needed = [
-            ("points", counts.points),
-            ("positions", counts.positions),
-            ("touchable", counts.touchable),
-            ("region_start", counts.regions),
-            ("mode_scale", counts.modes),
-        ];
-        match needed.iter().find(|(_, n)| *n == 0) {
-            Some((name, _)) => Err(bad(format!("array {name} is empty"))),
-            None => Ok(counts),
-        }
-    }
-}
-
-fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
-    let interior = n
-        .points
-        .checked_sub(n.surface)
-        .ok_or_else(|| bad(format!("{} surface nodes of {} points", n.surface, n.points)))?;
-    let lengths = [
-        ("points", a.points.len(), 3 * n.points),
-        ("cells", a.cells.len(), a.cells.len() / 4 * 4),
-        ("surface", a.surface.len(), a.surface.len() / 3 * 3),
-        ("touchable", a.touchable.len(), 3 * n.touchable),
-        ("edges", a.edges.len(), 2 * n.edges),
-        ("triangle_edges", a.triangle_edges.len(), 3 * n.touchable),
-        ("patch_start", a.patch_start.len(), n.positions + 1),
-        ("patch_weights", a.patch_weights.len(), a.patch_nodes.len()),
-        ("compliance", a.compliance.len(), 9 * n.positions),
-        ("cross_compliance", a.cross_compliance.len(), 9 * n.edges),
-        ("force", a.force.len(), 3 * n.positions * n.terms),
-        ("edge_force", a.edge_force.len(), 3 * n.edges * n.edge_terms),
-        ("norms", a.norms.len(), n.positions * n.norms),
-        ("compression", a.compression.len(), n.positions),
-        ("position_region", a.position_region.len(), n.positions),
-        ("edge_region", a.edge_region.len(), n.edges),
-        ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
-        ("interior_modes", a.interior_modes.len(), 3 * interior * n.modes),
-    ];
-    for (name, found, expected) in lengths {
-        if found != expected {
-            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
-        }
-    }
-    Ok(())
-}
-
-fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
-    let ranges = [
-        ("cells", &a.cells, n.points),
-        ("fixed", &a.fixed, n.points),
-        ("surface", &a.surface, n.points),
-        ("surface_nodes", &a.surface_nodes, n.points),
-        ("positions", &a.positions, n.points),
-        ("touchable", &a.touchable, n.positions),
-        ("edges", &a.edges, n.positions),
-        ("triangle_edges", &a.triangle_edges, n.edges),
-        ("patch_nodes", &a.patch_nodes, n.points),
-        ("position_region", &a.position_region, n.regions),
-        ("edge_region", &a.edge_region, n.regions),
-    ];
-    for (name, values, limit) in ranges {
-        if let Some(place) = values.iter().position(|&v| v as usize >= limit) {
-            return Err(bad(format!(
-                "{name}[{place}] = {}; it must be below {limit}",
-                values[place]
-            )));
-        }
-    }
-    check_edges(a)?;
-    if !a.surface_nodes.is_sorted_by(|x, y| x < y) {
-        return Err(bad("surface_nodes is not ascending".into()));
-    }
-    for (name, starts, end) in [
-        ("patch_start", &a.patch_start, a.patch_nodes.len()),
-        ("region_start", &a.region_start, n.modes),
-    ] {
-        if starts[0] != 0 || !starts.is_sorted() || starts[starts.len() - 1] as usize != end {
-            return Err(bad(format!("{name} does not run from 0 to {end}")));
-        }
-    }
-    Ok(())
-}
-
-/// The edges of a triangle join its corners, and lie in a region of one of their ends.
-fn check_edges(a: &Arrays) -> Result<(), Error> {
-    for (t, corners) in a.touchable.chunks_exact(3).enumerate() {
-        for k in 0..3 {
-            let edge = a.triangle_edges[3 * t + k] as usize;
-            let ends = &a.edges[2 * edge..2 * edge + 2];
-            let (p, q) = (corners[k], corners[(k + 1) % 3]);
-            if ends != [p.min(q), p.max(q)] {
-                return Err(bad(format!("edge {edge} does not join corners of triangle {t}")));
-            }
-        }
-    }
-    for (edge, ends) in a.edges.chunks_exact(2).enumerate() {
-        if ends.iter().all(|&p| a.position_region[p as usize] != a.edge_region[edge]) {
-            return Err(bad(format!("edge {edge} lies in a region of none of its ends")));
-        }
-    }
-    Ok(())
-}
-
-fn check_values(a: &Arrays) -> Result<(), Error> {
-    let doubles = [
-        ("points", &a.points),
-        ("law_parameters", &a.law_parameters),
-        ("patch_weights", &a.patch_weights),
-        ("compliance", &a.compliance),
-        ("cross_compliance", &a.cross_compliance),
-        ("force", &a.force),
-        ("edge_force", &a.edge_force),
-    ];
-    for (name, values) in doubles {
-        if let Some(place) = values.iter().position(|v| !v.is_finite()) {
-            return Err(bad(format!("{name}[{place}] is {}; it must be finite", values[place])));
-        }
-    }
-    for (position, patch) in a.patch_start.windows(2).enumerate() {
-        let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();
-        if (sum - 1.0).abs() > 1e-9 {
-            return Err(bad(format!("patch_weights of position {position} sum to {sum}, not 1")));
-        }
-    }
-    let singles = [
-        ("norms", &a.norms),
-        ("compression", &a.compression),
-        ("mode_scale", &a.mode_scale),
-        ("position_coefficients", &a.position_coefficients),
-        ("edge_coefficients", &a.edge_coefficients),
-    ];
-    for (name, values) in singles {
-        if let Some(place) = values.iter().position(|v| !v.is_finite()) {
-            return Err(bad(format!("{name}[{place}] is {}; it must be finite", values[place])));
-        }
-    }
-    Ok(())
-}
-
-/// Where each position's and each edge's amplitudes start.
-fn offsets(a: &Arrays, n: &Counts) -> Result<(Vec<usize>, Vec<usize>), Error> {
-    let run = |regions: &[u32], terms: usize| -> Vec<usize> {
-        let mut total = 0;
-        let sizes = regions.iter().map(|&r| {
-            terms * (a.region_start[r as usize + 1] - a.region_start[r as usize]) as usize
-        });
-        std::iter::once(0)
-            .chain(sizes.map(|size| {
-                total += size;
-                total
-            }))
-            .collect()
-    };
-    let positions = run(&a.position_region, n.terms);
-    let edges = run(&a.edge_region, n.edge_terms);
-    for (name, found, expected) in [
-        ("position_coefficients", a.position_coefficients.len(), positions[n.positions]),
-        ("edge_coefficients", a.edge_coefficients.len(), edges[n.edges]),
-    ] {
-        if found != expected {
-            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
-        }
-    }
-    Ok((positions, edges))
 }

@@ -1,4 +1,5 @@
-//! Compression of a region: exact fields of neighbouring positions to common modes.
+//! Compression of a region: exact fields of neighbouring positions to common modes, common to all
+//! members of a family too.
 //!
 //! The first-order fields (the Green fields of the contacts) are kept exactly as the first modes;
 //! what the higher orders add to their span is ranked by a singular value decomposition and cut at
@@ -6,17 +7,22 @@
 //! the mean size of their monomial on the unit sphere, so that the norm of a column is what it
 //! contributes to the field at full depth.
 
-use super::basis::Basis;
+use super::basis::Common;
 use crate::error::Error;
 use crate::series::TouchSeries;
 use faer::Mat;
 
-/// The modes of a region and the amplitudes of its positions and edges.
+/// The modes of a region, and what each member of the family does with them.
 pub(super) struct Region {
     /// Quantised modes, one run of all degrees of freedom for each.
     pub modes: Vec<i16>,
     /// Metres for one unit of a mode.
     pub scales: Vec<f32>,
+    pub members: Vec<Amplitudes>,
+}
+
+/// The amplitudes of a region's positions and edges.
+pub(super) struct Amplitudes {
     /// (terms, modes) for each position.
     pub positions: Vec<Vec<f32>>,
     /// (edge terms, modes) for each edge.
@@ -25,7 +31,7 @@ pub(super) struct Region {
     pub errors: Vec<f32>,
 }
 
-/// What a region is compressed from.
+/// What a region is compressed from, for one member.
 pub(super) struct Exact<'a> {
     /// Exponents of the monomials, the constant left out.
     pub exponents: &'a [[u8; 3]],
@@ -37,21 +43,34 @@ pub(super) struct Exact<'a> {
 }
 
 const FIRST_ORDER: usize = 3;
+/// Part of the tolerance for first-order fields where they are not kept exactly: their error does
+/// not fade as touches become shallow.
+const FIRST_ORDER_SHARE: f64 = 0.2;
+
+/// The fewest modes that leave, at every position and for every member, less than `tolerance` of
+/// the field at full depth in the mean over directions; the worst direction is measured on the
+/// stored form. One member alone keeps its first order exactly.
+///
+/// # Errors
+/// A decomposition that does not converge.
+pub(super) fn compress(members: &[Exact], tolerance: f64) -> Result<Region, Error> {
+    let columns: Vec<Mat<f64>> = members.iter().map(Exact::columns).collect();
+    let n_first = FIRST_ORDER * members[0].positions.len();
+    let common = Common::new(&columns, n_first, 0.1 * tolerance)?;
+    let kept = members
+        .iter()
+        .enumerate()
+        .fold(common.n_first(), |kept, (j, exact)| exact.modes_needed(&common, j, tolerance, kept));
+    let (modes, scales) = quantise(&common.modes(&columns, kept));
+    let decoded = Mat::from_fn(columns[0].nrows(), kept, |i, m| {
+        f64::from(modes[m * columns[0].nrows() + i]) * f64::from(scales[m])
+    });
+    let amplitudes = members.iter().zip(&columns).zip(&common.coordinates);
+    let members = amplitudes.map(|((e, columns), c)| e.amplitudes(columns, c, &decoded)).collect();
+    Ok(Region { modes, scales, members })
+}
 
 impl Exact<'_> {
-    /// The fewest modes that leave, at every position, less than `tolerance` of the field at full
-    /// depth in the mean over directions; the worst direction is measured on the stored form.
-    ///
-    /// # Errors
-    /// A decomposition that does not converge.
-    pub fn compress(&self, tolerance: f64) -> Result<Region, Error> {
-        let columns = self.columns();
-        let n_first = FIRST_ORDER * self.positions.len();
-        let basis = Basis::new(columns.as_ref(), n_first, 0.1 * tolerance)?;
-        let kept = self.modes_needed(&basis, tolerance);
-        Ok(self.region(&columns, &basis, kept))
-    }
-
     fn weight(&self, term: usize) -> f64 {
         let e = self.exponents[term];
         let degree: u8 = e.iter().sum();
@@ -98,44 +117,41 @@ impl Exact<'_> {
         start + self.edge_terms * edge..start + self.edge_terms * (edge + 1)
     }
 
-    /// Fewest modes that leave, for each position and edge, less than `target` of the first-order
-    /// field in the mean over directions.
-    fn modes_needed(&self, basis: &Basis, target: f64) -> usize {
-        let squares = |columns: &mut dyn Iterator<Item = usize>, modes: std::ops::Range<usize>| {
-            columns.map(|c| basis.square(c, modes.clone())).sum::<f64>()
+    /// Fewest modes, at least `kept`, that leave for each position and edge less than `target` of
+    /// the first-order field in the mean over directions, and of the first order alone its share.
+    fn modes_needed(&self, basis: &Common, member: usize, target: f64, mut kept: usize) -> usize {
+        let left = |columns: &mut dyn Iterator<Item = usize>, from: usize| {
+            columns.map(|c| basis.square(member, c, from)).sum::<f64>()
         };
-        let first = |p: usize| {
-            let columns = FIRST_ORDER * p..FIRST_ORDER * (p + 1);
-            columns.map(|c| basis.square(c, 0..basis.rank())).sum::<f64>()
-        };
-        let size: Vec<f64> = (0..self.positions.len()).map(first).collect();
+        let first = |p: usize| FIRST_ORDER * p..FIRST_ORDER * (p + 1);
+        let size: Vec<f64> = (0..self.positions.len()).map(|p| left(&mut first(p), 0)).collect();
         let mean_size = size.iter().sum::<f64>() / size.len() as f64;
-        let mut kept = (FIRST_ORDER * self.positions.len()).min(basis.rank());
-        for (p, &size) in size.iter().enumerate() {
-            while kept < basis.rank()
-                && squares(&mut self.position_columns(p), kept..basis.rank())
-                    > target.powi(2) * size
-            {
+        let mut keep = |columns: &dyn Fn() -> Box<dyn Iterator<Item = usize>>, limit: f64| {
+            while kept < basis.rank() && left(&mut columns(), kept) > limit {
                 kept += 1;
             }
+        };
+        for (p, &size) in size.iter().enumerate() {
+            keep(&|| Box::new(self.position_columns(p)), target.powi(2) * size);
+            keep(&|| Box::new(first(p)), (FIRST_ORDER_SHARE * target).powi(2) * size);
         }
         for e in 0..self.edges.len() {
-            while kept < basis.rank()
-                && squares(&mut self.edge_columns(e), kept..basis.rank())
-                    > target.powi(2) * mean_size
-            {
-                kept += 1;
-            }
+            keep(&|| Box::new(self.edge_columns(e)), target.powi(2) * mean_size);
         }
         kept
     }
 
-    fn region(&self, columns: &Mat<f64>, basis: &Basis, kept: usize) -> Region {
-        let modes = basis.modes(columns.as_ref(), kept);
-        let (quantised, scales) = quantise(&modes);
+    /// Amplitudes from the coordinates of the columns in the modes, and what they leave.
+    fn amplitudes(
+        &self,
+        columns: &Mat<f64>,
+        coordinates: &Mat<f64>,
+        decoded: &Mat<f64>,
+    ) -> Amplitudes {
+        let kept = decoded.ncols();
         let amplitudes = |column: usize, term: usize| -> Vec<f32> {
             let weight = self.weight(term);
-            (0..kept).map(|m| (basis.coordinates[(column, m)] / weight) as f32).collect()
+            (0..kept).map(|m| (coordinates[(column, m)] / weight) as f32).collect()
         };
         let positions: Vec<Vec<f32>> = (0..self.positions.len())
             .map(|p| {
@@ -148,22 +164,14 @@ impl Exact<'_> {
                 self.edge_columns(e).zip(terms).flat_map(|(c, t)| amplitudes(c, t)).collect()
             })
             .collect();
-        let errors = self.errors(columns, &quantised, &scales, &positions);
-        Region { modes: quantised, scales, positions, edges, errors }
+        let errors = self.errors(columns, decoded, &positions);
+        Amplitudes { positions, edges, errors }
     }
 
-    /// Decodes the stored form and compares it with the exact series at full depth, in the
-    /// directions of a cube's faces, edges and corners.
-    fn errors(
-        &self,
-        columns: &Mat<f64>,
-        modes: &[i16],
-        scales: &[f32],
-        positions: &[Vec<f32>],
-    ) -> Vec<f32> {
-        let (n, kept) = (columns.nrows(), scales.len());
-        let decoded =
-            Mat::from_fn(n, kept, |i, m| f64::from(modes[m * n + i]) * f64::from(scales[m]));
+    /// Compares what the stored modes give with the exact series at full depth, in the directions
+    /// of a cube's faces, edges and corners.
+    fn errors(&self, columns: &Mat<f64>, decoded: &Mat<f64>, positions: &[Vec<f32>]) -> Vec<f32> {
+        let (n, kept) = (columns.nrows(), decoded.ncols());
         let mut errors = Vec::with_capacity(positions.len());
         for (p, amplitudes) in positions.iter().enumerate() {
             let own: Vec<usize> = self.position_columns(p).collect();
@@ -172,7 +180,7 @@ impl Exact<'_> {
             let weighted = Mat::from_fn(kept, terms, |m, t| {
                 f64::from(amplitudes[t * kept + m]) * self.weight(t)
             });
-            let error = &exact - &decoded * &weighted;
+            let error = &exact - decoded * &weighted;
             let directions = cube_directions();
             let monomials = Mat::from_fn(terms, directions.len(), |t, d| {
                 let e = self.exponents[t];

@@ -1,6 +1,9 @@
 //! The reduced model against the exact series it was made from.
 
+mod family;
 mod file;
+mod pade;
+mod preload;
 mod work;
 
 use super::evaluate::allowance;
@@ -46,6 +49,8 @@ fn settings() -> Reduction {
         depth: DEPTH,
         order: 3,
         tolerance: TOLERANCE,
+        pade: false,
+        preload: Vec::new(),
         user: serde_json::json!({"note": "a block"}),
     }
 }

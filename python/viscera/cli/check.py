@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", metavar="organ.viscera")
     parser.add_argument("--touches", type=int, default=50, help="random contacts, each at every depth (default 50)")
     parser.add_argument("--seed", type=int, default=0, help="of the random contacts (default 0)")
+    parser.add_argument("--value", type=float, help="of the parameter that the model was made for a range of")
     parser.add_argument(
         "--depths", nargs="+", type=number_or_words, metavar="DEPTH",
         help="metres, '12 mm' or '5%%' of the bounding-box diagonal (default 5%% 10%%)",
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
-    touch = load(args.model)
+    touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     diagonal = touch.mesh.diagonal
     depths = [length(depth, diagonal, "depth") / diagonal for depth in args.depths] if args.depths else None
     with progress.bar(output.is_quiet) as bar:

@@ -27,7 +27,6 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, print."""
     target = writable(args.output or Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name)
     case = case_of(args)
-    case.require_unloaded("reduce")
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     began = perf_counter()

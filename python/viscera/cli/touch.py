@@ -18,12 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     axes = ("X", "Y", "Z")
     parser.add_argument("--at", nargs=3, type=metres, required=True, metavar=axes, help="contact point: metres or 12mm")
     parser.add_argument("--push", nargs=3, type=metres, required=True, metavar=axes, help="contact displacement")
+    parser.add_argument("--value", type=float, help="of the parameter that the model was made for a range of")
     parser.add_argument("--picture", metavar="FILE", help="write a PNG of the touched organ")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Touch once, print."""
-    touch = load(args.model)
+    touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     answer = touch(args.at, args.push)
     if args.picture:
         touch.plot(args.at, args.push, args.picture)

@@ -2,7 +2,8 @@
 
 viscera view liver.viscera
 viscera view liver.viscera --export site/
-viscera view liver.toml
+viscera view artery.toml
+viscera view artery.toml --export site/
 """
 
 from __future__ import annotations
@@ -13,9 +14,8 @@ from pathlib import Path
 
 from viscera.case import read_case
 from viscera.cli.output import Outcome, Output
-from viscera.errors import VisceraError
 from viscera.touch import load
-from viscera.viewer import export, serve, serve_live
+from viscera.viewer import export, export_case, serve, serve_live
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,9 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Serve until Ctrl-C, or export."""
     if args.export:
-        if is_case(args.model):
-            raise VisceraError(f"{args.model} is stepped on this machine; reduce it first, then export the model")
-        return export_page(args.model, args.export, output)
+        write = export_stepped if is_case(args.model) else export_page
+        return write(args.model, args.export, output)
     show(args.model, output, args.port, opens_browser=not args.no_browser)
     return Outcome("closed")
 
@@ -47,6 +46,16 @@ def export_page(model: str, folder: str, output: Output) -> Outcome:
     )
     facts = {"files": written.files, "model_bytes": len(web.data), "modes": web.modes, "worst_error": web.worst_error}
     return Outcome("exported", facts={"folder": str(written.folder), **facts})
+
+
+def export_stepped(case: str, folder: str, output: Output) -> Outcome:
+    """Write the page of a case file, which steps it, into a folder."""
+    written = export_case(read_case(case), folder, name_of(case))
+    output.say(
+        f"{written.folder}: {', '.join(written.files)}\n"
+        f"the page steps the case itself: {written.bytes / 1e6:.1f} MB with the stepper"
+    )
+    return Outcome("exported", facts={"folder": str(written.folder), "files": written.files, "bytes": written.bytes})
 
 
 def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:

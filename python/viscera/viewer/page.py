@@ -11,21 +11,45 @@ CONTENT_TYPES = {
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
     "svg": "image/svg+xml",
+    "wasm": "application/wasm",
     "viscera": "application/octet-stream",
+    "case": "application/octet-stream",
 }
 MODEL = "organ.viscera"
 """Name under which the page looks for its model."""
+CASE = "organ.case"
+"""Name under which it looks for a case that it steps itself."""
+STEPPER = ("stepper.js", "stepper.wasm")
+"""What only a page that steps a case needs."""
 
 
 def files() -> dict[str, bytes]:
-    """Name and content of every file of the page, its model left out."""
-    folder = resources.files("viscera.viewer") / "static"
-    found = {entry.name: entry.read_bytes() for entry in folder.iterdir()} if folder.is_dir() else {}
-    if "viewer.js" not in found:
-        raise VisceraError("this package was built without its viewer: install Node.js, then run 'make viewer'")
-    return found
+    """Name and content of every file of the page that shows a model, its model left out."""
+    return {name: content for name, content in _built().items() if name not in STEPPER}
+
+
+def live_files() -> dict[str, bytes]:
+    """The same for the page of a case that is stepped on the server."""
+    return {**files(), "page.js": _script("openLive", "live")}
+
+
+def stepping_files() -> dict[str, bytes]:
+    """The same for the page of a case that it steps itself, its case left out."""
+    return {**_built(), "page.js": _script("openCase", CASE)}
 
 
 def content_type(name: str) -> str:
     """The content type of a file of the page."""
     return CONTENT_TYPES[name.rpartition(".")[2]]
+
+
+def _script(function: str, address: str) -> bytes:
+    return f'import {{ {function} }} from "./viewer.js";\n\n{function}(document.body, "{address}");\n'.encode()
+
+
+def _built() -> dict[str, bytes]:
+    folder = resources.files("viscera.viewer") / "static"
+    found = {entry.name: entry.read_bytes() for entry in folder.iterdir()} if folder.is_dir() else {}
+    if not {"viewer.js", *STEPPER} <= found.keys():
+        raise VisceraError("this package was built without its viewer: install Node.js, then run 'make viewer'")
+    return found

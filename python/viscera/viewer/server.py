@@ -24,7 +24,7 @@ from viscera.case import Case
 from viscera.errors import VisceraError
 from viscera.touch import Touch
 from viscera.viewer import page
-from viscera.viewer.live import converse
+from viscera.viewer.live import converse, live_case
 from viscera.viewer.surface import surface_model
 
 HOST = "127.0.0.1"
@@ -132,10 +132,15 @@ def _response(status: HTTPStatus, body: bytes, content_type: str = "text/plain; 
     return Response(status.value, status.phrase, headers, body)
 
 
-def serve_live(case: Case, name: str = "Organ", port: int = 0) -> Server:
-    """A server with the page on which a case is stepped in real time."""
-    script = b'import { openLive } from "./viewer.js";\n\nopenLive(document.body, "live");\n'
-    return Server({**page.files(), "page.js": script}, port, converse(case, name))
+def serve_live(case: Case, name: str = "Organ", port: int = 0, *, in_page: bool | None = None) -> Server:
+    """A server with the page on which a case is stepped in real time.
+
+    in_page: whether the page steps it, or this machine; by default the page where the organ is small enough.
+    """
+    live = live_case(case, name)
+    if live.fits_a_page if in_page is None else in_page:
+        return Server({**page.stepping_files(), page.CASE: live.data}, port)
+    return Server(page.live_files(), port, converse(live))
 
 
 def serve(touch: Touch, name: str = "Organ", port: int = 0) -> Server:

@@ -14,7 +14,7 @@ from viscera.touch import Touch
 ARRAYS = [
     "points", "cells", "fixed", "law_parameters", "surface", "surface_nodes", "positions", "touchable", "edges",
     "triangle_edges", "patch_start", "patch_nodes", "patch_weights", "compliance", "cross_compliance", "force",
-    "edge_force", "norms", "compression", "position_region", "edge_region", "region_start", "mode_scale",
+    "edge_force", "sketch", "norms", "compression", "position_region", "edge_region", "region_start", "mode_scale",
     "surface_modes", "interior_modes", "position_coefficients", "edge_coefficients",
 ]  # fmt: skip
 DTYPES = {"float64": "F64", "float32": "F32", "uint32": "U32", "int16": "I16"}
@@ -23,7 +23,10 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def surface_arrays(touch: Touch) -> Arrays:
-    """The arrays of a model whose only nodes are those of the surface; it has no cells, so it cannot be solved."""
+    """The arrays of a model whose only nodes are those of the surface; it has no cells, so it cannot be solved.
+
+    Of a model for a range of a parameter, those of the value it is set to.
+    """
     arrays = {name: np.asarray(touch._model.array(name)) for name in ARRAYS}
     nodes = arrays["surface_nodes"]
     for name in ("surface", "positions", "patch_nodes"):
@@ -46,9 +49,10 @@ def surface_model(touch: Touch, name: str) -> bytes:
 
 
 def named(metadata: dict[str, Any], name: str, **notes: Any) -> dict[str, Any]:
-    """Metadata with the name to show, and further notes, among what the writer adds."""
+    """Metadata of the one value the model is set to, with the name to show and further notes among what is added."""
     user = metadata["user"] if isinstance(metadata["user"], dict) else {}
-    return {**metadata, "user": {**user, "name": name, **notes}}
+    alone = {key: value for key, value in metadata.items() if key != "parameter"}
+    return {**alone, "user": {**user, "name": name, **notes}}
 
 
 def pack(metadata: dict[str, Any], arrays: Arrays) -> bytes:

@@ -125,7 +125,7 @@ def _gathered(parts: list[tuple[Any, Floats]]) -> Floats:
 def _measured(touch: Touch, name: str, arrays: Arrays) -> WebModel:
     errors = {**touch.metadata["errors"], "compression": float(arrays["compression"].max())}
     metadata = {**touch.metadata, "errors": errors}
-    small = load_bytes(pack(metadata, arrays))
+    small = load_bytes(pack(named(metadata, name), arrays))
     rng = np.random.default_rng(0)
     worst = 0.0
     for point in surface_points(touch, TOUCHES, rng):

@@ -8,11 +8,11 @@ use super::border::Border;
 use super::lagged::Lagged;
 use super::{ConjugateGradients, Preconditioner, Solved};
 use crate::body::SymmetricBlocks;
+use crate::clock::Instant;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError};
-use std::time::Instant;
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;

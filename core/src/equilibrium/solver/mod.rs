@@ -12,13 +12,13 @@ mod lagged;
 mod tests;
 
 use crate::body::SymmetricBlocks;
+use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
 use border::Border;
 use factor::TangentFactor;
 use iterative::Iterative;
-use std::time::Instant;
 
 /// How linear systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]

@@ -18,6 +18,7 @@ use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem, patch_mean};
 use super::solver::{Solved, Solver};
 use crate::body::{Body, SymmetricBlocks};
+use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -25,7 +26,7 @@ use crate::mesh::Patch;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// What the hands and the world do in a frame.
 #[derive(Clone, Copy, Debug)]

@@ -10,8 +10,8 @@ mod incomplete_cholesky;
 mod tests;
 
 use super::Pattern;
+use crate::clock::Instant;
 use crate::simd::{Kernel, dispatch};
-use std::time::Instant;
 
 pub use block_jacobi::BlockJacobi;
 pub use error::Error;

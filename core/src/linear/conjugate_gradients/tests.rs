@@ -155,7 +155,7 @@ fn a_spent_budget_keeps_the_last_iterate() {
 fn a_deadline_that_has_passed_stops_at_once() {
     let matrix = elastic_block(4, 3, 3);
     let b = load(matrix.pattern.n, 0);
-    let settings = Settings { deadline: Some(std::time::Instant::now()), ..Settings::default() };
+    let settings = Settings { deadline: Some(crate::clock::Instant::now()), ..Settings::default() };
     let mut x = vec![0.0; b.len()];
     let workspace = &mut Workspace::new(b.len());
     let preconditioner = &mut block_jacobi(&matrix);

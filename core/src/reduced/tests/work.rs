@@ -22,12 +22,12 @@ fn work(model: &ReducedModel, contact: &Contact, from: [f64; 3], to: [f64; 3]) -
 }
 
 /// The part of the work that random closed loops of a contact do not return, at worst.
-fn lost(model: &ReducedModel) -> f64 {
+pub(super) fn lost(model: &ReducedModel, depth: f64) -> f64 {
     let mut worst: f64 = 0.0;
     for (k, random) in noise(40 * 32, 9).chunks_exact(32).enumerate() {
         let contact = inside(k % MODEL.triangles.len(), barycentric(random[30], random[31]));
         let corner = |c: usize| -> [f64; 3] {
-            std::array::from_fn(|i| DEPTH * random[3 * (c % 10) + i] / 3f64.sqrt())
+            std::array::from_fn(|i| depth * random[3 * (c % 10) + i] / 3f64.sqrt())
         };
         let sides = (0..10).map(|c| work(model, &contact, corner(c), corner(c + 1)));
         let (gain, size) = sides.fold((0.0, 0.0), |(gain, size), w| (gain + w, size + w.abs()));
@@ -39,14 +39,18 @@ fn lost(model: &ReducedModel) -> f64 {
 /// At positions and between them, where orders are blended: all of it is a potential.
 #[test]
 fn a_closed_loop_of_a_contact_returns_what_it_took() {
-    assert!(lost(&MODEL) < 1e-9, "{:e}", lost(&MODEL));
+    assert!(lost(&MODEL, DEPTH) < 1e-9, "{:e}", lost(&MODEL, DEPTH));
     let mut other = MODEL.clone();
     let terms = 3 * other.n_terms();
     // A second-order coefficient that is no slope of anything: F_x += c y^2, for every position.
     for position in other.arrays.force.chunks_exact_mut(terms) {
         position[3 * 6] += 0.01 * position[2].abs().max(position[8].abs()) / DEPTH;
     }
-    assert!(lost(&other) > 1e-5, "a force without potential is seen: {:e}", lost(&other));
+    assert!(
+        lost(&other, DEPTH) > 1e-5,
+        "a force without potential is seen: {:e}",
+        lost(&other, DEPTH)
+    );
 }
 
 fn barycentric(a: f64, b: f64) -> [f64; 3] {

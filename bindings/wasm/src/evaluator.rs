@@ -1,0 +1,153 @@
+//! The on-line evaluator, for viewer/src/evaluator.ts.
+//!
+//! A page holds one or more organs by their address. Every pointer handed out stays valid until the organ is closed;
+//! what it points to is overwritten by the next call of the same function (and slot).
+
+use crate::organ::Organ;
+use crate::say;
+
+/// Reads a model file; null where it is refused, and the message says why.
+///
+/// # Safety
+/// `bytes` is readable for `len` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_open(bytes: *const u8, len: usize) -> *mut Organ {
+    // SAFETY: the caller's contract.
+    match Organ::read(unsafe { std::slice::from_raw_parts(bytes, len) }) {
+        Ok(organ) => Box::into_raw(Box::new(organ)),
+        Err(sentence) => {
+            say(sentence);
+            std::ptr::null_mut()
+        }
+    }
+}
+
+/// Forgets an organ.
+///
+/// # Safety
+/// `organ` comes from [`organ_open`] and is not used again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_close(organ: *mut Organ) {
+    // SAFETY: the caller's contract.
+    drop(unsafe { Box::from_raw(organ) });
+}
+
+/// Metadata and sizes as JSON, in the message.
+///
+/// # Safety
+/// As for every function below: `organ` comes from [`organ_open`] and has not been closed.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_describe(organ: *const Organ) {
+    // SAFETY: the caller's contract, here and below.
+    say(unsafe { &*organ }.describe());
+}
+
+/// An array of the organ by its number in `organ::Table`; what it holds is written there.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_table(organ: *const Organ, number: usize) -> *const u32 {
+    unsafe { &*organ }.table(number)
+}
+
+/// Rest positions of the surface nodes (s, 3) [m].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_rest(organ: *const Organ) -> *const f32 {
+    unsafe { &*organ }.rest().as_ptr()
+}
+
+/// Touches the point of the touchable surface closest to (x, y, z): its distance [m], negative
+/// where the point is no contact. The contact point is in [`organ_answer`].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_touch(organ: *mut Organ, x: f64, y: f64, z: f64) -> f64 {
+    unsafe { &mut *organ }.touch([x, y, z])
+}
+
+/// Evaluates the contact displaced by d [m]; returns 0 trusted, 1 beyond the depth, 2 error too large,
+/// 3 no number. The numbers are in [`organ_answer`].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_evaluate(organ: *mut Organ, x: f64, y: f64, z: f64) -> u32 {
+    unsafe { &mut *organ }.evaluate([x, y, z])
+}
+
+/// Contact point (3) [m], force (3) [N], stiffness (9) [N/m], error estimate: 16 numbers.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_answer(organ: *const Organ) -> *const f64 {
+    unsafe { &*organ }.answer().as_ptr()
+}
+
+/// Force (3) [N] of the series cut after an order.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_force(
+    organ: *mut Organ,
+    x: f64,
+    y: f64,
+    z: f64,
+    order: usize,
+) -> *const f64 {
+    unsafe { &mut *organ }.force([x, y, z], order).as_ptr()
+}
+
+/// Displacement (s, 3) [m] of the surface nodes for the series cut after an order, kept in one of two slots.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_surface(
+    organ: *mut Organ,
+    x: f64,
+    y: f64,
+    z: f64,
+    order: usize,
+    slot: usize,
+) -> *const f32 {
+    unsafe { &mut *organ }.surface([x, y, z], order, slot).as_ptr()
+}
+
+/// Volume [m^3] inside the surface displaced as in a slot.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_volume(organ: *const Organ, slot: usize) -> f64 {
+    unsafe { &*organ }.volume(slot)
+}
+
+/// A spatial mode F at the surface nodes (s, 3), largest component 1.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_mode(organ: *mut Organ, mode: usize) -> *const f32 {
+    unsafe { &mut *organ }.mode(mode).as_ptr()
+}
+
+/// The function G of a mode over the load positions (p): its amplitude [m] in one term of the series at full depth; 0 at
+/// positions of other regions.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_mode_amplitude(
+    organ: *mut Organ,
+    mode: usize,
+    term: usize,
+) -> *const f32 {
+    unsafe { &mut *organ }.mode_amplitude(mode, term).as_ptr()
+}

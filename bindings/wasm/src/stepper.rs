@@ -1,0 +1,66 @@
+//! A case stepped in the page, for viewer/src/stepper.ts: requests in, frames out, as on the server.
+
+use crate::say;
+use viscera_live::Live;
+
+/// A case on the stage and its last frame.
+pub struct Stepped {
+    live: Live,
+    frame: Vec<f32>,
+}
+
+/// Reads a case and says what the page has to know of it, as JSON in the message; null where it is refused, and the
+/// message says why. Should the stepper ever trap, the message says where.
+///
+/// # Safety
+/// `bytes` is readable for `len` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn case_open(bytes: *const u8, len: usize) -> *mut Stepped {
+    std::panic::set_hook(Box::new(|panic| say(panic.to_string())));
+    // SAFETY: the caller's contract.
+    match Live::open(unsafe { std::slice::from_raw_parts(bytes, len) }) {
+        Ok(live) => {
+            say(live.describe());
+            Box::into_raw(Box::new(Stepped { live, frame: Vec::new() }))
+        }
+        Err(error) => {
+            say(error.to_string());
+            std::ptr::null_mut()
+        }
+    }
+}
+
+/// The frame that a request (UTF-8) asks for, valid until the next one; null where it is refused, and the message says
+/// why.
+///
+/// # Safety
+/// `case` comes from [`case_open`]; `request` is readable for `len` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn case_answer(
+    case: *mut Stepped,
+    request: *const u8,
+    len: usize,
+) -> *const f32 {
+    // SAFETY: the caller's contract.
+    let (case, request) = unsafe { (&mut *case, std::slice::from_raw_parts(request, len)) };
+    match case.live.answer(&String::from_utf8_lossy(request)) {
+        Ok(frame) => {
+            case.frame = frame;
+            case.frame.as_ptr()
+        }
+        Err(error) => {
+            say(error.to_string());
+            std::ptr::null()
+        }
+    }
+}
+
+/// Numbers of the last frame.
+///
+/// # Safety
+/// `case` comes from [`case_open`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn case_frame_len(case: *const Stepped) -> usize {
+    // SAFETY: the caller's contract.
+    unsafe { &*case }.frame.len()
+}

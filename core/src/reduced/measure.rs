@@ -1,0 +1,142 @@
+//! What a model is worth, measured before it is handed over: between positions, between the values
+//! of a parameter.
+
+use super::build::{Progress, Reduction};
+use super::model::ReducedModel;
+use super::solve::Expanded;
+use crate::error::Error;
+use crate::mesh::Patch;
+use crate::number::evaluate_monomials;
+use crate::series::{TouchExpansion, TouchSeries};
+use rayon::prelude::*;
+
+/// Points between positions at which a model is measured.
+const INTERPOLATION_CHECKS: usize = 32;
+/// Positions at which a model is measured for a value of its parameter.
+const PARAMETER_CHECKS: usize = 32;
+
+impl Reduction {
+    /// Compares the model with exact series at centroids of triangles spread over the surface.
+    pub(super) fn measure_interpolation(
+        &self,
+        members: &[Expanded],
+        model: &mut ReducedModel,
+        progress: &mut dyn FnMut(Progress) -> bool,
+    ) -> Result<(), Error> {
+        let total = members[0].positions.nodes.len();
+        let n_triangles = model.triangles.len();
+        let count = INTERPOLATION_CHECKS.min(n_triangles);
+        let triangles: Vec<usize> = (0..count).map(|k| k * n_triangles / count).collect();
+        let nodes = model.metadata.parameter.as_ref().map(|p| p.nodes.clone());
+        for (j, Expanded { expansion, .. }) in members.iter().enumerate() {
+            if let Some(nodes) = &nodes {
+                model.set_parameter(nodes[j])?;
+            }
+            let errors = triangles
+                .par_chunks(8)
+                .map(|some| self.interpolation_errors(expansion, model, some))
+                .collect::<Result<Vec<_>, _>>()?;
+            if !progress(Progress { done: total, total, stage: "check" }) {
+                return Err(Error::Cancelled);
+            }
+            let worst = &mut model.metadata.errors;
+            for [half, full] in errors.into_iter().flatten() {
+                worst.interpolation_half_depth = worst.interpolation_half_depth.max(half);
+                worst.interpolation = worst.interpolation.max(full);
+            }
+        }
+        Ok(())
+    }
+
+    /// Compares the model at a value between its nodes with exact series, at some positions, for
+    /// shallow and for full touches along six axes; fields and forces.
+    pub(super) fn measure_parameter(
+        &self,
+        unseen: &Expanded,
+        value: f64,
+        model: &mut ReducedModel,
+    ) -> Result<(), Error> {
+        model.set_parameter(value)?;
+        let Expanded { positions, expansion } = unseen;
+        let count = PARAMETER_CHECKS.min(positions.nodes.len());
+        let places: Vec<usize> = (0..count).map(|k| k * positions.nodes.len() / count).collect();
+        let patches: Vec<&Patch> = places.iter().map(|&p| &positions.patches[p]).collect();
+        let series = expansion.expand(&patches, self.order)?;
+        let mut workspace = vec![0.0; model.workspace_len()];
+        let mut worst: f64 = 0.0;
+        for (&place, series) in places.iter().zip(&series) {
+            let Some(contact) = model.locate(model.positions[place]) else { continue };
+            for (share, axis) in [0.1, 1.0].iter().flat_map(|s| (0..6).map(move |axis| (s, axis))) {
+                let d = along(axis, share * self.depth);
+                let (exact, force) = evaluate_series(series, model, d);
+                let mut field = vec![0.0; exact.len()];
+                model.displacement(&contact, d, &mut workspace, &mut field);
+                worst = worst.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
+                let answer = model.respond(&contact, d).force;
+                worst = worst.max(relative(&mut answer.into_iter(), &force));
+            }
+        }
+        let errors = &mut model.metadata.errors;
+        errors.parameter = errors.parameter.max(worst);
+        Ok(())
+    }
+
+    /// Worst field error at half and full depth along six axes, for some triangles.
+    fn interpolation_errors(
+        &self,
+        expansion: &TouchExpansion,
+        model: &ReducedModel,
+        triangles: &[usize],
+    ) -> Result<Vec<[f64; 2]>, Error> {
+        let contacts: Vec<_> = triangles.iter().map(|&t| model.centroid(t)).collect();
+        let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
+        let series = expansion.expand(&patches.iter().collect::<Vec<_>>(), self.order)?;
+        let mut workspace = vec![0.0; model.workspace_len()];
+        let mut errors = Vec::new();
+        for (contact, series) in contacts.iter().zip(&series) {
+            let worst = [0.5, 1.0].map(|share| {
+                let mut worst: f64 = 0.0;
+                for axis in 0..6 {
+                    let d = along(axis, share * self.depth);
+                    let (exact, _) = evaluate_series(series, model, d);
+                    let mut field = vec![0.0; exact.len()];
+                    model.displacement(contact, d, &mut workspace, &mut field);
+                    worst = worst.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
+                }
+                worst
+            });
+            errors.push(worst);
+        }
+        Ok(errors)
+    }
+}
+
+/// A displacement of the given size along one of six axes.
+fn along(axis: usize, size: f64) -> [f64; 3] {
+    let mut d = [0.0; 3];
+    d[axis / 2] = if axis.is_multiple_of(2) { size } else { -size };
+    d
+}
+
+/// Field and force.
+fn evaluate_series(
+    series: &TouchSeries,
+    model: &ReducedModel,
+    d: [f64; 3],
+) -> (Vec<f64>, [f64; 3]) {
+    let mut monomials = vec![0.0; model.n_terms()];
+    evaluate_monomials(&model.exponents, d, &mut monomials);
+    let mut field = vec![0.0; series.displacement[0].len()];
+    let mut force = [0.0; 3];
+    for ((u, f), m) in series.displacement.iter().zip(&series.force).zip(&monomials) {
+        field.iter_mut().zip(u).for_each(|(field, u)| *field += m * u);
+        force.iter_mut().zip(f).for_each(|(force, f)| *force += m * f);
+    }
+    (field, force)
+}
+
+/// `|value - exact| / |exact|`.
+fn relative(value: &mut dyn Iterator<Item = f64>, exact: &[f64]) -> f64 {
+    let difference: f64 = value.zip(exact).map(|(a, b)| (a - b).powi(2)).sum();
+    (difference / exact.iter().map(|x| x * x).sum::<f64>()).sqrt()
+}

@@ -1,0 +1,107 @@
+//! Models that sum their orders in the Padé form: further than the polynomial, and as smooth.
+
+use super::preload::newton;
+use super::*;
+use crate::equilibrium::PatchLoad;
+
+static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
+    let reduction = Reduction { pade: true, order: 4, tolerance: 2e-4, depth: 0.012, ..settings() };
+    reduce(&reduction).unwrap()
+});
+
+/// The same model, its orders summed as a polynomial.
+static POLYNOMIAL: LazyLock<ReducedModel> = LazyLock::new(|| {
+    let mut model = PADE.clone();
+    model.arrays.sketch.clear();
+    model
+});
+
+/// Contacts at positions, where nothing is interpolated, and directions.
+fn touches() -> Vec<(Contact, [f64; 3])> {
+    let mut touches = Vec::new();
+    for (k, d) in directions().into_iter().enumerate().step_by(3) {
+        let node = PADE.arrays.positions[k % PADE.n_positions()] as usize;
+        let contact = PADE.locate(ORGAN.body.points()[node]).unwrap();
+        touches.push((contact, d.map(|x| x / DEPTH)));
+    }
+    touches
+}
+
+#[test]
+fn it_is_nearer_to_newton_than_the_polynomial_and_says_how_near() {
+    let zero = vec![0.0; ORGAN.body.n_dofs()];
+    for depth in [0.004, 0.008] {
+        let (mut pade, mut polynomial) = (Vec::new(), Vec::new());
+        for (contact, n) in touches() {
+            let d = n.map(|x| depth * x);
+            let load = PatchLoad { patch: PADE.patch(&contact), displacement: d };
+            let full = newton(&zero, None, Some(load));
+            let error = |model: &ReducedModel| {
+                let answer = model.respond(&contact, d);
+                let force = relative(&answer.force, &full.patch_forces[0]);
+                force.max(relative(&field(model, &contact, d), &full.displacement))
+            };
+            let estimate = PADE.respond(&contact, d).error_estimate;
+            assert!(error(&PADE) < 1.2 * estimate, "{:e}, said {estimate:e}", error(&PADE));
+            pade.push(error(&PADE));
+            polynomial.push(error(&POLYNOMIAL));
+        }
+        let median = |mut errors: Vec<f64>| {
+            errors.sort_by(f64::total_cmp);
+            errors[errors.len() / 2]
+        };
+        let (pade, polynomial) = (median(pade), median(polynomial));
+        assert!(pade < 0.8 * polynomial, "{depth}: {pade:e} against {polynomial:e}");
+    }
+}
+
+#[test]
+fn small_touches_are_those_of_the_polynomial() {
+    let contact = inside(5, [0.2, 0.5, 0.3]);
+    let gap = |depth: f64| {
+        let d = [0.6 * depth, 0.0, -0.8 * depth];
+        let pade = PADE.respond(&contact, d).force;
+        relative(&pade, &POLYNOMIAL.respond(&contact, d).force)
+    };
+    let rate = (gap(0.002) / gap(0.001)).log2();
+    assert!((rate - 4.0).abs() < 0.5, "order 4 and all below it are the series: {rate}");
+}
+
+/// Through the blend of sketches and the derivative of the weights.
+#[test]
+fn its_stiffness_is_the_derivative_of_its_force() {
+    for (triangle, d) in noise(12, 3).chunks_exact(3).enumerate() {
+        let contact = inside(triangle, [0.25, 0.15, 0.6]);
+        let d: [f64; 3] = std::array::from_fn(|i| 0.01 * d[i]);
+        let stiffness = PADE.respond(&contact, d).stiffness;
+        for j in 0..3 {
+            let moved = |step: f64| {
+                let mut d = d;
+                d[j] += step;
+                PADE.respond(&contact, d).force
+            };
+            let (plus, minus) = (moved(1e-7), moved(-1e-7));
+            let difference: [f64; 3] = std::array::from_fn(|i| (plus[i] - minus[i]) / 2e-7);
+            let column = [stiffness[0][j], stiffness[1][j], stiffness[2][j]];
+            assert!(relative(&difference, &column) < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn cut_after_an_order_it_is_the_polynomial() {
+    let (contact, d) = (inside(5, [0.2, 0.5, 0.3]), [0.002, -0.004, -0.006]);
+    for order in 1..4 {
+        let force = PADE.force_to_order(&contact, d, order);
+        assert_eq!(force, POLYNOMIAL.force_to_order(&contact, d, order));
+    }
+    assert_eq!(PADE.force_to_order(&contact, d, 4), PADE.respond(&contact, d).force);
+}
+
+/// A rational force is no slope of an energy, but nearly: a closed loop costs what the error is.
+#[test]
+fn a_closed_loop_costs_no_more_than_the_error() {
+    let lost = super::work::lost(&PADE, 0.008);
+    assert!(lost > 1e-9 && lost < 0.01, "{lost:e}");
+    assert!(super::work::lost(&POLYNOMIAL, 0.008) < 1e-9);
+}

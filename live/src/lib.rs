@@ -1,0 +1,28 @@
+//! A case stepped in real time for a page: the organ under one or two laws, in the same hand and the same gravity.
+//!
+//! The page sends one JSON object for each frame it wants, and gets the frame as little-endian float32: `[bodies, then
+//! for each: force x y z [N], residual, part of the step taken, unstable (0 or 1), milliseconds, relative change of
+//! volume, displacement of the surface nodes (3 s) [m]]`. A request that cannot be read is answered by a sentence, and
+//! nothing changes.
+//!
+//! ```json
+//! {"laws": ["NeoHookean", "Linear"]}   the laws, one or two; both start from rest
+//! {"release": true}                    let go
+//! {"grab": [x, y, z]}                  take hold of the surface at a point at rest [m]
+//! {"move": [x, y, z]}                  displacement of the hand [m]
+//! {"gravity": [x, y, z]}               acceleration [m/s^2]
+//! {}                                   another frame
+//! ```
+//!
+//! The words of one request are followed in this order. `viscera view` steps on its server through the Python
+//! extension, and small organs in the page itself through `bindings/wasm`: both run what is here.
+
+mod case;
+mod request;
+mod specimen;
+mod stage;
+#[cfg(test)]
+mod tests;
+
+pub use case::{About, Case};
+pub use stage::Live;

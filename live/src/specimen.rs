@@ -1,0 +1,99 @@
+//! One organ under one law, held by nothing but its supports and at most one hand.
+
+use crate::case::Case;
+use viscera_core::Error;
+use viscera_core::body::Body;
+use viscera_core::clock::Instant;
+use viscera_core::equilibrium::{ConjugateGradients, Input, Method, Stepper, StepperSettings};
+use viscera_core::mesh::{Patch, Surface};
+
+/// Above so many cells a factor of an earlier tangent is worth keeping (docs/solvers.md).
+const DIRECT_CELLS: usize = 5000;
+
+pub struct Specimen {
+    pub law: String,
+    body: Body,
+    stepper: Stepper,
+    patch: Option<Patch>,
+}
+
+impl Specimen {
+    pub fn new(case: &Case, law: &str) -> Result<Self, Error> {
+        let body = case.body(law)?;
+        let n = body.points().len();
+        if let Some(node) = case.fixed.iter().find(|&&node| node as usize >= n) {
+            return Err(Error::input(format!("point {node} is fixed; there are {n} points")));
+        }
+        let method = if body.cells().len() <= DIRECT_CELLS {
+            Method::Cholesky
+        } else {
+            Method::ConjugateGradients(ConjugateGradients::default())
+        };
+        let settings =
+            StepperSettings { method, density: case.density.clone(), ..Default::default() };
+        let fixed: Vec<u32> =
+            case.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
+        let stepper = Stepper::new(&body, &fixed, None, settings)?;
+        Ok(Specimen { law: law.into(), body, stepper, patch: None })
+    }
+
+    pub fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// Takes hold of a patch, or lets go.
+    pub fn hold(&mut self, patch: Option<Patch>) -> Result<(), Error> {
+        self.stepper.grasp(&self.body, &[], patch.as_slice())?;
+        self.patch = patch;
+        Ok(())
+    }
+
+    /// Mean displacement of a patch as it is [m].
+    pub fn mean(&self, patch: &Patch) -> [f64; 3] {
+        let u = self.stepper.displacement();
+        std::array::from_fn(|i| {
+            let parts = patch.nodes.iter().zip(&patch.weights);
+            parts.map(|(&node, weight)| weight * u[3 * node as usize + i]).sum()
+        })
+    }
+
+    /// One Newton iteration; appends the numbers of the protocol.
+    pub fn step(
+        &mut self,
+        surface: &Surface,
+        displacement: [f64; 3],
+        gravity: [f64; 3],
+        out: &mut Vec<f32>,
+    ) -> Result<(), Error> {
+        let clock = Instant::now();
+        let means = self.patch.as_ref().map(|_| displacement);
+        let input = Input { values: &[], means: means.as_slice(), force: &[], gravity };
+        let frame = self.stepper.frame(&self.body, &input)?;
+        let force = frame.patch_forces.first().copied().unwrap_or_default();
+        let u = self.stepper.displacement();
+        let gain = volume(surface, u) / volume(surface, &[]) - 1.0;
+        let unstable = f64::from(u8::from(frame.is_unstable));
+        let milliseconds = 1e3 * clock.elapsed().as_secs_f64();
+        let facts = [frame.residual, frame.taken, unstable, milliseconds, gain];
+        out.extend(force.iter().chain(&facts).map(|&x| x as f32));
+        let nodes = surface.nodes().iter();
+        out.extend(nodes.flat_map(|&n| &u[3 * n as usize..3 * n as usize + 3]).map(|&x| x as f32));
+        Ok(())
+    }
+}
+
+/// Volume inside a closed surface moved by `u`, at rest where that is empty: `V = 1/6 sum x0 . (x1 x x2)` [m^3].
+fn volume(surface: &Surface, u: &[f64]) -> f64 {
+    let origin = surface.points()[0];
+    let at = |node: u32| -> [f64; 3] {
+        let (node, x) = (node as usize, surface.points()[node as usize]);
+        std::array::from_fn(|i| x[i] - origin[i] + u.get(3 * node + i).unwrap_or(&0.0))
+    };
+    let six = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(at);
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    };
+    surface.triangles().iter().map(six).sum::<f64>() / 6.0
+}

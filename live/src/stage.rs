@@ -1,0 +1,132 @@
+//! What one page sees: its specimens, its hand, its gravity.
+
+use crate::case::Case;
+use crate::request::Request;
+use crate::specimen::Specimen;
+use serde_json::json;
+use viscera_core::Error;
+use viscera_core::mesh::{Patch, Surface};
+
+/// No gravity is stronger, in any direction [m/s^2].
+const STRONGEST_GRAVITY: f64 = 100.0;
+/// The hand stays within this part of the organ's diagonal.
+const REACH: f64 = 0.5;
+
+/// A case on the stage, under one law or two side by side.
+pub struct Live {
+    case: Case,
+    surface: Surface,
+    specimens: Vec<Specimen>,
+    displacement: [f64; 3],
+    gravity: [f64; 3],
+}
+
+impl Live {
+    /// Reads the bytes of a case and sets it up under its own law.
+    ///
+    /// # Errors
+    /// What [`Case::read`] and the stepper refuse.
+    pub fn open(bytes: &[u8]) -> Result<Self, Error> {
+        let case = Case::read(bytes)?;
+        let first = Specimen::new(&case, &case.about.law)?;
+        let body = first.body();
+        Ok(Live {
+            surface: Surface::new(body.points(), &body.surface()),
+            specimens: vec![first],
+            displacement: [0.0; 3],
+            gravity: case.about.gravity,
+            case,
+        })
+    }
+
+    /// What the page has to know before the first frame, as JSON.
+    pub fn describe(&self) -> String {
+        let (about, surface) = (&self.case.about, &self.surface);
+        let row = |node: &u32| surface.nodes().partition_point(|other| other < node);
+        let nodes = surface.nodes().iter();
+        let rest: Vec<f64> = nodes.flat_map(|&node| surface.points()[node as usize]).collect();
+        json!({
+            "name": about.name,
+            "laws": about.laws.keys().collect::<Vec<_>>(),
+            "law": about.law,
+            "diagonal": about.diagonal,
+            "radius": about.radius,
+            "gravity": about.gravity,
+            "rest": rest,
+            "triangles": surface.triangles().iter().flatten().map(row).collect::<Vec<_>>(),
+        })
+        .to_string()
+    }
+
+    /// The frame that a request asks for.
+    ///
+    /// # Errors
+    /// A request that cannot be read or followed; a frame that cannot be solved.
+    pub fn answer(&mut self, request: &str) -> Result<Vec<f32>, Error> {
+        self.follow(Request::read(request)?)?;
+        let frame = self.frame()?;
+        if frame.iter().all(|x| x.is_finite()) {
+            return Ok(frame);
+        }
+        // A frame without numbers: the organ begins anew.
+        let laws: Vec<String> = self.specimens.iter().map(|s| s.law.clone()).collect();
+        self.gravity = [0.0; 3];
+        self.set_up(&laws)?;
+        self.frame()
+    }
+
+    /// Follows a request; what it asks for in vain is refused before anything changes.
+    fn follow(&mut self, request: Request) -> Result<(), Error> {
+        let patch = request.grab.map(|point| self.patch(point)).transpose()?;
+        if let Some(laws) = &request.laws {
+            self.set_up(laws)?;
+        }
+        if request.release == Some(true) {
+            self.hold(None)?;
+        }
+        if let Some(patch) = patch {
+            self.displacement = self.specimens[0].mean(&patch);
+            self.hold(Some(&patch))?;
+        }
+        if let Some(displacement) = request.displacement {
+            let size = displacement.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let reach = REACH * self.case.about.diagonal;
+            self.displacement = displacement.map(|x| x * (reach / size).min(1.0));
+        }
+        if let Some(gravity) = request.gravity {
+            self.gravity = gravity.map(|x| x.clamp(-STRONGEST_GRAVITY, STRONGEST_GRAVITY));
+        }
+        Ok(())
+    }
+
+    fn set_up(&mut self, laws: &[String]) -> Result<(), Error> {
+        let specimens = laws.iter().map(|law| Specimen::new(&self.case, law));
+        self.specimens = specimens.collect::<Result<_, _>>()?;
+        self.displacement = [0.0; 3];
+        Ok(())
+    }
+
+    fn hold(&mut self, patch: Option<&Patch>) -> Result<(), Error> {
+        self.specimens.iter_mut().try_for_each(|specimen| specimen.hold(patch.cloned()))
+    }
+
+    fn patch(&self, point: [f64; 3]) -> Result<Patch, Error> {
+        let radius = self.case.about.radius;
+        let is_fixed = |node: u32| self.case.fixed.binary_search(&node).is_ok();
+        self.surface.patch_at_point(point, radius, &is_fixed).ok_or_else(|| {
+            Error::input(format!(
+                "there is no free surface within {radius} m of the point {point:?}; take hold elsewhere"
+            ))
+        })
+    }
+
+    fn frame(&mut self) -> Result<Vec<f32>, Error> {
+        let size = 8 + 3 * self.surface.nodes().len();
+        let mut frame = Vec::with_capacity(1 + size * self.specimens.len());
+        frame.push(self.specimens.len() as f32);
+        for specimen in &mut self.specimens {
+            specimen.step(&self.surface, self.displacement, self.gravity, &mut frame)?;
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,177 @@
+"""One reduced model for a range of a parameter: against organs of that very parameter, and the words that refuse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.case import read_case
+from viscera.touch import load_bytes
+from viscera.vary import law_at
+from viscera.viewer.surface import surface_model
+from viscera.viewer.web import web_model
+
+TOP: dict[str, Any] = {
+    "touchable": lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.16),
+    "radius": 0.07,
+    "depth": 0.02,
+    "order": 3,
+}
+POINT, PUSH = (0.27, 0.05, 0.1), np.array([5e-4, 0.0, -2e-3])
+
+
+def waist(x: np.ndarray) -> np.ndarray:
+    return np.asarray((x[:, 0] > 0.1) & (x[:, 0] < 0.2))
+
+
+def organ_of(bar: vs.Mesh, young: float, poisson: float = 0.3) -> vs.Organ:
+    stiffness = bar.per_cell(1e5, {waist: young})
+    return vs.Organ(bar, vs.NeoHookean(young=stiffness, poisson=poisson), fixed="root", element="P1")
+
+
+def gap(touch: vs.Touch, organ: vs.Organ) -> float:
+    """Relative distance of an answer's field from the full solution."""
+    full = organ.solve(displacement={touch.patch(POINT): PUSH})
+    answer = touch(POINT, PUSH)
+    assert answer.is_trusted
+    return float(np.linalg.norm(answer.displacement - full.displacement) / np.linalg.norm(full.displacement))
+
+
+@pytest.fixture(scope="module")
+def touch(bar: vs.Mesh) -> vs.Touch:
+    return organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=6))
+
+
+def test_a_part_of_any_stiffness(touch: vs.Touch, bar: vs.Mesh) -> None:
+    soft, stiff = touch.at(5e4), touch.at(2e6)
+    change = np.linalg.norm(stiff(POINT, PUSH).force) / np.linalg.norm(soft(POINT, PUSH).force)
+    assert change > 1.5, "the finger feels what bends between it and the root"
+    for young in (5e4, 1.3e5, 7e5, 2e6):
+        assert gap(touch.at(young), organ_of(bar, young)) < 0.005
+
+
+def test_the_model_begins_at_the_organs_own_value(touch: vs.Touch, bar: vs.Mesh) -> None:
+    assert touch.value == pytest.approx(1e5)
+    assert gap(touch, organ_of(bar, 1e5)) < 0.005
+    assert "young = 100000" in repr(touch)
+    outside = organ_of(bar, 1e4).reduce(**TOP, vary=vs.Vary("young", 5e4, 2e6, part=waist, nodes=2))
+    assert outside.value == pytest.approx(np.sqrt(5e4 * 2e6)), "the middle of the range, over the logarithm"
+
+
+def test_a_model_at_a_value_checks_itself_against_that_organ(touch: vs.Touch, tmp_path: Path) -> None:
+    touch.save(tmp_path / "bar.viscera")
+    other = vs.load(tmp_path / "bar.viscera").at(4e5)
+    full = other.organ()
+    mu, lam = full.law.parameters.T
+    young = mu * (3 * lam + 2 * mu) / (lam + mu)
+    inside = waist(full.mesh.centroids)
+    assert young[inside] == pytest.approx(4e5)
+    assert young[~inside] == pytest.approx(1e5)
+    result = other.check(touches=4, depths=[0.01, 0.03])
+    assert result.is_passed
+    assert result.overall.trusted > 4
+    for row in result.rows:
+        assert row.displacement_error is not None
+        assert row.estimate >= touch.metadata["errors"]["parameter"]
+
+
+def test_poissons_ratio_of_the_whole_organ(bar: vs.Mesh) -> None:
+    touch = organ_of(bar, 1e5).reduce(**TOP, vary=vs.Vary("poisson", 0.2, 0.45, nodes=5))
+    for poisson in (0.2, 0.33, 0.45):
+        assert gap(touch.at(poisson), organ_of(bar, 1e5, poisson)) < 0.005
+
+
+def test_the_contact_radius(bar: vs.Mesh) -> None:
+    organ = organ_of(bar, 1e5)
+    touch = organ.reduce(**TOP, vary=vs.Vary("radius", 0.06, 0.09, nodes=5))
+    assert touch.radius == pytest.approx(0.07)
+    for radius in (0.06, 0.08, 0.09):
+        other = touch.at(radius)
+        assert other.radius == radius
+        node = bar.points[other._model.array("positions")[4]]
+        assert other.patch(node).weights == pytest.approx(organ.patch(node, radius).weights)
+        assert gap(other, organ) < 0.01
+
+
+def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
+    cells = np.array([3, 5], dtype=np.uint32)
+    changed = law_at(vs.MooneyRivlin(c1=1e3, c2=2e3, kappa=1e5), "young", 6e4, cells, 192)
+    shear, bulk = changed.core().moduli().T
+    young = 9 * bulk * shear / (3 * bulk + shear)
+    assert young[cells] == pytest.approx(6e4)
+    assert changed.parameters[0].tolist() == [1e3, 2e3, 1e5]
+    ogden = law_at(vs.Ogden(mu=[500.0], alpha=[3.0], poisson=0.45), "young", 4e3, np.empty(0, dtype=np.uint32), 192)
+    assert ogden.parameters[0, 3] == 3.0, "an exponent is no stress"
+    with pytest.raises(vs.VisceraError, match="MooneyRivlin is not made from a Poisson's ratio"):
+        law_at(changed, "poisson", 0.4, cells, 192)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("yuong", 1e3, 1e4), "cannot vary 'yuong'; did you mean 'young'"),
+        (("young", 1e4, 1e3), "must ascend"),
+        (("radius", 0.0, 0.1), "must be positive"),
+        (("young", 1e3, 1e4, None, 1), "1 nodes of young; take 2 to 12"),
+        (("radius", 0.01, 0.1, waist), "belongs to no part"),
+    ],
+)
+def test_ranges_that_are_none(words: Any, sentence: str) -> None:
+    with pytest.raises(vs.VisceraError, match=sentence):
+        vs.Vary(*words)
+
+
+def test_what_a_model_cannot_be_set_to(touch: vs.Touch, bar: vs.Mesh) -> None:
+    with pytest.raises(vs.VisceraError, match=r"this model covers young from 50000 to 2e\+06, not 1000"):
+        touch.at(1e3)
+    organ = organ_of(bar, 1e5)
+    plain = organ.reduce(**TOP)
+    with pytest.raises(vs.VisceraError, match="no parameter to set"):
+        plain.at(1e5)
+    state = organ.solve(force={"tip": (0, 0, -1.0)})
+    with pytest.raises(ValueError, match="the loaded shape is another for every young"):
+        organ.reduce(**TOP, start=state, vary=vs.Vary("young", 5e4, 2e6, nodes=2))
+
+
+def test_the_page_shows_the_value_the_model_is_set_to(touch: vs.Touch) -> None:
+    stiff = touch.at(2e6)
+    page = load_bytes(surface_model(stiff, "bar"))
+    assert page.value is None
+    assert page(POINT, PUSH).force == pytest.approx(stiff(POINT, PUSH).force)
+    small = web_model(stiff, "bar")
+    assert load_bytes(small.data)(POINT, PUSH).force == pytest.approx(stiff(POINT, PUSH).force, rel=1e-4)
+
+
+def test_a_case_with_a_range(tmp_path: Path) -> None:
+    path = tmp_path / "beam.toml"
+    path.write_text(
+        """
+mesh = "organ:beam"
+fixed = "clamp"
+[material]
+law = "NeoHookean"
+young = 1e5
+poisson = 0.3
+[reduce]
+touchable = "x > 90% and z > 99%"
+depth = "2%"
+order = 2
+[reduce.vary]
+parameter = "young"
+part = "x > 60%"
+low = 1e4
+high = 1e6
+nodes = 2
+""",
+        encoding="utf-8",
+    )
+    case = read_case(path)
+    touch = case.reduce(case.organ())
+    assert touch.at(3e5).value == 3e5
+    path.write_text(path.read_text().replace("low =", "lwo ="), encoding="utf-8")
+    with pytest.raises(vs.VisceraError, match=r"unknown key 'lwo' in \[reduce.vary\]; did you mean 'low'"):
+        read_case(path)

@@ -1,0 +1,30 @@
+// How two organs differ in the same hand.
+import { digits, element, fixed } from "./dom";
+import type { Specimen } from "./specimen";
+
+export class Contrast {
+  private readonly apart = element("output");
+  private readonly shape = element("output");
+  private readonly force = element("output");
+  readonly root: HTMLElement;
+
+  constructor() {
+    const fact = (name: string, value: HTMLElement) => element("div", {}, element("dt", {}, name), element("dd", {}, value));
+    const facts = [fact("apart", this.apart), fact("shape off", this.shape), fact("force off", this.force)];
+    this.root = element("dl", { class: "contrast", "aria-label": "how the two differ" }, ...facts);
+  }
+
+  /** The largest distance of a node, its share of the largest displacement, and the share of the first one's force. */
+  show(one: Specimen, other: Specimen): void {
+    let [distance, largest] = [0, 0];
+    for (let n = 0; n < one.field.length; n += 3) {
+      const [a, b] = [one.field.subarray(n, n + 3), other.field.subarray(n, n + 3)];
+      distance = Math.max(distance, Math.hypot(a[0]! - b[0]!, a[1]! - b[1]!, a[2]! - b[2]!));
+      largest = Math.max(largest, Math.hypot(...a), Math.hypot(...b));
+    }
+    const off = Math.hypot(...one.facts.force.map((f, i) => f - other.facts.force[i]!));
+    this.apart.textContent = `${fixed(1000 * distance, 1)} mm`;
+    this.shape.textContent = largest > 0 ? `${digits((100 * distance) / largest, 2)} %` : "–";
+    this.force.textContent = one.size > 0 ? `${digits((100 * off) / one.size, 2)} %` : "–";
+  }
+}
