@@ -4,7 +4,8 @@ use super::sample::{EDGES, Sample};
 use crate::body::Lane;
 use crate::law::{Law, LawVisitor, TangentBlocks};
 use crate::simd::{Kernel, dispatch};
-use crate::tensor::{Mat3, cofactor, determinant, mul_vector, tabulate};
+use crate::tensor::{Mat3, cofactor, determinant, mul_vector};
+use crate::unroll::tabulate;
 
 /// What the cells say at some coordinates.
 pub(super) struct Reduced {
@@ -78,7 +79,7 @@ fn edges(modes: &[Lane], q: &[f64]) -> [Lane; EDGES] {
 /// `F = I + sum_a y_a (x) g_a`.
 #[inline(always)]
 fn deformation(y: &[Lane; EDGES], g: &[[Lane; 3]; 3]) -> Mat3<Lane> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         let sum = y[i] * g[0][j] + y[3 + i] * g[1][j] + y[6 + i] * g[2][j];
         if i == j { sum + 1.0 } else { sum }
     })
@@ -143,15 +144,13 @@ impl<L: Law> Kernel for SumKernel<'_, L> {
                 // Written so that a ratio that is not a number counts as inverted.
                 jacobian = if w > 0.0 && !(j > jacobian) { j } else { jacobian };
             }
-            energy += (law.energy(&f) * batch.weight).0.iter().sum::<f64>();
-            let stress = if with_tangent {
-                let (stress, blocks) = law.tangent(&f, g);
+            let (psi, stress) = law.energy_and_stress(&f);
+            energy += (psi * batch.weight).0.iter().sum::<f64>();
+            if with_tangent {
+                let (_, blocks) = law.tangent(&f, g);
                 let stresses = &mut out.stress_lanes;
                 add_tangent(modes, &blocks, batch.weight, stresses, &mut out.tangent_lanes);
-                stress
-            } else {
-                law.stress(&f)
-            };
+            }
             add_projected(modes, &flux(&stress, g, batch.weight), &mut out.force_lanes);
         }
         out.jacobian = jacobian;
@@ -171,11 +170,11 @@ fn add_tangent(
     let r = modes.len() / EDGES;
     for a in 0..3 {
         for i in 0..3 {
-            let row: [Lane; EDGES] = std::array::from_fn(|column| {
+            let mut row = [Lane::default(); EDGES];
+            for (column, row) in row.iter_mut().enumerate() {
                 let (b, j) = (column / 3, column % 3);
-                let block = if a <= b { blocks[a][b][i][j] } else { blocks[b][a][j][i] };
-                block * weight
-            });
+                *row = (if a <= b { blocks[a][b][i][j] } else { blocks[b][a][j][i] }) * weight;
+            }
             let out = &mut stresses[(3 * a + i) * r..(3 * a + i + 1) * r];
             for (l, out) in out.iter_mut().enumerate() {
                 let mut sum = row[0] * modes[l];
@@ -187,7 +186,10 @@ fn add_tangent(
         }
     }
     for k in 0..r {
-        let mode: [Lane; EDGES] = std::array::from_fn(|c| modes[c * r + k]);
+        let mut mode = [Lane::default(); EDGES];
+        for (c, mode) in mode.iter_mut().enumerate() {
+            *mode = modes[c * r + k];
+        }
         let out = &mut tangent[k * r + k..(k + 1) * r];
         for (l, out) in (k..r).zip(out) {
             let mut sum = *out;
