@@ -45,6 +45,7 @@ def test_two_touches_are_what_the_full_organ_answers_and_more_than_their_sum(
     assert held.status == "converged"
     assert relative(held.displacement, full.displacement) < 0.02
     assert relative(held.force, forces) < 0.03
+    assert relative(held.displacement, full.displacement) < held.error_estimate < 0.1
     summed = touch(LEFT, PUSHES[0]).displacement + touch(RIGHT, PUSHES[1]).displacement
     assert relative(summed, full.displacement) > 0.2
 
@@ -79,8 +80,15 @@ def test_the_same_points_are_grasped_once(fingers: Galerkin) -> None:
 def test_beyond_the_depth_of_training_nothing_is_trusted(fingers: Galerkin, touch: vs.Touch) -> None:
     held = fingers.solve([(LEFT, (0, 0, -1.2 * touch.depth)), (RIGHT, (0, 0, 0))])
     assert not held.is_trusted
-    assert held.reason
+    assert "more than in training" in held.reason
     assert "not trusted" in repr(held)
+
+
+def test_a_gentle_touch_is_trusted(fingers: Galerkin) -> None:
+    held = fingers.solve([(LEFT, 0.1 * PUSHES[0]), (RIGHT, 0.1 * PUSHES[1])])
+    assert held.is_trusted, held.error_estimate
+    assert held.error_estimate < 0.01
+    assert ", trusted" in repr(held)
 
 
 @pytest.mark.parametrize(
