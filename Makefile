@@ -60,7 +60,7 @@ test-core: ## the Rust tests
 test-c: $(extension) c-library ## the C library: programs in C and C++ against Python
 	$(BIN)/pytest $(c_tests)
 
-test-python: $(extension) ## the Python tests and doctests
+test-python: $(extension) $(node_page) ## the Python tests and doctests
 	$(BIN)/pytest --ignore=$(c_tests) --ignore=tests/web
 
 test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser, against Python

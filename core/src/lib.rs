@@ -2,7 +2,8 @@
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
 //! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
-//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`pgd`].
+//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`pgd`]; beside them
+//! [`error`], [`simd`] and [`clock`], which any of them may use.
 //!
 //! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
 

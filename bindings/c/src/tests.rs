@@ -1,52 +1,21 @@
 //! What C programs cannot see: allocations, and the guard step by step.
 
+#[path = "../../../core/tests/block/mod.rs"]
+mod block;
 #[path = "../../../core/tests/counting/mod.rs"]
 mod counting;
-#[path = "../../../core/src/mesh/samples.rs"]
-#[allow(dead_code)]
-mod samples;
 
 use crate::guard::*;
 use crate::load::{viscera_free, viscera_load};
 use crate::model::*;
 use crate::status;
+use block::{SIZE, block, samples};
 use counting::allocations;
 use std::ptr;
-use viscera_core::body::Body;
-use viscera_core::law::Material;
-use viscera_core::mesh::{Surface, surface};
-use viscera_core::reduced::Reduction;
-
-const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
-
-/// The file of a block held at the bottom and touched at the top.
-fn block() -> Vec<u8> {
-    let (points, cells) = samples::block([4, 3, 3], SIZE);
-    let at = |z: f64| -> Vec<u32> {
-        (0..points.len() as u32).filter(|&n| (points[n as usize][2] - z).abs() < 1e-12).collect()
-    };
-    let (fixed, touchable) = (at(0.0), at(SIZE[2]));
-    let law = Material::new("neo_hookean", vec![vec![3.0e3, 11.0e3]]).unwrap();
-    let surface = Surface::new(&points, &surface(&points, &cells));
-    let body = Body::new(points, cells, law).unwrap();
-    let user = serde_json::Value::Null;
-    let (radius, depth, order, tolerance) = (0.012, 0.004, 3, 1e-3);
-    let reduction = Reduction {
-        touchable,
-        radius,
-        depth,
-        order,
-        tolerance,
-        pade: true,
-        preload: Vec::new(),
-        user,
-    };
-    reduction.run(&body, &surface, &fixed, &mut |_| true).unwrap().to_bytes().unwrap()
-}
 
 #[test]
 fn a_tick_allocates_nothing() {
-    let bytes = block();
+    let bytes = block().to_bytes().unwrap();
     let mut model = ptr::null_mut();
     // SAFETY: all pointers of this test are to living values of the stated lengths.
     let loaded =

@@ -189,8 +189,8 @@ impl Organ {
             let start = arrays.region_start[region as usize] as usize;
             let modes = arrays.region_start[region as usize + 1] as usize - start;
             if (start..start + modes).contains(&mode) {
-                *out =
-                    at_depth * arrays.position_coefficients[offset + term * modes + mode - start];
+                *out = at_depth
+                    * arrays.answers.position_coefficients[offset + term * modes + mode - start];
             }
             offset += self.model.n_terms() * modes;
         }

@@ -69,27 +69,8 @@ pub(super) fn assemble(
         }
     }
     let places = Places { solved: &solved, positions: by_position, edges: by_edge };
-    let Answers {
-        compliance,
-        cross_compliance,
-        force,
-        edge_force,
-        sketch,
-        norms,
-        compression,
-        position_coefficients,
-        edge_coefficients,
-    } = places.answers(0..1);
     Arrays {
-        compliance,
-        cross_compliance,
-        force,
-        edge_force,
-        sketch,
-        norms,
-        compression,
-        position_coefficients,
-        edge_coefficients,
+        answers: places.answers(0..1),
         family: places.answers(if members.len() > 1 { 0..members.len() } else { 0..0 }),
         ..arrays
     }

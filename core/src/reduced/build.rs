@@ -158,14 +158,14 @@ impl Reduction {
         };
         let mut model = ReducedModel::new(metadata, arrays)?;
         // Measured is what is stored, of every order as the series has it.
-        let sketch = std::mem::take(&mut model.arrays.sketch);
+        let sketch = std::mem::take(&mut model.arrays.answers.sketch);
         self.measure_interpolation(&members, &mut model, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
                 self.measure_parameter(&expand(member)?, *value, &mut model)?;
             }
         }
-        model.arrays.sketch = sketch;
+        model.arrays.answers.sketch = sketch;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;
         }

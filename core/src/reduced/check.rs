@@ -110,17 +110,17 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ("triangle_edges", a.triangle_edges.len(), 3 * n.touchable),
         ("patch_start", a.patch_start.len(), n.positions + 1),
         ("patch_weights", a.patch_weights.len(), a.patch_nodes.len()),
-        ("compliance", a.compliance.len(), 9 * n.positions),
-        ("cross_compliance", a.cross_compliance.len(), 9 * n.edges),
-        ("force", a.force.len(), 3 * n.positions * n.terms),
-        ("edge_force", a.edge_force.len(), 3 * n.edges * n.edge_terms),
+        ("compliance", a.answers.compliance.len(), 9 * n.positions),
+        ("cross_compliance", a.answers.cross_compliance.len(), 9 * n.edges),
+        ("force", a.answers.force.len(), 3 * n.positions * n.terms),
+        ("edge_force", a.answers.edge_force.len(), 3 * n.edges * n.edge_terms),
         (
             "sketch",
-            a.sketch.len(),
-            if a.sketch.is_empty() { 0 } else { n.positions * n.terms * SKETCH },
+            a.answers.sketch.len(),
+            if a.answers.sketch.is_empty() { 0 } else { n.positions * n.terms * SKETCH },
         ),
-        ("norms", a.norms.len(), n.positions * n.norms),
-        ("compression", a.compression.len(), n.positions),
+        ("norms", a.answers.norms.len(), n.positions * n.norms),
+        ("compression", a.answers.compression.len(), n.positions),
         ("position_region", a.position_region.len(), n.positions),
         ("edge_region", a.edge_region.len(), n.edges),
         ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
@@ -192,50 +192,39 @@ fn check_edges(a: &Arrays) -> Result<(), Error> {
 }
 
 pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
-    let doubles = [
-        ("points", &a.points),
-        ("preload", &a.preload),
-        ("law_parameters", &a.law_parameters),
-        ("patch_weights", &a.patch_weights),
-        ("compliance", &a.compliance),
-        ("cross_compliance", &a.cross_compliance),
-        ("force", &a.force),
-        ("edge_force", &a.edge_force),
-        ("family_compliance", &a.family.compliance),
-        ("family_cross_compliance", &a.family.cross_compliance),
-        ("family_force", &a.family.force),
-        ("family_edge_force", &a.family.edge_force),
-    ];
-    for (name, values) in doubles {
-        if let Some(place) = values.iter().position(|v| !v.is_finite()) {
-            return Err(bad(format!("{name}[{place}] is {}; it must be finite", values[place])));
-        }
-    }
+    check_finite("", "points", &a.points)?;
+    check_finite("", "preload", &a.preload)?;
+    check_finite("", "law_parameters", &a.law_parameters)?;
+    check_finite("", "patch_weights", &a.patch_weights)?;
     for (position, patch) in a.patch_start.windows(2).enumerate() {
         let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();
         if (sum - 1.0).abs() > 1e-9 {
             return Err(bad(format!("patch_weights of position {position} sum to {sum}, not 1")));
         }
     }
-    let singles = [
-        ("sketch", &a.sketch),
-        ("norms", &a.norms),
-        ("compression", &a.compression),
-        ("mode_scale", &a.mode_scale),
-        ("position_coefficients", &a.position_coefficients),
-        ("edge_coefficients", &a.edge_coefficients),
-        ("family_sketch", &a.family.sketch),
-        ("family_norms", &a.family.norms),
-        ("family_compression", &a.family.compression),
-        ("family_position_coefficients", &a.family.position_coefficients),
-        ("family_edge_coefficients", &a.family.edge_coefficients),
-    ];
-    for (name, values) in singles {
-        if let Some(place) = values.iter().position(|v| !v.is_finite()) {
-            return Err(bad(format!("{name}[{place}] is {}; it must be finite", values[place])));
-        }
+    check_finite("", "mode_scale", &a.mode_scale)?;
+    for (family, answers) in [("", &a.answers), ("family_", &a.family)] {
+        check_finite(family, "compliance", &answers.compliance)?;
+        check_finite(family, "cross_compliance", &answers.cross_compliance)?;
+        check_finite(family, "force", &answers.force)?;
+        check_finite(family, "edge_force", &answers.edge_force)?;
+        check_finite(family, "sketch", &answers.sketch)?;
+        check_finite(family, "norms", &answers.norms)?;
+        check_finite(family, "compression", &answers.compression)?;
+        check_finite(family, "position_coefficients", &answers.position_coefficients)?;
+        check_finite(family, "edge_coefficients", &answers.edge_coefficients)?;
     }
     Ok(())
+}
+
+fn check_finite<T: Copy + Into<f64>>(family: &str, name: &str, values: &[T]) -> Result<(), Error> {
+    match values.iter().position(|&v| !v.into().is_finite()) {
+        Some(place) => Err(bad(format!(
+            "{family}{name}[{place}] is {}; it must be finite",
+            values[place].into()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Where each position's and each edge's amplitudes start.
@@ -255,8 +244,8 @@ pub(super) fn offsets(a: &Arrays, n: &Counts) -> Result<(Vec<usize>, Vec<usize>)
     let positions = run(&a.position_region, n.terms);
     let edges = run(&a.edge_region, n.edge_terms);
     for (name, found, expected) in [
-        ("position_coefficients", a.position_coefficients.len(), positions[n.positions]),
-        ("edge_coefficients", a.edge_coefficients.len(), edges[n.edges]),
+        ("position_coefficients", a.answers.position_coefficients.len(), positions[n.positions]),
+        ("edge_coefficients", a.answers.edge_coefficients.len(), edges[n.edges]),
     ] {
         if found != expected {
             return Err(bad(format!("array {name} has {found} entries instead of {expected}")));

@@ -2,7 +2,7 @@
 //! lock, no system call. It knows nothing of finite elements.
 
 use super::combine::Combine;
-use super::interpolation::{Interpolation, MAX_TERMS, norm};
+use super::interpolation::{Interpolation, MAX_TERMS, norm, weighted};
 use super::model::ReducedModel;
 use crate::mesh::Patch;
 use crate::number::evaluate_monomials;
@@ -84,8 +84,8 @@ impl ReducedModel {
         evaluate_monomials(&self.exponents, d, monomials);
         let sum = here.sum(monomials, d);
         let (orders, correction) = here.force(monomials, d);
-        let force = sum.of(&orders);
-        let stiffness = here.stiffness(d, &orders, &sum);
+        let force = weighted(&sum.weights, &orders);
+        let stiffness = here.stiffness(d, &orders, &sum.weights);
         let error_estimate = here.error_estimate(monomials, force, &orders, correction, &sum);
         let depth = norm(d);
         // Written so that a displacement that is not a number is not trusted either.
@@ -105,7 +105,7 @@ impl ReducedModel {
         let mut monomials = [0.0; MAX_TERMS];
         evaluate_monomials(&self.exponents, d, &mut monomials);
         let here = Interpolation::new(self, contact).cut_after(order);
-        here.sum(&monomials, d).of(&here.force(&monomials, d).0)
+        weighted(&here.weights(&monomials, d), &here.force(&monomials, d).0)
     }
 
     /// Numbers of workspace that the field functions need.

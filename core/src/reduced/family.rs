@@ -63,24 +63,9 @@ pub(super) fn check_family(parameter: Option<&Parameter>, a: &Arrays) -> Result<
         parameter.check()?;
         parameter.weights(parameter.value).map_err(|error| bad(error.to_string()))?;
     }
-    let lengths = [
-        ("compliance", a.family.compliance.len(), a.compliance.len()),
-        ("cross_compliance", a.family.cross_compliance.len(), a.cross_compliance.len()),
-        ("force", a.family.force.len(), a.force.len()),
-        ("edge_force", a.family.edge_force.len(), a.edge_force.len()),
-        ("sketch", a.family.sketch.len(), a.sketch.len()),
-        ("norms", a.family.norms.len(), a.norms.len()),
-        ("compression", a.family.compression.len(), a.compression.len()),
-        (
-            "position_coefficients",
-            a.family.position_coefficients.len(),
-            a.position_coefficients.len(),
-        ),
-        ("edge_coefficients", a.family.edge_coefficients.len(), a.edge_coefficients.len()),
-    ];
-    for (name, found, one) in lengths {
-        if found != members * one {
-            let expected = members * one;
+    for ((name, found), (_, one)) in a.family.lengths().into_iter().zip(a.answers.lengths()) {
+        let expected = members * one;
+        if found != expected {
             return Err(bad(format!(
                 "array family_{name} has {found} entries instead of {expected}"
             )));
@@ -102,7 +87,7 @@ impl ReducedModel {
         let weights = parameter.weights(value)?;
         let is_radius = parameter.name == RADIUS;
         let f = std::mem::take(&mut self.arrays.family);
-        let a = &mut self.arrays;
+        let a = &mut self.arrays.answers;
         blend(&weights, &f.compliance, &mut a.compliance, |x| x);
         blend(&weights, &f.cross_compliance, &mut a.cross_compliance, |x| x);
         blend(&weights, &f.force, &mut a.force, |x| x);

@@ -30,11 +30,9 @@ pub(super) struct Sum {
     difference: Option<([f64; MAX_ORDER], f64)>,
 }
 
-impl Sum {
-    /// The orders of a force, added up.
-    pub fn of(&self, orders: &[[f64; 3]; MAX_ORDER]) -> [f64; 3] {
-        std::array::from_fn(|i| self.weights.iter().zip(orders).map(|(w, f)| w.value * f[i]).sum())
-    }
+/// The orders of a force, added up.
+pub(super) fn weighted(weights: &[Dual; MAX_ORDER], orders: &[[f64; 3]; MAX_ORDER]) -> [f64; 3] {
+    std::array::from_fn(|i| weights.iter().zip(orders).map(|(w, f)| w.value * f[i]).sum())
 }
 
 /// A model at a contact: corners, edges and interpolation weights.
@@ -59,8 +57,8 @@ impl<'a> Interpolation<'a> {
         let edge_weights = std::array::from_fn(|k| weights[k] * weights[(k + 1) % 3]);
         let mut compliance = tabulate(|_, _| 0.0);
         for k in 0..3 {
-            let own = &model.arrays.compliance[9 * corners[k]..9 * corners[k] + 9];
-            let cross = &model.arrays.cross_compliance[9 * edges[k]..9 * edges[k] + 9];
+            let own = &model.arrays.answers.compliance[9 * corners[k]..9 * corners[k] + 9];
+            let cross = &model.arrays.answers.cross_compliance[9 * edges[k]..9 * edges[k] + 9];
             for i in 0..3 {
                 for j in 0..3 {
                     // C_ab and C_ba are transposes of each other.
@@ -93,13 +91,19 @@ impl<'a> Interpolation<'a> {
     }
 
     /// How much each order counts.
-    pub(super) fn sum(&self, monomials: &[f64], d: [f64; 3]) -> Sum {
-        let ones = std::array::from_fn(|_| constant(1.0));
-        let (order, all) = (self.model.metadata.order, self.model.n_terms());
-        if self.model.arrays.sketch.is_empty() || self.terms < all || order < 3 {
-            return Sum { weights: ones, difference: None };
+    pub(super) fn weights(&self, monomials: &[f64], d: [f64; 3]) -> [Dual; MAX_ORDER] {
+        match self.parts(monomials, d) {
+            None => std::array::from_fn(|_| constant(1.0)),
+            Some(parts) => weights(&parts, self.model.metadata.order),
         }
-        let parts = self.parts(monomials, d);
+    }
+
+    /// How much each order counts, and what the last one has changed.
+    pub(super) fn sum(&self, monomials: &[f64], d: [f64; 3]) -> Sum {
+        let Some(parts) = self.parts(monomials, d) else {
+            return Sum { weights: std::array::from_fn(|_| constant(1.0)), difference: None };
+        };
+        let order = self.model.metadata.order;
         let (weights, lower) = (weights(&parts, order), weights(&parts, order - 1));
         let (mut square, mut whole) = (0.0, 0.0);
         let difference: [f64; MAX_ORDER] = std::array::from_fn(|p| {
@@ -117,12 +121,18 @@ impl<'a> Interpolation<'a> {
         Sum { weights, difference: Some((difference, field)) }
     }
 
-    /// The part of each order in the sketch, blended from the corners.
-    fn parts(&self, monomials: &[f64], d: [f64; 3]) -> Parts {
+    /// The part of each order in the sketch, blended from the corners; none where orders are summed as a polynomial.
+    fn parts(&self, monomials: &[f64], d: [f64; 3]) -> Option<Parts> {
         let model = self.model;
+        if model.arrays.answers.sketch.is_empty()
+            || self.terms < model.n_terms()
+            || model.metadata.order < 3
+        {
+            return None;
+        }
         let mut parts: Parts = std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
         let size = SKETCH * model.n_terms();
-        let corners = self.corners.map(|c| &model.arrays.sketch[c * size..(c + 1) * size]);
+        let corners = self.corners.map(|c| &model.arrays.answers.sketch[c * size..(c + 1) * size]);
         for (term, exponents) in model.exponents.iter().enumerate() {
             let slope = monomial_gradient(exponents, d);
             for (s, part) in parts[degree_of(exponents) - 1].iter_mut().enumerate() {
@@ -132,7 +142,7 @@ impl<'a> Interpolation<'a> {
                 part.first.iter_mut().zip(slope).for_each(|(sum, x)| *sum += blend * x);
             }
         }
-        parts
+        Some(parts)
     }
 
     /// The parts of the force by order, and the size of the quadratic correction.
@@ -172,11 +182,11 @@ impl<'a> Interpolation<'a> {
         &self,
         d: [f64; 3],
         orders: &[[f64; 3]; MAX_ORDER],
-        sum: &Sum,
+        weights: &[Dual; MAX_ORDER],
     ) -> Mat3<f64> {
         let model = self.model;
         let mut stiffness = self.stiffness;
-        for (force, Gradient { first, .. }) in orders.iter().zip(&sum.weights) {
+        for (force, Gradient { first, .. }) in orders.iter().zip(weights) {
             for i in 0..3 {
                 for j in 0..3 {
                     stiffness[i][j] += force[i] * first[j];
@@ -184,7 +194,7 @@ impl<'a> Interpolation<'a> {
             }
         }
         for term in 3..self.terms {
-            let part = sum.weights[degree_of(&model.exponents[term]) - 1].value;
+            let part = weights[degree_of(&model.exponents[term]) - 1].value;
             let slope = monomial_gradient(&model.exponents[term], d).map(|x| part * x);
             let mut force = [0.0; 3];
             for (k, &corner) in self.corners.iter().enumerate() {
@@ -242,7 +252,7 @@ impl<'a> Interpolation<'a> {
         };
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
         let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
-        let stored = &model.arrays.compression;
+        let stored = &model.arrays.answers.compression;
         let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
         let compression = worst * depth / model.metadata.depth;
         let parameter = model.metadata.errors.parameter;
@@ -277,9 +287,9 @@ impl<'a> Interpolation<'a> {
     fn field_norms(&self, monomials: &[f64]) -> [f64; MAX_ORDER] {
         let model = self.model;
         let mut size = [0.0; MAX_ORDER];
-        let squares = model.arrays.norms.len() / model.n_positions();
+        let squares = model.arrays.answers.norms.len() / model.n_positions();
         for (k, &corner) in self.corners.iter().enumerate() {
-            let mut rest = &model.arrays.norms[corner * squares..(corner + 1) * squares];
+            let mut rest = &model.arrays.answers.norms[corner * squares..(corner + 1) * squares];
             let mut term = 0;
             for (order, size) in size.iter_mut().enumerate().take(model.metadata.order) {
                 let n = (order + 2) * (order + 3) / 2;
@@ -310,9 +320,9 @@ impl<'a> Interpolation<'a> {
         let mut monomials = [0.0; MAX_TERMS];
         let monomials = &mut monomials[..model.n_terms()];
         evaluate_monomials(&model.exponents, d, monomials);
-        let sum = self.sum(monomials, d);
+        let weights = self.weights(monomials, d);
         for (monomial, exponents) in monomials.iter_mut().zip(&model.exponents) {
-            *monomial *= sum.weights[degree_of(exponents) - 1].value;
+            *monomial *= weights[degree_of(exponents) - 1].value;
         }
         let f = mul_vector(&self.stiffness, &d);
         let mut slots = [None; 3];
@@ -322,9 +332,9 @@ impl<'a> Interpolation<'a> {
             let out =
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             // The first order moves as if the corner's own patch carried its share of the force.
-            let own = &arrays.compliance[9 * corner..9 * corner + 9];
+            let own = &arrays.answers.compliance[9 * corner..9 * corner + 9];
             let range = model.position_offset[corner]..model.position_offset[corner + 1];
-            let rows = arrays.position_coefficients[range].chunks_exact(out.len().max(1));
+            let rows = arrays.answers.position_coefficients[range].chunks_exact(out.len().max(1));
             for (term, row) in rows.take(self.terms).enumerate() {
                 let weight = if term < 3 {
                     let row = &own[3 * term..3 * term + 3];
@@ -341,7 +351,7 @@ impl<'a> Interpolation<'a> {
             let out =
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
-            let rows = arrays.edge_coefficients[range].chunks_exact(out.len().max(1));
+            let rows = arrays.answers.edge_coefficients[range].chunks_exact(out.len().max(1));
             for (term, row) in rows.take(self.edge_terms()).enumerate() {
                 let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
                 add_scaled(weight as f32, row, out);
@@ -354,12 +364,12 @@ impl<'a> Interpolation<'a> {
 impl ReducedModel {
     fn position_force(&self, position: usize) -> &[f64] {
         let n = 3 * self.n_terms();
-        &self.arrays.force[position * n..(position + 1) * n]
+        &self.arrays.answers.force[position * n..(position + 1) * n]
     }
 
     fn edge_force(&self, edge: usize) -> &[f64] {
         let n = 3 * self.edge_terms;
-        &self.arrays.edge_force[edge * n..(edge + 1) * n]
+        &self.arrays.answers.edge_force[edge * n..(edge + 1) * n]
     }
 }
 

@@ -37,6 +37,29 @@ pub struct Arrays {
     pub patch_nodes: Vec<u32>,
     /// Weights of the patches, sum 1 for each.
     pub patch_weights: Vec<f64>,
+    /// Region of each position and of each edge.
+    pub position_region: Vec<u32>,
+    /// Region of each edge.
+    pub edge_region: Vec<u32>,
+    /// Where the modes of each region start (r + 1,).
+    pub region_start: Vec<u32>,
+    /// Metres for one unit of a stored mode (modes,).
+    pub mode_scale: Vec<f32>,
+    /// Modes at the surface nodes (modes, 3 s).
+    pub surface_modes: Vec<i16>,
+    /// Modes at the other nodes (modes, 3 (n - s)).
+    pub interior_modes: Vec<i16>,
+    /// Cells whose law the parameter changes; none for all.
+    pub parameter_cells: Vec<u32>,
+    /// What a touch is answered from.
+    pub answers: Answers,
+    /// The answers at each node of the parameter; empty where there is none.
+    pub family: Answers,
+}
+
+/// What touches are answered from, and what depends on a parameter: in a family, all members one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answers {
     /// Compliance of each position (p, 3, 3) [m/N].
     pub compliance: Vec<f64>,
     /// Compliance between the two positions of an edge (e, 3, 3): mean displacement of the second
@@ -53,41 +76,27 @@ pub struct Arrays {
     pub norms: Vec<f32>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
     pub compression: Vec<f32>,
-    /// Region of each position and of each edge.
-    pub position_region: Vec<u32>,
-    /// Region of each edge.
-    pub edge_region: Vec<u32>,
-    /// Where the modes of each region start (r + 1,).
-    pub region_start: Vec<u32>,
-    /// Metres for one unit of a stored mode (modes,).
-    pub mode_scale: Vec<f32>,
-    /// Modes at the surface nodes (modes, 3 s).
-    pub surface_modes: Vec<i16>,
-    /// Modes at the other nodes (modes, 3 (n - s)).
-    pub interior_modes: Vec<i16>,
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,
     /// Mode amplitudes of each edge: (edge terms, modes of its region), edge after edge.
     pub edge_coefficients: Vec<f32>,
-    /// Cells whose law the parameter changes; none for all.
-    pub parameter_cells: Vec<u32>,
-    /// The answers at each node of the parameter; empty where there is none.
-    pub family: Answers,
 }
 
-/// The arrays that depend on a parameter, of all members of a family one after the other.
-#[derive(Clone, Debug, Default, PartialEq)]
-#[allow(missing_docs)] // as in `Arrays`
-pub struct Answers {
-    pub compliance: Vec<f64>,
-    pub cross_compliance: Vec<f64>,
-    pub force: Vec<f64>,
-    pub edge_force: Vec<f64>,
-    pub sketch: Vec<f32>,
-    pub norms: Vec<f32>,
-    pub compression: Vec<f32>,
-    pub position_coefficients: Vec<f32>,
-    pub edge_coefficients: Vec<f32>,
+impl Answers {
+    /// Name and length of each array.
+    pub(super) fn lengths(&self) -> [(&'static str, usize); 9] {
+        [
+            ("compliance", self.compliance.len()),
+            ("cross_compliance", self.cross_compliance.len()),
+            ("force", self.force.len()),
+            ("edge_force", self.edge_force.len()),
+            ("sketch", self.sketch.len()),
+            ("norms", self.norms.len()),
+            ("compression", self.compression.len()),
+            ("position_coefficients", self.position_coefficients.len()),
+            ("edge_coefficients", self.edge_coefficients.len()),
+        ]
+    }
 }
 
 /// A reduced model, checked and ready to evaluate.

@@ -4,6 +4,7 @@
 //! forces and inertia, and reports what is left. A step that would turn a cell inside out is cut back, and said so;
 //! then the hands have moved only that part of the way, and the next frame goes on.
 
+mod frame;
 mod mass;
 mod motion;
 mod relaxation;
@@ -11,6 +12,7 @@ mod settings;
 #[cfg(test)]
 mod tests;
 
+pub use frame::{Frame, Input};
 pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 
@@ -23,48 +25,11 @@ use crate::element::Element;
 use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
+use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
 use std::time::Duration;
-
-/// What the hands and the world do in a frame.
-#[derive(Clone, Copy, Debug)]
-pub struct Input<'a> {
-    /// Displacements of the grasped degrees of freedom [m].
-    pub values: &'a [f64],
-    /// Mean displacements of the grasped patches [m].
-    pub means: &'a [[f64; 3]],
-    /// Dead nodal forces [N]; none where empty.
-    pub force: &'a [f64],
-    /// Gravity [m/s^2].
-    pub gravity: [f64; 3],
-}
-
-/// What one frame did.
-#[derive(Clone, Debug)]
-pub struct Frame {
-    /// Out-of-balance force that is left, relative to all nodal forces.
-    pub residual: f64,
-    /// Part of the step taken: 1, or less where a cell would have turned inside out.
-    pub taken: f64,
-    /// Whether the tangent was not positive definite: the state is not stable.
-    pub is_unstable: bool,
-    /// Iterations of the linear solver; 0 for a direct one.
-    pub iterations: usize,
-    /// Whether the linear solver reached its tolerance.
-    pub is_solved: bool,
-    /// Whether the frame took no longer than its budget of time.
-    pub within_budget: bool,
-    /// Wall time [s].
-    pub seconds: f64,
-    /// Strain energy of the law [J].
-    pub energy: f64,
-    /// Kinetic energy [J].
-    pub kinetic_energy: f64,
-    /// Force of each patch's tool on the body [N].
-    pub patch_forces: Vec<[f64; 3]>,
-}
 
 /// A body in the hands of a simulator.
 pub struct Stepper {
@@ -245,7 +210,10 @@ impl Stepper {
 
     fn frame_in_pool(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
         let clock = Instant::now();
-        self.check(input)?;
+        input.check(self.grasped.len(), self.patches.len(), self.displacement.len())?;
+        if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
+            return Err(Error::input("gravity needs a density [kg/m^3]"));
+        }
         let deadline = self.settings.budget.map(|budget| clock + Duration::from_secs_f64(budget));
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
@@ -271,29 +239,6 @@ impl Stepper {
             kinetic_energy: self.motion.as_ref().map_or(0.0, |m| m.mass.energy(&m.velocity)),
             patch_forces: self.forces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect(),
         })
-    }
-
-    fn check(&self, input: &Input<'_>) -> Result<(), Error> {
-        let (values, means) = (self.grasped.len(), self.patches.len());
-        let has_force = input.force.is_empty() || input.force.len() == self.displacement.len();
-        if (input.values.len(), input.means.len()) != (values, means) || !has_force {
-            return Err(Error::input(format!(
-                "a frame needs {values} grasped values, {means} patch displacements and {} force components or \
-                 none; got {}, {} and {}",
-                self.displacement.len(),
-                input.values.len(),
-                input.means.len(),
-                input.force.len()
-            )));
-        }
-        let moves = input.values.iter().chain(input.means.iter().flatten());
-        if !moves.chain(input.force).chain(&input.gravity).all(|v| v.is_finite()) {
-            return Err(Error::input("a frame's values must be finite"));
-        }
-        if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
-            return Err(Error::input("gravity needs a density [kg/m^3]"));
-        }
-        Ok(())
     }
 
     fn apply_loads(&mut self, input: &Input<'_>) {
@@ -499,21 +444,4 @@ impl Stepper {
 
 fn square(v: &[f64]) -> f64 {
     v.iter().map(|x| x * x).sum()
-}
-
-fn check_vector(name: &str, values: &[f64], n: usize) -> Result<(), Error> {
-    if values.len() != n {
-        return Err(Error::input(format!(
-            "{name} has {} values; it needs {n}, three for each point",
-            values.len()
-        )));
-    }
-    match values.iter().position(|v| !v.is_finite()) {
-        Some(dof) => Err(Error::input(format!(
-            "{name} is {} at point {}; it must be finite",
-            values[dof],
-            dof / 3
-        ))),
-        None => Ok(()),
-    }
 }

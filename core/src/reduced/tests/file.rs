@@ -91,12 +91,12 @@ fn changed(change: impl Fn(&mut Metadata, &mut Arrays)) -> String {
 #[test]
 fn lengths_and_indices_that_do_not_fit_are_named() {
     let cases = [
-        (changed(|_, a| a.force.truncate(300)), "array force has 300 entries"),
+        (changed(|_, a| a.answers.force.truncate(300)), "array force has 300 entries"),
         (changed(|_, a| a.surface_modes.truncate(30)), "array surface_modes has 30 entries"),
-        (changed(|_, a| a.norms.push(0.0)), "array norms"),
-        (changed(|_, a| a.position_coefficients.push(0.0)), "array position_coefficients"),
+        (changed(|_, a| a.answers.norms.push(0.0)), "array norms"),
+        (changed(|_, a| a.answers.position_coefficients.push(0.0)), "array position_coefficients"),
         (changed(|_, a| a.patch_weights.push(0.0)), "array patch_weights"),
-        (changed(|_, a| a.compliance.clear()), "array compliance has 0 entries"),
+        (changed(|_, a| a.answers.compliance.clear()), "array compliance has 0 entries"),
         (changed(|_, a| a.points.clear()), "array points is empty"),
         (changed(|_, a| a.touchable.clear()), "array touchable is empty"),
         (changed(|_, a| a.region_start.clear()), "array region_start is empty"),
@@ -123,15 +123,15 @@ fn values_out_of_their_domain_are_named() {
         a.mode_scale.clear();
         a.surface_modes.clear();
         a.interior_modes.clear();
-        a.position_coefficients.clear();
-        a.edge_coefficients.clear();
+        a.answers.position_coefficients.clear();
+        a.answers.edge_coefficients.clear();
     };
     let cases = [
-        (changed(|_, a| a.force[11] = f64::NAN), "force[11] is NaN"),
+        (changed(|_, a| a.answers.force[11] = f64::NAN), "force[11] is NaN"),
         (changed(|_, a| a.points[0] = f64::INFINITY), "points[0] is inf"),
-        (changed(|_, a| a.compliance[4] = f64::NAN), "compliance[4] is NaN"),
+        (changed(|_, a| a.answers.compliance[4] = f64::NAN), "compliance[4] is NaN"),
         (changed(|_, a| a.mode_scale[0] = f32::NAN), "mode_scale[0] is NaN"),
-        (changed(|_, a| a.norms[1] = f32::INFINITY), "norms[1] is inf"),
+        (changed(|_, a| a.answers.norms[1] = f32::INFINITY), "norms[1] is inf"),
         (changed(|_, a| a.patch_weights[0] = 2.0), "patch_weights of position 0"),
         (changed(no_modes), "array mode_scale is empty"),
     ];

@@ -12,7 +12,7 @@ static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
 /// The same model, its orders summed as a polynomial.
 static POLYNOMIAL: LazyLock<ReducedModel> = LazyLock::new(|| {
     let mut model = PADE.clone();
-    model.arrays.sketch.clear();
+    model.arrays.answers.sketch.clear();
     model
 });
 

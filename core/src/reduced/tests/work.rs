@@ -43,7 +43,7 @@ fn a_closed_loop_of_a_contact_returns_what_it_took() {
     let mut other = MODEL.clone();
     let terms = 3 * other.n_terms();
     // A second-order coefficient that is no slope of anything: F_x += c y^2, for every position.
-    for position in other.arrays.force.chunks_exact_mut(terms) {
+    for position in other.arrays.answers.force.chunks_exact_mut(terms) {
         position[3 * 6] += 0.01 * position[2].abs().max(position[8].abs()) / DEPTH;
     }
     assert!(

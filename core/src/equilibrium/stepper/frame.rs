@@ -1,0 +1,80 @@
+//! What goes into a frame and what comes out of it.
+
+use crate::error::Error;
+
+/// What the hands and the world do in a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
+    /// Displacements of the grasped degrees of freedom [m].
+    pub values: &'a [f64],
+    /// Mean displacements of the grasped patches [m].
+    pub means: &'a [[f64; 3]],
+    /// Dead nodal forces [N]; none where empty.
+    pub force: &'a [f64],
+    /// Gravity [m/s^2].
+    pub gravity: [f64; 3],
+}
+
+/// What one frame did.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Out-of-balance force that is left, relative to all nodal forces.
+    pub residual: f64,
+    /// Part of the step taken: 1, or less where a cell would have turned inside out.
+    pub taken: f64,
+    /// Whether the tangent was not positive definite: the state is not stable.
+    pub is_unstable: bool,
+    /// Iterations of the linear solver; 0 for a direct one.
+    pub iterations: usize,
+    /// Whether the linear solver reached its tolerance.
+    pub is_solved: bool,
+    /// Whether the frame took no longer than its budget of time.
+    pub within_budget: bool,
+    /// Wall time [s].
+    pub seconds: f64,
+    /// Strain energy of the law [J].
+    pub energy: f64,
+    /// Kinetic energy [J].
+    pub kinetic_energy: f64,
+    /// Force of each patch's tool on the body [N].
+    pub patch_forces: Vec<[f64; 3]>,
+}
+
+impl Input<'_> {
+    /// Whether there is a value for every grasped degree of freedom and patch, and all are finite.
+    pub(super) fn check(&self, grasped: usize, patches: usize, dofs: usize) -> Result<(), Error> {
+        let has_force = self.force.is_empty() || self.force.len() == dofs;
+        if (self.values.len(), self.means.len()) != (grasped, patches) || !has_force {
+            return Err(Error::input(format!(
+                "a frame needs {grasped} grasped values, {patches} patch displacements and {dofs} force components or \
+                 none; got {}, {} and {}",
+                self.values.len(),
+                self.means.len(),
+                self.force.len()
+            )));
+        }
+        let moves = self.values.iter().chain(self.means.iter().flatten());
+        if !moves.chain(self.force).chain(&self.gravity).all(|v| v.is_finite()) {
+            return Err(Error::input("a frame's values must be finite"));
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a vector of another length than `n`, and values that are not finite.
+pub(super) fn check_vector(name: &str, values: &[f64], n: usize) -> Result<(), Error> {
+    if values.len() != n {
+        return Err(Error::input(format!(
+            "{name} has {} values; it needs {n}, three for each point",
+            values.len()
+        )));
+    }
+    match values.iter().position(|v| !v.is_finite()) {
+        Some(dof) => Err(Error::input(format!(
+            "{name} is {} at point {}; it must be finite",
+            values[dof],
+            dof / 3
+        ))),
+        None => Ok(()),
+    }
+}
