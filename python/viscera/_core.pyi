@@ -144,6 +144,8 @@ class Body:
         self,
         *,
         force: Floats,  # (n, 3) at load 1
+        pressed: Indices,  # faces as in `solve`
+        pressure: Floats,  # (t,) at load 1
         order: int,
         parameter: str,  # "load" | "arc length"
         until: float,  # load factor to reach
@@ -199,6 +201,8 @@ class Stepper:
     ) -> None: ...
     def grasp(self, prescribed: Indices, patches: list[Patch]) -> None:
         """Hold these degrees of freedom and patch means, and nothing else beside the fixed nodes."""
+    def press(self, pressed: Indices, pressure: Floats) -> None:
+        """From the next frame on this pressure pushes, and no other; faces and values as in `Body.solve`."""
     def set_velocity(self, velocity: Floats) -> None: ...
     def displacement(self) -> Floats: ...
     def velocity(self) -> Floats | None: ...

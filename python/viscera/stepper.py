@@ -12,8 +12,18 @@ from viscera import _core
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
 from viscera.grasp import Grasp
-from viscera.loads import Displacements, Forces, Where, density_per_cell, name_of, nodal_forces, vector
-from viscera.mesh import Floats, Mesh
+from viscera.loads import (
+    Displacements,
+    Forces,
+    Pressures,
+    Where,
+    density_per_cell,
+    name_of,
+    nodal_forces,
+    pressed_faces,
+    vector,
+)
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
@@ -92,6 +102,8 @@ class Stepper:
         self._hands: list[Hand] = []
         self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
         self._named: Displacements = grasped
+        self._pressure: Pressures = {}
+        self._faces: dict[Any, Indices] = {}
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         if start is not None and start.displacement.shape != organ.mesh.points.shape:
@@ -138,6 +150,7 @@ class Stepper:
         displacement: Displacements | None = None,
         *,
         force: Forces | None = None,
+        pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
     ) -> Frame:
@@ -147,6 +160,7 @@ class Stepper:
             is named no longer is let go. Without it, what was named last stays where it was put.
         force: dead forces [N] as in `solve`; gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one
             given here.
+        pressure: `{where: p}` [Pa] as in `solve`: it follows the surface, and may change with every frame.
         """
         named = self._named if displacement is None else displacement
         targets: dict[Any, Any] = dict(named)
@@ -160,6 +174,7 @@ class Stepper:
             self._grasp = grasp
         values, means = self._grasp.move(targets)
         applied, acceleration = self._loads(force, gravity, density)
+        self._press(pressure or {})
         try:
             result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         except ValueError as error:
@@ -189,6 +204,13 @@ class Stepper:
             self._core.grasp(grasp.dofs, grasp.patches)
         except ValueError as error:
             raise VisceraError(str(error)) from None
+
+    def _press(self, pressure: Pressures) -> None:
+        if pressure == self._pressure:
+            return
+        faces, values = pressed_faces(self._organ.mesh, self._organ.fixed, pressure, self._faces)
+        self._core.press(faces, values)
+        self._pressure = dict(pressure)
 
     def _loads(
         self, force: Forces | None, gravity: ArrayLike | None, density: ArrayLike | None

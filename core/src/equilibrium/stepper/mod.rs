@@ -7,6 +7,7 @@
 mod frame;
 mod mass;
 mod motion;
+mod pressed;
 mod relaxation;
 mod settings;
 #[cfg(test)]
@@ -42,9 +43,12 @@ pub struct Stepper {
     motion: Option<Motion>,
     relaxation: Option<Relaxation>,
     nodal_mass: Vec<f64>,
+    pressure: Pressure,
     force_scale: f64,
     displacement: Vec<f64>,
     start: Vec<f64>,
+    /// Forces that do not follow the surface, and those with the pressure on it.
+    dead: Vec<f64>,
     external: Vec<f64>,
     internal: Vec<f64>,
     residual: Vec<f64>,
@@ -128,9 +132,11 @@ impl Stepper {
             motion,
             relaxation,
             nodal_mass,
+            pressure: Pressure::default(),
             force_scale: body.force_scale(),
             start: displacement.clone(),
             displacement,
+            dead: vec![0.0; n],
             external: vec![0.0; n],
             internal: vec![0.0; n],
             residual: vec![0.0; n],
@@ -243,11 +249,11 @@ impl Stepper {
 
     fn apply_loads(&mut self, input: &Input<'_>) {
         if input.force.is_empty() {
-            self.external.fill(0.0);
+            self.dead.fill(0.0);
         } else {
-            self.external.copy_from_slice(input.force);
+            self.dead.copy_from_slice(input.force);
         }
-        for (force, mass) in self.external.chunks_exact_mut(3).zip(&self.nodal_mass) {
+        for (force, mass) in self.dead.chunks_exact_mut(3).zip(&self.nodal_mass) {
             (0..3).for_each(|i| force[i] += mass * input.gravity[i]);
         }
     }
@@ -272,6 +278,8 @@ impl Stepper {
             if let Some(relaxation) = &self.relaxation {
                 relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
             }
+            self.press(body);
+            self.stiffen(body);
             if iteration == 0 {
                 self.set_out();
             }
@@ -410,6 +418,7 @@ impl Stepper {
             relaxation.apply(&self.displacement, &mut self.internal, None);
             relaxation.end(body.material(), &self.displacement);
         }
+        self.press(body);
         let mut scale = square(&self.internal).max(square(&self.external));
         if let Some(motion) = &mut self.motion {
             let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
