@@ -202,6 +202,7 @@ class Organ:
         self,
         *,
         force: Forces | None = None,
+        traction: Tractions | None = None,
         pressure: Pressures | None = None,
         order: int = 15,
         parameter: str = "load",
@@ -213,7 +214,7 @@ class Organ:
 
         u(a) = sum_p a^p u_p, all orders sharing one tangent; continued from the end of each expansion's range. The
         parameter a is the "load" or the "arc length", which passes limit points.
-        force, pressure: as in `solve`; the pressure follows the surface.
+        force, traction, pressure: as in `solve`, at load 1; the pressure follows the surface.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
         """
         if parameter not in {"load", "arc length"}:
@@ -222,6 +223,7 @@ class Organ:
             raise VisceraError(f"a path needs at least order 2, got {order}")
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
         try:
             expansions = self._body.path(
                 force=applied,

@@ -179,6 +179,17 @@ def test_frames_under_pressure_find_the_full_solution(rims: tuple[str, ...], fra
     assert frame.reaction("top") == pytest.approx(exact.reaction("top"), abs=1e-8)
 
 
+def test_tractions_act_in_frames_and_along_paths(clamped: vs.Organ) -> None:
+    loads: dict[str, Any] = {"traction": {"tip": (100.0, 0.0, -200.0)}, "force": {"tip": (0.0, 1.0, 0.0)}}
+    exact = clamped.solve(**loads)
+    stepper = clamped.stepper()
+    for _ in range(8):
+        frame = stepper.frame(**loads)
+    assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
+    _, displacement = clamped.path(**loads, tolerance=1e-8).curve(2)
+    assert displacement[-1] == pytest.approx(exact.displacement, abs=1e-7)
+
+
 def test_a_heart_beats(clamped: vs.Organ) -> None:
     """A pressure that changes with every frame, on a closed surface; when it rests, so does the organ, where it was."""
     stepper = clamped.stepper()
