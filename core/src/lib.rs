@@ -28,5 +28,6 @@ pub mod reduced;
 pub mod series;
 pub mod simd;
 pub mod tensor;
+mod unroll;
 
 pub use error::Error;

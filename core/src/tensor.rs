@@ -1,46 +1,41 @@
 //! 3x3 tensors over any scalar: what laws need of tensor algebra, and nothing more.
 
 use crate::number::Scalar;
+use crate::unroll::{array, tabulate};
 
 /// Rows of a second-order tensor.
 pub type Mat3<S> = [[S; 3]; 3];
 /// A vector.
 pub type Vec3<S> = [S; 3];
 
-/// The tensor with entries `f(i, j)`.
-#[inline(always)]
-pub fn tabulate<S>(mut f: impl FnMut(usize, usize) -> S) -> Mat3<S> {
-    std::array::from_fn(|i| std::array::from_fn(|j| f(i, j)))
-}
-
 /// `factor * identity`, shaped like `factor`.
 #[inline(always)]
 pub fn spherical<S: Scalar>(factor: &S) -> Mat3<S> {
-    tabulate(|i, j| if i == j { factor.clone() } else { factor.constant(0.0) })
+    tabulate!(|i, j| if i == j { factor.clone() } else { factor.constant(0.0) })
 }
 
 /// `A + B`.
 #[inline(always)]
 pub fn add<S: Scalar>(a: &Mat3<S>, b: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| a[i][j].clone() + b[i][j].clone())
+    tabulate!(|i, j| a[i][j].clone() + b[i][j].clone())
 }
 
 /// `A - B`.
 #[inline(always)]
 pub fn sub<S: Scalar>(a: &Mat3<S>, b: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| a[i][j].clone() - b[i][j].clone())
+    tabulate!(|i, j| a[i][j].clone() - b[i][j].clone())
 }
 
 /// `s A`.
 #[inline(always)]
 pub fn scale<S: Scalar>(s: &S, a: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| s.clone() * a[i][j].clone())
+    tabulate!(|i, j| s.clone() * a[i][j].clone())
 }
 
 /// `A^T B`.
 #[inline(always)]
 pub fn transpose_mul<S: Scalar>(a: &Mat3<S>, b: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         a[0][i].clone() * b[0][j].clone()
             + a[1][i].clone() * b[1][j].clone()
             + a[2][i].clone() * b[2][j].clone()
@@ -50,13 +45,13 @@ pub fn transpose_mul<S: Scalar>(a: &Mat3<S>, b: &Mat3<S>) -> Mat3<S> {
 /// `A v`.
 #[inline(always)]
 pub fn mul_vector<S: Scalar>(a: &Mat3<S>, v: &Vec3<S>) -> Vec3<S> {
-    std::array::from_fn(|i| dot(&a[i], v))
+    array!(3, |i| dot(&a[i], v))
 }
 
 /// `A^T v`.
 #[inline(always)]
 pub fn transpose_mul_vector<S: Scalar>(a: &Mat3<S>, v: &Vec3<S>) -> Vec3<S> {
-    std::array::from_fn(|j| {
+    array!(3, |j| {
         a[0][j].clone() * v[0].clone()
             + a[1][j].clone() * v[1].clone()
             + a[2][j].clone() * v[2].clone()
@@ -72,7 +67,7 @@ pub fn dot<S: Scalar>(a: &Vec3<S>, b: &Vec3<S>) -> S {
 /// `a x b`.
 #[inline(always)]
 pub fn cross<S: Scalar>(a: &Vec3<S>, b: &Vec3<S>) -> Vec3<S> {
-    std::array::from_fn(|i| {
+    array!(3, |i| {
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         a[j].clone() * b[k].clone() - a[k].clone() * b[j].clone()
     })
@@ -93,7 +88,7 @@ pub fn trace<S: Scalar>(a: &Mat3<S>) -> S {
 /// Cofactor tensor, `cof A = det(A) A^-T`; defined for singular `A` too.
 #[inline(always)]
 pub fn cofactor<S: Scalar>(a: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         let (p, q) = ((i + 1) % 3, (i + 2) % 3);
         let (r, s) = ((j + 1) % 3, (j + 2) % 3);
         a[p][r].clone() * a[q][s].clone() - a[p][s].clone() * a[q][r].clone()
@@ -103,7 +98,7 @@ pub fn cofactor<S: Scalar>(a: &Mat3<S>) -> Mat3<S> {
 /// Tensor cross product `(A x B)_iJ = e_ipq e_JRS A_pR B_qS`; `cof A = (A x A) / 2`.
 #[inline(always)]
 pub fn tensor_cross<S: Scalar>(a: &Mat3<S>, b: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         let (p, q) = ((i + 1) % 3, (i + 2) % 3);
         let (r, s) = ((j + 1) % 3, (j + 2) % 3);
         a[p][r].clone() * b[q][s].clone()
@@ -124,7 +119,7 @@ pub fn inverse(a: &Mat3<f64>) -> Option<Mat3<f64>> {
     let z = cofactor(a);
     let det = determinant(a, &z);
     let size = a.iter().flatten().fold(0.0f64, |max, x| max.max(x.abs()));
-    (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate(|i, j| z[j][i] / det))
+    (det.abs() > 1e-12 * size.powi(3)).then(|| tabulate!(|i, j| z[j][i] / det))
 }
 
 #[cfg(test)]

@@ -48,7 +48,11 @@ void latencies_count(latencies *l, int32_t status, int32_t mode, const viscera_g
 
 void latencies_miss(latencies *l) {
     l->missed++;
-    l->missed_by_us += l->n > 0 && (double)l->seconds[CPU][l->n - 1] > PERIOD;
+    if (l->n > 0 && (double)l->seconds[CPU][l->n - 1] > PERIOD) overruns_miss(&l->overruns);
+}
+
+void latencies_repeat(latencies *l, const viscera_model *model) {
+    l->slowest_again = overruns_repeat(&l->overruns, model, PERIOD, &l->missed_by_us);
 }
 
 static int ascending(const void *a, const void *b) {
@@ -94,6 +98,9 @@ void report_latencies(const char *name, latencies *l) {
     }
     printf("  %zu ticks: %zu trusted, %zu not, %zu free; %zu missed, %zu of them because of us\n", l->n + l->missed,
            l->trusted, l->untrusted, l->free, l->missed, l->missed_by_us);
+    if (l->overruns.n)
+        printf("  %zu ticks computed for longer than a period; repeated, the slowest of them took %.2f us\n",
+               l->overruns.n + l->overruns.beyond, 1e6 * l->slowest_again);
     printf("  largest force %.3f N; largest debt of energy %.3f mJ, held down for it %.1f %% of the time\n",
            l->largest_force, -1e3 * l->lowest_energy, 100 * (double)l->damped / (double)(l->n ? l->n : 1));
     printf("  fastest move %.2f mm in a tick\n", 1e3 * l->longest_move);

@@ -8,6 +8,8 @@ pub struct SymmetricBlocks {
     pattern: BlockPattern,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
+    /// Blocks of single cells, kept between evaluations: fresh memory costs as much as filling it.
+    pub(super) of_cells: Vec<f64>,
 }
 
 impl SymmetricBlocks {
@@ -131,7 +133,8 @@ impl BlockPattern {
     }
 
     pub fn zeros(&self) -> SymmetricBlocks {
-        SymmetricBlocks { pattern: self.clone(), values: vec![0.0; 9 * self.row.len()] }
+        let values = vec![0.0; 9 * self.row.len()];
+        SymmetricBlocks { pattern: self.clone(), values, of_cells: Vec::new() }
     }
 
     /// Number of blocks.

@@ -6,7 +6,8 @@ use super::{LANES, Lane};
 use crate::element::{Geometry, Shape};
 use crate::law::Material;
 use crate::number::{Lanes, Scalar};
-use crate::tensor::{Mat3, Vec3, tabulate};
+use crate::tensor::{Mat3, Vec3};
+use crate::unroll::tabulate;
 use std::marker::PhantomData;
 
 /// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
@@ -25,11 +26,10 @@ pub(super) struct Slot {
     pub lane: u8,
 }
 
-/// A contribution of a cell to a block: the pair of its nodes, and whether it comes transposed.
+/// A contribution of a cell to a block: its number among the blocks of all cells, and whether it comes transposed.
 #[derive(Clone, Copy)]
 pub(super) struct Contribution {
-    pub slot: Slot,
-    pub pair: u8,
+    pub of_cell: u32,
     pub transposed: bool,
 }
 
@@ -72,8 +72,9 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
             .collect();
         let mut at_blocks = Vec::with_capacity(Self::PAIRS * nodes.len());
         for (nodes, &slot) in nodes.iter().zip(&slots) {
-            for (pair, [a, b]) in (0u8..).zip(pairs_of(nodes)) {
-                let contribution = Contribution { slot, pair, transposed: a > b };
+            let cell = slot.batch as usize * LANES + slot.lane as usize;
+            for (block, [a, b]) in (cell * Self::PAIRS..).zip(pairs_of(nodes)) {
+                let contribution = Contribution { of_cell: block as u32, transposed: a > b };
                 at_blocks.push((pattern.block(a, b), contribution));
             }
         }
@@ -143,7 +144,7 @@ pub(super) fn deformation<S: Scalar, const N: usize>(
     u: impl Fn(usize, usize) -> S,
 ) -> Mat3<S> {
     let zero = gradients[0][0].constant(0.0);
-    let mut h = tabulate(|_, _| zero.clone());
+    let mut h = tabulate!(|_, _| zero.clone());
     for a in 0..N {
         for i in 0..3 {
             let value = u(a, i);
@@ -152,7 +153,7 @@ pub(super) fn deformation<S: Scalar, const N: usize>(
             }
         }
     }
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         let sum = h[i][0].clone() * gradients[0][j].clone()
             + h[i][1].clone() * gradients[1][j].clone()
             + h[i][2].clone() * gradients[2][j].clone();

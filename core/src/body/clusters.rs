@@ -10,14 +10,15 @@
 
 use super::blocks::{BlockPattern, Grouped};
 use super::cells::{Batch, Slot, tissues};
-use super::kernels::{Surroundings, TASK};
+use super::kernels::{self, Surroundings, TASK};
 use super::partition::Partition;
 use super::{LANES, Lane};
 use crate::element::{Geometry, Shape, Tet4};
-use crate::law::{Law, LawVisitor, Material, TangentBlocks};
+use crate::law::{Law, LawVisitor, Material};
 use crate::number::Lanes;
 use crate::simd::{Kernel, dispatch};
-use crate::tensor::{Mat3, Vec3, mul_vector, tabulate};
+use crate::tensor::{Mat3, Vec3, mul_vector};
+use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 
 /// Where volume ratios are averaged, and what they touch.
@@ -243,30 +244,48 @@ impl Surroundings for InCluster<'_> {
     fn stress<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, stress: &mut Mat3<Lane>) {
         let (ratio, slope) = law.volume_ratio(f);
         let q = self.mean_pressure(batch) - law.pressure(&ratio) * self.clusters.share[batch];
-        *stress = tabulate(|i, j| stress[i][j] + q * slope[i][j]);
+        *stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn tangent<L: Law>(
         &self,
         law: &L,
         batch: usize,
         (f, g): (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        stress: &mut Mat3<Lane>,
-        blocks: &mut TangentBlocks<Lane>,
+        response: &mut kernels::Response,
     ) {
-        let share = self.clusters.share[batch];
+        let (share, mean_pressure) = (self.clusters.share[batch], self.mean_pressure(batch));
+        dispatch(TangentInCluster { law, f, g, share, mean_pressure, response });
+    }
+}
+
+struct TangentInCluster<'a, L> {
+    law: &'a L,
+    f: &'a Mat3<Lane>,
+    g: &'a [Vec3<Lane>; 3],
+    share: f64,
+    mean_pressure: Lane,
+    response: &'a mut kernels::Response,
+}
+
+impl<L: Law> Kernel for TangentInCluster<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let TangentInCluster { law, f, g, share, mean_pressure, response: (stress, blocks) } = self;
         let (ratio, slope) = law.volume_ratio(f);
         let [pressure, modulus] = law.pressure_and_modulus(&ratio);
-        let q = self.mean_pressure(batch) - pressure * share;
+        let q = mean_pressure - pressure * share;
         let curvature = law.volume_curvature(f, g);
-        *stress = tabulate(|i, j| stress[i][j] + q * slope[i][j]);
-        let z: [Vec3<Lane>; 3] = std::array::from_fn(|k| mul_vector(&slope, &g[k]));
+        *stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
+        let z: [Vec3<Lane>; 3] = array!(3, |k| mul_vector(&slope, &g[k]));
         let mz = z.map(|z| z.map(|z| z * modulus * share));
         for a in 0..3 {
             for b in a..3 {
                 let (block, curvature) = (&mut blocks[a][b], &curvature[a][b]);
-                *block = tabulate(|i, k| block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]);
+                *block = tabulate!(|i, k| block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]);
             }
         }
     }
@@ -307,7 +326,7 @@ impl<L: Law> Kernel for VolumeKernel<'_, L> {
             let f = batch.deformation(Tet4::slopes(0), self.u);
             let (volume_ratio, slope) = (self.make)(&batch.parameters).volume_ratio(&f);
             *ratio = volume_ratio;
-            *slopes = std::array::from_fn(|k| mul_vector(&slope, &batch.gradients[k]));
+            *slopes = array!(3, |k| mul_vector(&slope, &batch.gradients[k]));
         }
     }
 }

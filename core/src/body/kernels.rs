@@ -1,12 +1,13 @@
 //! Energy, internal force and tangent: loops over batches, compiled for the processor's vectors.
 
-use super::Lane;
 use super::blocks::SymmetricBlocks;
 use super::cells::{Batch, Cells, add_product};
+use super::{LANES, Lane};
 use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material, TangentBlocks};
 use crate::simd::{Kernel, dispatch};
-use crate::tensor::{Mat3, Vec3, cofactor, determinant, mul_vector, tabulate};
+use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
+use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 
@@ -26,8 +27,7 @@ pub(super) trait Surroundings: Copy + Send + Sync {
         law: &L,
         batch: usize,
         at: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        stress: &mut Mat3<Lane>,
-        blocks: &mut TangentBlocks<Lane>,
+        response: &mut Response,
     );
 }
 
@@ -46,8 +46,7 @@ impl Surroundings for Alone {
         _: &L,
         _: usize,
         _: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        _: &mut Mat3<Lane>,
-        _: &mut TangentBlocks<Lane>,
+        _: &mut Response,
     ) {
     }
 }
@@ -83,12 +82,11 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let mut tangents = vec![Mat3::<Lane>::default(); Self::PAIRS * self.batches.len()];
-        let evaluate =
-            Evaluate { cells: self, around, u, forces: &mut forces, tangents: &mut tangents };
-        material.visit(evaluate);
+        tangent.of_cells.resize(9 * Self::PAIRS * LANES * self.batches.len(), 0.0);
+        let tangents = &mut tangent.of_cells;
+        material.visit(Evaluate { cells: self, around, u, forces: &mut forces, tangents });
         self.gather_forces(&forces, out);
-        self.gather_tangents(&tangents, tangent, rest);
+        self.gather_tangents(tangent, rest);
     }
 
     fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
@@ -105,18 +103,18 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
 
     fn gather_tangents(
         &self,
-        tangents: &[Mat3<Lane>],
         out: &mut SymmetricBlocks,
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
-        out.values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
+        let SymmetricBlocks { values, of_cells, .. } = out;
+        let (of_cells, _) = of_cells.as_chunks::<9>();
+        values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
             let mut sum = [0.0; 9];
             for c in self.contributions.of(block) {
-                let local = &tangents[Self::PAIRS * c.slot.batch as usize + c.pair as usize];
+                let local = &of_cells[c.of_cell as usize];
                 for i in 0..3 {
                     for k in 0..3 {
-                        let (p, q) = if c.transposed { (k, i) } else { (i, k) };
-                        sum[3 * i + k] += local[p][q][c.slot.lane as usize];
+                        sum[3 * i + k] += local[if c.transposed { 3 * k + i } else { 3 * i + k }];
                     }
                 }
             }
@@ -137,7 +135,7 @@ impl<const N: usize> Batch<N> {
         forces: &mut [Vec3<Lane>; N],
     ) {
         let flux: [Vec3<Lane>; 3] =
-            std::array::from_fn(|k| mul_vector(stress, &self.gradients[k]).map(|f| f * weight));
+            array!(3, |k| array!(3, |i| dot(&stress[i], &self.gradients[k]) * weight));
         for a in 0..N {
             for k in 0..3 {
                 for i in 0..3 {
@@ -156,9 +154,9 @@ fn add_tangents<const N: usize>(
     blocks: &TangentBlocks<Lane>,
     out: &mut [Mat3<Lane>],
 ) {
-    let blocks: TangentBlocks<Lane> = std::array::from_fn(|k| {
-        std::array::from_fn(|l| {
-            tabulate(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
+    let blocks: TangentBlocks<Lane> = array!(3, |k| {
+        array!(3, |l| {
+            tabulate!(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
         })
     });
     for b in 0..N {
@@ -245,7 +243,7 @@ struct Evaluate<'a, E, A, const N: usize> {
     around: A,
     u: &'a [f64],
     forces: &'a mut [[Vec3<Lane>; N]],
-    tangents: &'a mut [Mat3<Lane>],
+    tangents: &'a mut [f64],
 }
 
 impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Evaluate<'_, E, A, N> {
@@ -260,11 +258,11 @@ impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Evaluate<'_, E
                 dispatch(ForceKernel { first, batches, around, u, make, forces, shape });
             });
         } else {
-            let tangents = tangents.par_chunks_mut(TASK * Cells::<E, N>::PAIRS);
+            let tangents = tangents.par_chunks_mut(TASK * LANES * 9 * Cells::<E, N>::PAIRS);
             tasks.zip(tangents).for_each(|((task, (batches, forces)), tangents)| {
                 let first = task * TASK;
                 let force = ForceKernel { first, batches, around, u, make, forces, shape };
-                dispatch(TangentKernel { force, tangents });
+                TangentLoop { force, tangents }.run();
             });
         }
     }
@@ -300,36 +298,142 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
     }
 }
 
-struct TangentKernel<'a, L, E, A, const N: usize> {
+/// The pieces of the tangent's loop. Each is compiled once for what it depends on, the law's for all elements, and not
+/// inlined into the product of laws, elements and surroundings: that would take minutes.
+struct TangentLoop<'a, L, E, A, const N: usize> {
     force: ForceKernel<'a, L, E, A, N>,
-    tangents: &'a mut [Mat3<Lane>],
+    tangents: &'a mut [f64],
 }
 
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel
-    for TangentKernel<'_, L, E, A, N>
-{
-    type Output = ();
-    #[inline(always)]
+impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
     fn run(self) {
         let ForceKernel { first, batches, around, u, make, forces, .. } = self.force;
-        let tangents = self.tangents.chunks_exact_mut(Cells::<E, N>::PAIRS);
+        let pairs = Cells::<E, N>::PAIRS;
+        let tangents = self.tangents.chunks_exact_mut(LANES * 9 * pairs);
+        let mut sums = vec![Mat3::<Lane>::default(); pairs];
         for (number, ((batch, forces), tangents)) in
             (first..).zip(batches.iter().zip(forces).zip(tangents))
         {
             let law = make(&batch.parameters);
-            let weight = batch.volume * (1.0 / E::POINTS as f64);
-            let mut sum = [[Lane::default(); 3]; N];
-            tangents.fill(Mat3::default());
+            *forces = [[Lane::default(); 3]; N];
             for point in 0..E::POINTS {
-                let slopes = E::slopes(point);
-                let f = batch.deformation(slopes, u);
-                let (mut stress, mut blocks) = law.tangent(&f, &batch.gradients);
-                let at = (&f, &batch.gradients);
-                around.tangent(&law, number, at, &mut stress, &mut blocks);
-                batch.add_forces(slopes, weight, &stress, &mut sum);
-                add_tangents(slopes, weight, &blocks, tangents);
+                let f = dispatch(Deform::<E, N> { batch, point, u, shape: PhantomData });
+                let g = &batch.gradients;
+                let mut response = law_tangent(&law, &f, g);
+                around.tangent(&law, number, (&f, g), &mut response);
+                add::<E, N>(batch, point, &response, forces, &mut sums);
             }
-            *forces = sum;
+            spread(&sums, tangents);
+        }
+    }
+}
+
+/// Stress and tangent of a law in the cells of a batch.
+pub(super) type Response = (Mat3<Lane>, TangentBlocks<Lane>);
+
+struct Deform<'a, E, const N: usize> {
+    batch: &'a Batch<N>,
+    point: usize,
+    u: &'a [f64],
+    shape: PhantomData<E>,
+}
+
+impl<E: Shape<N>, const N: usize> Kernel for Deform<'_, E, N> {
+    type Output = Mat3<Lane>;
+    #[inline(always)]
+    fn run(self) -> Mat3<Lane> {
+        self.batch.deformation(E::slopes(self.point), self.u)
+    }
+}
+
+/// [`Law::tangent`].
+#[inline(never)]
+fn law_tangent<L: Law>(law: &L, f: &Mat3<Lane>, g: &[Vec3<Lane>; 3]) -> Response {
+    struct Tangent<'a, L>(&'a L, &'a Mat3<Lane>, &'a [Vec3<Lane>; 3]);
+    impl<L: Law> Kernel for Tangent<'_, L> {
+        type Output = Response;
+        #[inline(always)]
+        fn run(self) -> Response {
+            self.0.tangent(self.1, self.2)
+        }
+    }
+    dispatch(Tangent(law, f, g))
+}
+
+/// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
+#[inline(never)]
+fn add<E: Shape<N>, const N: usize>(
+    batch: &Batch<N>,
+    point: usize,
+    response: &Response,
+    forces: &mut [Vec3<Lane>; N],
+    sums: &mut [Mat3<Lane>],
+) {
+    struct Add<'a, E, const N: usize> {
+        batch: &'a Batch<N>,
+        point: usize,
+        response: &'a Response,
+        forces: &'a mut [Vec3<Lane>; N],
+        sums: &'a mut [Mat3<Lane>],
+        shape: PhantomData<E>,
+    }
+    impl<E: Shape<N>, const N: usize> Kernel for Add<'_, E, N> {
+        type Output = ();
+        #[inline(always)]
+        fn run(self) {
+            let (stress, blocks) = self.response;
+            let slopes = E::slopes(self.point);
+            let weight = self.batch.volume * (1.0 / E::POINTS as f64);
+            self.batch.add_forces(slopes, weight, stress, self.forces);
+            if N == 4 {
+                set_linear_tangents(weight, blocks, self.sums);
+                return;
+            }
+            if self.point == 0 {
+                self.sums.fill(Mat3::default());
+            }
+            add_tangents(slopes, weight, blocks, self.sums);
+        }
+    }
+    dispatch(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
+}
+
+/// `K_ab = w blocks[a - 1][b - 1]` for all pairs `a <= b` of the linear cell, whose slopes are those of the
+/// barycentric coordinates: minus their sum for node 0.
+#[inline(always)]
+fn set_linear_tangents(weight: Lane, blocks: &TangentBlocks<Lane>, out: &mut [Mat3<Lane>]) {
+    let Some(out) = out.first_chunk_mut::<10>() else {
+        return;
+    };
+    let [[aa, ab, ac], [_, bb, bc], [_, _, cc]] = blocks;
+    for i in 0..3 {
+        for j in 0..3 {
+            let [aa, bb, cc] = [aa, bb, cc].map(|block| block[i][j] * weight);
+            let [ab, ba, ac, ca, bc, cb] =
+                [ab[i][j], ab[j][i], ac[i][j], ac[j][i], bc[i][j], bc[j][i]].map(|x| x * weight);
+            let columns = [aa + ba + ca, ab + bb + cb, ac + bc + cc];
+            let entries = [
+                columns[0] + columns[1] + columns[2],
+                -columns[0],
+                -columns[1],
+                -columns[2],
+                aa,
+                ab,
+                ac,
+                bb,
+                bc,
+                cc,
+            ];
+            (0..10).for_each(|pair| out[pair][i][j] = entries[pair]);
+        }
+    }
+}
+
+/// Cell by cell, so that the gathering finds the nine entries of a block side by side.
+fn spread(sums: &[Mat3<Lane>], tangents: &mut [f64]) {
+    for (lane, cell) in tangents.chunks_exact_mut(9 * sums.len()).enumerate() {
+        for (out, block) in cell.as_chunks_mut::<9>().0.iter_mut().zip(sums) {
+            *out = std::array::from_fn(|entry| block[entry / 3][entry % 3][lane]);
         }
     }
 }

@@ -155,7 +155,7 @@ impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for ForceKernel<'_, T,
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                law.stress_series(table, &deformation, pressure, &mut stress);
+                stress_series(&law, table, (&deformation, pressure), &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -172,6 +172,34 @@ impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for ForceKernel<'_, T,
                 }
             }
         }
+    }
+}
+
+/// [`Law::stress_series`], compiled once for all elements.
+#[inline(never)]
+fn stress_series<T: Real, L: Law>(
+    law: &L,
+    table: &'static Monomials,
+    (deformation, pressure): (&[T], &[T]),
+    out: &mut [T],
+) {
+    dispatch(StressKernel { law, table, deformation, pressure, out });
+}
+
+struct StressKernel<'a, T, L> {
+    law: &'a L,
+    table: &'static Monomials,
+    deformation: &'a [T],
+    pressure: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Real, L: Law> Kernel for StressKernel<'_, T, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.law.stress_series(self.table, self.deformation, self.pressure, self.out);
     }
 }
 

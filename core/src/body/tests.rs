@@ -6,7 +6,8 @@ use crate::law::samples::{analytic, parameters, per_cell, uniform};
 use crate::law::{Law, LawVisitor};
 use crate::mesh::samples::{block, noise};
 use crate::number::Monomials;
-use crate::tensor::{Mat3, mul_vector, tabulate};
+use crate::tensor::{Mat3, mul_vector};
+use crate::unroll::tabulate;
 
 const SIZE: [f64; 3] = [0.03, 0.04, 0.05];
 /// Shear and volume change with `J > 0`, small enough for every law.
@@ -126,7 +127,7 @@ fn tangent_is_the_derivative_of_the_force_and_symmetric() {
 fn turn() -> Mat3<f64> {
     let (n, c, s) = ([1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0], 0.7f64.cos(), 0.7f64.sin());
     let spin = [[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]];
-    tabulate(|i, j| (c - 1.0) * ((i == j) as u8 as f64) + s * spin[i][j] + (1.0 - c) * n[i] * n[j])
+    tabulate!(|i, j| (c - 1.0) * ((i == j) as u8 as f64) + s * spin[i][j] + (1.0 - c) * n[i] * n[j])
 }
 
 #[test]
@@ -161,11 +162,11 @@ fn affine_motions_give_one_stress_everywhere() {
         for element in Element::ALL {
             let body = body(element, distorted(3), uniform(law));
             let f = force(&body, &affine(&body, &STRAIN, [0.01, 0.0, -0.02]));
-            let gradient = tabulate(|i, j| ((i == j) as u8 as f64) + STRAIN[i][j]);
+            let gradient = tabulate!(|i, j| ((i == j) as u8 as f64) + STRAIN[i][j]);
             let stress = body.material().visit(Stress(&parameters(law, 1.0), gradient));
             let name = format!("{law}, {}", element.name());
             for entry in 0..9 {
-                let unit = tabulate(|i, j| (3 * i + j == entry) as u8 as f64);
+                let unit = tabulate!(|i, j| (3 * i + j == entry) as u8 as f64);
                 let motion = affine(&body, &unit, [0.0; 3]);
                 let work: f64 = f.iter().zip(&motion).map(|(f, u)| f * u).sum();
                 let exact = body.rest_volume() * stress[entry / 3][entry % 3];

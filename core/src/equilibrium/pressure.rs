@@ -106,7 +106,9 @@ impl Pressure {
         self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
             for a in 0..nodes.len() {
                 for b in (0..nodes.len()).filter(|&b| nodes[a] < nodes[b]) {
-                    let Some(position) = tangent.position(nodes[a], nodes[b]) else { continue };
+                    let Some(position) = tangent.position(nodes[a], nodes[b]) else {
+                        continue;
+                    };
                     let e: [f64; 3] = std::array::from_fn(|i| {
                         -0.5 * factor * pressure * (shape[a] * edges[b][i] - shape[b] * edges[a][i])
                     });
@@ -194,7 +196,9 @@ impl Pressure {
 
     /// Every quadrature point of every face, its weight within normal and edges.
     fn each(&self, body: &Body, u: &[f64], mut visit: impl FnMut(Piece)) {
-        let Some(first) = self.faces.first() else { return };
+        let Some(first) = self.faces.first() else {
+            return;
+        };
         let rule = rule(first.len());
         for (nodes, &pressure) in self.faces.iter().zip(&self.values) {
             let x: Vec<[f64; 3]> = nodes

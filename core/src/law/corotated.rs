@@ -1,10 +1,11 @@
 use super::linear::{hooke_dilatation, hooke_pressure};
-use super::{Law, TangentBlocks, blocks};
+use super::{Law, TangentBlocks};
 use crate::number::Scalar;
 use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
-    trace, transpose_mul, transpose_mul_vector,
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, trace,
+    transpose_mul, transpose_mul_vector,
 };
+use crate::unroll::{array, tabulate};
 
 /// Corotated linear elasticity: Hooke's law in the frame of the rotation `R` of `F = R U`,
 /// `psi = mu |F - R|^2 + lam/2 (tr(R^T F) - 3)^2`.
@@ -26,7 +27,7 @@ impl Law for Corotated {
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
         let R = rotation(F);
-        let stretch = tabulate(|i, j| F[i][j].clone() - R[i][j].clone());
+        let stretch = tabulate!(|i, j| F[i][j].clone() - R[i][j].clone());
         let dilation = double_dot(&R, F) - 3.0;
         double_dot(&stretch, &stretch) * self.mu + dilation.square() * (0.5 * self.lam)
     }
@@ -36,7 +37,7 @@ impl Law for Corotated {
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
         let R = rotation(F);
         let pressure = (double_dot(&R, F) - 3.0) * self.lam;
-        tabulate(|i, j| {
+        tabulate!(|i, j| {
             (F[i][j].clone() - R[i][j].clone()) * (2.0 * self.mu)
                 + pressure.clone() * R[i][j].clone()
         })
@@ -47,17 +48,17 @@ impl Law for Corotated {
     fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let R = rotation(F);
         let factor = (double_dot(&R, F) - 3.0) * self.lam - 2.0 * self.mu;
-        let Rg: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&R, &g[a]));
+        let Rg: [Vec3<S>; 3] = array!(3, |a| mul_vector(&R, &g[a]));
         let dR = spin(F, &R, g);
-        let block = |a: usize, b: usize| {
+        let blocks = blocks!(|a, b| {
             let gg = dot(&g[a], &g[b]) * (2.0 * self.mu);
-            tabulate(|i, k| {
+            tabulate!(|i, k| {
                 let pressure = Rg[a][i].clone() * Rg[b][k].clone() * self.lam;
                 let entry = pressure + factor.clone() * dR[a][b][i][k].clone();
                 if i == k { entry + gg.clone() } else { entry }
             })
-        };
-        (self.stress(F), blocks(block))
+        });
+        (self.stress(F), blocks)
     }
 
     /// `J = 1 + tr(R^T F - I)`, whose gradient is `R`: the variation of `R` drops out.
@@ -95,19 +96,19 @@ impl Law for Corotated {
 fn spin<S: Scalar>(F: &Mat3<S>, R: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
     let U = transpose_mul(R, F);
     let diagonal = spherical(&trace(&U));
-    let A = tabulate(|i, j| diagonal[i][j].clone() - U[i][j].clone());
+    let A = tabulate!(|i, j| diagonal[i][j].clone() - U[i][j].clone());
     // The cofactor of a symmetric tensor is its inverse times its determinant.
     let cof_A = cofactor(&A);
     let per_det_A = determinant(&A, &cof_A).recip();
-    let unit = |k: usize| std::array::from_fn(|i| per_det_A.constant((i == k) as u8 as f64));
-    blocks(|a, b| {
-        let columns: [Vec3<S>; 3] = std::array::from_fn(|k| {
+    let unit = |k: usize| array!(3, |i| per_det_A.constant((i == k) as u8 as f64));
+    blocks!(|a, b| {
+        let columns: [Vec3<S>; 3] = array!(3, |k| {
             // dF = e_k (x) g_b: R^T dF = r (x) g_b with r = R^T e_k; its axial vector is g_b x r.
             let r = transpose_mul_vector(R, &unit(k));
             let w = mul_vector(&cof_A, &cross(&g[b], &r));
             mul_vector(R, &cross(&w, &g[a])).map(|entry| entry * per_det_A.clone())
         });
-        tabulate(|i, k| columns[k][i].clone())
+        tabulate!(|i, k| columns[k][i].clone())
     })
 }
 
@@ -123,7 +124,7 @@ fn rotation<S: Scalar>(F: &Mat3<S>) -> Mat3<S> {
     for _ in 0..12 {
         let Z = cofactor(&R);
         let scale = determinant(&R, &Z).recip() * 0.5;
-        R = tabulate(|i, j| R[i][j].clone() * 0.5 + scale.clone() * Z[i][j].clone());
+        R = tabulate!(|i, j| R[i][j].clone() * 0.5 + scale.clone() * Z[i][j].clone());
     }
     R
 }

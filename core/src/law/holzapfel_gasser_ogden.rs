@@ -4,11 +4,10 @@
 //! `I1, J` and `I4 = |F a|^2`, whose derivatives come from duals; the geometry is `invariants.rs` with
 //! `dI4/dF = 2 (F a) (x) a` in the place of `dI2/dF`.
 
-use super::{Law, TangentBlocks, blocks};
+use super::{Law, TangentBlocks};
 use crate::number::{Gradient, Hessian, Scalar};
-use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, tabulate,
-};
+use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector};
+use crate::unroll::{array, tabulate};
 
 /// Holzapfel-Gasser-Ogden solid (J. Elasticity 61, 2000, 1; with dispersion J. R. Soc. Interface 3, 2006, 15):
 /// `psi = c/2 (I1' - 3) + kappa/2 (J - 1)^2 + sum_i k1/(2 k2) (exp(k2 E_i^2) - 1)`,
@@ -58,7 +57,7 @@ impl HolzapfelGasserOgden {
     fn families<S: Scalar>(&self, F: &Mat3<S>, Z: &Mat3<S>) -> [(Vec3<S>, [S; 3]); 2] {
         let (I1, J) = (double_dot(F, F), determinant(F, Z));
         self.fibres.map(|a| {
-            let Fa = std::array::from_fn(|i| project(&F[i], &a));
+            let Fa = array!(3, |i| project(&F[i], &a));
             let I4 = dot(&Fa, &Fa);
             (Fa, [I1.clone(), I4, J.clone()])
         })
@@ -87,7 +86,7 @@ impl Law for HolzapfelGasserOgden {
         let psi1 = (first.1[0].clone() + second.1[0].clone()) * 2.0;
         let psiJ = first.1[2].clone() + second.1[2].clone();
         let pull = [first, second].map(|(Fa, psi)| Fa.map(|x| x * psi[1].clone() * 2.0));
-        tabulate(|i, j| {
+        tabulate!(|i, j| {
             let fibres =
                 pull[0][i].clone() * self.fibres[0][j] + pull[1][i].clone() * self.fibres[1][j];
             psi1.clone() * F[i][j].clone() + psiJ.clone() * Z[i][j].clone() + fibres
@@ -106,44 +105,43 @@ impl Law for HolzapfelGasserOgden {
         });
         let both = |n: usize| psi[0].first[n].clone() + psi[1].first[n].clone();
         let (two_psi1, psiJ) = (both(0) * 2.0, both(2));
-        let f: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(F, &g[a]));
-        let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Z, &g[a]));
+        let f: [Vec3<S>; 3] = array!(3, |a| mul_vector(F, &g[a]));
+        let z: [Vec3<S>; 3] = array!(3, |a| mul_vector(&Z, &g[a]));
         // a . g for each family and vector.
-        let s: [[S; 3]; 2] =
-            std::array::from_fn(|m| std::array::from_fn(|a| project(&g[a], &self.fibres[m])));
+        let s: [[S; 3]; 2] = array!(2, |m| array!(3, |a| project(&g[a], &self.fibres[m])));
         // The directions of each half along each vector, and their product with the second derivatives.
-        let along: [[Mat3<S>; 3]; 2] = std::array::from_fn(|m| {
-            std::array::from_fn(|a| {
-                std::array::from_fn(|i| {
+        let along: [[Mat3<S>; 3]; 2] = array!(2, |m| {
+            array!(3, |a| {
+                array!(3, |i| {
                     let pull = families[m].0[i].clone() * s[m][a].clone();
                     [f[a][i].clone() * 2.0, pull * 2.0, z[a][i].clone()]
                 })
             })
         });
-        let weighted: [[Mat3<S>; 3]; 2] = std::array::from_fn(|m| {
-            let second = tabulate(|p, q| psi[m].second(p, q));
-            std::array::from_fn(|b| std::array::from_fn(|k| mul_vector(&second, &along[m][b][k])))
+        let weighted: [[Mat3<S>; 3]; 2] = array!(2, |m| {
+            let second = tabulate!(|p, q| psi[m].second(p, q));
+            array!(3, |b| array!(3, |k| mul_vector(&second, &along[m][b][k])))
         });
 
-        let block = |a: usize, b: usize| -> Mat3<S> {
+        let blocks = blocks!(|a, b| {
             let mut diagonal = two_psi1.clone() * dot(&g[a], &g[b]);
             for m in 0..2 {
                 let ss = s[m][a].clone() * s[m][b].clone();
                 diagonal = diagonal + psi[m].first[1].clone() * ss * 2.0;
             }
             let spin = mul_vector(F, &cross(&g[a], &g[b])).map(|x| x * psiJ.clone());
-            tabulate(|i, k| {
+            tabulate!(|i, k| {
                 let entry = dot(&along[0][a][i], &weighted[0][b][k])
                     + dot(&along[1][a][i], &weighted[1][b][k]);
                 // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
                 match (3 + k - i) % 3 {
                     0 => entry + diagonal.clone(),
-                    1 => entry + spin[3 - i - k].clone(),
-                    _ => entry - spin[3 - i - k].clone(),
+                    1 => entry + spin[(6 - i - k) % 3].clone(),
+                    _ => entry - spin[(6 - i - k) % 3].clone(),
                 }
             })
-        };
-        (self.stress(F), blocks(block))
+        });
+        (self.stress(F), blocks)
     }
 
     /// A dilatation leaves the isochoric part at rest.

@@ -5,12 +5,12 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
-use super::{Law, StrainEnergy, TangentBlocks, blocks, determinant_curvature, series};
+use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature, series};
 use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tabulate,
-    tensor_cross,
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
+use crate::unroll::{array, tabulate};
 
 #[allow(non_snake_case)]
 impl<E: StrainEnergy + PartialEq + 'static> Law for E {
@@ -54,7 +54,7 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
     #[inline(always)]
     fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
         if E::VOLUME_IS_TRACE {
-            return blocks(|a, b| spherical(&dot(&g[a], &g[b])));
+            return blocks!(|a, b| spherical(&dot(&g[a], &g[b])));
         }
         determinant_curvature(F, g)
     }
@@ -113,13 +113,13 @@ fn assemble<E: StrainEnergy, S: Scalar>(
     psi2: &S,
     psiJ: &S,
 ) -> Mat3<S> {
-    let P = tabulate(|i, j| psi1.clone() * F[i][j].clone() * 2.0 + psiJ.clone() * Z[i][j].clone());
+    let P = tabulate!(|i, j| psi1.clone() * F[i][j].clone() * 2.0 + psiJ.clone() * Z[i][j].clone());
     if !E::USES_I2 {
         return P;
     }
-    let W = tabulate(|i, j| psi2.clone() * Z[i][j].clone() * 2.0);
+    let W = tabulate!(|i, j| psi2.clone() * Z[i][j].clone() * 2.0);
     let Y = tensor_cross(&W, F);
-    tabulate(|i, j| P[i][j].clone() + Y[i][j].clone())
+    tabulate!(|i, j| P[i][j].clone() + Y[i][j].clone())
 }
 
 /// Tangent blocks: second derivatives of `psi` on the three directions `2F, 2Y, Z`, plus first
@@ -134,38 +134,37 @@ fn contract<E: StrainEnergy, S: Scalar>(
     g: &[Vec3<S>; 3],
 ) -> TangentBlocks<S> {
     let Y = tensor_cross(Z, F);
-    let f: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(F, &g[a]));
-    let z: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(Z, &g[a]));
-    let y: [Vec3<S>; 3] = std::array::from_fn(|a| mul_vector(&Y, &g[a]));
+    let f: [Vec3<S>; 3] = array!(3, |a| mul_vector(F, &g[a]));
+    let z: [Vec3<S>; 3] = array!(3, |a| mul_vector(Z, &g[a]));
+    let y: [Vec3<S>; 3] = array!(3, |a| mul_vector(&Y, &g[a]));
     let two_psi1 = psi.first[0].clone() * 2.0;
     let two_psi2 = psi.first[1].clone() * 2.0;
     let I1 = double_dot(F, F);
     // B = F F^T, the left Cauchy-Green tensor.
-    let B = tabulate(|i, k| dot(&F[i], &F[k]));
+    let B = tabulate!(|i, k| dot(&F[i], &F[k]));
 
-    let block = |a: usize, b: usize| -> Mat3<S> {
+    // The directions along each vector times the second derivatives of psi.
+    let weighted: [[[S; 3]; 3]; 3] = array!(3, |a| array!(3, |i| {
+        let (f2, z, y2) = (f[a][i].clone() * 2.0, z[a][i].clone(), y[a][i].clone() * 2.0);
+        array!(3, |n| {
+            let sum = f2.clone() * psi.second(0, n) + z.clone() * psi.second(2, n);
+            if E::USES_I2 { sum + y2.clone() * psi.second(1, n) } else { sum }
+        })
+    }));
+
+    blocks!(|a, b| {
         let gg = dot(&g[a], &g[b]);
         // dZ/dF: e_ikq (F (g_a x g_b))_q.
         let spin = mul_vector(F, &cross(&g[a], &g[b]));
-        let spin: Vec3<S> = std::array::from_fn(|q| spin[q].clone() * psi.first[2].clone());
-        let row = |i: usize| -> [S; 3] {
-            let (fi, yi, zi) = (f[a][i].clone() * 2.0, y[a][i].clone() * 2.0, z[a][i].clone());
-            let direction = |n: usize| {
-                let first = fi.clone() * psi.second(0, n) + zi.clone() * psi.second(2, n);
-                if E::USES_I2 { first + yi.clone() * psi.second(1, n) } else { first }
-            };
-            [direction(0), direction(1), direction(2)]
-        };
-        let rows: [[S; 3]; 3] = std::array::from_fn(row);
-        tabulate(|i, k| {
-            let [c0, c1, c2] = &rows[i];
+        let spin: Vec3<S> = array!(3, |q| spin[q].clone() * psi.first[2].clone());
+        tabulate!(|i, k| {
+            let [c0, c1, c2] = &weighted[a][i];
             let mut entry = c0.clone() * f[b][k].clone() * 2.0 + c2.clone() * z[b][k].clone();
             if i == k {
                 entry = entry + two_psi1.clone() * gg.clone();
             } else {
                 // e_ikq is +1 for (i, k) = (0, 1), (1, 2), (2, 0).
-                let q = 3 - i - k;
-                let w = spin[q].clone();
+                let w = spin[(6 - i - k) % 3].clone();
                 entry = if (i + 1) % 3 == k { entry + w } else { entry - w };
             }
             if E::USES_I2 {
@@ -181,6 +180,5 @@ fn contract<E: StrainEnergy, S: Scalar>(
             }
             entry
         })
-    };
-    blocks(block)
+    })
 }

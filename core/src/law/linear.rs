@@ -1,6 +1,7 @@
-use super::{Law, TangentBlocks, blocks};
+use super::{Law, TangentBlocks};
 use crate::number::Scalar;
-use crate::tensor::{Mat3, Vec3, dot, spherical, tabulate, trace};
+use crate::tensor::{Mat3, Vec3, dot, spherical, trace};
+use crate::unroll::tabulate;
 
 /// Linear elasticity: `P = lam tr(e) I + 2 mu e`, `e = (F + F^T)/2 - I`.
 ///
@@ -28,7 +29,7 @@ impl Law for Linear {
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
         let e = strain(F);
         let pressure = spherical(&(trace(&e) * self.lam));
-        tabulate(|i, j| e[i][j].clone() * (2.0 * self.mu) + pressure[i][j].clone())
+        tabulate!(|i, j| e[i][j].clone() * (2.0 * self.mu) + pressure[i][j].clone())
     }
 
     #[inline(always)]
@@ -44,7 +45,7 @@ impl Law for Linear {
 
     #[inline(always)]
     fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, _g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
-        blocks(|_, _| spherical(&F[0][0].constant(0.0)))
+        blocks!(|_, _| spherical(&F[0][0].constant(0.0)))
     }
 
     #[inline(always)]
@@ -68,9 +69,9 @@ impl Law for Linear {
 /// `lam g_a (x) g_b + mu g_b (x) g_a + mu (g_a . g_b) I`.
 #[inline(always)]
 fn hooke<S: Scalar>(mu: f64, lam: f64, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
-    blocks(|a, b| {
+    blocks!(|a, b| {
         let diagonal = spherical(&(dot(&g[a], &g[b]) * mu));
-        tabulate(|i, k| {
+        tabulate!(|i, k| {
             g[a][i].clone() * g[b][k].clone() * lam
                 + g[b][i].clone() * g[a][k].clone() * mu
                 + diagonal[i][k].clone()
@@ -96,7 +97,7 @@ pub(super) fn hooke_pressure<S: Scalar>(mu: f64, lam: f64, J: &S) -> [S; 2] {
 #[inline(always)]
 #[allow(non_snake_case)]
 fn strain<S: Scalar>(F: &Mat3<S>) -> Mat3<S> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         let symmetric = (F[i][j].clone() + F[j][i].clone()) * 0.5;
         if i == j { symmetric - 1.0 } else { symmetric }
     })

@@ -5,6 +5,25 @@
 //! (linear, corotated) implement [`Law`], the layer above, directly. A new law is a file here,
 //! one line in [`laws!`] and one line of tests.
 
+/// The blocks `f(a, b)` for `a <= b` of `blocks!(|a, b| f(a, b))`; those below the diagonal, which nobody reads, repeat
+/// them.
+macro_rules! blocks {
+    (|$a:pat_param, $b:pat_param| $f:expr) => {{
+        let aa = $crate::law::blocks!(@ $a, $b, 0, 0, $f);
+        let ab = $crate::law::blocks!(@ $a, $b, 0, 1, $f);
+        let ac = $crate::law::blocks!(@ $a, $b, 0, 2, $f);
+        let bb = $crate::law::blocks!(@ $a, $b, 1, 1, $f);
+        let bc = $crate::law::blocks!(@ $a, $b, 1, 2, $f);
+        let cc = $crate::law::blocks!(@ $a, $b, 2, 2, $f);
+        [[aa, ab.clone(), ac.clone()], [ab, bb, bc.clone()], [ac, bc, cc]]
+    }};
+    (@ $a:pat, $b:pat, $na:literal, $nb:literal, $f:expr) => {{
+        let ($a, $b): (usize, usize) = ($na, $nb);
+        $f
+    }};
+}
+pub(crate) use blocks;
+
 mod corotated;
 mod holzapfel_gasser_ogden;
 mod invariants;
@@ -32,9 +51,8 @@ pub use yeoh::Yeoh;
 
 use crate::error::Error;
 use crate::number::{Jet, Monomials, Real, Scalar};
-use crate::tensor::{
-    Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, tabulate, trace,
-};
+use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, trace};
+use crate::unroll::tabulate;
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
 pub trait StrainEnergy: Copy + Send + Sync {
@@ -113,8 +131,9 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
         let c = J.cbrt();
         let unit = spherical(&c.constant(1.0));
         let (P, A) = self.tangent(&spherical(&c), &unit);
-        let at =
-            |a: usize, b: usize| if a <= b { A[a][b][a][b].clone() } else { A[b][a][b][a].clone() };
+        let at = |a: usize, b: usize| {
+            if a <= b { A[a][b][a][b].clone() } else { A[b][a][b][a].clone() }
+        };
         let row = |a: usize| at(a, 0) + at(a, 1) + at(a, 2);
         // With T = tr P: U' = T / (3 c^2), U'' = (dT/dc - 2 T / c) / (9 c^4).
         let (T, r) = (trace(&P), c.recip());
@@ -140,7 +159,7 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
         let mut P = self.stress(&F);
         if !q.is_empty() {
             let (q, (_, Z)) = (Jet::new(table, q.to_vec()), self.volume_ratio(&F));
-            P = tabulate(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
+            P = tabulate!(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
         }
         for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
             for (value, c) in out.iter_mut().zip(top.clone()) {
@@ -163,13 +182,13 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
 #[inline(always)]
 #[allow(non_snake_case)]
 fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
-    blocks(|a, b| {
+    blocks!(|a, b| {
         // e_ikq is 1 for (i, k) = (0, 1), (1, 2), (2, 0).
         let spin = mul_vector(F, &cross(&g[a], &g[b]));
-        tabulate(|i, k| match (3 + k - i) % 3 {
+        tabulate!(|i, k| match (3 + k - i) % 3 {
             0 => F[0][0].constant(0.0),
-            1 => spin[3 - i - k].clone(),
-            _ => -spin[3 - i - k].clone(),
+            1 => spin[(6 - i - k) % 3].clone(),
+            _ => -spin[(6 - i - k) % 3].clone(),
         })
     })
 }
@@ -178,14 +197,7 @@ fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlo
 #[inline(always)]
 fn jets<T: Real>(table: &'static Monomials, runs: &[T]) -> Mat3<Jet<T>> {
     let n = table.len();
-    tabulate(|i, j| Jet::new(table, runs[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()))
-}
-
-/// The blocks `f(a, b)` for `a <= b`; those below the diagonal, which nobody reads, repeat them.
-#[inline(always)]
-fn blocks<S: Scalar>(f: impl Fn(usize, usize) -> Mat3<S>) -> TangentBlocks<S> {
-    let [aa, ab, ac, bb, bc, cc] = [f(0, 0), f(0, 1), f(0, 2), f(1, 1), f(1, 2), f(2, 2)];
-    [[aa, ab.clone(), ac.clone()], [ab, bb, bc.clone()], [ac, bc, cc]]
+    tabulate!(|i, j| Jet::new(table, runs[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()))
 }
 
 /// A law given to the cells of a body: one set of parameters for all, or one per cell.
@@ -246,7 +258,7 @@ impl LawVisitor for Moduli<'_> {
     type Output = [f64; 2];
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> [f64; 2] {
         let law = make(self.0);
-        let identity = tabulate(|i, j| (i == j) as u8 as f64);
+        let identity = tabulate!(|i, j| (i == j) as u8 as f64);
         let (_, along) = law.tangent(&identity, &identity);
         // dP_01/dF_01 and its like; they differ where a law has a direction.
         let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;

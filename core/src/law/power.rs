@@ -63,7 +63,9 @@ fn fractional<S: Scalar>(I1: &S, I2: &S, r: f64) -> [S; 3] {
             + I1.clone() * m0,
     ];
     let (traces, inverses) = (integer_powers(I1, I2), integer_powers(I2, I1));
-    let trace = |k: i32| if k < 0 { &inverses[-k as usize] } else { &traces[k as usize] };
+    let trace = |k: i32| {
+        if k < 0 { &inverses[-k as usize] } else { &traces[k as usize] }
+    };
     let mut sums = nodes;
     for m in 0..TAIL {
         let sign = if m % 2 == 0 { factor } else { -factor };

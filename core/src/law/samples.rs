@@ -30,8 +30,9 @@ pub(crate) fn parameters(law: &str, factor: f64) -> Vec<f64> {
             || ["mu1", "mu2", "mu3"].contains(&name)
     };
     let names = Material::parameter_names(law).unwrap();
-    let scaled =
-        |(name, &value): (&&str, &f64)| if is_modulus(name) { factor * value } else { value };
+    let scaled = |(name, &value): (&&str, &f64)| {
+        if is_modulus(name) { factor * value } else { value }
+    };
     names.iter().zip(row(law)).map(scaled).collect()
 }
 

@@ -8,13 +8,15 @@
 
 use super::monomials::{Monomials, degree_of};
 use super::{Real, Scalar};
+use crate::simd::{Kernel, dispatch};
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// A truncated power series `sum_c coefficients[c] x^c`.
 ///
 /// Only the coefficients up to the highest degree present are stored (none for zero, one for a
-/// constant), so arithmetic with constants costs nothing.
+/// constant), so arithmetic with constants costs nothing. Operations allocate and loop: they are never inlined, or the
+/// tensors that laws write out entry by entry would take minutes to compile.
 #[derive(Clone)]
 pub struct Jet<T> {
     table: &'static Monomials,
@@ -103,7 +105,7 @@ impl<T: fmt::Debug> fmt::Debug for Jet<T> {
 
 impl<T: Real> Add for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn add(self, other: Self) -> Self {
         self.zip(other, |a, b| a + b)
     }
@@ -111,7 +113,7 @@ impl<T: Real> Add for Jet<T> {
 
 impl<T: Real> Sub for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn sub(self, other: Self) -> Self {
         self.zip(other, |a, b| a - b)
     }
@@ -119,7 +121,7 @@ impl<T: Real> Sub for Jet<T> {
 
 impl<T: Real> Neg for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn neg(self) -> Self {
         self.map(|a| -a)
     }
@@ -127,7 +129,7 @@ impl<T: Real> Neg for Jet<T> {
 
 impl<T: Real> Add<f64> for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn add(self, other: f64) -> Self {
         self.shift(other)
     }
@@ -135,7 +137,7 @@ impl<T: Real> Add<f64> for Jet<T> {
 
 impl<T: Real> Sub<f64> for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn sub(self, other: f64) -> Self {
         self.shift(-other)
     }
@@ -143,7 +145,7 @@ impl<T: Real> Sub<f64> for Jet<T> {
 
 impl<T: Real> Mul<f64> for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn mul(self, other: f64) -> Self {
         self.map(|a| a * other)
     }
@@ -151,7 +153,7 @@ impl<T: Real> Mul<f64> for Jet<T> {
 
 impl<T: Real> Mul for Jet<T> {
     type Output = Self;
-    #[inline(always)]
+    #[inline(never)]
     fn mul(self, other: Self) -> Self {
         let (Some(da), Some(db)) = (self.degree(), other.degree()) else {
             return Jet { table: self.table, coefficients: Vec::new() };
@@ -167,24 +169,39 @@ impl<T: Real> Mul for Jet<T> {
         let degree = (da + db).min(self.table.order());
         let mut out = vec![T::default(); self.table.up_to(degree)];
         let (a, b) = (&self.coefficients, &other.coefficients);
-        for &[i, j, k] in self.table.pairs(0..degree + 1) {
-            if let (Some(&a), Some(&b)) = (a.get(i as usize), b.get(j as usize)) {
-                out[k as usize].add_product(a, b);
-            }
-        }
+        dispatch(Products { pairs: self.table.pairs(0..degree + 1), a, b, out: &mut out });
         Jet { table: self.table, coefficients: out }
     }
 }
 
-impl<T: Real> Scalar for Jet<T> {
+struct Products<'a, T> {
+    pairs: &'a [[u16; 3]],
+    a: &'a [T],
+    b: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Products<'_, T> {
+    type Output = ();
     #[inline(always)]
+    fn run(self) {
+        for &[i, j, k] in self.pairs {
+            if let (Some(&a), Some(&b)) = (self.a.get(i as usize), self.b.get(j as usize)) {
+                self.out[k as usize].add_product(a, b);
+            }
+        }
+    }
+}
+
+impl<T: Real> Scalar for Jet<T> {
+    #[inline(never)]
     fn constant(&self, value: f64) -> Self {
         let coefficients = if value == 0.0 { Vec::new() } else { vec![T::splat(value)] };
         Jet { table: self.table, coefficients }
     }
 
     /// `g f = 1`: `f_c = -(1/g_0) sum_{b /= 0} g_b f_{c-b}`.
-    #[inline(always)]
+    #[inline(never)]
     fn recip(&self) -> Self {
         let table = self.table;
         let r0 = self.coefficient(0).recip();
@@ -202,7 +219,7 @@ impl<T: Real> Scalar for Jet<T> {
     }
 
     /// `g D f = D g`: `|c| g_0 f_c = |c| g_c - sum_{a /= c} |a| f_a g_{c-a}` (eq. 51 of paper A).
-    #[inline(always)]
+    #[inline(never)]
     fn ln(&self) -> Self {
         let table = self.table;
         let r0 = self.coefficient(0).recip();
@@ -221,7 +238,7 @@ impl<T: Real> Scalar for Jet<T> {
     }
 
     /// `D f = f D g`.
-    #[inline(always)]
+    #[inline(never)]
     fn exp(&self) -> Self {
         let table = self.table;
         self.by_degree(self.coefficient(0).exp(), |out, degree| {
@@ -235,13 +252,13 @@ impl<T: Real> Scalar for Jet<T> {
         })
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn heaviside(&self) -> Self {
         Jet { table: self.table, coefficients: vec![self.coefficient(0).heaviside()] }
     }
 
     /// `g D f = r f D g`.
-    #[inline(always)]
+    #[inline(never)]
     fn powf(&self, exponent: f64) -> Self {
         let table = self.table;
         let r0 = self.coefficient(0).recip();

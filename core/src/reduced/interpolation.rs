@@ -10,7 +10,8 @@ use super::evaluate::Contact;
 use super::model::ReducedModel;
 use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
 use crate::number::{Gradient, degree_of, evaluate_monomials};
-use crate::tensor::{Mat3, inverse, mul_vector, tabulate};
+use crate::tensor::{Mat3, inverse, mul_vector};
+use crate::unroll::tabulate;
 
 /// Monomials of order 8 in three variables, the constant left out.
 pub(super) const MAX_TERMS: usize = 164;
@@ -55,7 +56,7 @@ impl<'a> Interpolation<'a> {
             std::array::from_fn(|k| model.arrays.triangle_edges[3 * t + k] as usize);
         let weights = contact.weights;
         let edge_weights = std::array::from_fn(|k| weights[k] * weights[(k + 1) % 3]);
-        let mut compliance = tabulate(|_, _| 0.0);
+        let mut compliance = tabulate!(|_, _| 0.0);
         for k in 0..3 {
             let own = &model.arrays.answers.compliance[9 * corners[k]..9 * corners[k] + 9];
             let cross = &model.arrays.answers.cross_compliance[9 * edges[k]..9 * edges[k] + 9];
@@ -67,7 +68,7 @@ impl<'a> Interpolation<'a> {
                 }
             }
         }
-        let stiffness = inverse(&compliance).unwrap_or_else(|| tabulate(|_, _| 0.0));
+        let stiffness = inverse(&compliance).unwrap_or_else(|| tabulate!(|_, _| 0.0));
         let terms = model.n_terms();
         Interpolation { model, corners, edges, weights, edge_weights, stiffness, terms }
     }

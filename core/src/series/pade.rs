@@ -49,7 +49,9 @@ impl Pade {
 
     /// The first positive zero of the denominator below `limit`, found by sign changes.
     fn first_pole(&self, limit: f64) -> f64 {
-        let Some(order) = self.order() else { return limit };
+        let Some(order) = self.order() else {
+            return limit;
+        };
         const SAMPLES: usize = 400;
         let at = |k: usize| limit * k as f64 / SAMPLES as f64;
         let sign_changes = (1..=SAMPLES)

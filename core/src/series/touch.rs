@@ -13,7 +13,8 @@ use crate::equilibrium::System;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials};
-use crate::tensor::{Mat3, inverse, tabulate};
+use crate::tensor::{Mat3, inverse};
+use crate::unroll::tabulate;
 
 /// Load positions per block.
 const WIDTH: usize = 8;
@@ -142,7 +143,7 @@ impl<'a> Block<'a> {
             let columns: [[f64; 3]; 3] = std::array::from_fn(|k| {
                 self.mean(lane, &self.influence[(3 * lane + k) * n..(3 * lane + k + 1) * n])
             });
-            let compliance = tabulate(|i, k| columns[k][i]);
+            let compliance = tabulate!(|i, k| columns[k][i]);
             let stiffness = inverse(&compliance).ok_or_else(|| {
                 Error::input(format!(
                     "the patch around point {} does not move: it lies on fixed points only",

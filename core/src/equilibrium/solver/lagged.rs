@@ -117,8 +117,12 @@ impl Spare {
 
     /// Exchanges the factors where the worker has finished.
     fn collect(&mut self, current: &mut Box<Factor>, is_held: &[bool]) -> bool {
-        let Ok(done) = self.worker.done.get_mut() else { return false };
-        let Ok((mut factor, outcome)) = done.try_recv() else { return false };
+        let Ok(done) = self.worker.done.get_mut() else {
+            return false;
+        };
+        let Ok((mut factor, outcome)) = done.try_recv() else {
+            return false;
+        };
         let is_outdated = std::mem::take(&mut self.is_outdated);
         let is_good = outcome.is_ok() && !is_outdated;
         if is_good {

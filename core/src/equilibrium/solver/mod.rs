@@ -76,7 +76,9 @@ impl Method {
     /// # Errors
     /// A tolerance that is not between 0 and 1, or no iterations.
     pub fn check(&self) -> Result<(), Error> {
-        let Method::ConjugateGradients(cg) = self else { return Ok(()) };
+        let Method::ConjugateGradients(cg) = self else {
+            return Ok(());
+        };
         if !(cg.tolerance > 0.0 && cg.tolerance < 1.0) || cg.max_iterations == 0 {
             return Err(Error::input(format!(
                 "conjugate gradients: tolerance {} and {} iterations; give a tolerance between 0 and 1 and at \

@@ -300,7 +300,9 @@ impl Stepper {
 
     /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
     fn set_out(&mut self) {
-        let Some(motion) = &mut self.motion else { return };
+        let Some(motion) = &mut self.motion else {
+            return;
+        };
         let solver = &self.solver;
         if !motion.has_started {
             // M a = f_ext - f_int - C v

@@ -11,7 +11,8 @@ use crate::body::{Body, SymmetricBlocks};
 use crate::element::Geometry;
 use crate::error::Error;
 use crate::law::{Law, LawVisitor, Material};
-use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub, tabulate};
+use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub};
+use crate::unroll::tabulate;
 
 /// Relative moduli `g_i` and relaxation times `tau_i` [s].
 #[derive(Clone, Debug, PartialEq)]
@@ -180,7 +181,7 @@ impl Relaxation {
 impl Cell {
     /// `F = I + sum_a u_a (x) g_a`.
     fn deformation(&self, u: &[f64]) -> Mat3<f64> {
-        tabulate(|i, j| {
+        tabulate!(|i, j| {
             let nodes = self.nodes.iter().zip(&self.gradients);
             let gradient: f64 = nodes.map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum();
             gradient + f64::from(i == j)
@@ -200,7 +201,7 @@ impl LawVisitor for Stresses<'_> {
         let stress = |(cell, f): (usize, &Mat3<f64>)| {
             let p = make(self.material.of_cell(cell)).stress(f);
             let inverse = inverse(f).unwrap_or_default();
-            tabulate(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
+            tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
         };
         self.deformations.iter().enumerate().map(stress).collect()
     }

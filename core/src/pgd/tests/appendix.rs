@@ -6,9 +6,8 @@ use crate::element::Geometry;
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::number::Monomials;
-use crate::tensor::{
-    Mat3, add, cofactor, determinant, double_dot, scale, sub, tabulate, transpose_mul,
-};
+use crate::tensor::{Mat3, add, cofactor, determinant, double_dot, scale, sub, transpose_mul};
+use crate::unroll::tabulate;
 
 const MU: f64 = 57.4e3;
 const LAM: f64 = 1.38e6;
@@ -57,13 +56,13 @@ struct Appendix {
 
 impl Appendix {
     fn new(gradient: Mat3<f64>) -> Self {
-        let f = tabulate(|i, j| gradient[i][j] + (i == j) as u8 as f64);
+        let f = tabulate!(|i, j| gradient[i][j] + (i == j) as u8 as f64);
         let c = transpose_mul(&f, &f);
         let cc = cofactor(&c);
         let x = determinant(&c, &cc);
         let inverse = scale(&(1.0 / x), &cc);
         let y = 0.5 * x.ln();
-        let identity = tabulate(|i, j| (i == j) as u8 as f64);
+        let identity = tabulate!(|i, j| (i == j) as u8 as f64);
         let s = add(&scale(&MU, &sub(&identity, &inverse)), &scale(&(LAM * y), &inverse));
         Appendix {
             gradient: vec![gradient],
@@ -79,7 +78,7 @@ impl Appendix {
 
     fn deformation(&self, r: usize) -> Mat3<f64> {
         let identity = (r == 0) as u8 as f64;
-        tabulate(|i, j| self.gradient[r][i][j] + if i == j { identity } else { 0.0 })
+        tabulate!(|i, j| self.gradient[r][i][j] + if i == j { identity } else { 0.0 })
     }
 
     /// `sum_{r=1}^{p-1} f(r, p - r)`.
@@ -176,7 +175,7 @@ impl Appendix {
 }
 
 fn product(a: &Mat3<f64>, b: &Mat3<f64>) -> Mat3<f64> {
-    tabulate(|i, j| (0..3).map(|k| a[i][k] * b[k][j]).sum())
+    tabulate!(|i, j| (0..3).map(|k| a[i][k] * b[k][j]).sum())
 }
 
 /// Orders 2 to 7 about a strained state; orders 2 and 3 use the printed closed forms alone.
@@ -223,7 +222,7 @@ fn eqs_42_to_51_give_the_right_hand_sides_of_the_generic_series() {
 }
 
 fn gradient(element: &Shape, cell: &[u32; 4], u: &[f64]) -> Mat3<f64> {
-    tabulate(|i, j| {
+    tabulate!(|i, j| {
         cell.iter().zip(&element.gradients).map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum()
     })
 }
