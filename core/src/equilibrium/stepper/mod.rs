@@ -61,6 +61,10 @@ pub struct Stepper {
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
 
+/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up: one crushed cell has been met at 18, and
+/// all of the diagonal may be that of one cell.
+const LARGEST_SHIFT: f64 = 1e6;
+
 /// What the Newton iterations of a frame did.
 struct Progress {
     taken: f64,
@@ -374,7 +378,7 @@ impl Stepper {
             match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => break,
                 Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
-                    if shift < 10.0 =>
+                    if shift < LARGEST_SHIFT =>
                 {
                     shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
                 }
