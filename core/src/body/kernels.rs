@@ -57,18 +57,19 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         material.visit(Energy { cells: self, around, u })
     }
 
-    /// Internal force `f_int = dW/du` [N].
+    /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids it finds a
+    /// cell turned inside out, and then the force means nothing.
     pub fn force(
         &self,
         material: &Material,
         around: impl Surroundings,
         u: &[f64],
         out: &mut [f64],
-    ) {
+    ) -> f64 {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let tangents = &mut [];
-        material.visit(Evaluate { cells: self, around, u, forces: &mut forces, tangents });
+        let energy = material.visit(Force { cells: self, around, u, forces: &mut forces });
         self.gather_forces(&forces, out);
+        energy
     }
 
     /// Internal force and tangent, to each block of which `rest` adds.
@@ -84,7 +85,7 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
         tangent.of_cells.resize(9 * Self::PAIRS * LANES * self.batches.len(), 0.0);
         let tangents = &mut tangent.of_cells;
-        material.visit(Evaluate { cells: self, around, u, forces: &mut forces, tangents });
+        material.visit(Tangent { cells: self, around, u, forces: &mut forces, tangents });
         self.gather_forces(&forces, out);
         self.gather_tangents(tangent, rest);
     }
@@ -225,8 +226,7 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKern
             let weight = batch.volume * (1.0 / E::POINTS as f64);
             for point in 0..E::POINTS {
                 let f = batch.deformation(E::slopes(point), self.u);
-                let inverted = determinant(&f, &cofactor(&f)).0.iter().any(|&j| !(j > 0.0));
-                if L::FORBIDS_INVERSION && inverted {
+                if L::FORBIDS_INVERSION && is_inside_out(&f) {
                     return f64::INFINITY;
                 }
                 let mut energy: Lane = law.energy(&f);
@@ -238,33 +238,25 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKern
     }
 }
 
-struct Evaluate<'a, E, A, const N: usize> {
+struct Force<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
     forces: &'a mut [[Vec3<Lane>; N]],
-    tangents: &'a mut [f64],
 }
 
-impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Evaluate<'_, E, A, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Evaluate { cells, around, u, forces, tangents } = self;
-        let shape = PhantomData::<E>;
+impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A, N> {
+    type Output = f64;
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
+        let Force { cells, around, u, forces } = self;
         let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
-        if tangents.is_empty() {
-            tasks.for_each(|(task, (batches, forces))| {
-                let first = task * TASK;
-                dispatch(ForceKernel { first, batches, around, u, make, forces, shape });
-            });
-        } else {
-            let tangents = tangents.par_chunks_mut(TASK * LANES * 9 * Cells::<E, N>::PAIRS);
-            tasks.zip(tangents).for_each(|((task, (batches, forces)), tangents)| {
-                let first = task * TASK;
-                let force = ForceKernel { first, batches, around, u, make, forces, shape };
-                TangentLoop { force, tangents }.run();
-            });
-        }
+        let sums: Vec<f64> = tasks
+            .map(|(task, (batches, forces))| {
+                let (first, shape) = (task * TASK, PhantomData::<E>);
+                dispatch(ForceKernel { first, batches, around, u, make, forces, shape })
+            })
+            .collect();
+        sums.iter().sum()
     }
 }
 
@@ -279,37 +271,76 @@ struct ForceKernel<'a, L, E, A, const N: usize> {
 }
 
 impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKernel<'_, L, E, A, N> {
-    type Output = ();
+    type Output = f64;
     #[inline(always)]
-    fn run(self) {
+    fn run(self) -> f64 {
+        let mut sum = Lane::default();
         for (number, (batch, forces)) in (self.first..).zip(self.batches.iter().zip(self.forces)) {
             let law = (self.make)(&batch.parameters);
             let weight = batch.volume * (1.0 / E::POINTS as f64);
-            let mut sum = [[Lane::default(); 3]; N];
+            *forces = [[Lane::default(); 3]; N];
             for point in 0..E::POINTS {
                 let slopes = E::slopes(point);
                 let f = batch.deformation(slopes, self.u);
-                let mut stress = law.stress(&f);
+                if L::FORBIDS_INVERSION && is_inside_out(&f) {
+                    return f64::INFINITY;
+                }
+                let (mut energy, mut stress) = law.energy_and_stress(&f);
+                self.around.energy(&law, number, &f, &mut energy);
                 self.around.stress(&law, number, &f, &mut stress);
-                batch.add_forces(slopes, weight, &stress, &mut sum);
+                batch.add_forces(slopes, weight, &stress, forces);
+                sum = sum + energy * weight;
             }
-            *forces = sum;
         }
+        sum.0.iter().sum()
+    }
+}
+
+/// Whether any cell of a batch has `J <= 0`, or no `J` at all.
+#[inline(always)]
+fn is_inside_out(f: &Mat3<Lane>) -> bool {
+    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > 0.0))
+}
+
+struct Tangent<'a, E, A, const N: usize> {
+    cells: &'a Cells<E, N>,
+    around: A,
+    u: &'a [f64],
+    forces: &'a mut [[Vec3<Lane>; N]],
+    tangents: &'a mut [f64],
+}
+
+impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Tangent<'_, E, A, N> {
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        let Tangent { cells, around, u, forces, tangents } = self;
+        let tangents = tangents.par_chunks_mut(TASK * LANES * 9 * Cells::<E, N>::PAIRS);
+        let batches = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK));
+        batches.zip(tangents).enumerate().for_each(|(task, ((batches, forces), tangents))| {
+            let (first, shape) = (task * TASK, PhantomData::<E>);
+            TangentLoop { first, batches, around, u, make, forces, tangents, shape }.run();
+        });
     }
 }
 
 /// The pieces of the tangent's loop. Each is compiled once for what it depends on, the law's for all elements, and not
 /// inlined into the product of laws, elements and surroundings: that would take minutes.
 struct TangentLoop<'a, L, E, A, const N: usize> {
-    force: ForceKernel<'a, L, E, A, N>,
+    first: usize,
+    batches: &'a [Batch<N>],
+    around: A,
+    u: &'a [f64],
+    make: fn(&[f64]) -> L,
+    forces: &'a mut [[Vec3<Lane>; N]],
     tangents: &'a mut [f64],
+    shape: PhantomData<E>,
 }
 
 impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
     fn run(self) {
-        let ForceKernel { first, batches, around, u, make, forces, .. } = self.force;
+        let TangentLoop { first, batches, around, u, make, forces, tangents, .. } = self;
         let pairs = Cells::<E, N>::PAIRS;
-        let tangents = self.tangents.chunks_exact_mut(LANES * 9 * pairs);
+        let tangents = tangents.chunks_exact_mut(LANES * 9 * pairs);
         let mut sums = vec![Mat3::<Lane>::default(); pairs];
         for (number, ((batch, forces), tangents)) in
             (first..).zip(batches.iter().zip(forces).zip(tangents))

@@ -240,8 +240,9 @@ impl Body {
         }
     }
 
-    /// Internal force `f_int = dW/du` [N].
-    pub fn internal_force(&self, u: &[f64], force: &mut [f64]) {
+    /// Internal force `f_int = dW/du` [N], in place, and with it what [`Body::energy`] says; where that is infinite,
+    /// the force means nothing.
+    pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
         let material = &self.material;
         match &self.assembly {
             Assembly::P1(cells) => cells.force(material, Alone, u, force),
@@ -249,7 +250,12 @@ impl Body {
             Assembly::P1MeanVolume(cells, clusters) => {
                 let volumes = clusters.volumes(material, &cells.batches, u);
                 let (pressures, _) = clusters.pressures(material, &volumes);
-                cells.force(material, clusters.around(&pressures), u, force);
+                let local = cells.force(material, clusters.around(&pressures), u, force);
+                if local.is_infinite() {
+                    local
+                } else {
+                    local + clusters.energy(material, &volumes)
+                }
             }
         }
     }

@@ -25,10 +25,17 @@ impl<E: StrainEnergy + PartialEq + 'static> Law for E {
 
     #[inline(always)]
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
+        self.energy_and_stress(F).1
+    }
+
+    #[inline(always)]
+    fn energy_and_stress<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
         let Z = cofactor(F);
         let [I1, I2, J] = Gradient::variables(invariants::<Self, S>(F, &Z));
-        let [psi1, psi2, psiJ] = self.psi(I1, I2, J).first;
-        assemble::<Self, S>(F, &Z, &psi1, &psi2, &psiJ)
+        let psi = self.psi(I1, I2, J);
+        let [psi1, psi2, psiJ] = &psi.first;
+        let P = assemble::<Self, S>(F, &Z, psi1, psi2, psiJ);
+        (psi.value, P)
     }
 
     #[inline(always)]

@@ -94,6 +94,12 @@ pub trait Law: Copy + Send + Sync + PartialEq + 'static {
     /// First Piola-Kirchhoff stress `P = d psi / dF` [Pa], for any scalar, power series included.
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S>;
 
+    /// Energy and stress at once: a strain energy's stress has the energy as a by-product.
+    #[inline(always)]
+    fn energy_and_stress<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
+        (self.energy(F), self.stress(F))
+    }
+
     /// Stress and the contraction of `dP/dF` with three vectors, the gradients of three barycentric
     /// coordinates: all that the assembly of a tetrahedron needs of the fourth-order tensor.
     fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>);

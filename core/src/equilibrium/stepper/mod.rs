@@ -401,25 +401,25 @@ impl Stepper {
         Ok((shift > 0.0, solved))
     }
 
-    /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy.
+    /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy. The
+    /// internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
         for cuts in 0..=MAX_CUTS {
             let taken = 0.5f64.powi(cuts);
             for (dof, trial) in self.trial.iter_mut().enumerate() {
                 *trial = self.displacement[dof] + taken * self.step[dof];
             }
-            let energy = body.energy(&self.trial);
+            let energy = body.internal_force(&self.trial, &mut self.internal);
             if energy.is_finite() {
                 std::mem::swap(&mut self.displacement, &mut self.trial);
                 return (taken, energy);
             }
         }
-        (0.0, body.energy(&self.displacement))
+        (0.0, body.internal_force(&self.displacement, &mut self.internal))
     }
 
     /// Ends a frame: the motion, what is out of balance, what the tools feel. The residual, relative.
     fn take_stock(&mut self, body: &Body, is_cut: bool) -> f64 {
-        body.internal_force(&self.displacement, &mut self.internal);
         if let Some(relaxation) = &mut self.relaxation {
             relaxation.apply(&self.displacement, &mut self.internal, None);
             relaxation.end(body.material(), &self.displacement);
