@@ -45,6 +45,8 @@ pub struct Stepper {
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     force_scale: f64,
+    /// Shift of the last tangent, over its mean diagonal.
+    shift: f64,
     displacement: Vec<f64>,
     start: Vec<f64>,
     /// Forces that do not follow the surface, and those with the pressure on it.
@@ -138,6 +140,7 @@ impl Stepper {
             nodal_mass,
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
+            shift: 0.0,
             start: displacement.clone(),
             displacement,
             dead: vec![0.0; n],
@@ -373,18 +376,6 @@ impl Stepper {
         input: &Input<'_>,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        let mut shift = 0.0;
-        loop {
-            match self.solver.prepare(&self.tangent, shift) {
-                Ok(()) => break,
-                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
-                    if shift < LARGEST_SHIFT =>
-                {
-                    shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
         let gap: Vec<f64> = self
             .patches
             .iter()
@@ -395,10 +386,29 @@ impl Stepper {
                 std::array::from_fn::<f64, 3, _>(|i| mean[i] - now[i] - held[i])
             })
             .collect();
-        let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
-        let solved = self.solver.solve(b, &gap, free, forces, deadline)?;
+        // What needed a large shift needs one not much smaller now.
+        let mut shift = if self.shift >= 1.0 { 0.1 * self.shift } else { 0.0 };
+        let mut iterations = 0;
+        let solved = loop {
+            let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
+            let outcome = match self.solver.prepare(&self.tangent, shift) {
+                Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
+                Err(error) => Err(error),
+            };
+            let is_last =
+                shift >= LARGEST_SHIFT || deadline.is_some_and(|end| Instant::now() >= end);
+            match outcome {
+                Ok(solved) if is_last || solved.indefinite.is_none() => break solved,
+                Ok(solved) => iterations += solved.iterations,
+                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
+                    if shift < LARGEST_SHIFT => {}
+                Err(error) => return Err(error.into()),
+            }
+            shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+        };
+        self.shift = shift;
         self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
-        Ok((shift > 0.0, solved))
+        Ok((shift > 0.0, Solved { iterations: iterations + solved.iterations, ..solved }))
     }
 
     /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy. The
