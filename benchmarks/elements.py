@@ -37,7 +37,7 @@ def frame(organ: vs.Organ, grasped: str) -> float:
 
 
 print(describe())
-print("organ   element     nodes   cells   force + tangent of a cell       frame")
+print("organ   element           nodes   cells   force + tangent of a cell              frame")
 for name, held, grasped in (("artery", "top", "bottom"), ("liver", "hilum", "tip")):
     mesh, first = getattr(vs.organs, name)(), None
     for element in ELEMENTS:
@@ -46,6 +46,6 @@ for name, held, grasped in (("artery", "top", "bottom"), ("liver", "hilum", "tip
         first = times if first is None else first
         cell, (cell_ratio, frame_ratio) = 1e6 * times[0] / len(mesh.cells), times / first
         print(
-            f"{name:8s}{element:9s}{len(organ.mesh.points):8d}{len(mesh.cells):8d}"
+            f"{name:8s}{element:15s}{len(organ.mesh.points):8d}{len(mesh.cells):8d}"
             f"{cell:13.3f} us  ({cell_ratio:4.1f} x){1e3 * times[1]:13.2f} ms  ({frame_ratio:4.1f} x)"
         )

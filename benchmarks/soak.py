@@ -44,14 +44,15 @@ def soak(name: str, seconds: float, seed: int) -> list[str]:
     """Frames for some seconds; what went wrong, in words."""
     rng, mesh = np.random.default_rng(seed), vs.organs.artery()
     organ = vs.Organ(mesh, vs.MooneyRivlin(1.343e5, 0.335e5, alpha=4.167e6), fixed="top", element="P1")
-    stepper = organ.stepper(density=1060, **KINDS[name])
+    reach = 0.1 * mesh.diagonal
+    stepper, places = organ.stepper(density=1060, **KINDS[name]), organ.touchable(radius=reach)
     hand, faults = None, []
     frames = cut = unstable = late = standing = 0
     worst, gravity = 0.0, np.array([0.0, 0.0, -9.81])
     began, memory = perf_counter(), [resident()]
     while perf_counter() - began < seconds and not faults:
         if hand is None:
-            hand = stepper.grasp(organ.patch(mesh.points[rng.choice(mesh.surface_nodes)], 0.1 * mesh.diagonal))
+            hand = stepper.grasp(organ.patch(mesh.points[rng.choice(places)], reach))
         elif rng.random() < 0.02:
             hand.release()
             hand = None

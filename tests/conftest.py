@@ -51,6 +51,16 @@ def cube() -> vs.Mesh:
 
 
 @pytest.fixture(scope="session")
+def dome() -> vs.Mesh:
+    """A shallow dome over a square of 2 m, 0.25 m high and 0.05 m thick: 75 points, 192 cells, sets `rim` and `top`."""
+    unit, cells = block((4, 4, 2), (2.0, 2.0, 0.05))
+    height = 0.25 * np.sin(np.pi * unit[:, 0] / 2) * np.sin(np.pi * unit[:, 1] / 2)
+    rim = ((unit[:, :2] == 0.0) | (unit[:, :2] == 2.0)).any(axis=1)
+    sets = {"rim": np.flatnonzero(rim), "top": np.flatnonzero(unit[:, 2] == 0.05)}
+    return vs.mesh(unit + np.outer(height, [0.0, 0.0, 1.0]), cells, sets)
+
+
+@pytest.fixture(scope="session")
 def bar() -> vs.Mesh:
     """A bar 0.4 x 0.1 x 0.1 m along x: 81 points, 192 cells, sets `root` (x = 0) and `tip` (x = 0.4)."""
     points, cells = block((8, 2, 2), (0.4, 0.1, 0.1))

@@ -66,6 +66,21 @@ class Surface:
     def closest(self, point: Floats) -> tuple[int, list[float], float]:
         """Triangle, weights of its corners, and distance [m]."""
 
+class Factor:
+    """A direct solver of a symmetric matrix, given by its upper triangle in compressed columns, rows ascending and the
+    diagonal last in each: "cholesky" where it is positive definite, "ldlt" where it may be indefinite."""
+
+    def __init__(self, kind: str, column_start: Indices, row: Indices) -> None: ...
+    @property
+    def fill(self) -> int:
+        """Entries that the factor stores."""
+    @property
+    def negative(self) -> int:
+        """Negative eigenvalues of the matrix factorised last; 0 for "cholesky"."""
+    def factorize(self, values: Floats) -> None: ...
+    def solve(self, rhs: Floats) -> Floats:
+        """A^-1 rhs (n,)."""
+
 class Law:
     """A constitutive law by name with its parameters, one row for all cells or one row per cell.
 
@@ -129,6 +144,8 @@ class Body:
         self,
         *,
         force: Floats,  # (n, 3) at load 1
+        pressed: Indices,  # faces as in `solve`
+        pressure: Floats,  # (t,) at load 1
         order: int,
         parameter: str,  # "load" | "arc length"
         until: float,  # load factor to reach
@@ -184,6 +201,8 @@ class Stepper:
     ) -> None: ...
     def grasp(self, prescribed: Indices, patches: list[Patch]) -> None:
         """Hold these degrees of freedom and patch means, and nothing else beside the fixed nodes."""
+    def press(self, pressed: Indices, pressure: Floats) -> None:
+        """From the next frame on this pressure pushes, and no other; faces and values as in `Body.solve`."""
     def set_velocity(self, velocity: Floats) -> None: ...
     def displacement(self) -> Floats: ...
     def velocity(self) -> Floats | None: ...

@@ -99,15 +99,23 @@ def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
     return nodal
 
 
-def pressed_faces(mesh: Mesh, fixed: Indices, pressure: Pressures) -> tuple[Indices, Floats]:
-    """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; where places overlap they add."""
+def pressed_faces(
+    mesh: Mesh, fixed: Indices, pressure: Pressures, known: dict[Any, Indices] | None = None
+) -> tuple[Indices, Floats]:
+    """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; where places overlap they add.
+
+    known: the faces of places that were asked for before; those that are new join them.
+    """
+    known = {} if known is None else known
     faces, values = [np.empty((0, 6 if len(mesh.edges) else 3), dtype=np.uint32)], [np.empty(0)]
     for where, value in pressure.items():
         if isinstance(value, bool) or not isinstance(value, float | int | np.floating | np.integer):
             raise VisceraError(f"the pressure on {name_of(where)} must be a number [Pa], got {value!r}")
         if not np.isfinite(value):
             raise VisceraError(f"the pressure on {name_of(where)} must be finite [Pa], got {value}")
-        faces.append(_loaded(mesh, fixed, where, "pressure"))
+        if where not in known:
+            known[where] = _loaded(mesh, fixed, where, "pressure")
+        faces.append(known[where])
         values.append(np.full(len(faces[-1]), float(value)))
     return np.ascontiguousarray(np.concatenate(faces)), np.concatenate(values)
 

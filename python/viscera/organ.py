@@ -201,31 +201,42 @@ class Organ:
     def path(
         self,
         *,
-        force: Forces,
+        force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         order: int = 15,
         parameter: str = "load",
         until: float = 1.0,
         tolerance: float = 1e-6,
         max_expansions: int = 50,
     ) -> Path:
-        """The equilibrium path under `until` times a force, by the asymptotic numerical method.
+        """The equilibrium path under `until` times a load, by the asymptotic numerical method.
 
         u(a) = sum_p a^p u_p, all orders sharing one tangent; continued from the end of each expansion's range. The
         parameter a is the "load" or the "arc length", which passes limit points.
+        force, traction, pressure: as in `solve`, at load 1; the pressure follows the surface.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
         """
         if parameter not in {"load", "arc length"}:
             raise VisceraError(f"the path parameter is 'load' or 'arc length', got {parameter!r}")
         if order < 2:
             raise VisceraError(f"a path needs at least order 2, got {order}")
-        expansions = self._body.path(
-            force=nodal_forces(self.mesh, self.fixed, force),
-            order=order,
-            parameter=parameter,
-            until=until,
-            tolerance=tolerance,
-            max_expansions=max_expansions,
-        )
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
+        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        try:
+            expansions = self._body.path(
+                force=applied,
+                pressed=pressed,
+                pressure=pressures,
+                order=order,
+                parameter=parameter,
+                until=until,
+                tolerance=tolerance,
+                max_expansions=max_expansions,
+            )
+        except ValueError as error:
+            raise VisceraError(str(error)) from None
         return Path([Expansion(**expansion) for expansion in expansions])
 
     def unloaded(

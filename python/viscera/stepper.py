@@ -12,8 +12,20 @@ from viscera import _core
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
 from viscera.grasp import Grasp
-from viscera.loads import Displacements, Forces, Where, density_per_cell, name_of, nodal_forces, vector
-from viscera.mesh import Floats, Mesh
+from viscera.loads import (
+    Displacements,
+    Forces,
+    Pressures,
+    Tractions,
+    Where,
+    density_per_cell,
+    name_of,
+    nodal_forces,
+    pressed_faces,
+    traction_forces,
+    vector,
+)
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
@@ -92,6 +104,8 @@ class Stepper:
         self._hands: list[Hand] = []
         self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
         self._named: Displacements = grasped
+        self._pressure: Pressures = {}
+        self._faces: dict[Any, Indices] = {}
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         if start is not None and start.displacement.shape != organ.mesh.points.shape:
@@ -138,6 +152,8 @@ class Stepper:
         displacement: Displacements | None = None,
         *,
         force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
     ) -> Frame:
@@ -145,8 +161,9 @@ class Stepper:
 
         displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free; what is named is held, what
             is named no longer is let go. Without it, what was named last stays where it was put.
-        force: dead forces [N] as in `solve`; gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one
-            given here.
+        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface; all
+            may change with every frame, and what is not named acts no longer.
+        gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
         """
         named = self._named if displacement is None else displacement
         targets: dict[Any, Any] = dict(named)
@@ -159,7 +176,8 @@ class Stepper:
             self._hold(grasp)
             self._grasp = grasp
         values, means = self._grasp.move(targets)
-        applied, acceleration = self._loads(force, gravity, density)
+        applied, acceleration = self._loads(force, traction, gravity, density)
+        self._press(pressure or {})
         try:
             result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         except ValueError as error:
@@ -190,12 +208,26 @@ class Stepper:
         except ValueError as error:
             raise VisceraError(str(error)) from None
 
+    def _press(self, pressure: Pressures) -> None:
+        if pressure == self._pressure:
+            return
+        faces, values = pressed_faces(self._organ.mesh, self._organ.fixed, pressure, self._faces)
+        self._core.press(faces, values)
+        self._pressure = dict(pressure)
+
     def _loads(
-        self, force: Forces | None, gravity: ArrayLike | None, density: ArrayLike | None
+        self,
+        force: Forces | None,
+        traction: Tractions | None,
+        gravity: ArrayLike | None,
+        density: ArrayLike | None,
     ) -> tuple[Floats | None, tuple[float, float, float]]:
         """Nodal forces and the gravity that the core turns into more of them."""
         organ = self._organ
         applied = None if force is None else nodal_forces(organ.mesh, organ.fixed, force)
+        if traction:
+            pull = traction_forces(organ.mesh, organ.fixed, traction)
+            applied = pull if applied is None else applied + pull
         if gravity is None:
             return applied, (0.0, 0.0, 0.0)
         x, y, z = vector(gravity, "gravity", "m/s^2").tolist()

@@ -165,6 +165,99 @@ def test_surface_loads_that_are_refused(clamped: vs.Organ, loads: dict[str, Any]
         clamped.solve(**loads)
 
 
+@pytest.mark.parametrize(("rims", "frames"), [(("top",), 45), (("top", "bottom", "branch"), 18)])
+def test_frames_under_pressure_find_the_full_solution(rims: tuple[str, ...], frames: int) -> None:
+    """Quadratically where all rims are held; where one is free, the tangent lacks the unsymmetric part of the load."""
+    mesh = vs.organs.artery()
+    organ = vs.Organ(mesh, SOFT, fixed=np.concatenate([mesh.nodes(rim) for rim in rims]))
+    exact = organ.solve(pressure={"lumen": 1e3}, throw=True)
+    stepper = organ.stepper()
+    for share in np.minimum(np.arange(1, frames + 1) / 10, 1):
+        frame = stepper.frame(pressure={"lumen": 1e3 * share})
+    assert frame.residual < 1e-10
+    assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9 * mesh.diagonal)
+    assert frame.reaction("top") == pytest.approx(exact.reaction("top"), abs=1e-8)
+
+
+def test_tractions_act_in_frames_and_along_paths(clamped: vs.Organ) -> None:
+    loads: dict[str, Any] = {"traction": {"tip": (100.0, 0.0, -200.0)}, "force": {"tip": (0.0, 1.0, 0.0)}}
+    exact = clamped.solve(**loads)
+    stepper = clamped.stepper()
+    for _ in range(8):
+        frame = stepper.frame(**loads)
+    assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
+    _, displacement = clamped.path(**loads, tolerance=1e-8).curve(2)
+    assert displacement[-1] == pytest.approx(exact.displacement, abs=1e-7)
+
+
+def test_a_heart_beats(clamped: vs.Organ) -> None:
+    """A pressure that changes with every frame, on a closed surface; when it rests, so does the organ, where it was."""
+    stepper = clamped.stepper()
+    everywhere = tuple(range(len(clamped.mesh.points)))
+    for phase in np.linspace(0, 2 * np.pi, 41):
+        frame = stepper.frame(pressure={everywhere: 1e4 * (1.5 - np.cos(phase))})
+    assert frame.residual < 1e-3, "left behind a moving load"
+    exact = clamped.solve(pressure={everywhere: 5e3})
+    assert frame.displacement == pytest.approx(exact.displacement, abs=5e-3 * exact.max_displacement)
+    for _ in range(7):
+        frame = stepper.frame()
+    assert np.abs(frame.displacement).max() < 1e-12
+
+
+def test_a_sudden_pressure_keeps_the_energy(clamped: vs.Organ) -> None:
+    """On a closed surface p V is its potential: with Newmark's rule strain, motion and it have one sum."""
+    everywhere = tuple(range(len(clamped.mesh.points)))
+    stepper = clamped.stepper(dynamics="newmark", time_step=2e-4, density=1000)
+    rest, sums, exchanged = _volume(clamped.mesh, 0.0 * clamped.mesh.points), [], 0.0
+    for _ in range(200):
+        frame = stepper.frame(pressure={everywhere: 2e3})
+        work = 2e3 * (rest - _volume(clamped.mesh, frame.displacement))
+        sums.append(frame.energy + frame.kinetic_energy - work)
+        exchanged = max(exchanged, work)
+    assert np.abs(sums).max() < 1e-2 * exchanged
+
+
+def _volume(mesh: vs.Mesh, displacement: Floats) -> float:
+    corners = (mesh.points + displacement)[mesh.cells]
+    return float(np.linalg.det(corners[:, 1:] - corners[:, :1]).sum() / 6)
+
+
+@pytest.mark.parametrize("parameter", ["load", "arc length"])
+def test_a_path_under_pressure_ends_where_newton_does(parameter: str) -> None:
+    organ = vs.Organ(vs.organs.artery(), SOFT, fixed="top")
+    load, displacement = organ.path(pressure={"lumen": 1e3}, parameter=parameter, tolerance=1e-8).curve(3)
+    assert load[-1] == pytest.approx(1.0, abs=1e-6)
+    exact = organ.solve(pressure={"lumen": 1e3 * load[-1]}, throw=True)
+    assert displacement[-1] == pytest.approx(exact.displacement, abs=1e-5 * exact.max_displacement)
+
+
+def test_a_dome_snaps_through_under_pressure(dome: vs.Mesh) -> None:
+    """By arc length past two limit points; between them, where nothing is stable, Newton's method stays put as well."""
+    organ = vs.Organ(dome, SOFT, fixed="rim", element="P2")
+    path = organ.path(pressure={"top": 60.0}, parameter="arc length", order=12, tolerance=1e-5)
+    load, _ = path.curve(6)
+    falling = np.flatnonzero(np.diff(load) < 0)
+    assert load[falling[0]] > 1.5 * load[falling[-1] + 1], "it snaps through"
+    assert load[-1] == pytest.approx(1.0)
+    stable = []
+    for expansion in path.expansions[1:]:
+        there = organ.solve(pressure={"top": 60.0 * expansion.load[0]}, start=expansion.displacement[0])
+        assert there.displacement == pytest.approx(expansion.displacement[0], abs=1e-7)
+        stable.append(there.status == "converged")
+    assert stable[0]
+    assert stable[-1]
+    assert not all(stable)
+
+
+def test_loads_of_a_frame_and_of_a_path_are_refused_alike(clamped: vs.Organ) -> None:
+    with pytest.raises(vs.VisceraError, match="pressure on 'tip' must be finite"):
+        clamped.stepper().frame(pressure={"tip": np.inf})
+    with pytest.raises(vs.VisceraError, match="did you mean 'tip'"):
+        clamped.path(pressure={"tpi": 1.0})
+    with pytest.raises(vs.VisceraError, match="the load is zero; there is no path to follow"):
+        clamped.path(pressure={"tip": 0.0})
+
+
 def test_a_contact_patch_takes_a_force_instead(clamped: vs.Organ) -> None:
     patch = clamped.patch((0.4, 0.05, 0.1), radius=0.06)
     with pytest.raises(vs.VisceraError, match="a contact patch takes a force"):

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::element::Element;
-use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Pressure, Problem};
+use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem};
 use viscera_core::reduced::{Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -90,10 +90,7 @@ impl Body {
             body: &self.body,
             prescribed: fixed.chain(dofs.iter().copied().zip(values.iter().copied())).collect(),
             force: total,
-            pressure: Pressure {
-                faces: pressed.as_array().rows().into_iter().map(|row| row.to_vec()).collect(),
-                values: pressure.as_array().to_vec(),
-            },
+            pressure: convert::pressure(&pressed, &pressure),
             patches,
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };
@@ -132,12 +129,14 @@ impl Body {
         convert::field(py, force)
     }
 
-    #[pyo3(signature = (*, force, order, parameter, until, tolerance, max_expansions))]
+    #[pyo3(signature = (*, force, pressed, pressure, order, parameter, until, tolerance, max_expansions))]
     #[allow(clippy::too_many_arguments)]
     fn path<'py>(
         &self,
         py: Python<'py>,
         force: PyReadonlyArray2<f64>,
+        pressed: PyReadonlyArray2<u32>,
+        pressure: PyReadonlyArray1<f64>,
         order: usize,
         parameter: &str,
         until: f64,
@@ -154,9 +153,10 @@ impl Body {
                 )));
             }
         };
+        let pressure = convert::pressure(&pressed, &pressure);
         let continuation = Continuation { order, parameter, until, tolerance, max_expansions };
         let expansions = py
-            .detach(|| continuation.follow(&self.body, &self.fixed, &force))
+            .detach(|| continuation.follow(&self.body, &self.fixed, &force, &pressure))
             .map_err(convert::error)?;
         expansions.into_iter().map(|expansion| path::expansion_dict(py, expansion)).collect()
     }

@@ -4,6 +4,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
 use pyo3::prelude::*;
 use viscera_core::Error;
+use viscera_core::equilibrium::Pressure;
 
 /// The one map from core errors to Python exceptions.
 pub fn error(error: Error) -> PyErr {
@@ -53,6 +54,14 @@ pub fn dofs(name: &str, array: &PyReadonlyArray2<f64>, n_points: usize) -> PyRes
         )));
     }
     Ok(rows.into_iter().flatten().collect())
+}
+
+/// Faces (t, 3) or (t, 6) under pressure, and the pressure on each (t,).
+pub fn pressure(faces: &PyReadonlyArray2<u32>, values: &PyReadonlyArray1<f64>) -> Pressure {
+    Pressure {
+        faces: faces.as_array().rows().into_iter().map(|row| row.to_vec()).collect(),
+        values: values.as_array().to_vec(),
+    }
 }
 
 /// A vector in space.

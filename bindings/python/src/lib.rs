@@ -5,6 +5,7 @@
 
 mod body;
 mod convert;
+mod factor;
 mod family;
 mod galerkin;
 mod law;
@@ -30,6 +31,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
+    m.add_class::<factor::Factor>()?;
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Surface>()?;
     m.add_class::<mesh::Patch>()?;

@@ -87,6 +87,15 @@ impl Stepper {
         self.stepper.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
     }
 
+    fn press(
+        &mut self,
+        pressed: PyReadonlyArray2<u32>,
+        pressure: PyReadonlyArray1<f64>,
+    ) -> PyResult<()> {
+        let pressure = convert::pressure(&pressed, &pressure);
+        self.stepper.set_pressure(&self.body.get().body, pressure).map_err(convert::error)
+    }
+
     fn set_velocity(&mut self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
         let n = self.body.get().body.points().len();
         let velocity = convert::dofs("velocity", &velocity, n)?;

@@ -8,7 +8,7 @@ pub struct SymmetricBlocks {
     pattern: BlockPattern,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
-    /// Blocks of single cells, kept between evaluations: fresh memory costs as much as filling it.
+    /// Room for blocks of single cells, kept between evaluations: fresh memory costs as much as filling it.
     pub(super) of_cells: Vec<f64>,
 }
 

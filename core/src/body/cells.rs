@@ -33,6 +33,15 @@ pub(super) struct Contribution {
     pub transposed: bool,
 }
 
+/// Where a cell's block goes: its number in the tangent, and whether it goes there transposed.
+#[derive(Clone, Copy)]
+pub(super) struct Destination {
+    pub block: u32,
+    pub transposed: bool,
+}
+
+pub(super) const NOWHERE: u32 = u32::MAX;
+
 /// Cells of an element with `N` nodes.
 pub(super) struct Cells<E, const N: usize> {
     pub nodes: Vec<[u32; N]>,
@@ -42,6 +51,8 @@ pub(super) struct Cells<E, const N: usize> {
     pub incidence: Grouped<(Slot, u8)>,
     /// What adds up to each block of the tangent.
     pub contributions: Grouped<Contribution>,
+    /// The same from the cells' side: by batch, lane and pair, where its block goes; [`NOWHERE`] for lanes left over.
+    pub destinations: Vec<Destination>,
     shape: PhantomData<E>,
 }
 
@@ -70,17 +81,25 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         let at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
             .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
             .collect();
-        let mut at_blocks = Vec::with_capacity(Self::PAIRS * nodes.len());
+        let nowhere = Destination { block: NOWHERE, transposed: false };
+        let mut destinations = vec![nowhere; LANES * batches.len() * Self::PAIRS];
         for (nodes, &slot) in nodes.iter().zip(&slots) {
             let cell = slot.batch as usize * LANES + slot.lane as usize;
-            for (block, [a, b]) in (cell * Self::PAIRS..).zip(pairs_of(nodes)) {
-                let contribution = Contribution { of_cell: block as u32, transposed: a > b };
-                at_blocks.push((pattern.block(a, b), contribution));
+            let own = &mut destinations[cell * Self::PAIRS..(cell + 1) * Self::PAIRS];
+            for (destination, [a, b]) in own.iter_mut().zip(pairs_of(nodes)) {
+                *destination = Destination { block: pattern.block(a, b), transposed: a > b };
             }
         }
+        // In the order in which one thread adds them up, so that any number of threads gets the same sums.
+        let at_blocks: Vec<(u32, Contribution)> = (0u32..)
+            .zip(&destinations)
+            .filter(|(_, d)| d.block != NOWHERE)
+            .map(|(of_cell, d)| (d.block, Contribution { of_cell, transposed: d.transposed }))
+            .collect();
         Cells {
             incidence: Grouped::new(n_points, &at_nodes),
             contributions: Grouped::new(pattern.len(), &at_blocks),
+            destinations,
             nodes,
             batches,
             slots,

@@ -1,7 +1,7 @@
 //! Energy, internal force and tangent: loops over batches, compiled for the processor's vectors.
 
 use super::blocks::SymmetricBlocks;
-use super::cells::{Batch, Cells, add_product};
+use super::cells::{Batch, Cells, NOWHERE, add_product};
 use super::{LANES, Lane};
 use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material, TangentBlocks};
@@ -83,11 +83,8 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        tangent.of_cells.resize(9 * Self::PAIRS * LANES * self.batches.len(), 0.0);
-        let tangents = &mut tangent.of_cells;
-        material.visit(Tangent { cells: self, around, u, forces: &mut forces, tangents });
+        material.visit(Tangent { cells: self, around, u, forces: &mut forces, tangent, rest });
         self.gather_forces(&forces, out);
-        self.gather_tangents(tangent, rest);
     }
 
     fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
@@ -102,26 +99,42 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         });
     }
 
+    /// Adds up what the cells of all batches give to each block.
     fn gather_tangents(
         &self,
-        out: &mut SymmetricBlocks,
+        of_cells: &[f64],
+        values: &mut [f64],
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
-        let SymmetricBlocks { values, of_cells, .. } = out;
         let (of_cells, _) = of_cells.as_chunks::<9>();
         values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
             let mut sum = [0.0; 9];
             for c in self.contributions.of(block) {
-                let local = &of_cells[c.of_cell as usize];
-                for i in 0..3 {
-                    for k in 0..3 {
-                        sum[3 * i + k] += local[if c.transposed { 3 * k + i } else { 3 * i + k }];
-                    }
-                }
+                add_block(&of_cells[c.of_cell as usize], c.transposed, &mut sum);
             }
             rest(block, &mut sum);
             out.copy_from_slice(&sum);
         });
+    }
+
+    /// Adds what some cells give to its blocks; `first` is the number of the first of their batches.
+    fn scatter_tangents(&self, first: usize, of_cells: &[f64], values: &mut [f64]) {
+        let (values, _) = values.as_chunks_mut::<9>();
+        let destinations = &self.destinations[first * LANES * Self::PAIRS..];
+        for (local, d) in of_cells.as_chunks::<9>().0.iter().zip(destinations) {
+            if d.block != NOWHERE {
+                add_block(local, d.transposed, &mut values[d.block as usize]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
+    if transposed {
+        (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
+    } else {
+        (0..9).for_each(|entry| sum[entry] += block[entry]);
     }
 }
 
@@ -181,7 +194,7 @@ fn add_tangents<const N: usize>(
 fn add_scaled(sum: &mut Mat3<Lane>, slope: f64, block: &Mat3<Lane>) {
     for i in 0..3 {
         for j in 0..3 {
-            add_product(&mut sum[i][j], slope, &block[i][j]);
+            sum[i][j] = sum[i][j] + block[i][j] * slope;
         }
     }
 }
@@ -302,24 +315,47 @@ fn is_inside_out(f: &Mat3<Lane>) -> bool {
     determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > 0.0))
 }
 
-struct Tangent<'a, E, A, const N: usize> {
+struct Tangent<'a, E, A, R, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
     forces: &'a mut [[Vec3<Lane>; N]],
-    tangents: &'a mut [f64],
+    tangent: &'a mut SymmetricBlocks,
+    rest: R,
 }
 
-impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Tangent<'_, E, A, N> {
+impl<E, A, R, const N: usize> LawVisitor for Tangent<'_, E, A, R, N>
+where
+    E: Shape<N>,
+    A: Surroundings,
+    R: Fn(usize, &mut [f64; 9]) + Sync,
+{
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Tangent { cells, around, u, forces, tangents } = self;
-        let tangents = tangents.par_chunks_mut(TASK * LANES * 9 * Cells::<E, N>::PAIRS);
-        let batches = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK));
-        batches.zip(tangents).enumerate().for_each(|(task, ((batches, forces), tangents))| {
+        let Tangent { cells, around, u, forces, tangent, rest } = self;
+        let SymmetricBlocks { values, of_cells, .. } = tangent;
+        let of_batch = LANES * 9 * Cells::<E, N>::PAIRS;
+        let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], tangents: &mut [f64]| {
             let (first, shape) = (task * TASK, PhantomData::<E>);
+            let batches = &cells.batches[first..first + forces.len()];
             TangentLoop { first, batches, around, u, make, forces, tangents, shape }.run();
-        });
+        };
+        if rayon::current_num_threads() > 1 {
+            of_cells.resize(of_batch * cells.batches.len(), 0.0);
+            let tasks = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(TASK * of_batch));
+            tasks.enumerate().for_each(|(task, (forces, tangents))| run(task, forces, tangents));
+            cells.gather_tangents(of_cells, values, rest);
+            return;
+        }
+        // One thread adds up what it has just computed, out of its cache.
+        of_cells.resize(of_batch * TASK, 0.0);
+        values.fill(0.0);
+        for (task, forces) in forces.chunks_mut(TASK).enumerate() {
+            let tangents = &mut of_cells[..of_batch * forces.len()];
+            run(task, forces, tangents);
+            cells.scatter_tangents(task * TASK, tangents, values);
+        }
+        values.as_chunks_mut::<9>().0.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
     }
 }
 

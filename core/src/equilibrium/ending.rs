@@ -70,7 +70,7 @@ impl Ending {
             _ => format!("converged in {} iterations", self.iterations),
         };
         if let (Status::LimitPoint, Some(turn)) = (status, self.turn) {
-            let advice = if is_dead_load(problem) {
+            let advice = if has_path(problem) {
                 "follow it further by arc length, Organ.path(parameter='arc length')"
             } else {
                 "ask for less, or prescribe a displacement instead of the load"
@@ -111,11 +111,11 @@ impl Cut {
     }
 }
 
-/// Whether dead forces alone load the body and whole points hold it, as an arc-length path asks.
-fn is_dead_load(problem: &Problem) -> bool {
-    let Problem { prescribed, pressure, patches, .. } = problem;
+/// Whether forces and pressures alone load the body and whole points hold it, as an arc-length path asks.
+fn has_path(problem: &Problem) -> bool {
+    let Problem { prescribed, patches, .. } = problem;
     let is_held = |&(dof, value): &(u32, f64)| {
         value == 0.0 && (0..3).all(|i| prescribed.contains(&(dof / 3 * 3 + i, 0.0)))
     };
-    pressure.is_empty() && patches.is_empty() && prescribed.iter().all(is_held)
+    patches.is_empty() && prescribed.iter().all(is_held)
 }

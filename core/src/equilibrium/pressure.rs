@@ -41,25 +41,14 @@ impl Pressure {
         self.faces.is_empty()
     }
 
-    /// Checks lengths and finiteness, and that every face is one of a cell.
+    /// Checks values, and that every face is one of a cell.
     ///
     /// # Errors
-    /// A count that differs, a value that is not finite, a face whose nodes share no cell.
+    /// Those of [`Pressure::check_values`]; a face whose nodes share no cell.
     pub fn check(&self, body: &Body) -> Result<(), Error> {
-        if self.faces.len() != self.values.len() {
-            return Err(Error::input(format!(
-                "{} pressures for {} faces; give one each",
-                self.values.len(),
-                self.faces.len()
-            )));
-        }
+        self.check_values()?;
         if self.is_empty() {
             return Ok(());
-        }
-        if let Some((k, p)) = self.values.iter().enumerate().find(|(_, p)| !p.is_finite()) {
-            return Err(Error::input(format!(
-                "the pressure on face {k} is {p} Pa; it must be finite"
-            )));
         }
         let tangent = body.zero_tangent();
         let nodes = if body.edges().is_empty() { 3 } else { 6 };
@@ -72,6 +61,27 @@ impl Pressure {
             }
         }
         Ok(())
+    }
+
+    /// Checks lengths and finiteness.
+    ///
+    /// # Errors
+    /// A count that differs, a value that is not finite.
+    pub fn check_values(&self) -> Result<(), Error> {
+        if self.faces.len() != self.values.len() {
+            return Err(Error::input(format!(
+                "{} pressures for {} faces; give one each",
+                self.values.len(),
+                self.faces.len()
+            )));
+        }
+        match self.values.iter().position(|p| !p.is_finite()) {
+            Some(k) => Err(Error::input(format!(
+                "the pressure on face {k} is {} Pa; it must be finite",
+                self.values[k]
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// Adds `factor` times the nodal forces at displacement `u` [N].
@@ -139,6 +149,49 @@ impl Pressure {
             force.iter().zip(step).map(|(f, d)| f * d).sum::<f64>()
         };
         length / 6.0 * (power(0.0) + 4.0 * power(0.5 * length) + power(length))
+    }
+
+    /// Adds the last order of `load(a)` times the nodal forces along `u(a)`: coefficients of the load, and of the
+    /// displacement as many, those of a degree of freedom in a row, `stride` from one to the next.
+    ///
+    /// The forces are quadratic in the position `x`, so with `t = x,1` and `s = load x,2` they are a Cauchy product.
+    pub fn add_force_series(
+        &self,
+        body: &Body,
+        load: &[f64],
+        u: &[f64],
+        stride: usize,
+        force: &mut [f64],
+    ) {
+        let Some(first) = self.faces.first() else { return };
+        let (rule, order) = (rule(first.len()), load.len() - 1);
+        for (nodes, &pressure) in self.faces.iter().zip(&self.values) {
+            for Sample { weight, shape, slopes } in &rule {
+                let tangent = |k: usize, order: usize| -> [f64; 3] {
+                    let rest = |node: u32, i: usize| {
+                        if order == 0 { body.points()[node as usize][i] } else { 0.0 }
+                    };
+                    std::array::from_fn(|i| {
+                        let x = |n: u32| u[(3 * n as usize + i) * stride + order] + rest(n, i);
+                        nodes.iter().zip(slopes).map(|(&n, s)| s[k] * x(n)).sum()
+                    })
+                };
+                let second: Vec<[f64; 3]> = (0..=order).map(|p| tangent(1, p)).collect();
+                let mut normal = [0.0; 3];
+                for p in 0..=order {
+                    let loaded = std::array::from_fn(|i| {
+                        (0..=order - p).map(|q| load[order - p - q] * second[q][i]).sum()
+                    });
+                    let part = cross(tangent(0, p), loaded);
+                    (0..3).for_each(|i| normal[i] += part[i]);
+                }
+                for (&node, n) in nodes.iter().zip(shape) {
+                    (0..3).for_each(|i| {
+                        force[3 * node as usize + i] -= pressure * weight * n * normal[i];
+                    });
+                }
+            }
+        }
     }
 
     /// Every quadrature point of every face, its weight within normal and edges.
@@ -293,6 +346,35 @@ mod tests {
             assert!(
                 k.iter().zip(&f).all(|(k, f)| (k + f).abs() < 1e-12 * size),
                 "and this the rest"
+            );
+        }
+    }
+
+    /// Both sides are polynomials of degree 6 in the path parameter.
+    #[test]
+    fn the_series_is_that_of_the_force() {
+        for element in [Element::P1, Element::P2] {
+            let (body, pressure, u, v) = sample(element, 5);
+            let w = noise(u.len(), 11);
+            let (loads, stride) = ([0.4, -0.3, 0.7, 0.0, 0.0, 0.0, 0.0], 9);
+            let mut path = vec![0.0; stride * u.len()];
+            for (dof, row) in path.chunks_exact_mut(stride).enumerate() {
+                row[..3].copy_from_slice(&[u[dof], 0.1 * v[dof], 0.1 * w[dof]]);
+            }
+            let a = 0.6f64;
+            let mut sum = vec![0.0; u.len()];
+            for p in 0..loads.len() {
+                let mut order = vec![0.0; u.len()];
+                pressure.add_force_series(&body, &loads[..=p], &path, stride, &mut order);
+                sum.iter_mut().zip(order).for_each(|(s, c)| *s += a.powi(p as i32) * c);
+            }
+            let at: Vec<f64> =
+                path.chunks_exact(stride).map(|c| c[0] + a * (c[1] + a * c[2])).collect();
+            let mut exact = vec![0.0; u.len()];
+            pressure.add_force(&body, &at, loads[0] + a * (loads[1] + a * loads[2]), &mut exact);
+            let size = dot(&exact, &exact).sqrt();
+            assert!(
+                size > 1.0 && sum.iter().zip(&exact).all(|(s, f)| (s - f).abs() < 1e-12 * size)
             );
         }
     }

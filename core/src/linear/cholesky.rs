@@ -132,6 +132,10 @@ impl<T: Precision> Factorization for Cholesky<T> {
         self.analysis.n()
     }
 
+    fn fill(&self) -> usize {
+        self.factor.len()
+    }
+
     fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         self.is_factorized = false;
         self.analysis.load(values)?;

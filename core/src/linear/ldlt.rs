@@ -146,6 +146,10 @@ impl Factorization for Ldlt {
         self.analysis.n()
     }
 
+    fn fill(&self) -> usize {
+        self.factor.len()
+    }
+
     fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         self.outcome = None;
         self.analysis.load(values)?;

@@ -32,6 +32,9 @@ pub trait Factorization: Send + Sync {
     /// Number of rows of the matrix.
     fn n(&self) -> usize;
 
+    /// Entries that the factor stores, zeros within its dense blocks included.
+    fn fill(&self) -> usize;
+
     /// Factorises the matrix whose upper triangle holds `values`, parallel to [`Pattern::row`].
     ///
     /// # Errors

@@ -110,6 +110,7 @@ impl Graph {
     }
 }
 
+#[cfg(any(test, not(target_family = "wasm")))]
 fn is_permutation(order: &[u32], n: usize) -> bool {
     let mut seen = vec![false; n];
     order.len() == n

@@ -1,16 +1,27 @@
-//! Equilibrium paths under a growing force: the asymptotic numerical method of paper A.
+//! Equilibrium paths under a growing load: the asymptotic numerical method of paper A.
 //!
 //! `u(a) = sum a^p u_p`, `load(a) = sum a^p load_p`, and at every order the same tangent,
 //!   K u_p = load_p f - N_p,
-//! with `N_p` the order-p coefficient of the internal force for `u_p = 0`. The
-//! parameter `a` is the load, or an arc length that passes limit points. An expansion reaches as
-//! far as its Pade form holds; there one correction returns to equilibrium and the next begins.
+//! with `f` the dead force and that of the pressure at the start, and `N_p` the order-p coefficient of the internal force
+//! less that of the load for `u_p = 0`, `load_p = 0`. The parameter `a` is the load, or an arc length that passes limit
+//! points. An expansion reaches as far as its Pade form holds; there one correction returns to equilibrium and the next
+//! begins.
+
+#[cfg(test)]
+mod tests;
 
 use super::pade::{Pade, dot, norm, pade_range, taylor_range};
-use crate::body::Body;
-use crate::equilibrium::System;
+use crate::body::{Body, SymmetricBlocks};
+use crate::equilibrium::{Pressure, System};
 use crate::error::Error;
+use crate::linear::gmres;
 use crate::number::Monomials;
+
+/// Residual of a solution where a pressure on a free rim makes the tangent unsymmetric, relative.
+const TOLERANCE: f64 = 1e-12;
+
+/// What such a solution may take of iterations.
+const MAX_ITERATIONS: usize = 60;
 
 /// What the series are expanded in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,7 +66,9 @@ struct Follower<'a> {
     settings: Continuation,
     body: &'a Body,
     force: &'a [f64],
+    pressure: &'a Pressure,
     system: System,
+    tangent: SymmetricBlocks,
     /// Displacement, then the load.
     state: Vec<f64>,
     /// `1 / |u|^2` of the first tangent: makes displacement and load comparable.
@@ -65,25 +78,28 @@ struct Follower<'a> {
 }
 
 impl Continuation {
-    /// Follows the path of `load * force` from rest, `fixed` nodes held.
+    /// Follows the path of `load` times a dead force and a pressure from rest, `fixed` nodes held.
     ///
     /// # Errors
-    /// Bad settings or force; a singular tangent. A path that ends early (its load never reached
+    /// Bad settings, force or pressure; a singular tangent. A path that ends early (its load never reached
     /// in `max_expansions`) is returned as far as it goes.
     pub fn follow(
         &self,
         body: &Body,
         fixed: &[u32],
         force: &[f64],
+        pressure: &Pressure,
     ) -> Result<Vec<Expansion>, Error> {
-        self.check(body, force)?;
+        self.check(body, force, pressure)?;
         let tangent = body.zero_tangent();
         let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
         let mut follower = Follower {
             settings: *self,
             body,
             force,
+            pressure,
             system: System::indefinite(&tangent, body.n_dofs(), dofs)?,
+            tangent,
             state: vec![0.0; body.n_dofs() + 1],
             scale: 0.0,
             previous: None,
@@ -101,7 +117,7 @@ impl Continuation {
         Ok(expansions)
     }
 
-    fn check(&self, body: &Body, force: &[f64]) -> Result<(), Error> {
+    fn check(&self, body: &Body, force: &[f64], pressure: &Pressure) -> Result<(), Error> {
         if !(2..=30).contains(&self.order) {
             return Err(Error::input(format!("order {}; it must be between 2 and 30", self.order)));
         }
@@ -117,8 +133,9 @@ impl Continuation {
         if force.len() != body.n_dofs() || force.iter().any(|f| !f.is_finite()) {
             return Err(Error::input("the force must be finite, three components for each point"));
         }
-        if force.iter().all(|&f| f == 0.0) {
-            return Err(Error::input("the force is zero; there is no path to follow"));
+        pressure.check(body)?;
+        if force.iter().chain(&pressure.values).all(|&f| f == 0.0) {
+            return Err(Error::input("the load is zero; there is no path to follow"));
         }
         Ok(())
     }
@@ -131,10 +148,8 @@ impl Follower<'_> {
 
     /// Builds an expansion at the state and moves the state to its end.
     fn expand(&mut self) -> Result<Expansion, Error> {
-        let (mut force, mut tangent) = (vec![0.0; self.body.n_dofs()], self.body.zero_tangent());
-        let u = &self.state[..self.body.n_dofs()];
-        self.body.internal_force_and_tangent(u, &mut force, &mut tangent);
-        self.system.factorize(&tangent, 0.0)?;
+        self.linearize();
+        self.system.factorize(&self.tangent, 0.0)?;
         let series = self.series()?;
         let taylor_range = taylor_range(&series, self.settings.tolerance);
         let reach = if taylor_range.is_finite() {
@@ -150,10 +165,26 @@ impl Follower<'_> {
         Ok(Expansion { series, range, taylor_range, residual })
     }
 
+    /// The internal force at the state, and the tangent but for its skew part.
+    fn linearize(&mut self) -> Vec<f64> {
+        let (u, load) = self.state.split_at(self.body.n_dofs());
+        let mut internal = vec![0.0; u.len()];
+        self.body.internal_force_and_tangent(u, &mut internal, &mut self.tangent);
+        self.pressure.add_stiffness(self.body, u, load[0], &mut self.tangent);
+        internal
+    }
+
+    /// Dead force and pressure at the state, of load 1.
+    fn unit_load(&self) -> Vec<f64> {
+        let mut force = self.force.to_vec();
+        self.pressure.add_force(self.body, &self.state[..force.len()], 1.0, &mut force);
+        force
+    }
+
     /// All orders on one tangent.
     fn series(&mut self) -> Result<Vec<Vec<f64>>, Error> {
         let n = self.body.n_dofs();
-        let tangent = self.solve(self.force)?;
+        let tangent = self.solve(&self.unit_load())?;
         if self.scale == 0.0 {
             self.scale = 1.0 / dot(&tangent, &tangent);
         }
@@ -167,11 +198,15 @@ impl Follower<'_> {
             coefficients[dof * stride] = self.state[dof];
             coefficients[dof * stride + 1] = first[dof];
         }
+        let mut loads = vec![self.load(), first_load];
         let mut series = vec![self.state.clone(), first];
         for p in 2..=self.settings.order {
             let mut nonlinear = vec![0.0; n];
             self.body.force_series(Monomials::of(1, p), &coefficients, stride, &mut nonlinear);
             nonlinear.iter_mut().for_each(|f| *f = -*f);
+            loads.push(0.0);
+            let (body, pressure) = (self.body, self.pressure);
+            pressure.add_force_series(body, &loads, &coefficients, stride, &mut nonlinear);
             let mut u = self.solve(&nonlinear)?;
             let load = match self.settings.parameter {
                 Parameter::Load => 0.0,
@@ -182,6 +217,7 @@ impl Follower<'_> {
             for dof in 0..n {
                 coefficients[dof * stride + p] = u[dof];
             }
+            loads[p] = load;
             u.push(load);
             series.push(u);
         }
@@ -201,8 +237,26 @@ impl Follower<'_> {
         size * along.signum()
     }
 
-    /// `K^-1 b` with zero at fixed nodes.
+    /// `K^-1 b` with zero at fixed nodes; where a pressure has a free rim, with the skew part of the tangent.
     fn solve(&self, b: &[f64]) -> Result<Vec<f64>, Error> {
+        let plain = self.solve_symmetric(b)?;
+        if self.pressure.is_empty() {
+            return Ok(plain);
+        }
+        let (u, load) = self.state.split_at(b.len());
+        let skew = |x: &[f64]| {
+            let mut force = vec![0.0; x.len()];
+            self.pressure.add_skew(self.body, u, load[0], x, &mut force);
+            self.solve_symmetric(&force)
+        };
+        if norm(&skew(&plain)?) <= TOLERANCE * norm(&plain) {
+            return Ok(plain);
+        }
+        let apply = |x: &[f64]| Ok(x.iter().zip(skew(x)?).map(|(x, s)| x + s).collect());
+        gmres(apply, &plain, TOLERANCE, MAX_ITERATIONS)
+    }
+
+    fn solve_symmetric(&self, b: &[f64]) -> Result<Vec<f64>, Error> {
         let mut rhs: Vec<f64> = self.system.free().iter().map(|&dof| b[dof as usize]).collect();
         self.system.solve_free(&mut rhs, 1)?;
         let mut out = vec![0.0; b.len()];
@@ -236,28 +290,25 @@ impl Follower<'_> {
     /// relative residual found at the start.
     fn correct(&mut self, direction: &[f64]) -> Result<f64, Error> {
         let n = self.body.n_dofs();
-        let (mut force, mut tangent) = (vec![0.0; n], self.body.zero_tangent());
         let mut first = None;
         for _ in 0..8 {
-            let load = self.load();
-            self.body.internal_force_and_tangent(&self.state[..n], &mut force, &mut tangent);
-            let mut residual: Vec<f64> =
-                self.force.iter().zip(&force).map(|(f, i)| load * f - i).collect();
+            let (load, internal, unit) = (self.load(), self.linearize(), self.unit_load());
+            let residual: Vec<f64> =
+                unit.iter().zip(&internal).map(|(f, i)| load * f - i).collect();
             let free = self.system.free();
             let size = free.iter().map(|&d| residual[d as usize].powi(2)).sum::<f64>().sqrt();
-            let relative = size / (norm(self.force) * load.abs().max(f64::MIN_POSITIVE));
+            let relative = size / (norm(&unit) * load.abs().max(f64::MIN_POSITIVE));
             first.get_or_insert(relative);
             // What is left here stays in the next expansion's base state.
             if relative <= 1e-3 * self.settings.tolerance {
                 break;
             }
-            self.system.factorize(&tangent, 0.0)?;
+            self.system.factorize(&self.tangent, 0.0)?;
             let is_arc = self.settings.parameter == Parameter::ArcLength;
             let mut step = self.solve(&residual)?;
             let mut load_step = 0.0;
             if is_arc {
-                residual.copy_from_slice(self.force);
-                let influence = self.solve(&residual)?;
+                let influence = self.solve(&unit)?;
                 let along = |v: &[f64]| self.scale * dot(v, &direction[..n]);
                 load_step = -along(&step) / (along(&influence) + direction[n]);
                 step.iter_mut().zip(&influence).for_each(|(s, i)| *s += load_step * i);
@@ -266,97 +317,5 @@ impl Follower<'_> {
             self.state[n] += load_step;
         }
         Ok(first.unwrap_or(0.0))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::equilibrium::{Newton, Pressure, Problem};
-    use crate::law::Material;
-    use crate::mesh::samples::block;
-
-    fn cantilever(law: &str) -> (Body, Vec<u32>, Vec<f64>) {
-        let (points, cells) = block([6, 1, 1], [1.5, 0.25, 0.25]);
-        let fixed = (0..points.len() as u32).filter(|&n| points[n as usize][0] == 0.0).collect();
-        let tip: Vec<usize> = (0..points.len()).filter(|&n| points[n][0] == 1.5).collect();
-        let mut force = vec![0.0; 3 * points.len()];
-        tip.iter().for_each(|&n| force[3 * n + 2] = -60.0 / tip.len() as f64);
-        let material = Material::new(law, vec![vec![1e5, 1.5e5]]).unwrap();
-        (Body::new(points, cells, material).unwrap(), fixed, force)
-    }
-
-    fn newton(body: &Body, fixed: &[u32], force: &[f64], load: f64) -> Vec<f64> {
-        let held = fixed.iter().flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
-        let force = force.iter().map(|f| load * f).collect();
-        let problem = Problem {
-            pressure: Pressure::default(),
-            body,
-            prescribed: held.collect(),
-            force,
-            patches: vec![],
-            start: None,
-        };
-        let settings = Newton { tolerance: 1e-12, ..Newton::default() };
-        settings.solve(&problem, &mut |_| true).unwrap().displacement
-    }
-
-    fn relative(a: &[f64], b: &[f64]) -> f64 {
-        let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        norm(&difference) / norm(b)
-    }
-
-    fn settings(parameter: Parameter) -> Continuation {
-        Continuation { order: 12, parameter, until: 1.0, tolerance: 1e-6, max_expansions: 20 }
-    }
-
-    #[test]
-    fn both_parameters_reach_newtons_equilibrium() {
-        for law in ["saint_venant_kirchhoff", "neo_hookean"] {
-            let (body, fixed, force) = cantilever(law);
-            let exact = newton(&body, &fixed, &force, 1.0);
-            for parameter in [Parameter::Load, Parameter::ArcLength] {
-                let path = settings(parameter).follow(&body, &fixed, &force).unwrap();
-                let last = path.last().unwrap();
-                let end = Pade::new(&last.series, 0).evaluate(&last.series, last.range);
-                let (u, load) = end.split_at(end.len() - 1);
-                assert!((load[0] - 1.0).abs() < 1e-8, "load {}", load[0]);
-                assert!(relative(u, &exact) < 1e-5, "{law} {parameter:?} {}", relative(u, &exact));
-            }
-        }
-    }
-
-    /// Order by order the truncated series gains a power of the load.
-    #[test]
-    fn coefficients_are_those_of_the_path() {
-        let (body, fixed, force) = cantilever("neo_hookean");
-        let continuation = Continuation { order: 5, ..settings(Parameter::Load) };
-        let series = &continuation.follow(&body, &fixed, &force).unwrap()[0].series;
-        let (small, large) = (0.02, 0.04);
-        for order in 1..=4 {
-            let error = |load: f64| {
-                let u = newton(&body, &fixed, &force, load);
-                let sum: Vec<f64> = (0..u.len())
-                    .map(|d| (1..=order).map(|p| load.powi(p as i32) * series[p][d]).sum())
-                    .collect();
-                relative(&sum, &u)
-            };
-            let rate = (error(large) / error(small)).log2();
-            assert!((rate - order as f64).abs() < 0.3, "order {order}: rate {rate}");
-        }
-    }
-
-    #[test]
-    fn bad_settings_are_refused() {
-        let (body, fixed, force) = cantilever("neo_hookean");
-        let good = settings(Parameter::Load);
-        for bad in [
-            Continuation { order: 1, ..good },
-            Continuation { until: f64::NAN, ..good },
-            Continuation { tolerance: 0.0, ..good },
-        ] {
-            assert!(bad.follow(&body, &fixed, &force).is_err());
-        }
-        assert!(good.follow(&body, &fixed, &vec![0.0; force.len()]).is_err());
     }
 }

@@ -7,6 +7,7 @@
 mod frame;
 mod mass;
 mod motion;
+mod pressed;
 mod relaxation;
 mod settings;
 #[cfg(test)]
@@ -42,9 +43,14 @@ pub struct Stepper {
     motion: Option<Motion>,
     relaxation: Option<Relaxation>,
     nodal_mass: Vec<f64>,
+    pressure: Pressure,
     force_scale: f64,
+    /// Shift of the last tangent, over its mean diagonal.
+    shift: f64,
     displacement: Vec<f64>,
     start: Vec<f64>,
+    /// Forces that do not follow the surface, and those with the pressure on it.
+    dead: Vec<f64>,
     external: Vec<f64>,
     internal: Vec<f64>,
     residual: Vec<f64>,
@@ -56,6 +62,10 @@ pub struct Stepper {
 
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
+
+/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up: one crushed cell has been met at 18, and
+/// all of the diagonal may be that of one cell.
+const LARGEST_SHIFT: f64 = 1e6;
 
 /// What the Newton iterations of a frame did.
 struct Progress {
@@ -128,9 +138,12 @@ impl Stepper {
             motion,
             relaxation,
             nodal_mass,
+            pressure: Pressure::default(),
             force_scale: body.force_scale(),
+            shift: 0.0,
             start: displacement.clone(),
             displacement,
+            dead: vec![0.0; n],
             external: vec![0.0; n],
             internal: vec![0.0; n],
             residual: vec![0.0; n],
@@ -243,11 +256,11 @@ impl Stepper {
 
     fn apply_loads(&mut self, input: &Input<'_>) {
         if input.force.is_empty() {
-            self.external.fill(0.0);
+            self.dead.fill(0.0);
         } else {
-            self.external.copy_from_slice(input.force);
+            self.dead.copy_from_slice(input.force);
         }
-        for (force, mass) in self.external.chunks_exact_mut(3).zip(&self.nodal_mass) {
+        for (force, mass) in self.dead.chunks_exact_mut(3).zip(&self.nodal_mass) {
             (0..3).for_each(|i| force[i] += mass * input.gravity[i]);
         }
     }
@@ -272,6 +285,8 @@ impl Stepper {
             if let Some(relaxation) = &self.relaxation {
                 relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
             }
+            self.press(body);
+            self.stiffen(body);
             if iteration == 0 {
                 self.set_out();
             }
@@ -361,18 +376,6 @@ impl Stepper {
         input: &Input<'_>,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        let mut shift = 0.0;
-        loop {
-            match self.solver.prepare(&self.tangent, shift) {
-                Ok(()) => break,
-                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
-                    if shift < 10.0 =>
-                {
-                    shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
-                }
-                Err(error) => return Err(error.into()),
-            }
-        }
         let gap: Vec<f64> = self
             .patches
             .iter()
@@ -383,10 +386,29 @@ impl Stepper {
                 std::array::from_fn::<f64, 3, _>(|i| mean[i] - now[i] - held[i])
             })
             .collect();
-        let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
-        let solved = self.solver.solve(b, &gap, free, forces, deadline)?;
+        // What needed a large shift needs one not much smaller now.
+        let mut shift = if self.shift >= 1.0 { 0.1 * self.shift } else { 0.0 };
+        let mut iterations = 0;
+        let solved = loop {
+            let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
+            let outcome = match self.solver.prepare(&self.tangent, shift) {
+                Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
+                Err(error) => Err(error),
+            };
+            let is_last =
+                shift >= LARGEST_SHIFT || deadline.is_some_and(|end| Instant::now() >= end);
+            match outcome {
+                Ok(solved) if is_last || solved.indefinite.is_none() => break solved,
+                Ok(solved) => iterations += solved.iterations,
+                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
+                    if shift < LARGEST_SHIFT => {}
+                Err(error) => return Err(error.into()),
+            }
+            shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+        };
+        self.shift = shift;
         self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
-        Ok((shift > 0.0, solved))
+        Ok((shift > 0.0, Solved { iterations: iterations + solved.iterations, ..solved }))
     }
 
     /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy. The
@@ -412,6 +434,7 @@ impl Stepper {
             relaxation.apply(&self.displacement, &mut self.internal, None);
             relaxation.end(body.material(), &self.displacement);
         }
+        self.press(body);
         let mut scale = square(&self.internal).max(square(&self.external));
         if let Some(motion) = &mut self.motion {
             let (u, start, solver) = (&self.displacement, &self.start, &self.solver);

@@ -148,6 +148,30 @@ fn a_bad_frame_or_grasp_leaves_the_state_alone() {
     stepper.frame(&body, &press(&[[0.0, 0.0, -0.01]])).unwrap();
 }
 
+/// One stiff cell, nearly crushed, has a curvature many times more negative than the mean of the diagonal is positive.
+#[test]
+fn a_crushed_cell_comes_out_again() {
+    let (points, cells) = block([4, 2, 2], [0.4, 0.2, 0.2]);
+    let middle = points.iter().position(|x| *x == [0.2, 0.1, 0.1]).unwrap();
+    let mut start = vec![0.0; 3 * points.len()];
+    start[3 * middle] = 0.07;
+    let law = |parameters| Material::new("mooney_rivlin J^2-1", parameters).unwrap();
+    let soft = vec![1e3, 3e2, 1e5];
+    let whole = Body::new(points.clone(), cells.clone(), law(vec![soft.clone()])).unwrap();
+    let mut parameters = vec![soft; cells.len()];
+    let (_, crushed) = whole.smallest_jacobian(&start);
+    parameters[crushed].iter_mut().for_each(|p| *p *= 1e4);
+    let body = Body::new(points, cells, law(parameters)).unwrap();
+    for method in methods() {
+        let settings = StepperSettings { method, ..Default::default() };
+        let mut stepper = Stepper::new(&body, &root(&body), Some(start.clone()), settings).unwrap();
+        assert!(stepper.frame(&body, &STILL).unwrap().is_unstable, "{method:?}");
+        let last = (0..100).map(|_| stepper.frame(&body, &STILL).unwrap()).last().unwrap();
+        assert!(last.residual < 1e-9 && last.taken == 1.0, "{method:?} {last:?}");
+        assert!(stepper.displacement().iter().all(|u| u.abs() < 1e-9), "{method:?}: at rest");
+    }
+}
+
 #[test]
 fn a_spent_budget_is_said() {
     let body = bar("neo_hookean");

@@ -4,6 +4,7 @@ mod appendix;
 
 use super::*;
 use crate::body::Body;
+use crate::equilibrium::Pressure;
 use crate::error::Error;
 use crate::law::Material;
 use crate::mesh::samples::block;
@@ -87,7 +88,8 @@ fn direct_orders_are_those_of_a_load_path() {
             tolerance: 1e-6,
             max_expansions: 1,
         };
-        let exact = &path.follow(&beam.body, &beam.fixed, &force).unwrap()[0].series;
+        let path = path.follow(&beam.body, &beam.fixed, &force, &Pressure::default()).unwrap();
+        let exact = &path[0].series;
         for (p, order) in orders.iter().enumerate() {
             let n = beam.body.n_dofs();
             let gap =

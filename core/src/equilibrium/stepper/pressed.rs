@@ -1,0 +1,36 @@
+//! Pressure in frames: it follows the surface, at every iteration where that is by then.
+//!
+//! The tangent of a frame has the symmetric part of its derivative, which is all of it on a closed surface or one whose
+//! rim is held. On a free rim frames lose their quadratic convergence and find the same equilibrium.
+
+use super::Stepper;
+use crate::body::Body;
+use crate::equilibrium::Pressure;
+use crate::error::Error;
+
+impl Stepper {
+    /// From the next frame on this pressure pushes, and no other; it may change with every frame, as a heart beats.
+    ///
+    /// # Errors
+    /// Those of [`Pressure::check`].
+    pub fn set_pressure(&mut self, body: &Body, pressure: Pressure) -> Result<(), Error> {
+        if pressure.faces == self.pressure.faces {
+            pressure.check_values()?;
+        } else {
+            pressure.check(body)?;
+        }
+        self.pressure = pressure;
+        Ok(())
+    }
+
+    /// The external forces at the displacement.
+    pub(super) fn press(&mut self, body: &Body) {
+        self.external.copy_from_slice(&self.dead);
+        self.pressure.add_force(body, &self.displacement, 1.0, &mut self.external);
+    }
+
+    /// Adds to the tangent what the pressure takes from the stiffness.
+    pub(super) fn stiffen(&mut self, body: &Body) {
+        self.pressure.add_stiffness(body, &self.displacement, 1.0, &mut self.tangent);
+    }
+}

@@ -1,0 +1,126 @@
+//! Paths against Newton's equilibria.
+
+use super::*;
+use crate::equilibrium::{Newton, Problem};
+use crate::law::Material;
+use crate::mesh::samples::block;
+
+fn cantilever(law: &str) -> (Body, Vec<u32>, Vec<f64>) {
+    let (points, cells) = block([6, 1, 1], [1.5, 0.25, 0.25]);
+    let fixed = (0..points.len() as u32).filter(|&n| points[n as usize][0] == 0.0).collect();
+    let tip: Vec<usize> = (0..points.len()).filter(|&n| points[n][0] == 1.5).collect();
+    let mut force = vec![0.0; 3 * points.len()];
+    tip.iter().for_each(|&n| force[3 * n + 2] = -60.0 / tip.len() as f64);
+    let material = Material::new(law, vec![vec![1e5, 1.5e5]]).unwrap();
+    (Body::new(points, cells, material).unwrap(), fixed, force)
+}
+
+const NONE: Pressure = Pressure { faces: Vec::new(), values: Vec::new() };
+
+/// So much on the faces all of whose nodes are chosen [Pa].
+fn pressed(body: &Body, pressure: f64, choose: impl Fn(&[f64; 3]) -> bool) -> Pressure {
+    let is_chosen = |face: &[u32; 3]| face.iter().all(|&n| choose(&body.points()[n as usize]));
+    let faces: Vec<_> = body.surface().into_iter().filter(is_chosen).map(Vec::from).collect();
+    Pressure { values: vec![pressure; faces.len()], faces }
+}
+
+/// None; one that bends the beam up, its rim free, beside a pull on its end; one all around.
+fn pressures(body: &Body) -> [Pressure; 3] {
+    let mut bending = pressed(body, 150.0, |x| x[2] == 0.0);
+    let pull = pressed(body, -2e3, |x| x[0] == 1.5);
+    bending.faces.extend(pull.faces);
+    bending.values.extend(pull.values);
+    [NONE, bending, pressed(body, 3e4, |_| true)]
+}
+
+fn newton(body: &Body, fixed: &[u32], force: &[f64], pressure: &Pressure, load: f64) -> Vec<f64> {
+    let held = fixed.iter().flat_map(|&node| (0..3).map(move |i| (3 * node + i, 0.0)));
+    let scaled = |values: &[f64]| values.iter().map(|f| load * f).collect();
+    let problem = Problem {
+        pressure: Pressure { values: scaled(&pressure.values), ..pressure.clone() },
+        body,
+        prescribed: held.collect(),
+        force: scaled(force),
+        patches: vec![],
+        start: None,
+    };
+    let settings = Newton { tolerance: 1e-12, ..Newton::default() };
+    settings.solve(&problem, &mut |_| true).unwrap().displacement
+}
+
+fn relative(a: &[f64], b: &[f64]) -> f64 {
+    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    norm(&difference) / norm(b)
+}
+
+fn settings(parameter: Parameter) -> Continuation {
+    Continuation { order: 12, parameter, until: 1.0, tolerance: 1e-6, max_expansions: 20 }
+}
+
+#[test]
+fn both_parameters_reach_newtons_equilibrium() {
+    for law in ["saint_venant_kirchhoff", "neo_hookean"] {
+        let (body, fixed, force) = cantilever(law);
+        for (k, pressure) in pressures(&body).iter().enumerate() {
+            let exact = newton(&body, &fixed, &force, pressure, 1.0);
+            for parameter in [Parameter::Load, Parameter::ArcLength] {
+                let path = settings(parameter).follow(&body, &fixed, &force, pressure).unwrap();
+                let last = path.last().unwrap();
+                let end = Pade::new(&last.series, 0).evaluate(&last.series, last.range);
+                let (u, load) = end.split_at(end.len() - 1);
+                assert!((load[0] - 1.0).abs() < 1e-8, "load {}", load[0]);
+                let gap = relative(u, &exact);
+                assert!(gap < 1e-5, "{law} {parameter:?}, pressure {k}: {gap}");
+            }
+        }
+    }
+}
+
+/// Order by order the truncated series gains a power of the load, at rest and where a pressure pushes already.
+#[test]
+fn coefficients_are_those_of_the_path() {
+    let (body, fixed, force) = cantilever("neo_hookean");
+    for (k, pressure) in pressures(&body).iter().enumerate() {
+        let continuation = Continuation {
+            order: 5,
+            max_expansions: 2,
+            until: 10.0,
+            tolerance: 1e-7,
+            parameter: Parameter::Load,
+        };
+        for expansion in continuation.follow(&body, &fixed, &force, pressure).unwrap() {
+            let series = &expansion.series;
+            let (start, n) = (series[0][body.n_dofs()], body.n_dofs());
+            let (small, large) = (0.03, 0.06);
+            for order in 1..=4 {
+                let error = |way: f64| {
+                    let u = newton(&body, &fixed, &force, pressure, start + way);
+                    let sum: Vec<f64> = (0..n)
+                        .map(|d| (0..=order).map(|p| way.powi(p as i32) * series[p][d]).sum())
+                        .collect();
+                    let gap: Vec<f64> = sum.iter().zip(&u).map(|(a, b)| a - b).collect();
+                    norm(&gap)
+                };
+                let rate = (error(large) / error(small)).log2();
+                let gain = rate - order as f64 - 1.0;
+                assert!(gain.abs() < 0.3, "pressure {k}, load {start}, order {order}: {rate}");
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_settings_are_refused() {
+    let (body, fixed, force) = cantilever("neo_hookean");
+    let good = settings(Parameter::Load);
+    for bad in [
+        Continuation { order: 1, ..good },
+        Continuation { until: f64::NAN, ..good },
+        Continuation { tolerance: 0.0, ..good },
+    ] {
+        assert!(bad.follow(&body, &fixed, &force, &NONE).is_err());
+    }
+    assert!(good.follow(&body, &fixed, &vec![0.0; force.len()], &NONE).is_err());
+    let nowhere = Pressure { faces: vec![vec![0, 1, 27]], values: vec![1.0] };
+    assert!(good.follow(&body, &fixed, &force, &nowhere).is_err());
+}
