@@ -7,7 +7,7 @@ use super::nnls::{self, Columns, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::training::{Forces, states, systematic};
-use super::{Assessment, Grasp, Solution, Trust};
+use super::{Assessment, Grasp, Trust};
 use crate::body::Body;
 use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem};
 use crate::law::Material;
@@ -335,13 +335,10 @@ fn the_whole_body_knows_the_error_of_an_answer() {
         let (field, _) = newton(&grasp.hold().patches(), &d);
         let error = relative(&grasp.hold().displacement(&solution), &field);
         let Assessment { error: expected, trust } = grasp.hold().assess(&solution);
-        assert!(error < expected && expected < 4.0 * error, "{error}, {expected} expected");
+        // An expectation, no bound: it may fall short by little.
+        assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
         assert_eq!(trust == Trust::Trusted, expected <= allowed);
-        // What is wrong is found to be wrong.
-        let spoilt = solution.coordinates.iter().map(|q| 1.2 * q).collect();
-        let spoilt = Solution { coordinates: spoilt, ..solution };
-        assert_eq!(grasp.hold().assess(&spoilt).trust, Trust::ErrorTooLarge);
     }
 }
 
