@@ -2,8 +2,8 @@
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
 //! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
-//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`pgd`]; beside them
-//! [`error`], [`simd`] and [`clock`], which any of them may use.
+//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`], [`pgd`];
+//! beside them [`error`], [`simd`] and [`clock`], which any of them may use.
 //!
 //! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
 
@@ -15,6 +15,8 @@ pub mod element;
 #[cfg(feature = "solvers")]
 pub mod equilibrium;
 pub mod error;
+#[cfg(feature = "solvers")]
+pub mod galerkin;
 #[cfg(feature = "solvers")]
 pub mod law;
 #[cfg(feature = "solvers")]

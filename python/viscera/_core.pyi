@@ -243,3 +243,40 @@ class Model:
         """The model at another value of its parameter."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
+
+class Galerkin:
+    """The series model of an organ with its body, for several touches at once."""
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        order: int,  # of the series fields
+        tolerance: float,  # of the forces of the sampled cells
+        depth: float,  # [m]
+    ) -> None: ...
+    def grasp(self, points: Floats) -> Grasp:
+        """Contacts at points (k, 3) [m] take hold."""
+
+class Grasp:
+    """Contacts that hold an organ."""
+
+    modes: int
+    cells: int  # that the energy is summed over
+    seconds: float  # that taking hold has taken
+    def patches(self) -> list[Patch]: ...
+    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> Held:
+        """Equilibrium under mean displacements (k, 3) [m]."""
+    def superposed(self, displacements: Floats) -> Floats:
+        """Field (n, 3) [m] of the superposed series with their coupling."""
+
+class Held:
+    """An answer of a grasp."""
+
+    facts: dict[str, Any]
+    """force (k, 3), stiffness (3 k, 3 k) if asked for, energy, status, is_converged, smallest_jacobian, iterations,
+    tangents, residual, seconds."""
+    def displacement(self) -> Floats:
+        """Field (n, 3) [m]."""
+    def assess(self) -> tuple[float, str]:
+        """Expected error of the field, and why not to rely on it: empty where one may."""

@@ -21,6 +21,12 @@ ORDER = 4
 TOLERANCE = 2e-3
 """Relative error of the compressed field at full depth, at the worst position, root mean square over directions."""
 
+GALERKIN_ORDER = 3
+"""Order of the series fields that several touches are solved in: 19 modes for each contact."""
+
+GALERKIN_TOLERANCE = 0.01
+"""Error of the forces of the sampled cells in training, relative to those of all."""
+
 CHECK_DEPTH_FRACTIONS = (0.05, 0.10)
 """Depths at which a model is checked, in units of the bounding-box diagonal."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, law
+from viscera import _core, defaults, law
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.loads import vector
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from viscera.check import Check
+    from viscera.galerkin import Galerkin
     from viscera.organ import Organ
 
 
@@ -111,6 +112,23 @@ class Touch:
         from viscera.check import check
 
         return check(self, touches=touches, seed=seed, depths=depths, progress=progress)
+
+    def galerkin(
+        self,
+        *,
+        order: int = defaults.GALERKIN_ORDER,
+        tolerance: float = defaults.GALERKIN_TOLERANCE,
+        depth: float | None = None,
+    ) -> Galerkin:
+        """The model of several touches at once, see `viscera.galerkin`; needs the element "P1".
+
+        order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
+        sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
+        this model's.
+        """
+        from viscera.galerkin import galerkin
+
+        return galerkin(self, order, tolerance, depth)
 
     def organ(self) -> Organ:
         """The full organ this model was reduced from: mesh, law and supports are in the file."""

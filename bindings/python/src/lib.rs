@@ -7,6 +7,7 @@ mod body;
 mod convert;
 mod factor;
 mod family;
+mod galerkin;
 mod law;
 mod live;
 mod mesh;
@@ -38,5 +39,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
+    m.add_class::<galerkin::Galerkin>()?;
+    m.add_class::<galerkin::Grasp>()?;
+    m.add_class::<galerkin::Held>()?;
     Ok(())
 }

@@ -314,18 +314,30 @@ impl<'a> Interpolation<'a> {
 
     /// Mode amplitudes in up to three regions; returns the region of each slot of the workspace.
     pub(super) fn amplitudes(&self, d: [f64; 3], workspace: &mut [f32]) -> [Option<u32>; 3] {
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..self.model.n_terms()];
+        evaluate_monomials(&self.model.exponents, d, monomials);
+        let weights = self.weights(monomials, d);
+        for (monomial, exponents) in monomials.iter_mut().zip(&self.model.exponents) {
+            *monomial *= weights[degree_of(exponents) - 1].value;
+        }
+        self.blend(mul_vector(&self.stiffness, &d), monomials, workspace)
+    }
+
+    /// The same of the field of one term, as if its monomial were 1 and all others 0.
+    pub(super) fn term_amplitudes(&self, term: usize, workspace: &mut [f32]) -> [Option<u32>; 3] {
+        let mut monomials = [0.0; MAX_TERMS];
+        monomials[term] = 1.0;
+        let f = mul_vector(&self.stiffness, &[monomials[0], monomials[1], monomials[2]]);
+        self.blend(f, &monomials[..self.model.n_terms()], workspace)
+    }
+
+    /// Amplitudes under a first-order force `f` and monomials of higher order.
+    fn blend(&self, f: [f64; 3], monomials: &[f64], workspace: &mut [f32]) -> [Option<u32>; 3] {
         let model = self.model;
         let arrays = &model.arrays;
         let stride = model.largest_region;
         workspace[..3 * stride].fill(0.0);
-        let mut monomials = [0.0; MAX_TERMS];
-        let monomials = &mut monomials[..model.n_terms()];
-        evaluate_monomials(&model.exponents, d, monomials);
-        let weights = self.weights(monomials, d);
-        for (monomial, exponents) in monomials.iter_mut().zip(&model.exponents) {
-            *monomial *= weights[degree_of(exponents) - 1].value;
-        }
-        let f = mul_vector(&self.stiffness, &d);
         let mut slots = [None; 3];
         for (k, &corner) in self.corners.iter().enumerate() {
             let region = arrays.position_region[corner];

@@ -16,6 +16,8 @@ mod check;
 mod combine;
 mod evaluate;
 mod family;
+#[cfg(feature = "solvers")]
+mod fields;
 mod file;
 mod interpolation;
 #[cfg(feature = "solvers")]
@@ -36,7 +38,7 @@ mod tests;
 
 #[cfg(feature = "solvers")]
 pub use build::{Family, Member, Progress, Reduction};
-pub use evaluate::{Contact, Response, Trust};
+pub use evaluate::{Contact, Response, Trust, allowance};
 pub use file::View;
 pub use metadata::{Errors, Metadata, Parameter};
 pub use model::{Answers, Arrays, ReducedModel};

@@ -1,0 +1,148 @@
+//! Several touches at once: the hyper-reduced Galerkin model.
+
+use crate::mesh::Patch;
+use crate::{convert, model::Model};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::{Arc, Mutex};
+use viscera_core::galerkin::{self, Hold, Sampling, Solution, Status, Trust};
+
+/// The series model of an organ and its body.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Galerkin {
+    galerkin: Arc<galerkin::Galerkin>,
+}
+
+#[pymethods]
+impl Galerkin {
+    #[new]
+    #[pyo3(signature = (model, *, order, tolerance, depth))]
+    fn new(
+        py: Python<'_>,
+        model: &Model,
+        order: usize,
+        tolerance: f64,
+        depth: f64,
+    ) -> PyResult<Self> {
+        let (series, sampling) = (model.model.clone(), Sampling { order, tolerance, depth });
+        let made = py.detach(|| galerkin::Galerkin::new(series, sampling));
+        Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
+    }
+
+    fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>) -> PyResult<Grasp> {
+        let points = convert::points("contacts", &points)?;
+        let grasp = py.detach(|| self.galerkin.grasp(&points)).map_err(convert::error)?;
+        let (cells, seconds) = (grasp.n_cells(), grasp.seconds());
+        Ok(Grasp { hold: Arc::clone(grasp.hold()), cells, seconds, grasp: Mutex::new(grasp) })
+    }
+}
+
+/// Contacts that hold the organ.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Grasp {
+    hold: Arc<Hold>,
+    #[pyo3(get)]
+    cells: usize,
+    #[pyo3(get)]
+    seconds: f64,
+    grasp: Mutex<galerkin::Grasp>,
+}
+
+#[pymethods]
+impl Grasp {
+    #[getter]
+    fn modes(&self) -> usize {
+        self.hold.n_modes()
+    }
+
+    fn patches(&self) -> Vec<Patch> {
+        self.hold.patches().into_iter().map(|patch| Patch { patch }).collect()
+    }
+
+    fn solve(
+        &self,
+        py: Python<'_>,
+        displacements: PyReadonlyArray2<f64>,
+        from_last: bool,
+        with_stiffness: bool,
+    ) -> PyResult<Held> {
+        let d = convert::points("displacements", &displacements)?;
+        let broken = |_| PyValueError::new_err("this grasp broke off; take hold anew");
+        let mut guard = self.grasp.lock().map_err(broken)?;
+        let grasp = &mut *guard;
+        let solution =
+            py.detach(|| grasp.solve(&d, from_last, with_stiffness)).map_err(convert::error)?;
+        Ok(Held { hold: Arc::clone(&self.hold), solution })
+    }
+
+    fn superposed<'py>(
+        &self,
+        py: Python<'py>,
+        displacements: PyReadonlyArray2<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let d = convert::points("displacements", &displacements)?;
+        convert::field(py, self.hold.superposed(&d).map_err(convert::error)?)
+    }
+}
+
+/// An answer, with what it takes to make its field and to assess it.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Held {
+    hold: Arc<Hold>,
+    solution: Solution,
+}
+
+#[pymethods]
+impl Held {
+    /// Everything that is known at once.
+    #[getter]
+    fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let solution = &self.solution;
+        let facts = PyDict::new(py);
+        facts.set_item("force", convert::table(py, &solution.forces)?)?;
+        if !solution.stiffness.is_empty() {
+            let n = 3 * solution.forces.len();
+            let stiffness = PyArray1::from_slice(py, &solution.stiffness).reshape([n, n])?;
+            facts.set_item("stiffness", stiffness)?;
+        }
+        facts.set_item("energy", solution.energy)?;
+        facts.set_item("status", status(solution.status))?;
+        facts.set_item("is_converged", solution.status == Status::Converged)?;
+        facts.set_item("smallest_jacobian", solution.smallest_jacobian)?;
+        facts.set_item("iterations", solution.iterations)?;
+        facts.set_item("tangents", solution.tangents)?;
+        facts.set_item("residual", solution.residual)?;
+        facts.set_item("seconds", solution.seconds)?;
+        Ok(facts)
+    }
+
+    fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        convert::field(py, py.detach(|| self.hold.displacement(&self.solution)))
+    }
+
+    /// Expected error, and why not to rely on the answer.
+    fn assess(&self, py: Python<'_>) -> (f64, &'static str) {
+        let assessment = py.detach(|| self.hold.assess(&self.solution));
+        (assessment.error, reason(assessment.trust))
+    }
+}
+
+fn status(status: Status) -> &'static str {
+    match status {
+        Status::Converged => "converged",
+        Status::StepTooSmall => "step too small",
+        Status::TooManyIterations => "too many iterations",
+    }
+}
+
+fn reason(trust: Trust) -> &'static str {
+    match trust {
+        Trust::Trusted => "",
+        Trust::NotConverged => "no equilibrium was found",
+        Trust::Inverted => "a sampled cell is inside out",
+        Trust::BeyondDepth => "a contact is displaced by more than in training",
+        Trust::ErrorTooLarge => "the expected error is larger than allowed at this depth",
+    }
+}

@@ -1,0 +1,92 @@
+//! The basis of a grasp: fields made orthonormal in the energy of the rest state, `phi_i . K phi_j = delta_ij`.
+
+use super::nnls::dot;
+use crate::body::SymmetricBlocks;
+use crate::mesh::Patch;
+use rayon::prelude::*;
+
+/// A field is left out when less than this part of its norm is its own.
+const DEPENDENT: f64 = 1e-4;
+
+/// Orthonormal modes, and the fields they came from.
+pub(super) struct Basis {
+    /// Runs of all degrees of freedom.
+    pub modes: Vec<Vec<f64>>,
+    /// Coordinates of each field in the modes: a row of the Cholesky factor of their Gram matrix.
+    pub coordinates: Vec<Vec<f64>>,
+}
+
+impl Basis {
+    /// Gram and Schmidt through the fields in their order, by the Cholesky factor of their Gram matrix; fields that
+    /// those before them span drop out.
+    pub fn new(fields: &[Vec<f64>], stiffness: &SymmetricBlocks) -> Self {
+        let forces: Vec<Vec<f64>> = (fields.par_iter())
+            .map(|field| {
+                let mut force = vec![0.0; field.len()];
+                stiffness.multiply(field, &mut force);
+                force
+            })
+            .collect();
+        let (mut coordinates, mut origin): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
+        for j in 0..fields.len() {
+            let mut row = Vec::with_capacity(origin.len() + 1);
+            for (k, &i) in origin.iter().enumerate() {
+                let sum = dot(&row, &coordinates[i][..k]);
+                row.push((dot(&forces[j], &fields[i]) - sum) / coordinates[i][k]);
+            }
+            let energy = dot(&forces[j], &fields[j]);
+            let own = energy - dot(&row, &row);
+            if own > DEPENDENT.powi(2) * energy {
+                row.push(own.sqrt());
+                origin.push(j);
+            }
+            coordinates.push(row);
+        }
+        let mut modes: Vec<Vec<f64>> = Vec::with_capacity(origin.len());
+        for (k, &i) in origin.iter().enumerate() {
+            let mut mode = fields[i].clone();
+            for (l, other) in modes.iter().enumerate() {
+                let along = coordinates[i][l];
+                mode.iter_mut().zip(other).for_each(|(x, y)| *x -= along * y);
+            }
+            let own = coordinates[i][k];
+            mode.iter_mut().for_each(|x| *x /= own);
+            modes.push(mode);
+        }
+        Basis { modes, coordinates }
+    }
+
+    /// Number of modes.
+    pub fn len(&self) -> usize {
+        self.modes.len()
+    }
+
+    /// Adds `amplitude` times a field to coordinates `q`.
+    pub fn add(&self, field: usize, amplitude: f64, q: &mut [f64]) {
+        let row = &self.coordinates[field];
+        q.iter_mut().zip(row).for_each(|(q, x)| *q += amplitude * x);
+    }
+
+    /// Mean displacement of a patch under each mode: three rows.
+    pub fn means(&self, patch: &Patch) -> [Vec<f64>; 3] {
+        let weights = || patch.nodes.iter().zip(&patch.weights);
+        let mean = |mode: &Vec<f64>, i: usize| -> f64 {
+            weights().map(|(&node, w)| w * mode[3 * node as usize + i]).sum()
+        };
+        std::array::from_fn(|i| self.modes.iter().map(|mode| mean(mode, i)).collect())
+    }
+
+    /// The field `sum q_k phi_k`.
+    pub fn field(&self, q: &[f64]) -> Vec<f64> {
+        let mut field = vec![0.0; self.modes.first().map_or(0, Vec::len)];
+        for (mode, &q) in self.modes.iter().zip(q) {
+            field.iter_mut().zip(mode).for_each(|(u, phi)| *u += q * phi);
+        }
+        field
+    }
+
+    /// `phi . f` for each mode.
+    pub fn project(&self, force: &[f64]) -> Vec<f64> {
+        self.modes.iter().map(|mode| dot(mode, force)).collect()
+    }
+}

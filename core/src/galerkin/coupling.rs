@@ -1,0 +1,59 @@
+//! What two contacts do to each other: the mixed second-order fields of their series.
+//!
+//! With the first-order fields `a_i` of one and `b_j` of the other, and `N` the internal force beyond its linear part,
+//!   K x_ij = - d2 N(s a_i + t b_j) / ds dt  at rest.
+//! No sum of what each does alone holds these fields, and near contacts need them most.
+
+use crate::body::Body;
+use crate::equilibrium::System;
+use crate::error::Error;
+use crate::number::{Lanes, Monomials};
+
+/// As many as the kernels of the series are compiled for.
+const WIDTH: usize = 8;
+/// Places of `x y` and `x z` among the monomials of degree 2.
+const MIXED: [usize; 2] = [1, 2];
+
+/// The nine fields `x_ij`, those of the same `i` together.
+///
+/// # Errors
+/// Values that are not finite.
+pub(super) fn coupling_fields(
+    body: &Body,
+    system: &System,
+    a: &[Vec<f64>],
+    b: &[Vec<f64>],
+) -> Result<Vec<Vec<f64>>, Error> {
+    let table = Monomials::of(3, 2);
+    let (stride, top) = (table.len(), table.of_degree(2).len());
+    // Lane i takes x = a_i, y = b_0, z = b_1, lane 3 + i takes x = a_i, y = b_2.
+    let mut series = vec![Lanes::<WIDTH>::default(); body.n_dofs() * stride];
+    for dof in 0..body.n_dofs() {
+        for i in 0..3 {
+            let run = &mut series[dof * stride..(dof + 1) * stride];
+            for (lane, y, z) in [(i, b[0][dof], b[1][dof]), (3 + i, b[2][dof], 0.0)] {
+                run[1][lane] = a[i][dof];
+                run[2][lane] = y;
+                run[3][lane] = z;
+            }
+        }
+    }
+    let mut force = vec![Lanes::<WIDTH>::default(); body.n_dofs() * top];
+    body.force_series(table, &series, stride, &mut force);
+    let source = |i: usize, j: usize| if j < 2 { (i, MIXED[j]) } else { (3 + i, MIXED[0]) };
+    let (free, n) = (system.free(), system.n_free());
+    let mut rhs = vec![0.0; 9 * n];
+    for (k, column) in rhs.chunks_exact_mut(n).enumerate() {
+        let (lane, monomial) = source(k / 3, k % 3);
+        for (value, &dof) in column.iter_mut().zip(free) {
+            *value = -force[dof as usize * top + monomial][lane];
+        }
+    }
+    system.solve_free(&mut rhs, 9)?;
+    let spread = |column: &[f64]| {
+        let mut field = vec![0.0; body.n_dofs()];
+        column.iter().zip(free).for_each(|(&x, &dof)| field[dof as usize] = x);
+        field
+    };
+    Ok(rhs.chunks_exact(n).map(spread).collect())
+}

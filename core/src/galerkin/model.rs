@@ -1,0 +1,120 @@
+//! The Galerkin model of an organ: its series model, and the body that it was reduced from.
+
+use super::grasp::Grasp;
+use super::subspace::Rest;
+use crate::body::Body;
+use crate::element::Element;
+use crate::equilibrium::System;
+use crate::error::Error;
+use crate::law::Material;
+use crate::reduced::{Contact, ReducedModel};
+use std::sync::Arc;
+
+/// How the reduced energy is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Highest order of the series fields in the basis, 1 to that of the model.
+    pub order: usize,
+    /// Error of the forces of the sampled cells in training, relative to those of all.
+    pub tolerance: f64,
+    /// Largest displacement of a contact in training [m]: beyond it nothing is trusted.
+    pub depth: f64,
+}
+
+/// The series model of an organ with what it takes to let several contacts act at once.
+pub struct Galerkin {
+    pub(super) model: ReducedModel,
+    pub(super) rest: Rest,
+    pub(super) sampling: Sampling,
+}
+
+impl Galerkin {
+    /// Factorises the tangent at rest.
+    ///
+    /// # Errors
+    /// Settings out of range; an element other than linear tetrahedra; touches that start from a preload.
+    pub fn new(model: ReducedModel, sampling: Sampling) -> Result<Self, Error> {
+        check(&model, &sampling)?;
+        let rest = rest_of(&model)?;
+        Ok(Galerkin { model, rest, sampling })
+    }
+
+    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second.
+    ///
+    /// # Errors
+    /// No contact; one off the surface; contacts that cannot be told apart.
+    pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+        if points.is_empty() {
+            return Err(Error::input(
+                "no contact; give at least one point of the touchable surface",
+            ));
+        }
+        let contacts = points
+            .iter()
+            .enumerate()
+            .map(|(k, &point)| self.contact(k, point))
+            .collect::<Result<Vec<_>, _>>()?;
+        Grasp::new(Arc::clone(self), contacts)
+    }
+
+    fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {
+        let found = self.model.locate(point).filter(|c| self.model.is_on_surface(c));
+        found.ok_or_else(|| {
+            Error::input(format!(
+                "contact {k} at {point:?} is more than {:.4} m off the touchable surface; move it there",
+                self.model.edge_length()
+            ))
+        })
+    }
+}
+
+fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
+    let metadata = model.metadata();
+    if metadata.element != Element::P1.name() {
+        return Err(Error::input(format!(
+            "the model is of element {:?}; cells can be sampled one by one only with \"P1\"",
+            metadata.element
+        )));
+    }
+    if !model.arrays().preload.is_empty() {
+        return Err(Error::input(
+            "the touches of this model start from a preload; several at once need one that starts from rest",
+        ));
+    }
+    if !(1..=metadata.order).contains(&sampling.order) {
+        return Err(Error::input(format!(
+            "order {}; it must be between 1 and {}, the order of the series",
+            sampling.order, metadata.order
+        )));
+    }
+    if !(sampling.tolerance > 0.0 && sampling.tolerance < 1.0) {
+        return Err(Error::input(format!(
+            "tolerance {}; it must be above 0 and below 1",
+            sampling.tolerance
+        )));
+    }
+    if !(sampling.depth > 0.0 && sampling.depth < metadata.diagonal) {
+        return Err(Error::input(format!(
+            "depth {} m; it must be above 0 and below {:.4} m, the diagonal of the organ",
+            sampling.depth, metadata.diagonal
+        )));
+    }
+    Ok(())
+}
+
+/// The body that the model was reduced from, with its tangent at rest factorised.
+fn rest_of(model: &ReducedModel) -> Result<Rest, Error> {
+    let (metadata, arrays) = (model.metadata(), model.arrays());
+    let points = arrays.points.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
+    let cells = arrays.cells.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect();
+    let rows = arrays.law_parameters.chunks_exact(metadata.law_parameter_names.len());
+    let material = Material::new(&metadata.law, rows.map(<[f64]>::to_vec).collect())?;
+    let body = Body::new(points, cells, material)?;
+    let mut stiffness = body.zero_tangent();
+    let zero = vec![0.0; body.n_dofs()];
+    body.internal_force_and_tangent(&zero, &mut zero.clone(), &mut stiffness);
+    let held = arrays.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
+    let mut system = System::new(&stiffness, body.n_dofs(), held)?;
+    system.factorize(&stiffness, 0.0)?;
+    Ok(Rest { body, stiffness, system })
+}

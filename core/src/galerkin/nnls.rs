@@ -1,0 +1,163 @@
+//! Non-negative least squares, `min |A w - b|` over `w >= 0`, stopped early: which cells, and how much each counts.
+//! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23.
+
+use rayon::prelude::*;
+
+/// Part of a column that must be its own for it to be taken in.
+const DEPENDENT: f64 = 1e-12;
+/// Columns below which a thread has too little to do.
+const FEW: usize = 128;
+
+/// Columns of `A`, one after the other.
+pub(super) struct Columns<'a> {
+    pub rows: usize,
+    pub values: &'a [f64],
+}
+
+impl Columns<'_> {
+    fn column(&self, k: usize) -> &[f64] {
+        &self.values[k * self.rows..(k + 1) * self.rows]
+    }
+
+    fn len(&self) -> usize {
+        self.values.len() / self.rows
+    }
+}
+
+/// Columns and their weights, ascending, of the first iterate with a residual below `tolerance |b|`.
+pub(super) fn greedy(a: &Columns, b: &[f64], tolerance: f64) -> Vec<(usize, f64)> {
+    let goal = tolerance * norm(b);
+    let norms: Vec<f64> = (0..a.len()).map(|k| norm(a.column(k))).collect();
+    // A column that brought nothing new is not asked again.
+    let mut is_free: Vec<bool> = norms.iter().map(|&n| n > 0.0).collect();
+    let mut active = Active::default();
+    let mut residual = b.to_vec();
+    while norm(&residual) > goal && active.columns.len() < a.rows {
+        let gain = |k: usize| dot(a.column(k), &residual) / norms[k];
+        let gains = (0..a.len()).into_par_iter().with_min_len(FEW).filter(|&k| is_free[k]);
+        let best = gains.map(|k| (gain(k), k)).max_by(|x, y| x.0.total_cmp(&y.0));
+        let Some((_, column)) = best.filter(|(gain, _)| *gain > 1e-10 * norm(b)) else { break };
+        is_free[column] = false;
+        for dropped in active.add(a, b, column) {
+            is_free[dropped] = dropped != column;
+        }
+        residual.copy_from_slice(b);
+        for (&k, w) in active.columns.iter().zip(&active.weights) {
+            residual.iter_mut().zip(a.column(k)).for_each(|(r, x)| *r -= w * x);
+        }
+    }
+    let mut chosen: Vec<(usize, f64)> = active.columns.into_iter().zip(active.weights).collect();
+    chosen.sort_unstable_by_key(|(k, _)| *k);
+    chosen
+}
+
+/// The columns in use, their Gram matrix and its Cholesky factor, row by row.
+#[derive(Default)]
+struct Active {
+    columns: Vec<usize>,
+    weights: Vec<f64>,
+    gram: Vec<Vec<f64>>,
+    rhs: Vec<f64>,
+    factor: Vec<Vec<f64>>,
+}
+
+impl Active {
+    /// Takes a column in, and those out that would need a negative weight; returns the latter.
+    fn add(&mut self, a: &Columns, b: &[f64], column: usize) -> Vec<usize> {
+        let new = a.column(column);
+        let mut row: Vec<f64> = self.columns.par_iter().map(|&k| dot(a.column(k), new)).collect();
+        row.push(dot(new, new));
+        self.columns.push(column);
+        self.weights.push(0.0);
+        self.gram.push(row);
+        self.rhs.push(dot(new, b));
+        let mut out = Vec::new();
+        if !self.factorize_from(self.columns.len() - 1) {
+            out.extend(self.columns.pop());
+            self.weights.pop();
+            self.gram.pop();
+            self.rhs.pop();
+            return out;
+        }
+        loop {
+            let full = self.solution();
+            let blocking = full.iter().zip(&self.weights).filter(|(s, _)| **s <= 0.0);
+            let step = blocking.map(|(s, w)| w / (w - s)).fold(1.0, f64::min);
+            self.weights.iter_mut().zip(&full).for_each(|(w, s)| *w += step * (s - *w));
+            if step >= 1.0 {
+                return out;
+            }
+            let Some(first) = self.drop_empty(&mut out) else { return out };
+            if !self.factorize_from(first) {
+                return out;
+            }
+        }
+    }
+
+    /// Moves columns without weight to `out`; the place of the first of them.
+    fn drop_empty(&mut self, out: &mut Vec<usize>) -> Option<usize> {
+        let largest = self.weights.iter().fold(0.0, |m: f64, &w| m.max(w));
+        let is_kept: Vec<bool> = self.weights.iter().map(|&w| w > 1e-12 * largest).collect();
+        let places: Vec<usize> = (0..self.columns.len()).filter(|&k| is_kept[k]).collect();
+        out.extend((0..self.columns.len()).filter(|&k| !is_kept[k]).map(|k| self.columns[k]));
+        self.gram = places
+            .iter()
+            .enumerate()
+            .map(|(k, &row)| places[..=k].iter().map(|&column| self.gram[row][column]).collect())
+            .collect();
+        self.columns = places.iter().map(|&k| self.columns[k]).collect();
+        self.weights = places.iter().map(|&k| self.weights[k]).collect();
+        self.rhs = places.iter().map(|&k| self.rhs[k]).collect();
+        is_kept.iter().position(|kept| !kept)
+    }
+
+    /// Renews the rows of the factor from one on; false where a column depends on those before it.
+    fn factorize_from(&mut self, first: usize) -> bool {
+        self.factor.truncate(first);
+        for k in self.factor.len()..self.columns.len() {
+            let mut row = self.gram[k].clone();
+            for j in 0..k {
+                let sum = dot(&row[..j], &self.factor[j][..j]);
+                row[j] = (row[j] - sum) / self.factor[j][j];
+            }
+            let own = row[k] - dot(&row[..k], &row[..k]);
+            if !(own > DEPENDENT * row[k]) {
+                return false;
+            }
+            row[k] = own.sqrt();
+            self.factor.push(row);
+        }
+        true
+    }
+
+    /// The unconstrained solution.
+    fn solution(&self) -> Vec<f64> {
+        let n = self.columns.len();
+        let mut x = self.rhs.clone();
+        for k in 0..n {
+            x[k] = (x[k] - dot(&x[..k], &self.factor[k][..k])) / self.factor[k][k];
+        }
+        for k in (0..n).rev() {
+            x[k] /= self.factor[k][k];
+            let xk = x[k];
+            x[..k].iter_mut().zip(&self.factor[k]).for_each(|(x, l)| *x -= l * xk);
+        }
+        x
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Eight sums side by side: one alone waits for itself.
+    let (head, tail) = (a.len() / 8 * 8, a.len().min(b.len()));
+    let mut sums = [0.0; 8];
+    for (x, y) in a[..head].chunks_exact(8).zip(b[..head].chunks_exact(8)) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    sums.iter().sum::<f64>() + (head..tail).map(|k| a[k] * b[k]).sum::<f64>()
+}
+
+pub(super) fn norm(a: &[f64]) -> f64 {
+    dot(a, a).sqrt()
+}

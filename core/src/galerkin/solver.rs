@@ -1,0 +1,183 @@
+//! The reduced equilibrium: minimise W(q) under A q = d.
+//!
+//! With the tangent K at an earlier iterate and f = dW/dq, a step is
+//!   [K -A^T; A 0] [dq; F] = [-f; d - A q],
+//! F the contact forces; the tangent is renewed when steps shrink too slowly, so most iterations cost a force only.
+
+use super::assembly::Reduced;
+use super::factor::Factor;
+use super::nnls::{dot, norm};
+use super::sample::Sample;
+use crate::body::Lane;
+
+/// A step is small enough when it is below this part of the coordinates.
+const TOLERANCE: f64 = 1e-5;
+/// Coordinates below this part of the usual ones count as this.
+const SMALLEST: f64 = 1e-6;
+/// Steps that shrink by less than this ask for a new tangent.
+const SLOW: f64 = 0.2;
+const MAX_ITERATIONS: usize = 40;
+/// Shortest step that is tried.
+const SHORTEST: f64 = 1.0 / 1024.0;
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    /// At an equilibrium of the reduced energy.
+    Converged,
+    /// Every step towards it, however short, turns a sampled cell inside out or raises the energy.
+    StepTooSmall,
+    /// The iterations did not suffice.
+    TooManyIterations,
+}
+
+/// How a search for equilibrium went.
+#[derive(Default)]
+pub(super) struct Search {
+    pub iterations: usize,
+    pub tangents: usize,
+    /// Last step, relative to the coordinates.
+    pub residual: f64,
+}
+
+/// Modes, sampled cells and constraints, with the last iterate.
+pub(super) struct Solver {
+    pub reduced: Reduced,
+    pub q: Vec<f64>,
+    sample: Sample,
+    /// The modes on the sampled cells.
+    modes: Vec<Lane>,
+    /// `A`: three rows for each contact.
+    means: Vec<Vec<f64>>,
+    factor: Factor,
+    /// Usual norm of the coordinates.
+    unit: f64,
+    /// Contact forces of the last step, three for each.
+    pub forces: Vec<f64>,
+    /// Its direction, where it started, and what the means of the patches lacked there.
+    step: Vec<f64>,
+    origin: Vec<f64>,
+    missing: Vec<f64>,
+}
+
+impl Solver {
+    /// At rest; `modes` are runs of all degrees of freedom.
+    pub fn new(sample: Sample, modes: &[Vec<f64>], means: Vec<Vec<f64>>, unit: f64) -> Self {
+        let (r, n) = (modes.len(), means.len());
+        let mut solver = Solver {
+            reduced: Reduced::new(r),
+            q: vec![0.0; r],
+            modes: sample.restrict(modes),
+            factor: Factor::new(r, n),
+            sample,
+            means,
+            unit,
+            forces: vec![0.0; n],
+            step: vec![0.0; r],
+            origin: vec![0.0; r],
+            missing: vec![0.0; n],
+        };
+        solver.evaluate(false);
+        solver
+    }
+
+    /// Number of sampled cells.
+    pub fn n_cells(&self) -> usize {
+        self.sample.len()
+    }
+
+    /// Volumes of the sampled cells times their weights.
+    #[cfg(test)]
+    pub fn weights(&self) -> Vec<f64> {
+        self.sample.weights()
+    }
+
+    /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
+    pub fn start(&mut self, guess: impl Fn(f64) -> Vec<f64>) {
+        let mut share = 1.0;
+        loop {
+            self.q = guess(share);
+            self.evaluate(false);
+            if self.reduced.jacobian > 0.0 || share < SHORTEST {
+                break;
+            }
+            share *= 0.5;
+        }
+        self.factor.forget();
+    }
+
+    /// Energy and force at `q`, and the tangent where asked for.
+    pub fn evaluate(&mut self, with_tangent: bool) {
+        self.reduced.evaluate(&self.sample, &self.modes, &self.q, with_tangent);
+    }
+
+    /// Derivative of the contact forces by `d`, with a new tangent at `q`.
+    pub fn stiffness(&mut self, search: &mut Search) -> Vec<f64> {
+        self.renew(search);
+        self.factor.stiffness()
+    }
+
+    /// Goes from `q`, where it was evaluated last, to the equilibrium under `A q = d`, or as far as it gets.
+    pub fn solve(&mut self, d: &[f64], search: &mut Search) -> Status {
+        let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        let (mut last, mut is_fresh) = (f64::INFINITY, false);
+        for _ in 0..MAX_ITERATIONS {
+            search.iterations += 1;
+            if !self.factor.is_ready() {
+                self.renew(search);
+                is_fresh = true;
+            }
+            for ((missing, row), d) in self.missing.iter_mut().zip(&self.means).zip(d) {
+                *missing = d - dot(row, &self.q);
+            }
+            let is_feasible = norm(&self.missing) <= 1e-9 * size;
+            let Solver { reduced, missing, means, step, forces, .. } = self;
+            self.factor.step(&reduced.force, missing, means, step, forces);
+            let Some(length) = self.advance(is_feasible) else {
+                if is_fresh {
+                    return Status::StepTooSmall;
+                }
+                self.factor.forget();
+                continue;
+            };
+            let way = norm(&self.step);
+            search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
+            if length == 1.0 && search.residual <= TOLERANCE {
+                return Status::Converged;
+            }
+            if length < 1.0 || way > SLOW * last || self.factor.is_shifted() {
+                self.factor.forget();
+            }
+            (last, is_fresh) = (way, false);
+        }
+        Status::TooManyIterations
+    }
+
+    fn renew(&mut self, search: &mut Search) {
+        self.evaluate(true);
+        self.factor.factorize(&self.reduced.tangent, &self.means);
+        search.tangents += 1;
+    }
+
+    /// Goes along the step, half as far again and again until no sampled cell is inside out and, on the constraint,
+    /// the energy does not rise; none where that leads nowhere.
+    fn advance(&mut self, is_feasible: bool) -> Option<f64> {
+        let energy = self.reduced.energy;
+        self.origin.copy_from_slice(&self.q);
+        let mut length = 1.0;
+        while length >= SHORTEST {
+            for ((q, &from), &along) in self.q.iter_mut().zip(&self.origin).zip(&self.step) {
+                *q = from + length * along;
+            }
+            self.evaluate(false);
+            let is_lower = self.reduced.energy <= energy + 1e-9 * energy.abs();
+            if self.reduced.jacobian > 0.0 && (!is_feasible || is_lower) {
+                return Some(length);
+            }
+            length *= 0.5;
+        }
+        self.q.copy_from_slice(&self.origin);
+        self.evaluate(false);
+        None
+    }
+}

@@ -1,0 +1,171 @@
+//! What a grasp is solved in: the series fields of every contact, the coupling fields of every two, and the
+//! superposed series as a first guess.
+
+use super::basis::Basis;
+use super::coupling::coupling_fields;
+use crate::body::{Body, SymmetricBlocks};
+use crate::equilibrium::System;
+use crate::error::Error;
+use crate::mesh::Patch;
+use crate::number::{degree_of, evaluate_monomials};
+use crate::reduced::{Contact, ReducedModel};
+use faer::Mat;
+use faer::linalg::solvers::{PartialPivLu, Solve};
+
+/// Contacts whose means follow from each other to within this part have no forces of their own.
+const DEPENDENT: f64 = 1e-3;
+
+/// A body at rest: what fields are made orthonormal by, and coupled with.
+pub(super) struct Rest {
+    pub body: Body,
+    pub stiffness: SymmetricBlocks,
+    pub system: System,
+}
+
+/// Where a raw field comes from.
+#[derive(Clone, Copy)]
+enum Source {
+    /// A monomial of the displacement of a contact.
+    Series { contact: usize, exponents: [u8; 3] },
+    /// A product of displacements of two contacts: contact and component of each.
+    Coupling([[usize; 2]; 2]),
+}
+
+impl Source {
+    /// The displacement, of all contacts one after the other, that a first-order field belongs to.
+    fn first_order(&self) -> Option<usize> {
+        match self {
+            Source::Series { contact, exponents } if degree_of(exponents) == 1 => {
+                exponents.iter().position(|&e| e == 1).map(|i| 3 * contact + i)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The span of the fields of some contacts.
+pub(super) struct Subspace {
+    pub basis: Basis,
+    /// Mean displacement of the patches under each mode: three rows for each contact.
+    pub means: Vec<Vec<f64>>,
+    sources: Vec<Source>,
+    /// Inverse of the means of the first-order fields.
+    unmixed: Mat<f64>,
+}
+
+impl Subspace {
+    /// Fields up to `order` at some contacts, and all their couplings.
+    ///
+    /// # Errors
+    /// Contacts so close that the displacement of one follows from the others.
+    pub fn new(
+        model: &ReducedModel,
+        rest: &Rest,
+        contacts: &[Contact],
+        order: usize,
+    ) -> Result<Self, Error> {
+        let (mut fields, mut sources) = (Vec::new(), Vec::new());
+        let scale = model.metadata().depth;
+        let exponents = model.exponents_up_to(order);
+        let mut first: Vec<Vec<Vec<f64>>> = Vec::new();
+        for (contact, place) in contacts.iter().enumerate() {
+            let mut series = model.series_fields(place, order);
+            for (field, &exponents) in series.iter_mut().zip(exponents) {
+                let unit = scale.powi(degree_of(&exponents) as i32);
+                field.iter_mut().for_each(|u| *u *= unit);
+                sources.push(Source::Series { contact, exponents });
+            }
+            first.push(series[..3].to_vec());
+            fields.extend(series);
+        }
+        for b in 1..contacts.len() {
+            for a in 0..b {
+                fields.extend(coupling_fields(&rest.body, &rest.system, &first[a], &first[b])?);
+                let pairs = (0..9).map(|k| Source::Coupling([[a, k / 3], [b, k % 3]]));
+                sources.extend(pairs);
+            }
+        }
+        let basis = Basis::new(&fields, &rest.stiffness);
+        let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
+        let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
+        let unmixed = unmixed(&means, &basis, &sources)?;
+        Ok(Subspace { basis, means, sources, unmixed })
+    }
+
+    /// Number of modes.
+    pub fn len(&self) -> usize {
+        self.basis.len()
+    }
+
+    /// Sum of the series of all contacts with their couplings, moved so that the means of the patches come out as `d`
+    /// to second order.
+    pub fn superposed(&self, d: &[f64]) -> Vec<f64> {
+        let mut alone = self.unmix(d);
+        let q = self.sum_of_series(&alone);
+        let mut missing = d.to_vec();
+        for (m, row) in missing.iter_mut().zip(&self.means) {
+            *m -= row.iter().zip(&q).map(|(a, q)| a * q).sum::<f64>();
+        }
+        alone.iter_mut().zip(self.unmix(&missing)).for_each(|(a, more)| *a += more);
+        self.sum_of_series(&alone)
+    }
+
+    /// First-order fields under which the means of the patches are `d`.
+    pub fn first_order(&self, d: &[f64]) -> Vec<f64> {
+        let alone = self.unmix(d);
+        let mut q = vec![0.0; self.len()];
+        for (field, source) in self.sources.iter().enumerate() {
+            if let Some(i) = source.first_order() {
+                self.basis.add(field, alone[i], &mut q);
+            }
+        }
+        q
+    }
+
+    /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of
+    /// the model's depth.
+    fn unmix(&self, d: &[f64]) -> Vec<f64> {
+        let n = d.len();
+        (0..n).map(|i| (0..n).map(|j| self.unmixed[(i, j)] * d[j]).sum()).collect()
+    }
+
+    fn sum_of_series(&self, alone: &[f64]) -> Vec<f64> {
+        let mut q = vec![0.0; self.len()];
+        let part = |contact: usize, i: usize| alone[3 * contact + i];
+        for (field, source) in self.sources.iter().enumerate() {
+            let amplitude = match *source {
+                Source::Series { contact, exponents } => {
+                    let mut value = [0.0];
+                    let d = std::array::from_fn(|i| part(contact, i));
+                    evaluate_monomials(&[exponents], d, &mut value);
+                    value[0]
+                }
+                Source::Coupling([[a, i], [b, j]]) => part(a, i) * part(b, j),
+            };
+            self.basis.add(field, amplitude, &mut q);
+        }
+        q
+    }
+}
+
+/// Inverse of the means under the first-order field of each contact, in units of their displacement.
+fn unmixed(means: &[Vec<f64>], basis: &Basis, sources: &[Source]) -> Result<Mat<f64>, Error> {
+    let is_first = |&f: &usize| sources[f].first_order().is_some();
+    let first: Vec<usize> = (0..sources.len()).filter(is_first).collect();
+    let n = means.len();
+    let mixed = Mat::from_fn(n, n, |i, j| {
+        let row = &basis.coordinates[first[j]];
+        row.iter().zip(&means[i]).map(|(x, a)| x * a).sum::<f64>()
+    });
+    let size = mixed.norm_max();
+    let inverse = PartialPivLu::new(mixed.as_ref()).solve(Mat::<f64>::identity(n, n));
+    // Written so that what is not a number counts as dependent.
+    let is_own = |x: f64| x.abs() * size * DEPENDENT < 1.0;
+    if !(0..n).all(|i| (0..n).all(|j| is_own(inverse[(i, j)]))) {
+        return Err(Error::input(
+            "the contacts are so close that the displacement of one follows from the others; \
+             move them apart, or leave one out",
+        ));
+    }
+    Ok(inverse)
+}

@@ -1,0 +1,384 @@
+//! The Galerkin model against differences, against full Newton, and against its own promises.
+
+use super::assembly::Reduced;
+use super::basis::Basis;
+use super::model::{Galerkin, Sampling};
+use super::nnls::{self, Columns, norm};
+use super::sample::Sample;
+use super::solver::{Search, Solver, Status};
+use super::training::{Forces, states, systematic};
+use super::{Assessment, Grasp, Solution, Trust};
+use crate::body::Body;
+use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem};
+use crate::law::Material;
+use crate::mesh::samples::{block, noise};
+use crate::mesh::{Patch, Surface, surface};
+use crate::reduced::{Arrays, ReducedModel, Reduction, allowance};
+use std::sync::{Arc, LazyLock};
+
+const SIZE: [f64; 3] = [0.06, 0.04, 0.03];
+const DEPTH: f64 = 0.006;
+
+/// A block held at the bottom, touched at the top.
+static MODEL: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
+    let (points, cells) = block([6, 4, 3], SIZE);
+    let at = |z: f64| -> Vec<u32> {
+        (0..points.len() as u32).filter(|&n| (points[n as usize][2] - z).abs() < 1e-12).collect()
+    };
+    let law = Material::new("neo_hookean", vec![vec![3.0e3, 27.0e3]]).unwrap();
+    let skin = Surface::new(&points, &surface(&points, &cells));
+    let (fixed, touchable) = (at(0.0), at(SIZE[2]));
+    let body = Body::new(points, cells, law).unwrap();
+    let user = serde_json::Value::Null;
+    let tolerance = 1e-4;
+    let reduction = Reduction {
+        touchable,
+        radius: 0.015,
+        depth: DEPTH,
+        order: 3,
+        tolerance,
+        pade: true,
+        preload: Vec::new(),
+        user,
+    };
+    let model = reduction.run(&body, &skin, &fixed, &mut |_| true).unwrap();
+    let sampling = Sampling { order: 3, tolerance: 0.01, depth: DEPTH };
+    Arc::new(Galerkin::new(model, sampling).unwrap())
+});
+
+const LEFT: [f64; 3] = [0.018, 0.021, 0.03];
+const RIGHT: [f64; 3] = [0.042, 0.017, 0.03];
+
+fn two() -> Grasp {
+    MODEL.grasp(&[LEFT, RIGHT]).unwrap()
+}
+
+/// Displacements of two contacts at a depth, in directions of their own.
+fn pushes(depth: f64) -> [[f64; 3]; 2] {
+    [[0.5, 0.1, -0.8], [-0.3, 0.4, -0.7]].map(|d| d.map(|x| depth * x / norm(&d)))
+}
+
+/// Displacement and contact forces by full Newton.
+fn newton(patches: &[Patch], displacements: &[[f64; 3]]) -> (Vec<f64>, Vec<[f64; 3]>) {
+    let body = &MODEL.rest.body;
+    let fixed = &MODEL.model.arrays().fixed;
+    let patches = patches.iter().zip(displacements);
+    let problem = Problem {
+        body,
+        prescribed: fixed.iter().flat_map(|&n| (0..3).map(move |i| (3 * n + i, 0.0))).collect(),
+        force: vec![0.0; body.n_dofs()],
+        pressure: Pressure { faces: Vec::new(), values: Vec::new() },
+        patches: patches
+            .map(|(patch, &displacement)| PatchLoad { patch: patch.clone(), displacement })
+            .collect(),
+        start: None,
+    };
+    let state = Newton::default().solve(&problem, &mut |_| true).unwrap();
+    assert!(state.status.is_converged());
+    (state.displacement, state.patch_forces)
+}
+
+fn relative(a: &[f64], exact: &[f64]) -> f64 {
+    norm(&a.iter().zip(exact).map(|(a, b)| a - b).collect::<Vec<_>>()) / norm(exact)
+}
+
+#[test]
+fn non_negative_least_squares_meets_its_conditions() {
+    let (rows, count) = (40, 25);
+    let values = noise(rows * count, 3);
+    let b: Vec<f64> = noise(rows, 4);
+    let a = Columns { rows, values: &values };
+    let chosen = nnls::greedy(&a, &b, 0.0);
+    let column = |k: usize| &values[k * rows..(k + 1) * rows];
+    let mut residual = b.clone();
+    for &(k, w) in &chosen {
+        assert!(w > 0.0, "column {k}: weight {w}");
+        residual.iter_mut().zip(column(k)).for_each(|(r, x)| *r -= w * x);
+    }
+    for k in 0..count {
+        let gain = nnls::dot(column(k), &residual);
+        let is_chosen = chosen.iter().any(|&(c, _)| c == k);
+        assert!(gain < 1e-8 && (!is_chosen || gain > -1e-8), "column {k}: gain {gain}");
+    }
+    assert!(chosen.is_sorted() && chosen.len() > 3 && chosen.len() < count);
+}
+
+#[test]
+fn few_columns_do_for_a_rough_answer_and_doubles_are_not_taken_twice() {
+    let (rows, count) = (60, 40);
+    let single = noise(rows * count, 5).iter().map(|x| 1.5 + x).collect::<Vec<_>>();
+    let b: Vec<f64> = (0..rows).map(|i| (0..count).map(|k| single[k * rows + i]).sum()).collect();
+    let values = [&single[..], &single[..]].concat();
+    let a = Columns { rows, values: &values };
+    let sizes = [0.1, 1e-3, 1e-6].map(|tolerance| {
+        let chosen = nnls::greedy(&a, &b, tolerance);
+        let mut residual = b.clone();
+        for &(k, w) in &chosen {
+            let column = &values[k * rows..(k + 1) * rows];
+            residual.iter_mut().zip(column).for_each(|(r, x)| *r -= w * x);
+        }
+        assert!(norm(&residual) <= tolerance * norm(&b), "{tolerance}: {}", norm(&residual));
+        chosen.len()
+    });
+    assert!(sizes[0] < sizes[1] && sizes[1] <= sizes[2] && sizes[2] <= count, "{sizes:?}");
+}
+
+#[test]
+fn what_counts_more_is_taken_more_often() {
+    let sizes: Vec<f64> = (0..1000).map(|k| if k < 100 { 9.0 } else { 1.0 }).collect();
+    let taken = systematic(&sizes, 180);
+    assert!(taken.is_sorted_by(|a, b| a < b));
+    let large = taken.iter().filter(|&&k| k < 100).count();
+    assert_eq!((large, taken.len()), (90, 180));
+    assert_eq!(systematic(&[1.0, 100.0, 1.0], 50), [1], "no place is taken twice");
+}
+
+#[test]
+fn modes_are_orthonormal_in_the_energy_and_span_their_fields() {
+    let body = &MODEL.rest.body;
+    let free: Vec<usize> = MODEL.rest.system.free().iter().map(|&dof| dof as usize).collect();
+    let mut fields: Vec<Vec<f64>> = Vec::new();
+    for k in 0..5 {
+        let mut field = vec![0.0; body.n_dofs()];
+        free.iter().zip(noise(free.len(), k)).for_each(|(&dof, x)| field[dof] = x);
+        fields.push(field);
+    }
+    fields.insert(3, (0..body.n_dofs()).map(|i| fields[0][i] - 2.0 * fields[1][i]).collect());
+    let basis = Basis::new(&fields, &MODEL.rest.stiffness);
+    assert_eq!(basis.len(), 5, "the field that others span drops out");
+    let mut force = vec![0.0; body.n_dofs()];
+    for i in 0..basis.len() {
+        MODEL.rest.stiffness.multiply(&basis.modes[i], &mut force);
+        for (j, product) in basis.project(&force).into_iter().enumerate() {
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9);
+        }
+    }
+    for (k, field) in fields.iter().enumerate() {
+        let mut q = vec![0.0; basis.len()];
+        basis.add(k, 1.0, &mut q);
+        assert!(relative(&basis.field(&q), field) < 1e-9);
+    }
+}
+
+#[test]
+fn force_and_tangent_are_derivatives_whatever_the_weights() {
+    let body = &MODEL.rest.body;
+    let grasp = two();
+    let cells: Vec<usize> = (0..body.cells().len()).step_by(7).collect();
+    let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
+    let weights: Vec<f64> = noise(cells.len(), 1).iter().map(|x| 2.0 + x).collect();
+    sample.weigh(&weights);
+    let modes = sample.restrict(&grasp.hold().subspace.basis.modes);
+    let r = grasp.hold().n_modes();
+    let q = grasp.hold().subspace.superposed(pushes(DEPTH).as_flattened());
+    let mut at = Reduced::new(r);
+    at.evaluate(&sample, &modes, &q, true);
+    let h = 1e-5 * norm(&q);
+    let (mut above, mut below) = (Reduced::new(r), Reduced::new(r));
+    let slope_scale = norm(&at.tangent);
+    for k in 0..r {
+        let moved = |step: f64| -> Vec<f64> {
+            (0..r).map(|j| q[j] + if j == k { step } else { 0.0 }).collect()
+        };
+        above.evaluate(&sample, &modes, &moved(h), false);
+        below.evaluate(&sample, &modes, &moved(-h), false);
+        let slope = (above.energy - below.energy) / (2.0 * h);
+        assert!((slope - at.force[k]).abs() < 1e-7 * norm(&at.force), "mode {k}");
+        for j in 0..r {
+            let slope = (above.force[j] - below.force[j]) / (2.0 * h);
+            assert!((slope - at.tangent[k * r + j]).abs() < 1e-7 * slope_scale, "modes {k}, {j}");
+            assert_eq!(at.tangent[k * r + j], at.tangent[j * r + k]);
+        }
+    }
+}
+
+#[test]
+fn all_modes_and_all_cells_are_newton() {
+    let body = &MODEL.rest.body;
+    let grasp = two();
+    let patches = grasp.hold().patches();
+    let unit = |&dof: &u32| {
+        let mut mode = vec![0.0; body.n_dofs()];
+        mode[dof as usize] = 1.0;
+        mode
+    };
+    let fields: Vec<Vec<f64>> = MODEL.rest.system.free().iter().map(unit).collect();
+    let basis = Basis::new(&fields, &MODEL.rest.stiffness);
+    assert_eq!(basis.len(), fields.len());
+    let all: Vec<usize> = (0..body.cells().len()).collect();
+    let sample = Sample::new(body.points(), body.cells(), body.material(), &all);
+    let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
+    let mut solver = Solver::new(sample, &basis.modes, means, 1.0);
+    let d = pushes(DEPTH);
+    let mut search = Search::default();
+    let status = solver.solve(d.as_flattened(), &mut search);
+    assert_eq!(status, Status::Converged);
+    let (field, forces) = newton(&patches, &d);
+    assert!(relative(&basis.field(&solver.q), &field) < 1e-5);
+    assert!(relative(&solver.forces, forces.as_flattened()) < 1e-4);
+    assert!((solver.reduced.energy - body.energy(&field)).abs() < 1e-6 * body.energy(&field));
+}
+
+#[test]
+fn sampled_energies_are_those_of_the_body_in_training() {
+    let body = &MODEL.rest.body;
+    let mut grasp = two();
+    assert!(grasp.n_cells() < body.cells().len() * 3 / 4, "{} cells", grasp.n_cells());
+    assert!(grasp.solver().weights().iter().all(|&w| w > 0.0));
+    for state in states(&MODEL.rest, &grasp.hold().subspace, DEPTH, 0..20) {
+        let full = body.energy(&grasp.hold().subspace.basis.field(&state.q));
+        grasp.solver().start(|_| state.q.clone());
+        let error = (grasp.solver().reduced.energy - full).abs() / full;
+        assert!(error < 0.03, "energy off by {error}");
+    }
+}
+
+#[test]
+fn forces_of_all_cells_are_those_of_the_body() {
+    let (grasp, body) = (two(), &MODEL.rest.body);
+    let states = states(&MODEL.rest, &grasp.hold().subspace, DEPTH, 0..3);
+    let all: Vec<usize> = (0..body.cells().len()).collect();
+    let forces = Forces::new(body, &all, &grasp.hold().subspace, &states);
+    let mut sum = vec![0.0; forces.rows];
+    for force in forces.cells.chunks_exact(forces.rows) {
+        sum.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
+    }
+    assert!(relative(&sum, &forces.body) < 1e-12);
+    assert_eq!(forces.sizes().len(), all.len());
+}
+
+#[test]
+fn one_shallow_touch_is_that_of_the_series() {
+    let mut grasp = MODEL.grasp(&[LEFT]).unwrap();
+    let contact = grasp.hold().contacts()[0];
+    let d = pushes(1e-3 * DEPTH)[0];
+    let solution = grasp.solve(&[d], false, true).unwrap();
+    let response = MODEL.model.respond(&contact, d);
+    // Within the error of a sampling to one per cent.
+    assert!(relative(&solution.forces[0], &response.force) < 0.02);
+    let stiffness = response.stiffness.as_flattened();
+    assert!(relative(&solution.stiffness, stiffness) < 0.02);
+    assert_eq!(solution.status, Status::Converged);
+}
+
+#[test]
+fn the_superposed_series_is_right_to_second_order() {
+    let grasp = two();
+    let patches = grasp.hold().patches();
+    let error = |depth: f64| {
+        let d = pushes(depth);
+        relative(&grasp.hold().superposed(&d).unwrap(), &newton(&patches, &d).0)
+    };
+    let (coarse, fine) = (error(0.5 * DEPTH), error(0.25 * DEPTH));
+    // The part left is of third order, a quarter relative to a displacement half as large.
+    assert!(fine < 0.35 * coarse, "{coarse:e} at half the depth, {fine:e} at a quarter");
+}
+
+#[test]
+fn two_fingers_are_near_newton_where_superposition_is_not() {
+    let mut grasp = two();
+    let patches = grasp.hold().patches();
+    for depth in [0.25 * DEPTH, 0.5 * DEPTH] {
+        let d = pushes(depth);
+        let (field, forces) = newton(&patches, &d);
+        let solution = grasp.solve(&d, false, false).unwrap();
+        let error = relative(&grasp.hold().displacement(&solution), &field);
+        let force_error = relative(solution.forces.as_flattened(), forces.as_flattened());
+        assert!(error < 0.015 && force_error < 0.03, "{error}, force {force_error} at {depth} m");
+        let responses = grasp.hold().contacts().iter().zip(d);
+        let alone: Vec<f64> =
+            responses.flat_map(|(c, d)| MODEL.model.respond(c, d).force).collect();
+        let alone = relative(&alone, forces.as_flattened());
+        assert!(alone > 5.0 * force_error, "superposition is off by {alone}");
+    }
+}
+
+#[test]
+fn stiffness_is_the_derivative_of_the_forces() {
+    let mut grasp = two();
+    let d = pushes(0.6 * DEPTH);
+    let stiffness = grasp.solve(&d, false, true).unwrap().stiffness;
+    let h = 1e-2 * DEPTH;
+    for k in 0..6 {
+        let mut force = |step: f64| {
+            let mut moved = d;
+            moved[k / 3][k % 3] += step;
+            grasp.solve(&moved, true, false).unwrap().forces
+        };
+        let (above, below) = (force(h), force(-h));
+        for j in 0..6 {
+            let slope = (above[j / 3][j % 3] - below[j / 3][j % 3]) / (2.0 * h);
+            assert!((slope - stiffness[6 * j + k]).abs() < 2e-3 * norm(&stiffness), "{j}, {k}");
+        }
+    }
+}
+
+#[test]
+fn the_way_there_does_not_matter() {
+    let mut grasp = two();
+    let d = pushes(0.7 * DEPTH);
+    let cold = grasp.solve(&d, false, false).unwrap();
+    grasp.solve(&pushes(0.5 * DEPTH), false, true).unwrap();
+    let warm = grasp.solve(&d, true, false).unwrap();
+    assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
+    let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
+    assert_eq!(grasp.hold().assess(&rest), Assessment { error: 0.0, trust: Trust::Trusted });
+    assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
+}
+
+#[test]
+fn the_whole_body_knows_the_error_of_an_answer() {
+    let mut grasp = two();
+    for depth in [0.5 * DEPTH, DEPTH] {
+        let d = pushes(depth);
+        let solution = grasp.solve(&d, false, false).unwrap();
+        let (field, _) = newton(&grasp.hold().patches(), &d);
+        let error = relative(&grasp.hold().displacement(&solution), &field);
+        let Assessment { error: expected, trust } = grasp.hold().assess(&solution);
+        assert!(error < expected && expected < 4.0 * error, "{error}, {expected} expected");
+        let allowed = allowance(depth / MODEL.model.metadata().diagonal);
+        assert_eq!(trust == Trust::Trusted, expected <= allowed);
+        // What is wrong is found to be wrong.
+        let spoilt = solution.coordinates.iter().map(|q| 1.2 * q).collect();
+        let spoilt = Solution { coordinates: spoilt, ..solution };
+        assert_eq!(grasp.hold().assess(&spoilt).trust, Trust::ErrorTooLarge);
+    }
+}
+
+#[test]
+fn failures_say_so() {
+    let mut grasp = two();
+    let beyond = grasp.solve(&pushes(1.5 * DEPTH), false, false).unwrap();
+    assert_ne!(grasp.hold().assess(&beyond).trust, Trust::Trusted);
+    // Two fingers pulled through each other: no equilibrium, or none to be trusted.
+    let through = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]];
+    let hopeless = grasp.solve(&through, false, true).unwrap();
+    assert_ne!(grasp.hold().assess(&hopeless).trust, Trust::Trusted);
+    assert!(hopeless.forces.iter().flatten().all(|f| f.is_finite()));
+    let again = grasp.solve(&pushes(0.5 * DEPTH), true, false).unwrap();
+    assert_eq!(again.status, Status::Converged, "a failure spoils nothing that comes after it");
+}
+
+#[test]
+fn bad_input_is_said_in_a_sentence() {
+    let sentence = |result: Result<(), crate::Error>| result.unwrap_err().to_string();
+    let grasp = |points: &[[f64; 3]]| sentence(MODEL.grasp(points).map(|_| ()));
+    assert!(grasp(&[]).contains("no contact"));
+    assert!(grasp(&[LEFT, [0.0, 0.0, 1.0]]).contains("contact 1 at"));
+    assert!(grasp(&[LEFT, [f64::NAN, 0.0, 0.0]]).contains("contact 1"));
+    assert!(grasp(&[LEFT, LEFT]).contains("so close"));
+    let solve = |d: &[[f64; 3]]| sentence(two().solve(d, false, false).map(|_| ()));
+    assert!(solve(&[[0.0; 3]]).contains("1 displacements for 2 contacts"));
+    assert!(solve(&[[0.0; 3], [0.0, f64::INFINITY, 0.0]]).contains("contact 1 is displaced"));
+    let settings = MODEL.sampling;
+    let build = |model: &ReducedModel, sampling| {
+        sentence(Galerkin::new(model.clone(), sampling).map(|_| ()))
+    };
+    let series = &MODEL.model;
+    assert!(build(series, Sampling { order: 4, ..settings }).contains("order 4"));
+    assert!(build(series, Sampling { tolerance: 0.0, ..settings }).contains("tolerance 0"));
+    assert!(build(series, Sampling { depth: -1.0, ..settings }).contains("depth -1"));
+    let arrays = Arrays { preload: vec![0.0; 3 * series.n_points()], ..series.arrays().clone() };
+    let loaded = ReducedModel::new(series.metadata().clone(), arrays).unwrap();
+    assert!(build(&loaded, settings).contains("start from a preload"));
+}

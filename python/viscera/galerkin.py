@@ -1,0 +1,173 @@
+"""Several touches at once: a hyper-reduced Galerkin model over the series of single touches (docs/two-fingers.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.loads import vector
+from viscera.mesh import Floats
+
+if TYPE_CHECKING:
+    from viscera.touch import Touch
+
+Touches = Sequence[tuple[ArrayLike, ArrayLike]]
+"""Contact point (3,) at rest [m] and displacement (3,) [m] of each."""
+
+
+class Held:
+    """What a grasp gives back. Field and assessment are made when first asked for: a haptic loop needs neither."""
+
+    def __init__(self, held: _core.Held) -> None:
+        self._held = held
+        facts = held.facts
+        self.force: Floats = facts["force"]
+        """Force (k, 3) [N] by which each tool holds the organ."""
+        self.stiffness: Floats | None = facts.get("stiffness")
+        """Derivative (3 k, 3 k) [N/m] of the forces by the displacements; None where it was not asked for."""
+        self.energy: float = facts["energy"]
+        """Reduced strain energy [J]."""
+        self.status: str = facts["status"]
+        """How the search for equilibrium ended."""
+        self.is_converged: bool = facts["is_converged"]
+        self.smallest_jacobian: float = facts["smallest_jacobian"]
+        """Smallest volume ratio of a sampled cell; below zero it is inside out."""
+        self.iterations: int = facts["iterations"]
+        """Newton steps."""
+        self.tangents: int = facts["tangents"]
+        """Tangents among them."""
+        self.seconds: float = facts["seconds"]
+        """Time of the solution itself [s]."""
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of all nodes (n, 3) [m]."""
+        return self._held.displacement()
+
+    @property
+    def error_estimate(self) -> float:
+        """Expected error of the field relative to its norm: the step that the whole organ would take from here."""
+        return self._assessment[0]
+
+    @property
+    def is_trusted(self) -> bool:
+        """Converged, no deeper than in training, no cell inside out, and an expected error within the allowance."""
+        return not self.reason
+
+    @property
+    def reason(self) -> str:
+        """Why the answer is not trusted; empty where it is."""
+        return self._assessment[1]
+
+    @cached_property
+    def _assessment(self) -> tuple[float, str]:
+        return self._held.assess()
+
+    def __repr__(self) -> str:
+        trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
+        return f"Held(force={np.round(self.force, 4).tolist()} N, {trust})"
+
+
+class Grasp:
+    """Contacts that hold an organ at some points, to be displaced at 1 kHz. Made by `Galerkin.grasp`."""
+
+    def __init__(self, grasp: _core.Grasp, points: Floats) -> None:
+        self._grasp = grasp
+        self.points = points
+        """Contact points (k, 3) at rest [m]."""
+        self.modes: int = grasp.modes
+        """Number of modes."""
+        self.cells: int = grasp.cells
+        """Number of cells the energy is summed over."""
+        self.seconds: float = grasp.seconds
+        """Time that taking hold has taken [s]."""
+
+    def solve(self, displacements: ArrayLike, *, from_last: bool = False, stiffness: bool = True) -> Held:
+        """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
+
+        displacements (k, 3) [m]. from_last: start from the last solution, as a moving hand does, instead of the
+        superposed series: quicker, but where there is more than one equilibrium the answer depends on the way there.
+        stiffness: costs one more tangent.
+        """
+        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness))
+
+    def superposed(self, displacements: ArrayLike) -> Floats:
+        """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""
+        return self._grasp.superposed(self._displacements(displacements))
+
+    @property
+    def patches(self) -> list[_core.Patch]:
+        """The contact patches: what a full solution prescribes to be comparable."""
+        return self._grasp.patches()
+
+    def __repr__(self) -> str:
+        return f"Grasp({len(self.points)} contacts, {self.modes} modes, {self.cells} cells)"
+
+    def _displacements(self, displacements: ArrayLike) -> Floats:
+        rows = np.ascontiguousarray(displacements, dtype=np.float64)
+        if rows.shape != self.points.shape:
+            raise VisceraError(
+                f"displacements have shape {rows.shape}; one (3,) for each of the {len(self.points)} contacts is needed"
+            )
+        return rows
+
+
+class Galerkin:
+    """The model of several touches at once. Made by `Touch.galerkin`.
+
+    `grasp` makes a basis of the fields of some contacts and finds the few cells that stand for all, within a second;
+    `Grasp.solve` answers any displacement of them, a thousand times a second. Sampling after Farhat, Avery, Chapman and
+    Cortial, IJNME 98 (2014) 625.
+    """
+
+    def __init__(self, touch: Touch, core: _core.Galerkin) -> None:
+        self.touch = touch
+        """The series model of single touches."""
+        self._core = core
+        self._last: Grasp | None = None
+
+    def grasp(self, points: ArrayLike) -> Grasp:
+        """Take hold at some points (k, 3) [m] of the touchable surface, at rest."""
+        rows = np.atleast_2d(np.ascontiguousarray(points, dtype=np.float64))
+        if rows.ndim != 2 or rows.shape[1:] != (3,):
+            raise VisceraError(f"contact points have shape {np.shape(points)}; they must be (k, 3)")
+        rows = np.array([vector(row, f"contact point {k}", "m") for k, row in enumerate(rows)])
+        try:
+            return Grasp(self._core.grasp(rows), rows)
+        except ValueError as error:
+            raise VisceraError(str(error)) from error
+
+    def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
+        """The answer to touches `[(point, displacement), ...]` [m]; holds on as long as the points stay the same."""
+        if not touches:
+            raise VisceraError("no touch; give at least one (point, displacement)")
+        points = np.array([vector(point, "contact point", "m") for point, _ in touches])
+        pushes = np.array([vector(push, "contact displacement", "m") for _, push in touches])
+        if self._last is None or not np.array_equal(self._last.points, points):
+            self._last = self.grasp(points)
+        return self._last.solve(pushes, stiffness=stiffness)
+
+    def __repr__(self) -> str:
+        return f"Galerkin({self.touch!r})"
+
+
+def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None) -> Galerkin:
+    """The model of `Touch.galerkin`."""
+    if not isinstance(order, int | np.integer):
+        raise VisceraError(f"order must be a whole number, got {order!r}")
+    try:
+        core = _core.Galerkin(
+            touch._model,
+            order=int(order),
+            tolerance=float(tolerance),
+            depth=touch.depth if depth is None else float(depth),
+        )
+    except ValueError as error:
+        raise VisceraError(str(error)) from error
+    return Galerkin(touch, core)

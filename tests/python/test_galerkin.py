@@ -1,0 +1,135 @@
+"""Several touches at once: the Galerkin model against full solutions, and what it refuses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.galerkin import Galerkin
+
+LEFT, RIGHT = (0.3, 0.05, 0.1), (0.15, 0.04, 0.1)
+PUSHES = np.array([[0.004, 0.0, -0.010], [-0.003, 0.002, -0.012]])
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.4), fixed="root", element="P1")
+
+
+@pytest.fixture(scope="module")
+def touch(organ: vs.Organ) -> vs.Touch:
+    return organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.05), radius=0.07, depth=0.02, order=3)
+
+
+@pytest.fixture(scope="module")
+def fingers(touch: vs.Touch) -> Galerkin:
+    return touch.galerkin(tolerance=0.005)
+
+
+def relative(value: Any, truth: Any) -> float:
+    return float(np.linalg.norm(value - truth) / np.linalg.norm(truth))
+
+
+def test_two_touches_are_what_the_full_organ_answers_and_more_than_their_sum(
+    fingers: Galerkin, touch: vs.Touch, organ: vs.Organ
+) -> None:
+    held = fingers.solve([(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])])
+    patches = [touch.patch(LEFT), touch.patch(RIGHT)]
+    full = organ.solve(displacement=dict(zip(patches, PUSHES, strict=True)))
+    forces = np.array([full.reaction(patch) for patch in patches])
+    assert held.is_converged
+    assert held.status == "converged"
+    assert relative(held.displacement, full.displacement) < 0.02
+    assert relative(held.force, forces) < 0.03
+    assert relative(held.displacement, full.displacement) < held.error_estimate < 0.1
+    summed = touch(LEFT, PUSHES[0]).displacement + touch(RIGHT, PUSHES[1]).displacement
+    assert relative(summed, full.displacement) > 0.2
+
+
+def test_the_means_of_the_patches_are_the_displacements(fingers: Galerkin) -> None:
+    grasp = fingers.grasp([LEFT, RIGHT])
+    held = grasp.solve(PUSHES)
+    for patch, push in zip(grasp.patches, PUSHES, strict=True):
+        assert patch.weights @ held.displacement[patch.nodes] == pytest.approx(push, rel=1e-6)
+
+
+def test_an_answer_keeps_its_field_when_the_hand_moves_on(fingers: Galerkin) -> None:
+    grasp = fingers.grasp([LEFT, RIGHT])
+    first = grasp.solve(PUSHES)
+    later = grasp.solve(0.5 * PUSHES, from_last=True, stiffness=False)
+    assert later.stiffness is None
+    assert first.stiffness is not None
+    assert first.stiffness.shape == (6, 6)
+    assert np.linalg.norm(later.displacement) < 0.8 * np.linalg.norm(first.displacement)
+    assert grasp.solve(PUSHES).displacement == pytest.approx(first.displacement, rel=1e-4, abs=1e-7)
+
+
+def test_the_same_points_are_grasped_once(fingers: Galerkin) -> None:
+    fingers.solve([(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])])
+    grasp = fingers._last
+    fingers.solve([(LEFT, PUSHES[1]), (RIGHT, PUSHES[0])])
+    assert fingers._last is grasp
+    fingers.solve([(LEFT, PUSHES[0])])
+    assert fingers._last is not grasp
+
+
+def test_beyond_the_depth_of_training_nothing_is_trusted(fingers: Galerkin, touch: vs.Touch) -> None:
+    held = fingers.solve([(LEFT, (0, 0, -1.2 * touch.depth)), (RIGHT, (0, 0, 0))])
+    assert not held.is_trusted
+    assert "more than in training" in held.reason
+    assert "not trusted" in repr(held)
+
+
+def test_a_gentle_touch_is_trusted(fingers: Galerkin) -> None:
+    held = fingers.solve([(LEFT, 0.1 * PUSHES[0]), (RIGHT, 0.1 * PUSHES[1])])
+    assert held.is_trusted, held.error_estimate
+    assert held.error_estimate < 0.01
+    assert ", trusted" in repr(held)
+
+
+@pytest.mark.parametrize(
+    ("touches", "words"),
+    [
+        ([], "no touch"),
+        ([(LEFT, PUSHES[0]), ((0.3, 0.05, 1.0), PUSHES[1])], "contact 1"),
+        ([(LEFT, PUSHES[0]), (LEFT, PUSHES[1])], "so close"),
+        ([(LEFT, (0.0, np.nan, 0.0))], "contact displacement"),
+        ([((0.3, 0.05), PUSHES[0])], "contact point"),
+    ],
+)
+def test_bad_touches_are_refused_in_a_sentence(fingers: Galerkin, touches: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        fingers.solve(touches)
+
+
+def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerkin) -> None:
+    with pytest.raises(vs.VisceraError, match="order 9"):
+        touch.galerkin(order=9)
+    with pytest.raises(vs.VisceraError, match="whole number"):
+        touch.galerkin(order=2.5)  # type: ignore[arg-type]
+    with pytest.raises(vs.VisceraError, match="tolerance"):
+        touch.galerkin(tolerance=2.0)
+    with pytest.raises(vs.VisceraError, match="depth"):
+        touch.galerkin(depth=-1.0)
+    with pytest.raises(vs.VisceraError, match="one \\(3,\\) for each of the 2 contacts"):
+        fingers.grasp([LEFT, RIGHT]).solve(PUSHES[:1])
+    with pytest.raises(vs.VisceraError, match="must be \\(k, 3\\)"):
+        fingers.grasp([[0.1, 0.2]])
+
+
+def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch: vs.Touch, tmp_path: Path) -> None:
+    touch.save(tmp_path / "bar.viscera")
+    touches = [(LEFT, PUSHES[0]), (RIGHT, PUSHES[1])]
+    read = vs.load(tmp_path / "bar.viscera").galerkin(tolerance=0.005)
+    assert read.solve(touches).force == pytest.approx(fingers.solve(touches).force, rel=1e-9)
+
+
+def test_other_elements_are_refused(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.49), fixed="root")
+    touch = organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.2), radius=0.07, depth=0.01, order=2)
+    with pytest.raises(vs.VisceraError, match='"P1"'):
+        touch.galerkin(order=2)
