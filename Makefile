@@ -15,6 +15,7 @@ c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil
 PREFIX       ?= /usr/local
 
 # What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
+# Nothing may ask for 128 MiB at once; each thread that factorises keeps a pool of 64.
 fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=off CARGO_PROFILE_RELEASE_CODEGEN_UNITS=16
 FUZZ_SECONDS   ?= 60
 HAPTIC_SECONDS ?= 600
@@ -76,7 +77,7 @@ fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_
 	for target in file edits case requests; do \
 		mkdir -p out/fuzz/$$target && $(fuzz_profile) $(CARGO) +nightly fuzz run --target-dir target/fuzz --features libfuzzer \
 			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
-			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=64 -artifact_prefix=out/fuzz/ || exit; done
+			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=128 -artifact_prefix=out/fuzz/ || exit; done
 
 c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
 	$(CARGO) build --release --package viscera-c
