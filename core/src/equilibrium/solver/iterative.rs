@@ -159,7 +159,14 @@ impl Iterative {
             &settings,
             &mut self.workspace,
         );
-        self.judge(outcome)
+        let solved = self.judge(outcome);
+        if solved.is_ok() && self.correction.iter().all(|x| x.is_finite()) {
+            return solved;
+        }
+        // What led here is not to be started from again.
+        self.last.fill(0.0);
+        self.is_stale = true;
+        Err(FactorError::NotFinite { position: 0 })
     }
 
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.

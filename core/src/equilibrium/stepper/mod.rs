@@ -400,8 +400,12 @@ impl Stepper {
             match outcome {
                 Ok(solved) if is_last || solved.indefinite.is_none() => break solved,
                 Ok(solved) => iterations += solved.iterations,
-                Err(FactorError::NotPositiveDefinite { .. } | FactorError::Singular { .. })
-                    if shift < LARGEST_SHIFT => {}
+                // Not finite: a crushed cell's tangent is beyond the single precision of an iterative solver.
+                Err(
+                    FactorError::NotPositiveDefinite { .. }
+                    | FactorError::Singular { .. }
+                    | FactorError::NotFinite { .. },
+                ) if shift < LARGEST_SHIFT => {}
                 Err(error) => return Err(error.into()),
             }
             shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
