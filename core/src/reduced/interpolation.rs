@@ -325,6 +325,7 @@ impl<'a> Interpolation<'a> {
     }
 
     /// The same of the field of one term, as if its monomial were 1 and all others 0.
+    #[cfg(feature = "solvers")]
     pub(super) fn term_amplitudes(&self, term: usize, workspace: &mut [f32]) -> [Option<u32>; 3] {
         let mut monomials = [0.0; MAX_TERMS];
         monomials[term] = 1.0;
