@@ -1,10 +1,13 @@
 //! Every law gets every test by one line of [`law_tests!`].
 #![allow(non_snake_case)]
 
+mod wrapped;
+
 use super::*;
 use crate::number::{Jet, Lanes, Monomials, Single};
 use crate::tensor::{add, mul_vector, sub};
 use crate::unroll::tabulate;
+use wrapped::{Once, Plain};
 
 const VECTORS: [[f64; 3]; 3] = [[1.0, 0.2, -0.3], [0.1, 1.2, 0.5], [-0.4, -0.3, -0.6]];
 
@@ -260,85 +263,6 @@ fn volume_and_pressure_are_derivatives(law: impl Law) {
     let [at_rest, bulk_modulus] = law.pressure_and_modulus(&1.0);
     assert!(at_rest.abs() < 1e-13 * (MU + LAM));
     assert!((bulk_modulus - (LAM + 2.0 / 3.0 * MU)).abs() < 1e-12 * (MU + LAM));
-}
-
-/// A law whose functions are compiled once for each kind of number: they are written to be inlined, and inlined at
-/// every call below they would take minutes.
-#[derive(Clone, Copy, PartialEq)]
-struct Once<L>(L);
-
-#[allow(non_snake_case)]
-impl<L: Law> Law for Once<L> {
-    const FORBIDS_INVERSION: bool = L::FORBIDS_INVERSION;
-    #[inline(never)]
-    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
-        self.0.energy(F)
-    }
-    #[inline(never)]
-    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
-        self.0.stress(F)
-    }
-    #[inline(never)]
-    fn energy_and_stress<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
-        self.0.energy_and_stress(F)
-    }
-    #[inline(never)]
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
-        self.0.tangent(F, g)
-    }
-    #[inline(never)]
-    fn volume_ratio<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
-        self.0.volume_ratio(F)
-    }
-    #[inline(never)]
-    fn volume_curvature<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
-        self.0.volume_curvature(F, g)
-    }
-    #[inline(never)]
-    fn dilatation<S: Scalar>(&self, J: &S) -> S {
-        self.0.dilatation(J)
-    }
-    #[inline(never)]
-    fn pressure<S: Scalar>(&self, J: &S) -> S {
-        self.0.pressure(J)
-    }
-    #[inline(never)]
-    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        self.0.pressure_and_modulus(J)
-    }
-    #[inline(never)]
-    fn stress_series<T: Real>(
-        &self,
-        table: &'static Monomials,
-        deformation: &[T],
-        q: &[T],
-        out: &mut [T],
-    ) {
-        self.0.stress_series(table, deformation, q, out);
-    }
-    #[inline(never)]
-    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        self.0.volume_series(table, deformation, out);
-    }
-}
-
-/// A law that only knows its energy, stress and tangent: what it inherits against what strain
-/// energies do faster.
-#[derive(Clone, Copy, PartialEq)]
-struct Plain<L>(L);
-
-#[allow(non_snake_case)]
-impl<L: Law> Law for Plain<L> {
-    const FORBIDS_INVERSION: bool = true;
-    fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
-        self.0.energy(F)
-    }
-    fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
-        self.0.stress(F)
-    }
-    fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
-        self.0.tangent(F, g)
-    }
 }
 
 #[allow(non_snake_case)]
