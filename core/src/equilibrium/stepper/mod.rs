@@ -4,6 +4,7 @@
 //! forces and inertia, and reports what is left. A step that would turn a cell inside out is cut back, and said so;
 //! then the hands have moved only that part of the way, and the next frame goes on.
 
+mod balance;
 mod frame;
 mod mass;
 mod motion;
@@ -305,71 +306,6 @@ impl Stepper {
         Ok(progress)
     }
 
-    /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
-    fn set_out(&mut self) {
-        let Some(motion) = &mut self.motion else {
-            return;
-        };
-        let solver = &self.solver;
-        if !motion.has_started {
-            // M a = f_ext - f_int - C v
-            let [alpha, beta] = motion.damping;
-            self.tangent.multiply(&motion.velocity, &mut self.residual);
-            for (dof, r) in self.residual.iter_mut().enumerate() {
-                *r = self.external[dof] - self.internal[dof] - beta * *r;
-            }
-            motion.mass.add_product(-alpha, &motion.velocity, &mut self.residual);
-            solver.project(&mut self.residual);
-            motion.acceleration =
-                motion.mass.accelerations(&self.residual, &|dof| solver.is_held(dof));
-            motion.has_started = true;
-        }
-        motion.begin(|dof| solver.is_held(dof));
-    }
-
-    /// The way of what is held, in `step`; and with it the motion that the frame would end with.
-    fn move_hands(&mut self, input: &Input<'_>) {
-        self.step.fill(0.0);
-        for (&dof, value) in self.grasped.iter().zip(input.values) {
-            self.step[dof as usize] = value - self.displacement[dof as usize];
-        }
-        if let Some(motion) = &mut self.motion {
-            let (u, start, step) = (&self.displacement, &self.start, &self.step);
-            let solver = &self.solver;
-            motion.follow(|dof| u[dof] - start[dof] + step[dof], |dof| solver.is_held(dof));
-        }
-    }
-
-    /// `f_ext - f_int - K s - M a - C v` with the step `s` of the hands, in `residual`; the tangent becomes that of
-    /// the frame.
-    fn balance(&mut self) {
-        let beta = self.motion.as_ref().map_or(0.0, |motion| motion.damping[1]);
-        self.way.copy_from_slice(&self.step);
-        if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
-            self.way.iter_mut().zip(&motion.trial_velocity).for_each(|(w, v)| *w += beta * v);
-        }
-        if self.way.iter().any(|&w| w != 0.0) {
-            self.tangent.multiply(&self.way, &mut self.residual);
-        } else {
-            self.residual.fill(0.0);
-        }
-        for (dof, r) in self.residual.iter_mut().enumerate() {
-            *r = self.external[dof] - self.internal[dof] - *r;
-        }
-        if let Some(motion) = &self.motion {
-            let (mass, alpha) = (&motion.mass, motion.damping[0]);
-            mass.add_product(-1.0, &motion.trial_acceleration, &mut self.residual);
-            if alpha > 0.0 {
-                mass.add_product(-alpha, &motion.trial_velocity, &mut self.residual);
-            }
-            let [of_mass, of_stiffness] = motion.tangent_factors();
-            if beta > 0.0 {
-                self.tangent.values_mut().iter_mut().for_each(|k| *k *= of_stiffness);
-            }
-            mass.add_to(of_mass, &mut self.tangent);
-        }
-    }
-
     /// Adds to the hands' step that of everything else; whether the tangent had to be shifted to be definite.
     fn solve(
         &mut self,
@@ -431,46 +367,4 @@ impl Stepper {
         }
         (0.0, body.internal_force(&self.displacement, &mut self.internal))
     }
-
-    /// Ends a frame: the motion, what is out of balance, what the tools feel. The residual, relative.
-    fn take_stock(&mut self, body: &Body, is_cut: bool) -> f64 {
-        if let Some(relaxation) = &mut self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal, None);
-            relaxation.end(body.material(), &self.displacement);
-        }
-        self.press(body);
-        let mut scale = square(&self.internal).max(square(&self.external));
-        if let Some(motion) = &mut self.motion {
-            let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
-            let way = |dof: usize| u[dof] - start[dof];
-            motion.follow(way, |dof| solver.is_held(dof));
-            motion.end(is_cut, way);
-            self.residual.fill(0.0);
-            motion.mass.add_product(1.0, &motion.acceleration, &mut self.residual);
-            scale = scale.max(square(&self.residual));
-            let [alpha, beta] = motion.damping;
-            motion.mass.add_product(alpha, &motion.velocity, &mut self.residual);
-            if beta > 0.0 {
-                // K of the frame's start, out of its tangent `of_mass M + of_stiffness K`.
-                let [of_mass, of_stiffness] = motion.tangent_factors();
-                self.tangent.multiply(&motion.velocity, &mut self.way);
-                motion.mass.add_product(-of_mass, &motion.velocity, &mut self.way);
-                let factor = beta / of_stiffness;
-                self.residual.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
-            }
-            self.internal.iter_mut().zip(&self.residual).for_each(|(f, r)| *f += r);
-        }
-        for (dof, r) in self.residual.iter_mut().enumerate() {
-            *r = self.external[dof] - self.internal[dof];
-        }
-        self.forces = self.solver.patch_forces(&self.residual);
-        self.solver.project(&mut self.residual);
-        // Below this the residual is rounding.
-        let rounding = 8.0 * f64::EPSILON * self.force_scale / 1e-9;
-        (square(&self.residual) / scale.max(rounding * rounding)).sqrt()
-    }
-}
-
-fn square(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum()
 }

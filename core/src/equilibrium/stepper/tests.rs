@@ -1,10 +1,13 @@
 //! Frames against full solutions, motion against its conservation laws and beam theory, relaxation against Prony's
 //! curve.
 
+mod inertia;
+mod memory;
+
 use super::*;
 use crate::equilibrium::{ConjugateGradients, Method, Newton, Preconditioner};
 use crate::law::Material;
-use crate::mesh::samples::{block, noise};
+use crate::mesh::samples::block;
 
 const DEPTH: f64 = -0.06;
 const DENSITY: f64 = 1000.0;
@@ -66,6 +69,25 @@ fn methods() -> Vec<Method> {
         Method::ConjugateGradients(settings)
     };
     std::iter::once(Method::Cholesky).chain(Preconditioner::NAMES.map(cg)).collect()
+}
+
+fn dynamic(integration: Integration, mass: Mass, time_step: f64) -> StepperSettings {
+    StepperSettings {
+        time_step: Some(time_step),
+        density: vec![DENSITY],
+        dynamics: Some(Dynamics { integration, mass, damping: [0.0; 2] }),
+        ..Default::default()
+    }
+}
+
+const TRAPEZOID: Integration = Integration::Newmark { beta: 0.25, gamma: 0.5 };
+
+fn viscous(g: &[f64], tau: &[f64], time_step: f64) -> StepperSettings {
+    StepperSettings {
+        time_step: Some(time_step),
+        relaxation: Some(Prony { g: g.to_vec(), tau: tau.to_vec() }),
+        ..Default::default()
+    }
 }
 
 /// A hand that moves in steps and then waits ends where Newton's method does, with every solver.
@@ -190,279 +212,6 @@ fn a_spent_budget_is_said() {
     let frame = stepper.frame(&body, &press(&[[0.0, 0.0, -0.02]])).unwrap();
     assert!(frame.iterations == 0 && !frame.is_solved && !frame.within_budget, "{frame:?}");
 }
-
-fn dynamic(integration: Integration, mass: Mass, time_step: f64) -> StepperSettings {
-    StepperSettings {
-        time_step: Some(time_step),
-        density: vec![DENSITY],
-        dynamics: Some(Dynamics { integration, mass, damping: [0.0; 2] }),
-        ..Default::default()
-    }
-}
-
-const TRAPEZOID: Integration = Integration::Newmark { beta: 0.25, gamma: 0.5 };
-
-/// A velocity that is linear in the position has its exact energy with the consistent mass of any element, and the sum
-/// of the lumped masses is the mass.
-#[test]
-fn masses_integrate_density() {
-    let size = [0.4, 0.2, 0.3];
-    for element in Element::ALL {
-        let (points, cells) = block([3, 2, 2], size);
-        let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
-        let body = Body::with_element(element, points, cells, material).unwrap();
-        let matrix = |mass| MassMatrix::new(mass, &body, &body.zero_tangent(), &[DENSITY]).unwrap();
-        let weight = DENSITY * size.iter().product::<f64>();
-        let along = |v: &dyn Fn(&[f64; 3]) -> f64| -> Vec<f64> {
-            body.points().iter().flat_map(|x| [v(x), 0.0, 0.0]).collect()
-        };
-        for mass in [Mass::Lumped, Mass::Consistent] {
-            let energy = matrix(mass).energy(&along(&|_| 1.0));
-            assert!((energy - 0.5 * weight).abs() < 1e-12 * weight, "{element:?} {mass:?}");
-        }
-        let energy = matrix(Mass::Consistent).energy(&along(&|x| x[1] + 2.0 * x[2]));
-        let [_, b, c] = size;
-        let exact = 0.5 * weight * (b * b / 3.0 + b * c + 4.0 * c * c / 3.0);
-        assert!((energy - exact).abs() < 1e-12 * exact, "{element:?}: {energy} {exact}");
-    }
-}
-
-/// Nothing holds the body: its momentum stays, whatever it does inside.
-#[test]
-fn free_flight_keeps_its_momentum() {
-    for (integration, mass) in [
-        (TRAPEZOID, Mass::Lumped),
-        (TRAPEZOID, Mass::Consistent),
-        (Integration::BackwardEuler, Mass::Consistent),
-    ] {
-        let body = bar("neo_hookean");
-        let mut stepper = Stepper::new(&body, &[], None, dynamic(integration, mass, 1e-3)).unwrap();
-        let (spin, shift) = ([0.0, 0.0, 4.0], [0.5, -0.2, 0.1]);
-        let velocity: Vec<f64> = body
-            .points()
-            .iter()
-            .flat_map(|x| {
-                let turning = crate::tensor::cross(&spin, x);
-                std::array::from_fn::<f64, 3, _>(|i| shift[i] + turning[i] + 0.1 * x[i])
-            })
-            .collect();
-        stepper.set_velocity(&velocity).unwrap();
-        let momentum = |v: &[f64]| {
-            let nodal = nodal_weight(&body, &[DENSITY]).unwrap();
-            let mut sum = [0.0; 3];
-            for (v, m) in v.chunks_exact(3).zip(nodal) {
-                (0..3).for_each(|i| sum[i] += m * v[i]);
-            }
-            sum
-        };
-        // The momentum of a consistent mass is that of the lumped one: its columns have the same sums.
-        let before = momentum(&velocity);
-        for _ in 0..100 {
-            let frame = stepper.frame(&body, &STILL).unwrap();
-            assert_eq!(frame.taken, 1.0);
-        }
-        let after = momentum(stepper.velocity().unwrap());
-        (0..3).for_each(|i| assert!((after[i] - before[i]).abs() < 1e-10, "{before:?} {after:?}"));
-    }
-}
-
-/// Strain and kinetic energy after each of some frames of a bent bar that is let go.
-fn energies(law: &str, settings: StepperSettings, frames: usize) -> Vec<f64> {
-    let body = bar(law);
-    let start = Some(pressed(&body).displacement);
-    let mut stepper = Stepper::new(&body, &root(&body), start, settings).unwrap();
-    (0..frames)
-        .map(|_| {
-            let frame = stepper.frame(&body, &STILL).unwrap();
-            frame.energy + frame.kinetic_energy
-        })
-        .collect()
-}
-
-#[test]
-fn newmark_keeps_the_energy_of_a_linear_body_and_euler_does_not() {
-    for mass in [Mass::Lumped, Mass::Consistent] {
-        let kept = energies("linear", dynamic(TRAPEZOID, mass, 5e-3), 200);
-        assert!(kept.iter().all(|e| (e - kept[0]).abs() < 1e-9 * kept[0]), "{mass:?} {kept:?}");
-        let spent = energies("linear", dynamic(Integration::BackwardEuler, mass, 5e-3), 200);
-        assert!(spent.windows(2).all(|e| e[1] < e[0]) && spent[199] < 0.75 * spent[0], "{mass:?}");
-        let mut damped = dynamic(TRAPEZOID, mass, 5e-3);
-        damped.dynamics.as_mut().unwrap().damping = [2.0, 1e-3];
-        let damped = energies("linear", damped, 200);
-        assert!(
-            damped.windows(2).all(|e| e[1] <= e[0]) && damped[199] < 0.2 * damped[0],
-            "{mass:?}"
-        );
-    }
-}
-
-/// One Newton iteration a frame linearises the force over the frame, which costs no order.
-#[test]
-fn errors_fall_with_the_order_of_the_rule() {
-    let body = bar("neo_hookean");
-    let start = pressed(&body).displacement;
-    let end = |integration, frames: usize| {
-        let settings = dynamic(integration, Mass::Lumped, 0.02 / frames as f64);
-        let mut stepper = Stepper::new(&body, &root(&body), Some(start.clone()), settings).unwrap();
-        for _ in 0..frames {
-            stepper.frame(&body, &STILL).unwrap();
-        }
-        stepper.displacement().to_vec()
-    };
-    let exact = end(TRAPEZOID, 1280);
-    let error = |integration, frames| {
-        let u = end(integration, frames);
-        u.iter().zip(&exact).map(|(u, v)| (u - v).powi(2)).sum::<f64>().sqrt()
-    };
-    for (integration, order, frames) in
-        [(TRAPEZOID, 2.0, 40), (Integration::BackwardEuler, 1.0, 160)]
-    {
-        let rate = (error(integration, frames) / error(integration, 2 * frames)).log2();
-        assert!((rate - order).abs() < 0.25, "{integration:?}: order {rate}");
-    }
-}
-
-/// Half the time between two passages of the tip through rest, against `omega = 1.8751^2 sqrt(E I / (rho A L^4))`.
-/// Linear tetrahedra are too stiff in bending; the excess falls with the square of their size.
-#[test]
-fn a_cantilever_swings_at_its_first_frequency() {
-    let (young, length, height) = (1e5, 1.0, 0.1);
-    let k1: f64 = 1.875_104_068_711_961;
-    let exact = k1 * k1 * (young * height * height / (12.0 * DENSITY)).sqrt() / (length * length);
-    let excess = |across: usize| {
-        let n = [10 * across, across, across];
-        let body = body("linear", &[young / 2.0, 0.0], n, [length, height, height]);
-        let sigma = (k1.sinh() - k1.sin()) / (k1.cosh() + k1.cos());
-        let mode = |x: f64| {
-            let k = k1 * x;
-            let shape = k.cosh() - k.cos() - sigma * (k.sinh() - k.sin());
-            let slope = k1 * (k.sinh() + k.sin() - sigma * (k.cosh() - k.cos()));
-            [1e-3 * shape, 1e-3 * slope]
-        };
-        let start = body.points().iter().flat_map(|x| {
-            let [shape, slope] = mode(x[0]);
-            [-(x[2] - 0.5 * height) * slope, 0.0, shape]
-        });
-        let time_step = std::f64::consts::TAU / exact / 100.0;
-        let settings = dynamic(TRAPEZOID, Mass::Consistent, time_step);
-        let mut stepper =
-            Stepper::new(&body, &root(&body), Some(start.collect()), settings).unwrap();
-        let end = 3 * nodes(&body, |x| x[0] == length)[0] as usize + 2;
-        let (mut passages, mut before) = (Vec::new(), stepper.displacement()[end]);
-        for k in 0..90 {
-            stepper.frame(&body, &STILL).unwrap();
-            let now = stepper.displacement()[end];
-            if now * before <= 0.0 {
-                passages.push(time_step * (f64::from(k) + before / (before - now)));
-            }
-            before = now;
-        }
-        std::f64::consts::PI / (passages[1] - passages[0]) / exact - 1.0
-    };
-    let [coarse, fine] = [2, 4].map(excess);
-    assert!(coarse > 0.0 && fine > 0.0 && fine < 0.12, "{coarse} {fine}");
-    assert!((2.5..5.0).contains(&(coarse / fine)), "{coarse} {fine}");
-}
-
-fn viscous(g: &[f64], tau: &[f64], time_step: f64) -> StepperSettings {
-    StepperSettings {
-        time_step: Some(time_step),
-        relaxation: Some(Prony { g: g.to_vec(), tau: tau.to_vec() }),
-        ..Default::default()
-    }
-}
-
-/// Forces on a block all of whose nodes follow `u` frame by frame.
-fn followed(body: &Body, settings: StepperSettings, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut stepper = Stepper::new(body, &[], None, settings).unwrap();
-    let all: Vec<u32> = (0..body.n_dofs() as u32).collect();
-    stepper.grasp(body, &all, &[]).unwrap();
-    path.iter()
-        .map(|values| {
-            let frame = stepper.frame(body, &Input { values, ..STILL }).unwrap();
-            assert_eq!(frame.taken, 1.0);
-            stepper.reactions().collect()
-        })
-        .collect()
-}
-
-fn norm(v: &[f64]) -> f64 {
-    square(v).sqrt()
-}
-
-fn deformed(body: &Body) -> Vec<f64> {
-    noise(body.n_dofs(), 5).iter().map(|u| 0.01 * u).collect()
-}
-
-/// After a ramp of one frame the whole force fades as `1 - sum g (1 - (1 - exp(-x)) / x exp(-(n - 1) x))`.
-#[test]
-fn a_held_block_relaxes_along_pronys_curve() {
-    let law = ("mooney_rivlin ln J", [1e3, 500.0, 4e4]);
-    let body = body(law.0, &law.1, [3, 2, 2], [0.4, 0.2, 0.2]);
-    let u = deformed(&body);
-    let mut elastic = vec![0.0; u.len()];
-    body.internal_force(&u, &mut elastic);
-    let (g, tau, h) = ([0.3, 0.45], [0.02, 0.5], 0.01);
-    let forces = followed(&body, viscous(&g, &tau, h), &vec![u.clone(); 200]);
-    for (n, force) in forces.iter().enumerate() {
-        let faded = g.iter().zip(&tau).map(|(g, tau)| {
-            let x: f64 = h / tau;
-            g * (1.0 - (1.0 - (-x).exp()) / x * (-(n as f64) * x).exp())
-        });
-        let share = 1.0 - faded.sum::<f64>();
-        let expected: Vec<f64> = elastic.iter().map(|f| share * f).collect();
-        let gap: Vec<f64> = force.iter().zip(&expected).map(|(a, b)| a - b).collect();
-        assert!(norm(&gap) < 1e-9 * norm(&elastic), "frame {n}");
-    }
-    for (tau, share) in [(1e9, 1.0), (1e-9, 0.25)] {
-        let force = &followed(&body, viscous(&[0.75], &[tau], h), std::slice::from_ref(&u))[0];
-        assert!((norm(force) / norm(&elastic) - share).abs() < 1e-6, "tau {tau}");
-    }
-}
-
-/// The memory turns with the body: a rigid turn of the held block turns its forces and nothing else.
-#[test]
-fn a_turn_does_not_disturb_the_memory() {
-    let body = bar("neo_hookean");
-    let u = deformed(&body);
-    let turned: Vec<f64> = u
-        .chunks_exact(3)
-        .zip(body.points())
-        .flat_map(|(u, x)| {
-            let y: [f64; 3] = std::array::from_fn(|i| x[i] + u[i]);
-            [-y[1] - x[0], y[0] - x[1], y[2] - x[2]] // a quarter turn about z
-        })
-        .collect();
-    let settings = || viscous(&[0.6], &[0.05], 0.02);
-    let straight = followed(&body, settings(), &vec![u.clone(); 3]);
-    let turning = followed(&body, settings(), &[u.clone(), u, turned]);
-    for (a, b) in straight[2].chunks_exact(3).zip(turning[2].chunks_exact(3)) {
-        let gap = (b[0] + a[1]).abs() + (b[1] - a[0]).abs() + (b[2] - a[2]).abs();
-        assert!(gap < 1e-9 * norm(&straight[2]), "{a:?} {b:?}");
-    }
-}
-
-/// The tangent is that of the force with its history: Newton's iterations in a frame converge as they should.
-#[test]
-fn a_viscous_frame_converges_and_a_cycle_costs_work() {
-    let body = bar("neo_hookean");
-    let settings = StepperSettings { iterations: 7, ..viscous(&[0.5, 0.2], &[0.05, 0.5], 0.02) };
-    let mut stepper = held(&body, settings);
-    let (mut work, mut before) = (0.0, [0.0; 2]);
-    for k in 1..=40 {
-        let d = 0.5 * DEPTH * (std::f64::consts::TAU * f64::from(k) / 40.0).sin();
-        let frame = stepper.frame(&body, &press(&[[0.0, 0.0, d]])).unwrap();
-        assert!(frame.residual < 1e-9, "{frame:?}");
-        let f = frame.patch_forces[0][2];
-        work += 0.5 * (f + before[1]) * (d - before[0]);
-        before = [d, f];
-    }
-    assert!(work > 0.05 * stepper.force_scale * 1e-6 && work.is_finite(), "{work} J");
-    let mut elastic = held(&body, StepperSettings { iterations: 7, ..Default::default() });
-    let frame = elastic.frame(&body, &press(&[[0.0, 0.0, 0.5 * DEPTH]])).unwrap();
-    assert!(work > 0.05 * frame.energy, "{work} J of {} J", frame.energy);
-}
-
 #[test]
 fn bad_settings_are_refused_with_the_value_and_what_to_do() {
     let good = dynamic(TRAPEZOID, Mass::Lumped, 0.01);
