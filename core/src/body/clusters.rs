@@ -10,8 +10,9 @@
 
 use super::blocks::{BlockPattern, Grouped};
 use super::cells::{Batch, Slot, tissues};
-use super::kernels::{self, Surroundings, TASK};
+use super::kernels::{Surroundings, TASK};
 use super::partition::Partition;
+use super::tangent;
 use super::{LANES, Lane};
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{Law, LawVisitor, Material};
@@ -253,7 +254,7 @@ impl Surroundings for InCluster<'_> {
         law: &L,
         batch: usize,
         (f, g): (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        response: &mut kernels::Response,
+        response: &mut tangent::Response,
     ) {
         let (share, mean_pressure) = (self.clusters.share[batch], self.mean_pressure(batch));
         dispatch(TangentInCluster { law, f, g, share, mean_pressure, response });
@@ -266,7 +267,7 @@ struct TangentInCluster<'a, L> {
     g: &'a [Vec3<Lane>; 3],
     share: f64,
     mean_pressure: Lane,
-    response: &'a mut kernels::Response,
+    response: &'a mut tangent::Response,
 }
 
 impl<L: Law> Kernel for TangentInCluster<'_, L> {

@@ -1,13 +1,13 @@
-//! Energy, internal force and tangent: loops over batches, compiled for the processor's vectors.
+//! Energy and internal force: loops over batches, compiled for the processor's vectors.
 
-use super::blocks::SymmetricBlocks;
-use super::cells::{Batch, Cells, NOWHERE, add_product};
-use super::{LANES, Lane};
+use super::Lane;
+use super::cells::{Batch, Cells, add_product};
+use super::tangent::Response;
 use crate::element::Shape;
-use crate::law::{Law, LawVisitor, Material, TangentBlocks};
+use crate::law::{Law, LawVisitor, Material};
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
-use crate::unroll::{array, tabulate};
+use crate::unroll::array;
 use rayon::prelude::*;
 use std::marker::PhantomData;
 
@@ -72,22 +72,8 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         energy
     }
 
-    /// Internal force and tangent, to each block of which `rest` adds.
-    pub fn force_and_tangent(
-        &self,
-        material: &Material,
-        around: impl Surroundings,
-        u: &[f64],
-        out: &mut [f64],
-        tangent: &mut SymmetricBlocks,
-        rest: impl Fn(usize, &mut [f64; 9]) + Sync,
-    ) {
-        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        material.visit(Tangent { cells: self, around, u, forces: &mut forces, tangent, rest });
-        self.gather_forces(&forces, out);
-    }
-
-    fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
+    /// Adds up what the cells give to each node.
+    pub(super) fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
         out.par_chunks_mut(3).enumerate().with_min_len(1024).for_each(|(node, out)| {
             out.fill(0.0);
             for &(slot, a) in self.incidence.of(node) {
@@ -98,50 +84,12 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
             }
         });
     }
-
-    /// Adds up what the cells of all batches give to each block.
-    fn gather_tangents(
-        &self,
-        of_cells: &[f64],
-        values: &mut [f64],
-        rest: impl Fn(usize, &mut [f64; 9]) + Sync,
-    ) {
-        let (of_cells, _) = of_cells.as_chunks::<9>();
-        values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
-            let mut sum = [0.0; 9];
-            for c in self.contributions.of(block) {
-                add_block(&of_cells[c.of_cell as usize], c.transposed, &mut sum);
-            }
-            rest(block, &mut sum);
-            out.copy_from_slice(&sum);
-        });
-    }
-
-    /// Adds what some cells give to its blocks; `first` is the number of the first of their batches.
-    fn scatter_tangents(&self, first: usize, of_cells: &[f64], values: &mut [f64]) {
-        let (values, _) = values.as_chunks_mut::<9>();
-        let destinations = &self.destinations[first * LANES * Self::PAIRS..];
-        for (local, d) in of_cells.as_chunks::<9>().0.iter().zip(destinations) {
-            if d.block != NOWHERE {
-                add_block(local, d.transposed, &mut values[d.block as usize]);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
-    if transposed {
-        (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
-    } else {
-        (0..9).for_each(|entry| sum[entry] += block[entry]);
-    }
 }
 
 impl<const N: usize> Batch<N> {
     /// Adds `f_a = w P grad N_a` of a quadrature point of weight `w`.
     #[inline(always)]
-    fn add_forces(
+    pub(super) fn add_forces(
         &self,
         slopes: &[[f64; 3]; N],
         weight: Lane,
@@ -156,45 +104,6 @@ impl<const N: usize> Batch<N> {
                     add_product(&mut forces[a][i], slopes[a][k], &flux[k][i]);
                 }
             }
-        }
-    }
-}
-
-/// Adds `K_ab = w sum_kl slopes[a][k] blocks[k][l] slopes[b][l]` for all pairs `a <= b`.
-#[inline(always)]
-fn add_tangents<const N: usize>(
-    slopes: &[[f64; 3]; N],
-    weight: Lane,
-    blocks: &TangentBlocks<Lane>,
-    out: &mut [Mat3<Lane>],
-) {
-    let blocks: TangentBlocks<Lane> = array!(3, |k| {
-        array!(3, |l| {
-            tabulate!(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
-        })
-    });
-    for b in 0..N {
-        // sum_l blocks[k][l] slopes[b][l]
-        let mut column = [Mat3::<Lane>::default(); 3];
-        for k in 0..3 {
-            for l in 0..3 {
-                add_scaled(&mut column[k], slopes[b][l], &blocks[k][l]);
-            }
-        }
-        for a in 0..=b {
-            let pair = a * (2 * N + 1 - a) / 2 + b - a;
-            for k in 0..3 {
-                add_scaled(&mut out[pair], slopes[a][k], &column[k]);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn add_scaled(sum: &mut Mat3<Lane>, slope: f64, block: &Mat3<Lane>) {
-    for i in 0..3 {
-        for j in 0..3 {
-            sum[i][j] = sum[i][j] + block[i][j] * slope;
         }
     }
 }
@@ -313,194 +222,4 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
 #[inline(always)]
 fn is_inside_out(f: &Mat3<Lane>) -> bool {
     determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > 0.0))
-}
-
-struct Tangent<'a, E, A, R, const N: usize> {
-    cells: &'a Cells<E, N>,
-    around: A,
-    u: &'a [f64],
-    forces: &'a mut [[Vec3<Lane>; N]],
-    tangent: &'a mut SymmetricBlocks,
-    rest: R,
-}
-
-impl<E, A, R, const N: usize> LawVisitor for Tangent<'_, E, A, R, N>
-where
-    E: Shape<N>,
-    A: Surroundings,
-    R: Fn(usize, &mut [f64; 9]) + Sync,
-{
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Tangent { cells, around, u, forces, tangent, rest } = self;
-        let SymmetricBlocks { values, of_cells, .. } = tangent;
-        let of_batch = LANES * 9 * Cells::<E, N>::PAIRS;
-        let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], tangents: &mut [f64]| {
-            let (first, shape) = (task * TASK, PhantomData::<E>);
-            let batches = &cells.batches[first..first + forces.len()];
-            TangentLoop { first, batches, around, u, make, forces, tangents, shape }.run();
-        };
-        if rayon::current_num_threads() > 1 {
-            of_cells.resize(of_batch * cells.batches.len(), 0.0);
-            let tasks = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(TASK * of_batch));
-            tasks.enumerate().for_each(|(task, (forces, tangents))| run(task, forces, tangents));
-            cells.gather_tangents(of_cells, values, rest);
-            return;
-        }
-        // One thread adds up what it has just computed, out of its cache.
-        of_cells.resize(of_batch * TASK, 0.0);
-        values.fill(0.0);
-        for (task, forces) in forces.chunks_mut(TASK).enumerate() {
-            let tangents = &mut of_cells[..of_batch * forces.len()];
-            run(task, forces, tangents);
-            cells.scatter_tangents(task * TASK, tangents, values);
-        }
-        values.as_chunks_mut::<9>().0.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
-    }
-}
-
-/// The pieces of the tangent's loop. Each is compiled once for what it depends on, the law's for all elements, and not
-/// inlined into the product of laws, elements and surroundings: that would take minutes.
-struct TangentLoop<'a, L, E, A, const N: usize> {
-    first: usize,
-    batches: &'a [Batch<N>],
-    around: A,
-    u: &'a [f64],
-    make: fn(&[f64]) -> L,
-    forces: &'a mut [[Vec3<Lane>; N]],
-    tangents: &'a mut [f64],
-    shape: PhantomData<E>,
-}
-
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
-    fn run(self) {
-        let TangentLoop { first, batches, around, u, make, forces, tangents, .. } = self;
-        let pairs = Cells::<E, N>::PAIRS;
-        let tangents = tangents.chunks_exact_mut(LANES * 9 * pairs);
-        let mut sums = vec![Mat3::<Lane>::default(); pairs];
-        for (number, ((batch, forces), tangents)) in
-            (first..).zip(batches.iter().zip(forces).zip(tangents))
-        {
-            let law = make(&batch.parameters);
-            *forces = [[Lane::default(); 3]; N];
-            for point in 0..E::POINTS {
-                let f = dispatch(Deform::<E, N> { batch, point, u, shape: PhantomData });
-                let g = &batch.gradients;
-                let mut response = law_tangent(&law, &f, g);
-                around.tangent(&law, number, (&f, g), &mut response);
-                add::<E, N>(batch, point, &response, forces, &mut sums);
-            }
-            spread(&sums, tangents);
-        }
-    }
-}
-
-/// Stress and tangent of a law in the cells of a batch.
-pub(super) type Response = (Mat3<Lane>, TangentBlocks<Lane>);
-
-struct Deform<'a, E, const N: usize> {
-    batch: &'a Batch<N>,
-    point: usize,
-    u: &'a [f64],
-    shape: PhantomData<E>,
-}
-
-impl<E: Shape<N>, const N: usize> Kernel for Deform<'_, E, N> {
-    type Output = Mat3<Lane>;
-    #[inline(always)]
-    fn run(self) -> Mat3<Lane> {
-        self.batch.deformation(E::slopes(self.point), self.u)
-    }
-}
-
-/// [`Law::tangent`].
-#[inline(never)]
-fn law_tangent<L: Law>(law: &L, f: &Mat3<Lane>, g: &[Vec3<Lane>; 3]) -> Response {
-    struct Tangent<'a, L>(&'a L, &'a Mat3<Lane>, &'a [Vec3<Lane>; 3]);
-    impl<L: Law> Kernel for Tangent<'_, L> {
-        type Output = Response;
-        #[inline(always)]
-        fn run(self) -> Response {
-            self.0.tangent(self.1, self.2)
-        }
-    }
-    dispatch(Tangent(law, f, g))
-}
-
-/// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
-#[inline(never)]
-fn add<E: Shape<N>, const N: usize>(
-    batch: &Batch<N>,
-    point: usize,
-    response: &Response,
-    forces: &mut [Vec3<Lane>; N],
-    sums: &mut [Mat3<Lane>],
-) {
-    struct Add<'a, E, const N: usize> {
-        batch: &'a Batch<N>,
-        point: usize,
-        response: &'a Response,
-        forces: &'a mut [Vec3<Lane>; N],
-        sums: &'a mut [Mat3<Lane>],
-        shape: PhantomData<E>,
-    }
-    impl<E: Shape<N>, const N: usize> Kernel for Add<'_, E, N> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            let (stress, blocks) = self.response;
-            let slopes = E::slopes(self.point);
-            let weight = self.batch.volume * (1.0 / E::POINTS as f64);
-            self.batch.add_forces(slopes, weight, stress, self.forces);
-            if N == 4 {
-                set_linear_tangents(weight, blocks, self.sums);
-                return;
-            }
-            if self.point == 0 {
-                self.sums.fill(Mat3::default());
-            }
-            add_tangents(slopes, weight, blocks, self.sums);
-        }
-    }
-    dispatch(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
-}
-
-/// `K_ab = w blocks[a - 1][b - 1]` for all pairs `a <= b` of the linear cell, whose slopes are those of the
-/// barycentric coordinates: minus their sum for node 0.
-#[inline(always)]
-fn set_linear_tangents(weight: Lane, blocks: &TangentBlocks<Lane>, out: &mut [Mat3<Lane>]) {
-    let Some(out) = out.first_chunk_mut::<10>() else {
-        return;
-    };
-    let [[aa, ab, ac], [_, bb, bc], [_, _, cc]] = blocks;
-    for i in 0..3 {
-        for j in 0..3 {
-            let [aa, bb, cc] = [aa, bb, cc].map(|block| block[i][j] * weight);
-            let [ab, ba, ac, ca, bc, cb] =
-                [ab[i][j], ab[j][i], ac[i][j], ac[j][i], bc[i][j], bc[j][i]].map(|x| x * weight);
-            let columns = [aa + ba + ca, ab + bb + cb, ac + bc + cc];
-            let entries = [
-                columns[0] + columns[1] + columns[2],
-                -columns[0],
-                -columns[1],
-                -columns[2],
-                aa,
-                ab,
-                ac,
-                bb,
-                bc,
-                cc,
-            ];
-            (0..10).for_each(|pair| out[pair][i][j] = entries[pair]);
-        }
-    }
-}
-
-/// Cell by cell, so that the gathering finds the nine entries of a block side by side.
-fn spread(sums: &[Mat3<Lane>], tangents: &mut [f64]) {
-    for (lane, cell) in tangents.chunks_exact_mut(9 * sums.len()).enumerate() {
-        for (out, block) in cell.as_chunks_mut::<9>().0.iter_mut().zip(sums) {
-            *out = std::array::from_fn(|entry| block[entry / 3][entry % 3][lane]);
-        }
-    }
 }

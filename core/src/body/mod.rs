@@ -11,6 +11,7 @@ mod clusters;
 mod kernels;
 mod partition;
 mod series;
+mod tangent;
 #[cfg(test)]
 mod tests;
 
