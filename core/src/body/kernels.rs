@@ -218,8 +218,12 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
     }
 }
 
-/// Whether any cell of a batch has `J <= 0`, or no `J` at all.
+/// Below this volume ratio a cell counts as turned inside out: no tissue is pressed to a hundredth of its volume, and no
+/// number would stop a cell that was allowed to shrink by a part of what it has left, step by step.
+const CRUSHED: f64 = 0.01;
+
+/// Whether any cell of a batch is turned inside out or crushed, or has no `J` at all.
 #[inline(always)]
 fn is_inside_out(f: &Mat3<Lane>) -> bool {
-    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > 0.0))
+    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > CRUSHED))
 }

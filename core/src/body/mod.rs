@@ -8,6 +8,7 @@ mod blocks;
 mod cells;
 mod check;
 mod clusters;
+mod convex;
 mod kernels;
 mod partition;
 mod series;
@@ -16,6 +17,7 @@ mod tangent;
 mod tests;
 
 pub use blocks::SymmetricBlocks;
+pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
 use crate::error::Error;
@@ -268,24 +270,38 @@ impl Body {
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
-        let material = &self.material;
+        self.linearize(u, Curvature::Exact, force, tangent);
+    }
+
+    /// Internal force and tangent, in place; a [`Curvature::Convex`] tangent is positive semidefinite everywhere.
+    pub fn linearize(
+        &self,
+        u: &[f64],
+        curvature: Curvature,
+        force: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+    ) {
+        let (material, at) = (&self.material, (u, curvature));
         let nothing = |_: usize, _: &mut [f64; 9]| ();
         match &self.assembly {
             Assembly::P1(cells) => {
-                cells.force_and_tangent(material, Alone, u, force, tangent, nothing);
+                cells.force_and_tangent(material, Alone, at, force, tangent, nothing);
             }
             Assembly::P2(cells) => {
-                cells.force_and_tangent(material, Alone, u, force, tangent, nothing);
+                cells.force_and_tangent(material, Alone, at, force, tangent, nothing);
             }
             Assembly::P1MeanVolume(cells, clusters) => {
                 let volumes = clusters.volumes(material, &cells.batches, u);
-                let (pressures, moduli) = clusters.pressures(material, &volumes);
+                let (pressures, mut moduli) = clusters.pressures(material, &volumes);
+                if curvature == Curvature::Convex {
+                    moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
+                }
                 let slopes = clusters.slopes(&volumes, &moduli);
                 let products = |block: usize, out: &mut [f64; 9]| {
                     clusters.add_products(&slopes, block, out);
                 };
                 let around = clusters.around(&pressures);
-                cells.force_and_tangent(material, around, u, force, tangent, products);
+                cells.force_and_tangent(material, around, at, force, tangent, products);
             }
         }
     }

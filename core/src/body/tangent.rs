@@ -2,6 +2,7 @@
 
 use super::blocks::SymmetricBlocks;
 use super::cells::{Batch, Cells, NOWHERE};
+use super::convex::make_convex;
 use super::kernels::{Surroundings, TASK};
 use super::{LANES, Lane};
 use crate::element::Shape;
@@ -12,6 +13,15 @@ use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 
+/// Which tangent is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Curvature {
+    /// The derivative of the force.
+    Exact,
+    /// Cells that are not positive semidefinite are made so.
+    Convex,
+}
+
 /// Stress and tangent of a law in the cells of a batch.
 pub(super) type Response = (Mat3<Lane>, TangentBlocks<Lane>);
 
@@ -21,13 +31,21 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         &self,
         material: &Material,
         around: impl Surroundings,
-        u: &[f64],
+        (u, curvature): (&[f64], Curvature),
         out: &mut [f64],
         tangent: &mut SymmetricBlocks,
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        material.visit(Tangent { cells: self, around, u, forces: &mut forces, tangent, rest });
+        material.visit(Tangent {
+            cells: self,
+            around,
+            u,
+            curvature,
+            forces: &mut forces,
+            tangent,
+            rest,
+        });
         self.gather_forces(&forces, out);
     }
 
@@ -74,6 +92,7 @@ struct Tangent<'a, E, A, R, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
+    curvature: Curvature,
     forces: &'a mut [[Vec3<Lane>; N]],
     tangent: &'a mut SymmetricBlocks,
     rest: R,
@@ -87,13 +106,14 @@ where
 {
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Tangent { cells, around, u, forces, tangent, rest } = self;
+        let Tangent { cells, around, u, curvature, forces, tangent, rest } = self;
         let SymmetricBlocks { values, of_cells, .. } = tangent;
         let of_batch = LANES * 9 * Cells::<E, N>::PAIRS;
         let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], tangents: &mut [f64]| {
             let (first, shape) = (task * TASK, PhantomData::<E>);
             let batches = &cells.batches[first..first + forces.len()];
-            TangentLoop { first, batches, around, u, make, forces, tangents, shape }.run();
+            TangentLoop { first, batches, around, u, curvature, make, forces, tangents, shape }
+                .run();
         };
         if rayon::current_num_threads() > 1 {
             of_cells.resize(of_batch * cells.batches.len(), 0.0);
@@ -121,6 +141,7 @@ struct TangentLoop<'a, L, E, A, const N: usize> {
     batches: &'a [Batch<N>],
     around: A,
     u: &'a [f64],
+    curvature: Curvature,
     make: fn(&[f64]) -> L,
     forces: &'a mut [[Vec3<Lane>; N]],
     tangents: &'a mut [f64],
@@ -129,7 +150,7 @@ struct TangentLoop<'a, L, E, A, const N: usize> {
 
 impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
     fn run(self) {
-        let TangentLoop { first, batches, around, u, make, forces, tangents, .. } = self;
+        let TangentLoop { first, batches, around, u, curvature, make, forces, tangents, .. } = self;
         let pairs = Cells::<E, N>::PAIRS;
         let tangents = tangents.chunks_exact_mut(LANES * 9 * pairs);
         let mut sums = vec![Mat3::<Lane>::default(); pairs];
@@ -143,6 +164,9 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E,
                 let g = &batch.gradients;
                 let mut response = law_tangent(&law, &f, g);
                 around.tangent(&law, number, (&f, g), &mut response);
+                if curvature == Curvature::Convex {
+                    make_convex(&mut response.1);
+                }
                 add::<E, N>(batch, point, &response, forces, &mut sums);
             }
             spread(&sums, tangents);

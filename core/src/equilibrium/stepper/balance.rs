@@ -30,7 +30,7 @@ impl Stepper {
     pub(super) fn move_hands(&mut self, input: &Input<'_>) {
         self.step.fill(0.0);
         for (&dof, value) in self.grasped.iter().zip(input.values) {
-            self.step[dof as usize] = value - self.displacement[dof as usize];
+            self.step[dof as usize] = self.pace * (value - self.displacement[dof as usize]);
         }
         if let Some(motion) = &mut self.motion {
             let (u, start, step) = (&self.displacement, &self.start, &self.step);

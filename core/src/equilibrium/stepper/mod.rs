@@ -2,7 +2,8 @@
 //!
 //! A frame moves what the hands hold, takes one full Newton step towards the new equilibrium, of forces alone or of
 //! forces and inertia, and reports what is left. A step that would turn a cell inside out is cut back, and said so;
-//! then the hands have moved only that part of the way, and the next frame goes on.
+//! then the hands have moved only that part of the way, and go on at a slower pace until a step is taken whole again:
+//! the body gives way before it is pressed further.
 
 mod balance;
 mod frame;
@@ -21,7 +22,7 @@ pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem, patch_mean};
 use super::solver::{Solved, Solver};
-use crate::body::{Body, SymmetricBlocks};
+use crate::body::{Body, Curvature, SymmetricBlocks};
 use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
@@ -46,8 +47,11 @@ pub struct Stepper {
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     force_scale: f64,
-    /// Shift of the last tangent, over its mean diagonal.
-    shift: f64,
+    /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
+    pace: f64,
+    hands_move: bool,
+    /// The last step was cut and its tangent was not definite: the next will hardly be.
+    is_wary: bool,
     displacement: Vec<f64>,
     start: Vec<f64>,
     /// Forces that do not follow the surface, and those with the pressure on it.
@@ -64,13 +68,17 @@ pub struct Stepper {
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
 
-/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up: one crushed cell has been met at 18, and
-/// all of the diagonal may be that of one cell.
+/// Slowest pace of hands whose way is cut again and again.
+const SLOWEST_PACE: f64 = 1e-3;
+
+/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
 const LARGEST_SHIFT: f64 = 1e6;
 
 /// What the Newton iterations of a frame did.
 struct Progress {
     taken: f64,
+    /// A step would have turned a cell inside out.
+    is_cut: bool,
     is_unstable: bool,
     iterations: usize,
     is_solved: bool,
@@ -141,7 +149,9 @@ impl Stepper {
             nodal_mass,
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
-            shift: 0.0,
+            pace: 1.0,
+            hands_move: false,
+            is_wary: false,
             start: displacement.clone(),
             displacement,
             dead: vec![0.0; n],
@@ -177,6 +187,7 @@ impl Stepper {
         self.grasped = dofs.to_vec();
         self.patches = patches.to_vec();
         self.solver.hold(dofs, patches.to_vec());
+        self.pace = 1.0;
         Ok(())
     }
 
@@ -239,7 +250,7 @@ impl Stepper {
                 return Err(error);
             }
         };
-        let residual = self.take_stock(body, progress.taken < 1.0);
+        let residual = self.take_stock(body, progress.is_cut);
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual,
@@ -275,30 +286,27 @@ impl Stepper {
     ) -> Result<Progress, Error> {
         let mut progress = Progress {
             taken: 1.0,
+            is_cut: false,
             is_unstable: false,
             iterations: 0,
             is_solved: true,
             energy: 0.0,
         };
         for iteration in 0..self.settings.iterations {
-            let tangent = &mut self.tangent;
-            body.internal_force_and_tangent(&self.displacement, &mut self.internal, tangent);
-            if let Some(relaxation) = &self.relaxation {
-                relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
-            }
-            self.press(body);
-            self.stiffen(body);
-            if iteration == 0 {
-                self.set_out();
-            }
-            self.move_hands(input);
-            self.balance();
-            let (is_shifted, solved) = self.solve(input, deadline)?;
-            progress.is_unstable |= is_shifted || solved.indefinite.is_some();
+            let (is_unstable, solved) = self.find_step(body, input, iteration == 0, deadline)?;
+            progress.is_unstable |= is_unstable;
             progress.iterations += solved.iterations;
             progress.is_solved &= solved.is_complete;
             let (taken, energy) = self.take(body);
-            (progress.taken, progress.energy) = (progress.taken.min(taken), energy);
+            let moved = if self.hands_move { self.pace * taken } else { taken };
+            (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
+            progress.is_cut |= taken < 1.0;
+            self.is_wary = is_unstable && taken < 1.0;
+            self.pace = if taken < 1.0 {
+                (self.pace * taken).max(SLOWEST_PACE)
+            } else {
+                (4.0 * self.pace).min(1.0)
+            };
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 break;
             }
@@ -306,37 +314,53 @@ impl Stepper {
         Ok(progress)
     }
 
-    /// Adds to the hands' step that of everything else; whether the tangent had to be shifted to be definite.
-    fn solve(
+    /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
+    fn linearize(
         &mut self,
+        body: &Body,
         input: &Input<'_>,
+        curvature: Curvature,
+        is_first: bool,
+    ) {
+        let tangent = &mut self.tangent;
+        body.linearize(&self.displacement, curvature, &mut self.internal, tangent);
+        if let Some(relaxation) = &self.relaxation {
+            relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
+        }
+        self.press(body);
+        self.stiffen(body);
+        if is_first {
+            self.set_out();
+        }
+        self.move_hands(input);
+        self.balance();
+    }
+
+    /// The Newton step of hands and body, and whether the tangent was not positive definite. Such a tangent is made
+    /// convex cell by cell; if that is not enough (pressure, nothing that holds the body) it is shifted.
+    fn find_step(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        is_first: bool,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        let gap: Vec<f64> = self
-            .patches
-            .iter()
-            .zip(input.means)
-            .flat_map(|(patch, mean)| {
-                let (now, held) =
-                    (patch_mean(patch, &self.displacement), patch_mean(patch, &self.step));
-                std::array::from_fn::<f64, 3, _>(|i| mean[i] - now[i] - held[i])
-            })
-            .collect();
-        // What needed a large shift needs one not much smaller now.
-        let mut shift = if self.shift >= 1.0 { 0.1 * self.shift } else { 0.0 };
-        let mut iterations = 0;
+        let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
+        self.linearize(body, input, curvature, is_first);
+        let gap = self.gap(input);
+        let (mut shift, mut iterations) = (0.0, 0);
         let solved = loop {
             let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
             let outcome = match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
                 Err(error) => Err(error),
             };
-            let is_last =
-                shift >= LARGEST_SHIFT || deadline.is_some_and(|end| Instant::now() >= end);
+            let is_convex = curvature == Curvature::Convex;
+            let is_late = is_convex && deadline.is_some_and(|end| Instant::now() >= end);
             match outcome {
-                Ok(solved) if is_last || solved.indefinite.is_none() => break solved,
+                Ok(solved) if is_late || solved.indefinite.is_none() => break solved,
+                Ok(solved) if shift >= LARGEST_SHIFT => break solved,
                 Ok(solved) => iterations += solved.iterations,
-                // Not finite: a crushed cell's tangent is beyond the single precision of an iterative solver.
                 Err(
                     FactorError::NotPositiveDefinite { .. }
                     | FactorError::Singular { .. }
@@ -344,11 +368,28 @@ impl Stepper {
                 ) if shift < LARGEST_SHIFT => {}
                 Err(error) => return Err(error.into()),
             }
-            shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+            if is_convex {
+                shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+            } else {
+                curvature = Curvature::Convex;
+                self.linearize(body, input, curvature, false);
+            }
         };
-        self.shift = shift;
         self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
-        Ok((shift > 0.0, Solved { iterations: iterations + solved.iterations, ..solved }))
+        let is_unstable = curvature == Curvature::Convex || solved.indefinite.is_some();
+        Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
+    }
+
+    /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.
+    fn gap(&mut self, input: &Input<'_>) -> Vec<f64> {
+        let mut gap = Vec::with_capacity(3 * self.patches.len());
+        for (patch, mean) in self.patches.iter().zip(input.means) {
+            let now = patch_mean(patch, &self.displacement);
+            let held = patch_mean(patch, &self.step);
+            gap.extend((0..3).map(|i| self.pace * (mean[i] - now[i]) - held[i]));
+        }
+        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
+        gap
     }
 
     /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy. The
