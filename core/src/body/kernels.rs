@@ -218,9 +218,9 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
     }
 }
 
-/// Below this volume ratio a cell counts as turned inside out: no tissue is pressed to a hundredth of its volume, and no
-/// number would stop a cell that was allowed to shrink by a part of what it has left, step by step.
-const CRUSHED: f64 = 0.01;
+/// Below this volume ratio a cell counts as turned inside out: no tissue is pressed to a twentieth of its volume, and
+/// step by step a cell could lose a part of what it has left for ever, as its tangent outgrows all others'.
+const CRUSHED: f64 = 0.05;
 
 /// Whether any cell of a batch is turned inside out or crushed, or has no `J` at all.
 #[inline(always)]

@@ -35,3 +35,12 @@ pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
 pub(crate) fn norm(a: Vector) -> f64 {
     dot(a, a).sqrt()
 }
+
+/// Length of the diagonal of the box around points.
+pub(crate) fn diagonal(points: &[Vector]) -> f64 {
+    let extent = |i: usize| {
+        let values = points.iter().map(|p| p[i]);
+        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
+    };
+    norm(std::array::from_fn(extent))
+}

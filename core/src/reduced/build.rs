@@ -11,7 +11,7 @@ use super::solve::{EDGE_ORDER, Expanded};
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
-use crate::mesh::Surface;
+use crate::mesh::{Surface, diagonal};
 
 /// Settings of a reduction.
 #[derive(Clone, Debug)]
@@ -194,12 +194,4 @@ impl Reduction {
         }
         Ok(())
     }
-}
-
-fn diagonal(points: &[[f64; 3]]) -> f64 {
-    let extent = |i: usize| {
-        let values = points.iter().map(|p| p[i]);
-        values.clone().fold(f64::MIN, f64::max) - values.fold(f64::MAX, f64::min)
-    };
-    (0..3).map(|i| extent(i).powi(2)).sum::<f64>().sqrt()
 }

@@ -124,7 +124,7 @@ impl Iterative {
             Solved { is_complete: true, ..Solved::default() }
         } else {
             let solved = self.iterate(border, deadline)?;
-            self.note(solved.iterations);
+            self.note(&solved);
             self.last.copy_from_slice(&self.correction);
             step.iter_mut().zip(&self.correction).for_each(|(s, x)| *s += x);
             solved
@@ -214,10 +214,10 @@ impl Iterative {
         }
     }
 
-    /// Iterations well above those of a fresh preconditioner ask for a new one.
-    fn note(&mut self, iterations: usize) {
-        let fresh = *self.fresh_iterations.get_or_insert(iterations);
-        self.is_stale |= iterations > 2 * fresh + 2;
+    /// Iterations well above those of a fresh preconditioner ask for a new one, and so do iterations in vain.
+    fn note(&mut self, solved: &Solved) {
+        let fresh = *self.fresh_iterations.get_or_insert(solved.iterations);
+        self.is_stale |= !solved.is_complete || solved.iterations > 2 * fresh + 2;
     }
 }
 

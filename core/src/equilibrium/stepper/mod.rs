@@ -27,7 +27,7 @@ use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
 use crate::linear::FactorError;
-use crate::mesh::Patch;
+use crate::mesh::{Patch, diagonal};
 use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
@@ -47,11 +47,15 @@ pub struct Stepper {
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     force_scale: f64,
+    /// Diagonal of the box around the body [m].
+    length: f64,
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
     /// The last step was cut and its tangent was not definite: the next will hardly be.
     is_wary: bool,
+    /// Shift of the tangent, over its mean diagonal, to begin with: none, or more with every frame that stood still.
+    shift: f64,
     displacement: Vec<f64>,
     start: Vec<f64>,
     /// Forces that do not follow the surface, and those with the pressure on it.
@@ -73,6 +77,10 @@ const SLOWEST_PACE: f64 = 1e-3;
 
 /// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
 const LARGEST_SHIFT: f64 = 1e6;
+
+fn larger(shift: f64) -> f64 {
+    if shift == 0.0 { 1e-3 } else { 10.0 * shift }
+}
 
 /// What the Newton iterations of a frame did.
 struct Progress {
@@ -149,9 +157,11 @@ impl Stepper {
             nodal_mass,
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
+            length: diagonal(body.points()),
             pace: 1.0,
             hands_move: false,
             is_wary: false,
+            shift: 0.0,
             start: displacement.clone(),
             displacement,
             dead: vec![0.0; n],
@@ -301,12 +311,7 @@ impl Stepper {
             let moved = if self.hands_move { self.pace * taken } else { taken };
             (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
             progress.is_cut |= taken < 1.0;
-            self.is_wary = is_unstable && taken < 1.0;
-            self.pace = if taken < 1.0 {
-                (self.pace * taken).max(SLOWEST_PACE)
-            } else {
-                (4.0 * self.pace).min(1.0)
-            };
+            self.heed(taken, is_unstable);
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 break;
             }
@@ -314,14 +319,17 @@ impl Stepper {
         Ok(progress)
     }
 
+    /// What a step that was cut, or not, means for the next.
+    fn heed(&mut self, taken: f64, is_unstable: bool) {
+        let is_cut = taken < 1.0;
+        self.is_wary = is_cut && is_unstable;
+        self.pace =
+            if is_cut { (self.pace * taken).max(SLOWEST_PACE) } else { (4.0 * self.pace).min(1.0) };
+        self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
+    }
+
     /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
-    fn linearize(
-        &mut self,
-        body: &Body,
-        input: &Input<'_>,
-        curvature: Curvature,
-        is_first: bool,
-    ) {
+    fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
         let tangent = &mut self.tangent;
         body.linearize(&self.displacement, curvature, &mut self.internal, tangent);
         if let Some(relaxation) = &self.relaxation {
@@ -348,7 +356,7 @@ impl Stepper {
         let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let gap = self.gap(input);
-        let (mut shift, mut iterations) = (0.0, 0);
+        let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
             let outcome = match self.solver.prepare(&self.tangent, shift) {
@@ -369,7 +377,7 @@ impl Stepper {
                 Err(error) => return Err(error.into()),
             }
             if is_convex {
-                shift = if shift == 0.0 { 1e-3 } else { 10.0 * shift };
+                shift = larger(shift);
             } else {
                 curvature = Curvature::Convex;
                 self.linearize(body, input, curvature, false);
@@ -392,11 +400,13 @@ impl Stepper {
         gap
     }
 
-    /// Takes as much of the step as keeps every cell the right way round; that part, and the strain energy. The
-    /// internal force is that of the state reached.
+    /// Takes as much of the step as keeps every cell the right way round, and every node within the length of the body
+    /// from where it was; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
+        let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
+        let whole = if longest > self.length { self.length / longest } else { 1.0 };
         for cuts in 0..=MAX_CUTS {
-            let taken = 0.5f64.powi(cuts);
+            let taken = whole * 0.5f64.powi(cuts);
             for (dof, trial) in self.trial.iter_mut().enumerate() {
                 *trial = self.displacement[dof] + taken * self.step[dof];
             }
