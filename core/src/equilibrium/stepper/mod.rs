@@ -72,6 +72,9 @@ pub struct Stepper {
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
 
+/// Longest way of a hand in an iteration, over the length of the body.
+const LONGEST_WAY: f64 = 0.1;
+
 /// Slowest pace of hands whose way is cut again and again.
 const SLOWEST_PACE: f64 = 1e-3;
 
@@ -353,6 +356,7 @@ impl Stepper {
         is_first: bool,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
+        self.set_pace(input);
         let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let gap = self.gap(input);
@@ -389,15 +393,29 @@ impl Stepper {
     }
 
     /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.
-    fn gap(&mut self, input: &Input<'_>) -> Vec<f64> {
+    fn gap(&self, input: &Input<'_>) -> Vec<f64> {
         let mut gap = Vec::with_capacity(3 * self.patches.len());
         for (patch, mean) in self.patches.iter().zip(input.means) {
             let now = patch_mean(patch, &self.displacement);
             let held = patch_mean(patch, &self.step);
             gap.extend((0..3).map(|i| self.pace * (mean[i] - now[i]) - held[i]));
         }
-        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
         gap
+    }
+
+    /// Chooses the part of their way that the hands go now: as the last step suggests, and not far at once. A body
+    /// that is yanked by its own length is anywhere after one iteration.
+    fn set_pace(&mut self, input: &Input<'_>) {
+        let u = &self.displacement;
+        let dofs = self.grasped.iter().zip(input.values);
+        let of_dofs = dofs.map(|(&dof, value)| (value - u[dof as usize]).abs());
+        let of_patches = self.patches.iter().zip(input.means).flat_map(|(patch, mean)| {
+            let now = patch_mean(patch, u);
+            (0..3).map(move |i| (mean[i] - now[i]).abs())
+        });
+        let way = of_dofs.chain(of_patches).fold(0.0, f64::max);
+        self.hands_move = way > 0.0;
+        self.pace = self.pace.min(LONGEST_WAY * self.length / way);
     }
 
     /// Takes as much of the step as keeps every cell the right way round, and every node within the length of the body
