@@ -57,17 +57,18 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         material.visit(Energy { cells: self, around, u })
     }
 
-    /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids it finds a
-    /// cell turned inside out, and then the force means nothing.
+    /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids inversion
+    /// finds a cell with no `J` above `smallest`, and then the force means nothing.
     pub fn force(
         &self,
         material: &Material,
         around: impl Surroundings,
-        u: &[f64],
+        (u, smallest): (&[f64], f64),
         out: &mut [f64],
     ) -> f64 {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let energy = material.visit(Force { cells: self, around, u, forces: &mut forces });
+        let energy =
+            material.visit(Force { cells: self, around, u, smallest, forces: &mut forces });
         self.gather_forces(&forces, out);
         energy
     }
@@ -148,7 +149,7 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKern
             let weight = batch.volume * (1.0 / E::POINTS as f64);
             for point in 0..E::POINTS {
                 let f = batch.deformation(E::slopes(point), self.u);
-                if L::FORBIDS_INVERSION && is_inside_out(&f) {
+                if L::FORBIDS_INVERSION && is_crushed(&f, 0.0) {
                     return f64::INFINITY;
                 }
                 let mut energy: Lane = law.energy(&f);
@@ -164,18 +165,19 @@ struct Force<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
+    smallest: f64,
     forces: &'a mut [[Vec3<Lane>; N]],
 }
 
 impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A, N> {
     type Output = f64;
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let Force { cells, around, u, forces } = self;
+        let Force { cells, around, u, smallest, forces } = self;
         let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
         let sums: Vec<f64> = tasks
             .map(|(task, (batches, forces))| {
                 let (first, shape) = (task * TASK, PhantomData::<E>);
-                dispatch(ForceKernel { first, batches, around, u, make, forces, shape })
+                dispatch(ForceKernel { first, batches, around, u, smallest, make, forces, shape })
             })
             .collect();
         sums.iter().sum()
@@ -187,6 +189,7 @@ struct ForceKernel<'a, L, E, A, const N: usize> {
     batches: &'a [Batch<N>],
     around: A,
     u: &'a [f64],
+    smallest: f64,
     make: fn(&[f64]) -> L,
     forces: &'a mut [[Vec3<Lane>; N]],
     shape: PhantomData<E>,
@@ -204,7 +207,7 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
             for point in 0..E::POINTS {
                 let slopes = E::slopes(point);
                 let f = batch.deformation(slopes, self.u);
-                if L::FORBIDS_INVERSION && is_inside_out(&f) {
+                if L::FORBIDS_INVERSION && is_crushed(&f, self.smallest) {
                     return f64::INFINITY;
                 }
                 let (mut energy, mut stress) = law.energy_and_stress(&f);
@@ -218,12 +221,8 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
     }
 }
 
-/// Below this volume ratio a cell counts as turned inside out: no tissue is pressed to a twentieth of its volume, and
-/// step by step a cell could lose a part of what it has left for ever, as its tangent outgrows all others'.
-const CRUSHED: f64 = 0.05;
-
-/// Whether any cell of a batch is turned inside out or crushed, or has no `J` at all.
+/// Whether any cell of a batch has no `J` above `smallest`, or none at all.
 #[inline(always)]
-fn is_inside_out(f: &Mat3<Lane>) -> bool {
-    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > CRUSHED))
+fn is_crushed(f: &Mat3<Lane>, smallest: f64) -> bool {
+    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > smallest))
 }

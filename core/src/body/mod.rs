@@ -246,14 +246,20 @@ impl Body {
     /// Internal force `f_int = dW/du` [N], in place, and with it what [`Body::energy`] says; where that is infinite,
     /// the force means nothing.
     pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
-        let material = &self.material;
+        self.internal_force_above(u, 0.0, force)
+    }
+
+    /// [`Body::internal_force`] that finds the energy infinite where a cell has no `J` above `smallest`, for laws that
+    /// forbid inversion.
+    pub fn internal_force_above(&self, u: &[f64], smallest: f64, force: &mut [f64]) -> f64 {
+        let (material, at) = (&self.material, (u, smallest));
         match &self.assembly {
-            Assembly::P1(cells) => cells.force(material, Alone, u, force),
-            Assembly::P2(cells) => cells.force(material, Alone, u, force),
+            Assembly::P1(cells) => cells.force(material, Alone, at, force),
+            Assembly::P2(cells) => cells.force(material, Alone, at, force),
             Assembly::P1MeanVolume(cells, clusters) => {
                 let volumes = clusters.volumes(material, &cells.batches, u);
                 let (pressures, _) = clusters.pressures(material, &volumes);
-                let local = cells.force(material, clusters.around(&pressures), u, force);
+                let local = cells.force(material, clusters.around(&pressures), at, force);
                 if local.is_infinite() {
                     local
                 } else {

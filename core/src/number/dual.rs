@@ -5,6 +5,7 @@
 //! `crate::law`.
 
 use super::Scalar;
+use crate::unroll::array;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// `f` and `df/dx_i`, i = 0..3.
@@ -35,19 +36,16 @@ impl<T: Scalar> Gradient<T> {
     #[inline(always)]
     pub fn variables(x: [T; 3]) -> [Self; 3] {
         let (zero, one) = (x[0].constant(0.0), x[0].constant(1.0));
-        let mut index = 0;
-        x.map(|value| {
-            let mut first = [zero.clone(), zero.clone(), zero.clone()];
-            first[index] = one.clone();
-            index += 1;
-            Gradient { value, first }
+        array!(3, |k| {
+            let first = array!(3, |i| if i == k { one.clone() } else { zero.clone() });
+            Gradient { value: x[k].clone(), first }
         })
     }
 
     /// Chain rule for a function of one variable with value `f` and derivative `df`.
     #[inline(always)]
     fn chain(&self, f: T, df: T) -> Self {
-        Gradient { value: f, first: std::array::from_fn(|i| self.first[i].clone() * df.clone()) }
+        Gradient { value: f, first: array!(3, |i| self.first[i].clone() * df.clone()) }
     }
 }
 
@@ -56,13 +54,9 @@ impl<T: Scalar> Hessian<T> {
     #[inline(always)]
     pub fn variables(x: [T; 3]) -> [Self; 3] {
         let (zero, one) = (x[0].constant(0.0), x[0].constant(1.0));
-        let mut index = 0;
-        x.map(|value| {
-            let mut first = [zero.clone(), zero.clone(), zero.clone()];
-            first[index] = one.clone();
-            index += 1;
-            let second = std::array::from_fn(|_| zero.clone());
-            Hessian { value, first, second }
+        array!(3, |k| {
+            let first = array!(3, |i| if i == k { one.clone() } else { zero.clone() });
+            Hessian { value: x[k].clone(), first, second: array!(6, |_| zero.clone()) }
         })
     }
 
@@ -78,8 +72,8 @@ impl<T: Scalar> Hessian<T> {
     fn chain(&self, f: T, df: T, ddf: T) -> Self {
         Hessian {
             value: f,
-            first: std::array::from_fn(|i| self.first[i].clone() * df.clone()),
-            second: std::array::from_fn(|k| {
+            first: array!(3, |i| self.first[i].clone() * df.clone()),
+            second: array!(6, |k| {
                 let (i, j) = PAIRS[k];
                 self.second[k].clone() * df.clone()
                     + self.first[i].clone() * self.first[j].clone() * ddf.clone()
@@ -89,14 +83,14 @@ impl<T: Scalar> Hessian<T> {
 }
 
 macro_rules! linear_operators {
-    ($dual:ident, $($part:ident),*) => {
+    ($dual:ident, $($part:ident $n:tt),*) => {
         impl<T: Scalar> Add for $dual<T> {
             type Output = Self;
             #[inline(always)]
             fn add(self, other: Self) -> Self {
                 $dual {
                     value: self.value + other.value,
-                    $($part: std::array::from_fn(|i| self.$part[i].clone() + other.$part[i].clone()),)*
+                    $($part: array!($n, |i| self.$part[i].clone() + other.$part[i].clone()),)*
                 }
             }
         }
@@ -106,7 +100,7 @@ macro_rules! linear_operators {
             fn sub(self, other: Self) -> Self {
                 $dual {
                     value: self.value - other.value,
-                    $($part: std::array::from_fn(|i| self.$part[i].clone() - other.$part[i].clone()),)*
+                    $($part: array!($n, |i| self.$part[i].clone() - other.$part[i].clone()),)*
                 }
             }
         }
@@ -114,7 +108,7 @@ macro_rules! linear_operators {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                $dual { value: -self.value, $($part: self.$part.map(|d| -d),)* }
+                $dual { value: -self.value, $($part: array!($n, |i| -self.$part[i].clone()),)* }
             }
         }
         impl<T: Scalar> Add<f64> for $dual<T> {
@@ -135,20 +129,20 @@ macro_rules! linear_operators {
             type Output = Self;
             #[inline(always)]
             fn mul(self, other: f64) -> Self {
-                $dual { value: self.value * other, $($part: self.$part.map(|d| d * other),)* }
+                $dual { value: self.value * other, $($part: array!($n, |i| self.$part[i].clone() * other),)* }
             }
         }
     };
 }
-linear_operators!(Gradient, first);
-linear_operators!(Hessian, first, second);
+linear_operators!(Gradient, first 3);
+linear_operators!(Hessian, first 3, second 6);
 
 impl<T: Scalar> Mul for Gradient<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Gradient {
-            first: std::array::from_fn(|i| {
+            first: array!(3, |i| {
                 self.first[i].clone() * other.value.clone()
                     + other.first[i].clone() * self.value.clone()
             }),
@@ -162,14 +156,14 @@ impl<T: Scalar> Mul for Hessian<T> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Hessian {
-            second: std::array::from_fn(|k| {
+            second: array!(6, |k| {
                 let (i, j) = PAIRS[k];
                 self.second[k].clone() * other.value.clone()
                     + other.second[k].clone() * self.value.clone()
                     + self.first[i].clone() * other.first[j].clone()
                     + self.first[j].clone() * other.first[i].clone()
             }),
-            first: std::array::from_fn(|i| {
+            first: array!(3, |i| {
                 self.first[i].clone() * other.value.clone()
                     + other.first[i].clone() * self.value.clone()
             }),
@@ -182,7 +176,7 @@ impl<T: Scalar> Scalar for Gradient<T> {
     #[inline(always)]
     fn constant(&self, value: f64) -> Self {
         let zero = self.value.constant(0.0);
-        Gradient { value: self.value.constant(value), first: std::array::from_fn(|_| zero.clone()) }
+        Gradient { value: self.value.constant(value), first: array!(3, |_| zero.clone()) }
     }
     #[inline(always)]
     fn recip(&self) -> Self {
@@ -222,8 +216,8 @@ impl<T: Scalar> Scalar for Hessian<T> {
         let zero = self.value.constant(0.0);
         Hessian {
             value: self.value.constant(value),
-            first: std::array::from_fn(|_| zero.clone()),
-            second: std::array::from_fn(|_| zero.clone()),
+            first: array!(3, |_| zero.clone()),
+            second: array!(6, |_| zero.clone()),
         }
     }
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! Several independent numbers side by side: cells of a batch, or load positions of a block.
 //!
 //! Plain arrays and element-wise loops; the compiler turns them into vector instructions inside
-//! the functions that are compiled for AVX2 or AVX-512 (see `crate::simd`).
+//! the functions that are compiled for AVX2 (see `crate::simd`).
 
 use super::{Real, Scalar};
 use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};

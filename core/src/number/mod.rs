@@ -57,6 +57,7 @@ pub trait Scalar:
     /// constant term.
     fn heaviside(&self) -> Self;
     /// `self * self`.
+    #[inline(always)]
     fn square(&self) -> Self {
         self.clone() * self.clone()
     }

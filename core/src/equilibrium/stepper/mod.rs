@@ -49,6 +49,8 @@ pub struct Stepper {
     force_scale: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
+    /// Volume ratio below which no cell may go.
+    smallest: f64,
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
@@ -71,6 +73,10 @@ pub struct Stepper {
 
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
+
+/// Volume ratio below which a cell is as good as inside out. No tissue is pressed to a twentieth of its volume, and step
+/// by step a cell could lose a part of what it has left for ever, as its tangent outgrows all others'.
+const CRUSHED: f64 = 0.05;
 
 /// Longest way of a hand in an iteration, over the length of the body.
 const LONGEST_WAY: f64 = 0.1;
@@ -161,6 +167,7 @@ impl Stepper {
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
+            smallest: if body.smallest_jacobian(&displacement).0 > CRUSHED { CRUSHED } else { 0.0 },
             pace: 1.0,
             hands_move: false,
             is_wary: false,
@@ -418,8 +425,8 @@ impl Stepper {
         self.pace = self.pace.min(LONGEST_WAY * self.length / way);
     }
 
-    /// Takes as much of the step as keeps every cell the right way round, and every node within the length of the body
-    /// from where it was; that part, and the strain energy. The internal force is that of the state reached.
+    /// Takes as much of the step as crushes no cell, and keeps every node within the length of the body from where it
+    /// was; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
         let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
@@ -428,7 +435,7 @@ impl Stepper {
             for (dof, trial) in self.trial.iter_mut().enumerate() {
                 *trial = self.displacement[dof] + taken * self.step[dof];
             }
-            let energy = body.internal_force(&self.trial, &mut self.internal);
+            let energy = body.internal_force_above(&self.trial, self.smallest, &mut self.internal);
             if energy.is_finite() {
                 std::mem::swap(&mut self.displacement, &mut self.trial);
                 return (taken, energy);

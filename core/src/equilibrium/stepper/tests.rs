@@ -7,7 +7,7 @@ mod memory;
 use super::*;
 use crate::equilibrium::{ConjugateGradients, Method, Newton, Preconditioner};
 use crate::law::Material;
-use crate::mesh::samples::block;
+use crate::mesh::samples::{block, noise};
 
 const DEPTH: f64 = -0.06;
 const DENSITY: f64 = 1000.0;
@@ -191,6 +191,32 @@ fn a_crushed_cell_comes_out_again() {
         let last = (0..100).map(|_| stepper.frame(&body, &STILL).unwrap()).last().unwrap();
         assert!(last.residual < 1e-9 && last.taken == 1.0, "{method:?} {last:?}");
         assert!(stepper.displacement().iter().all(|u| u.abs() < 1e-9), "{method:?}: at rest");
+    }
+}
+
+/// A hand that jumps about by the size of the body, as it comes: nothing is crushed, and let go the body comes to rest.
+#[test]
+fn a_jerky_hand_does_no_harm() {
+    let body = body("mooney_rivlin J^2-1", &[2e3, 5e2, 1e5], [4, 2, 2], [0.4, 0.2, 0.2]);
+    let newmark = Integration::Newmark { beta: 0.25, gamma: 0.5 };
+    let mut moving = dynamic(newmark, Mass::Lumped, 1.0 / 60.0);
+    moving.dynamics.as_mut().unwrap().damping = [5.0, 0.01];
+    for settings in [StepperSettings::default(), moving] {
+        for method in methods() {
+            let mut stepper = held(&body, StepperSettings { method, ..settings.clone() });
+            let (jumps, mut cuts) = (noise(3 * 200, 7), 0);
+            for jump in jumps.as_chunks::<3>().0 {
+                let frame = stepper.frame(&body, &press(&[jump.map(|x| 0.6 * x)])).unwrap();
+                assert!(frame.energy.is_finite() && frame.residual.is_finite());
+                cuts += usize::from(frame.taken < 1.0);
+                assert!(body.smallest_jacobian(stepper.displacement()).0 > 0.05);
+            }
+            assert!(cuts > 50, "{method:?}: {cuts} of 200 cut");
+            stepper.grasp(&body, &[], &[]).unwrap();
+            let last = (0..300).map(|_| stepper.frame(&body, &STILL).unwrap()).last().unwrap();
+            let largest = stepper.displacement().iter().fold(0.0f64, |a, u| a.max(u.abs()));
+            assert!(last.taken == 1.0 && largest < 1e-3, "{method:?} {largest} {last:?}");
+        }
     }
 }
 
