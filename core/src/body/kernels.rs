@@ -15,6 +15,9 @@ use std::marker::PhantomData;
 /// depend on the number of threads.
 pub(super) const TASK: usize = 64;
 
+/// Volume ratios of cells that are the right way round.
+pub(super) const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
+
 /// What a cell's neighbours add to its own response; `batch` is its number.
 pub(super) trait Surroundings: Copy + Send + Sync {
     /// Added to the energy density.
@@ -58,17 +61,16 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     }
 
     /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids inversion
-    /// finds a cell with no `J` above `smallest`, and then the force means nothing.
+    /// finds a cell whose `J` is outside of `range`, and then the force means nothing.
     pub fn force(
         &self,
         material: &Material,
         around: impl Surroundings,
-        (u, smallest): (&[f64], f64),
+        (u, range): (&[f64], [f64; 2]),
         out: &mut [f64],
     ) -> f64 {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let energy =
-            material.visit(Force { cells: self, around, u, smallest, forces: &mut forces });
+        let energy = material.visit(Force { cells: self, around, u, range, forces: &mut forces });
         self.gather_forces(&forces, out);
         energy
     }
@@ -149,7 +151,7 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKern
             let weight = batch.volume * (1.0 / E::POINTS as f64);
             for point in 0..E::POINTS {
                 let f = batch.deformation(E::slopes(point), self.u);
-                if L::FORBIDS_INVERSION && is_crushed(&f, 0.0) {
+                if L::FORBIDS_INVERSION && is_outside(&f, UPRIGHT) {
                     return f64::INFINITY;
                 }
                 let mut energy: Lane = law.energy(&f);
@@ -165,19 +167,19 @@ struct Force<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
-    smallest: f64,
+    range: [f64; 2],
     forces: &'a mut [[Vec3<Lane>; N]],
 }
 
 impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A, N> {
     type Output = f64;
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let Force { cells, around, u, smallest, forces } = self;
+        let Force { cells, around, u, range, forces } = self;
         let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
         let sums: Vec<f64> = tasks
             .map(|(task, (batches, forces))| {
                 let (first, shape) = (task * TASK, PhantomData::<E>);
-                dispatch(ForceKernel { first, batches, around, u, smallest, make, forces, shape })
+                dispatch(ForceKernel { first, batches, around, u, range, make, forces, shape })
             })
             .collect();
         sums.iter().sum()
@@ -189,7 +191,7 @@ struct ForceKernel<'a, L, E, A, const N: usize> {
     batches: &'a [Batch<N>],
     around: A,
     u: &'a [f64],
-    smallest: f64,
+    range: [f64; 2],
     make: fn(&[f64]) -> L,
     forces: &'a mut [[Vec3<Lane>; N]],
     shape: PhantomData<E>,
@@ -207,7 +209,7 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
             for point in 0..E::POINTS {
                 let slopes = E::slopes(point);
                 let f = batch.deformation(slopes, self.u);
-                if L::FORBIDS_INVERSION && is_crushed(&f, self.smallest) {
+                if L::FORBIDS_INVERSION && is_outside(&f, self.range) {
                     return f64::INFINITY;
                 }
                 let (mut energy, mut stress) = law.energy_and_stress(&f);
@@ -221,8 +223,8 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKerne
     }
 }
 
-/// Whether any cell of a batch has no `J` above `smallest`, or none at all.
+/// Whether any cell of a batch has a `J` outside of an open range, or none at all.
 #[inline(always)]
-fn is_crushed(f: &Mat3<Lane>, smallest: f64) -> bool {
-    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > smallest))
+fn is_outside(f: &Mat3<Lane>, range: [f64; 2]) -> bool {
+    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > range[0] && j < range[1]))
 }

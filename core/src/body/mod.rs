@@ -28,7 +28,7 @@ use crate::tensor::{cofactor, determinant};
 use blocks::BlockPattern;
 use cells::{Cells, deformation, pairs_of};
 use clusters::Clusters;
-use kernels::Alone;
+use kernels::{Alone, UPRIGHT};
 use partition::Partition;
 
 /// Cells per batch.
@@ -246,13 +246,13 @@ impl Body {
     /// Internal force `f_int = dW/du` [N], in place, and with it what [`Body::energy`] says; where that is infinite,
     /// the force means nothing.
     pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
-        self.internal_force_above(u, 0.0, force)
+        self.internal_force_within(u, UPRIGHT, force)
     }
 
-    /// [`Body::internal_force`] that finds the energy infinite where a cell has no `J` above `smallest`, for laws that
-    /// forbid inversion.
-    pub fn internal_force_above(&self, u: &[f64], smallest: f64, force: &mut [f64]) -> f64 {
-        let (material, at) = (&self.material, (u, smallest));
+    /// [`Body::internal_force`] that finds the energy infinite where the `J` of a cell is outside of a range, for laws
+    /// that forbid inversion.
+    pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
+        let (material, at) = (&self.material, (u, range));
         match &self.assembly {
             Assembly::P1(cells) => cells.force(material, Alone, at, force),
             Assembly::P2(cells) => cells.force(material, Alone, at, force),

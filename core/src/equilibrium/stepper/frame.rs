@@ -20,7 +20,7 @@ pub struct Input<'a> {
 pub struct Frame {
     /// Out-of-balance force that is left, relative to all nodal forces.
     pub residual: f64,
-    /// Part of the step taken: 1, or less where a cell would have been crushed or a hand was too fast.
+    /// Part of the step taken: 1, or less where a cell would have been crushed or torn.
     pub taken: f64,
     /// Whether the tangent was not positive definite: the state is not stable.
     pub is_unstable: bool,

@@ -49,8 +49,8 @@ pub struct Stepper {
     force_scale: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
-    /// Volume ratio below which no cell may go.
-    smallest: f64,
+    /// Volume ratios that cells may have.
+    range: [f64; 2],
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
@@ -74,12 +74,10 @@ pub struct Stepper {
 /// Halvings of a step before a frame stands still.
 const MAX_CUTS: i32 = 10;
 
-/// Volume ratio below which a cell is as good as inside out. No tissue is pressed to a twentieth of its volume, and step
-/// by step a cell could lose a part of what it has left for ever, as its tangent outgrows all others'.
-const CRUSHED: f64 = 0.05;
-
-/// Longest way of a hand in an iteration, over the length of the body.
-const LONGEST_WAY: f64 = 0.1;
+/// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
+/// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
+/// its volume either: a step that says so has been yanked too far for its tangent.
+const SOUND: [f64; 2] = [0.05, 4.0];
 
 /// Slowest pace of hands whose way is cut again and again.
 const SLOWEST_PACE: f64 = 1e-3;
@@ -130,6 +128,9 @@ impl Stepper {
                 "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
             )));
         }
+        let is_sound =
+            body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
+        let range = if is_sound { SOUND } else { [0.0, f64::INFINITY] };
         let tangent = body.zero_tangent();
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()
@@ -167,7 +168,7 @@ impl Stepper {
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
-            smallest: if body.smallest_jacobian(&displacement).0 > CRUSHED { CRUSHED } else { 0.0 },
+            range,
             pace: 1.0,
             hands_move: false,
             is_wary: false,
@@ -363,10 +364,10 @@ impl Stepper {
         is_first: bool,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        self.set_pace(input);
         let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let gap = self.gap(input);
+        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
@@ -410,22 +411,7 @@ impl Stepper {
         gap
     }
 
-    /// Chooses the part of their way that the hands go now: as the last step suggests, and not far at once. A body
-    /// that is yanked by its own length is anywhere after one iteration.
-    fn set_pace(&mut self, input: &Input<'_>) {
-        let u = &self.displacement;
-        let dofs = self.grasped.iter().zip(input.values);
-        let of_dofs = dofs.map(|(&dof, value)| (value - u[dof as usize]).abs());
-        let of_patches = self.patches.iter().zip(input.means).flat_map(|(patch, mean)| {
-            let now = patch_mean(patch, u);
-            (0..3).map(move |i| (mean[i] - now[i]).abs())
-        });
-        let way = of_dofs.chain(of_patches).fold(0.0, f64::max);
-        self.hands_move = way > 0.0;
-        self.pace = self.pace.min(LONGEST_WAY * self.length / way);
-    }
-
-    /// Takes as much of the step as crushes no cell, and keeps every node within the length of the body from where it
+    /// Takes as much of the step as leaves all cells sound, and keeps every node within the length of the body from where it
     /// was; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
         let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
@@ -435,7 +421,7 @@ impl Stepper {
             for (dof, trial) in self.trial.iter_mut().enumerate() {
                 *trial = self.displacement[dof] + taken * self.step[dof];
             }
-            let energy = body.internal_force_above(&self.trial, self.smallest, &mut self.internal);
+            let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
             if energy.is_finite() {
                 std::mem::swap(&mut self.displacement, &mut self.trial);
                 return (taken, energy);
