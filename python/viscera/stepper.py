@@ -43,7 +43,7 @@ class Frame:
     residual: float
     """Out-of-balance force that the frame left, relative to all nodal forces."""
     taken: float
-    """Part of the step taken: below 1 where a cell would have been crushed or torn; the hands then moved only so far."""
+    """Part of the step taken: below 1 where a cell would have been crushed or torn; hands then moved only so far."""
     is_unstable: bool
     """Whether the organ was about to buckle, so that the tangent was not positive definite."""
     iterations: int
