@@ -12,6 +12,7 @@ mod motion;
 mod pressed;
 mod relaxation;
 mod settings;
+mod step;
 #[cfg(test)]
 mod tests;
 
@@ -20,19 +21,19 @@ pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 
 use super::pressure::Pressure;
-use super::problem::{PatchLoad, Problem, patch_mean};
-use super::solver::{Solved, Solver};
-use crate::body::{Body, Curvature, SymmetricBlocks};
+use super::problem::{PatchLoad, Problem};
+use super::solver::Solver;
+use crate::body::{Body, SymmetricBlocks};
 use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
-use crate::linear::FactorError;
 use crate::mesh::{Patch, diagonal};
 use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
 use std::time::Duration;
+use step::SOUND;
 
 /// A body in the hands of a simulator.
 pub struct Stepper {
@@ -54,6 +55,8 @@ pub struct Stepper {
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
+    /// What a frame took after its last linear system was solved: kept free of its budget.
+    tail: Duration,
     /// The last step was cut and its tangent was not definite: the next will hardly be.
     is_wary: bool,
     /// Shift of the tangent, over its mean diagonal, to begin with: none, or more with every frame that stood still.
@@ -69,35 +72,6 @@ pub struct Stepper {
     step: Vec<f64>,
     trial: Vec<f64>,
     forces: Vec<f64>,
-}
-
-/// Halvings of a step before a frame stands still.
-const MAX_CUTS: i32 = 10;
-
-/// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
-/// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
-/// its volume either: a step that says so has been yanked too far for its tangent.
-const SOUND: [f64; 2] = [0.05, 4.0];
-
-/// Slowest pace of hands whose way is cut again and again.
-const SLOWEST_PACE: f64 = 1e-3;
-
-/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
-const LARGEST_SHIFT: f64 = 1e6;
-
-fn larger(shift: f64) -> f64 {
-    if shift == 0.0 { 1e-3 } else { 10.0 * shift }
-}
-
-/// What the Newton iterations of a frame did.
-struct Progress {
-    taken: f64,
-    /// A step would have turned a cell inside out.
-    is_cut: bool,
-    is_unstable: bool,
-    iterations: usize,
-    is_solved: bool,
-    energy: f64,
 }
 
 impl Stepper {
@@ -171,6 +145,7 @@ impl Stepper {
             range,
             pace: 1.0,
             hands_move: false,
+            tail: Duration::ZERO,
             is_wary: false,
             shift: 0.0,
             start: displacement.clone(),
@@ -260,7 +235,10 @@ impl Stepper {
         if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
             return Err(Error::input("gravity needs a density [kg/m^3]"));
         }
-        let deadline = self.settings.budget.map(|budget| clock + Duration::from_secs_f64(budget));
+        let deadline = self.settings.budget.map(|budget| {
+            let budget = Duration::from_secs_f64(budget);
+            clock + budget.saturating_sub(self.tail.min(budget / 2))
+        });
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
         let outcome = self.advance(body, input, deadline);
@@ -272,6 +250,7 @@ impl Stepper {
             }
         };
         let residual = self.take_stock(body, progress.is_cut);
+        self.tail = progress.solved_at.elapsed();
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual,
@@ -296,137 +275,5 @@ impl Stepper {
         for (force, mass) in self.dead.chunks_exact_mut(3).zip(&self.nodal_mass) {
             (0..3).for_each(|i| force[i] += mass * input.gravity[i]);
         }
-    }
-
-    /// The Newton iterations of a frame.
-    fn advance(
-        &mut self,
-        body: &Body,
-        input: &Input<'_>,
-        deadline: Option<Instant>,
-    ) -> Result<Progress, Error> {
-        let mut progress = Progress {
-            taken: 1.0,
-            is_cut: false,
-            is_unstable: false,
-            iterations: 0,
-            is_solved: true,
-            energy: 0.0,
-        };
-        for iteration in 0..self.settings.iterations {
-            let (is_unstable, solved) = self.find_step(body, input, iteration == 0, deadline)?;
-            progress.is_unstable |= is_unstable;
-            progress.iterations += solved.iterations;
-            progress.is_solved &= solved.is_complete;
-            let (taken, energy) = self.take(body);
-            let moved = if self.hands_move { self.pace * taken } else { taken };
-            (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
-            progress.is_cut |= taken < 1.0;
-            self.heed(taken, is_unstable);
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-                break;
-            }
-        }
-        Ok(progress)
-    }
-
-    /// What a step that was cut, or not, means for the next.
-    fn heed(&mut self, taken: f64, is_unstable: bool) {
-        let is_cut = taken < 1.0;
-        self.is_wary = is_cut && is_unstable;
-        self.pace =
-            if is_cut { (self.pace * taken).max(SLOWEST_PACE) } else { (4.0 * self.pace).min(1.0) };
-        self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
-    }
-
-    /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
-    fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
-        let tangent = &mut self.tangent;
-        body.linearize(&self.displacement, curvature, &mut self.internal, tangent);
-        if let Some(relaxation) = &self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
-        }
-        self.press(body);
-        self.stiffen(body);
-        if is_first {
-            self.set_out();
-        }
-        self.move_hands(input);
-        self.balance();
-    }
-
-    /// The Newton step of hands and body, and whether the tangent was not positive definite. Such a tangent is made
-    /// convex cell by cell; if that is not enough (pressure, nothing that holds the body) it is shifted.
-    fn find_step(
-        &mut self,
-        body: &Body,
-        input: &Input<'_>,
-        is_first: bool,
-        deadline: Option<Instant>,
-    ) -> Result<(bool, Solved), Error> {
-        let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
-        self.linearize(body, input, curvature, is_first);
-        let gap = self.gap(input);
-        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
-        let (mut shift, mut iterations) = (self.shift, 0);
-        let solved = loop {
-            let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
-            let outcome = match self.solver.prepare(&self.tangent, shift) {
-                Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
-                Err(error) => Err(error),
-            };
-            let is_convex = curvature == Curvature::Convex;
-            let is_late = is_convex && deadline.is_some_and(|end| Instant::now() >= end);
-            match outcome {
-                Ok(solved) if is_late || solved.indefinite.is_none() => break solved,
-                Ok(solved) if shift >= LARGEST_SHIFT => break solved,
-                Ok(solved) => iterations += solved.iterations,
-                Err(
-                    FactorError::NotPositiveDefinite { .. }
-                    | FactorError::Singular { .. }
-                    | FactorError::NotFinite { .. },
-                ) if shift < LARGEST_SHIFT => {}
-                Err(error) => return Err(error.into()),
-            }
-            if is_convex {
-                shift = larger(shift);
-            } else {
-                curvature = Curvature::Convex;
-                self.linearize(body, input, curvature, false);
-            }
-        };
-        self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
-        let is_unstable = curvature == Curvature::Convex || solved.indefinite.is_some();
-        Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
-    }
-
-    /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.
-    fn gap(&self, input: &Input<'_>) -> Vec<f64> {
-        let mut gap = Vec::with_capacity(3 * self.patches.len());
-        for (patch, mean) in self.patches.iter().zip(input.means) {
-            let now = patch_mean(patch, &self.displacement);
-            let held = patch_mean(patch, &self.step);
-            gap.extend((0..3).map(|i| self.pace * (mean[i] - now[i]) - held[i]));
-        }
-        gap
-    }
-
-    /// Takes as much of the step as leaves all cells sound, and keeps every node within the length of the body from where it
-    /// was; that part, and the strain energy. The internal force is that of the state reached.
-    fn take(&mut self, body: &Body) -> (f64, f64) {
-        let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
-        let whole = if longest > self.length { self.length / longest } else { 1.0 };
-        for cuts in 0..=MAX_CUTS {
-            let taken = whole * 0.5f64.powi(cuts);
-            for (dof, trial) in self.trial.iter_mut().enumerate() {
-                *trial = self.displacement[dof] + taken * self.step[dof];
-            }
-            let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
-            if energy.is_finite() {
-                std::mem::swap(&mut self.displacement, &mut self.trial);
-                return (taken, energy);
-            }
-        }
-        (0.0, body.internal_force(&self.displacement, &mut self.internal))
     }
 }

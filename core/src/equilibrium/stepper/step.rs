@@ -1,0 +1,179 @@
+//! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell, a
+//! step that would crush or tear a cell is cut back, and hands that were in its way wait for the body.
+
+use super::{Input, Stepper};
+use crate::body::{Body, Curvature};
+use crate::clock::Instant;
+use crate::equilibrium::problem::patch_mean;
+use crate::equilibrium::solver::Solved;
+use crate::error::Error;
+use crate::linear::FactorError;
+
+/// Halvings of a step before a frame stands still.
+const MAX_CUTS: i32 = 10;
+
+/// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
+/// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
+/// its volume either: a step that says so has been yanked too far for its tangent.
+pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
+
+/// Slowest pace of hands whose way is cut again and again.
+const SLOWEST_PACE: f64 = 1e-3;
+
+/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
+const LARGEST_SHIFT: f64 = 1e6;
+
+fn larger(shift: f64) -> f64 {
+    if shift == 0.0 { 1e-3 } else { 10.0 * shift }
+}
+
+/// What the Newton iterations of a frame did.
+pub(super) struct Progress {
+    pub taken: f64,
+    /// A step would have turned a cell inside out.
+    pub is_cut: bool,
+    pub is_unstable: bool,
+    pub iterations: usize,
+    pub is_solved: bool,
+    /// When the last linear system was solved.
+    pub solved_at: Instant,
+    pub energy: f64,
+}
+
+impl Stepper {
+    /// The Newton iterations of a frame.
+    pub(super) fn advance(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        deadline: Option<Instant>,
+    ) -> Result<Progress, Error> {
+        let mut progress = Progress {
+            taken: 1.0,
+            is_cut: false,
+            is_unstable: false,
+            iterations: 0,
+            is_solved: true,
+            solved_at: Instant::now(),
+            energy: 0.0,
+        };
+        for iteration in 0..self.settings.iterations {
+            let (is_unstable, solved) = self.find_step(body, input, iteration == 0, deadline)?;
+            progress.is_unstable |= is_unstable;
+            progress.iterations += solved.iterations;
+            progress.is_solved &= solved.is_complete;
+            progress.solved_at = Instant::now();
+            let (taken, energy) = self.take(body);
+            let moved = if self.hands_move { self.pace * taken } else { taken };
+            (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
+            progress.is_cut |= taken < 1.0;
+            self.heed(taken, is_unstable);
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                break;
+            }
+        }
+        Ok(progress)
+    }
+
+    /// What a step that was cut, or not, means for the next.
+    fn heed(&mut self, taken: f64, is_unstable: bool) {
+        let is_cut = taken < 1.0;
+        self.is_wary = is_cut && is_unstable;
+        self.pace =
+            if is_cut { (self.pace * taken).max(SLOWEST_PACE) } else { (4.0 * self.pace).min(1.0) };
+        self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
+    }
+
+    /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
+    fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
+        let tangent = &mut self.tangent;
+        body.linearize(&self.displacement, curvature, &mut self.internal, tangent);
+        if let Some(relaxation) = &self.relaxation {
+            relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
+        }
+        self.press(body);
+        self.stiffen(body);
+        if is_first {
+            self.set_out();
+        }
+        self.move_hands(input);
+        self.balance();
+    }
+
+    /// The Newton step of hands and body, and whether the tangent was not positive definite. Such a tangent is made
+    /// convex cell by cell; if that is not enough (pressure, nothing that holds the body) it is shifted.
+    fn find_step(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        is_first: bool,
+        deadline: Option<Instant>,
+    ) -> Result<(bool, Solved), Error> {
+        let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
+        self.linearize(body, input, curvature, is_first);
+        let gap = self.gap(input);
+        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
+        let (mut shift, mut iterations) = (self.shift, 0);
+        let solved = loop {
+            let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
+            let outcome = match self.solver.prepare(&self.tangent, shift) {
+                Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
+                Err(error) => Err(error),
+            };
+            let is_convex = curvature == Curvature::Convex;
+            let is_late = deadline.is_some_and(|end| Instant::now() >= end);
+            match outcome {
+                Ok(solved) if solved.indefinite.is_none() => break solved,
+                // The descent made before the direction of negative curvature, or at least one of descent.
+                Ok(solved) if is_late && (is_convex || solved.iterations > 0) => break solved,
+                Ok(solved) if shift >= LARGEST_SHIFT => break solved,
+                Ok(solved) => iterations += solved.iterations,
+                Err(
+                    FactorError::NotPositiveDefinite { .. }
+                    | FactorError::Singular { .. }
+                    | FactorError::NotFinite { .. },
+                ) if shift < LARGEST_SHIFT => {}
+                Err(error) => return Err(error.into()),
+            }
+            if is_convex {
+                shift = larger(shift);
+            } else {
+                curvature = Curvature::Convex;
+                self.linearize(body, input, curvature, false);
+            }
+        };
+        self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
+        let is_unstable = curvature == Curvature::Convex || solved.indefinite.is_some();
+        Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
+    }
+
+    /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.
+    fn gap(&self, input: &Input<'_>) -> Vec<f64> {
+        let mut gap = Vec::with_capacity(3 * self.patches.len());
+        for (patch, mean) in self.patches.iter().zip(input.means) {
+            let now = patch_mean(patch, &self.displacement);
+            let held = patch_mean(patch, &self.step);
+            gap.extend((0..3).map(|i| self.pace * (mean[i] - now[i]) - held[i]));
+        }
+        gap
+    }
+
+    /// Takes as much of the step as leaves all cells sound, and keeps every node within the length of the body from where it
+    /// was; that part, and the strain energy. The internal force is that of the state reached.
+    fn take(&mut self, body: &Body) -> (f64, f64) {
+        let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
+        let whole = if longest > self.length { self.length / longest } else { 1.0 };
+        for cuts in 0..=MAX_CUTS {
+            let taken = whole * 0.5f64.powi(cuts);
+            for (dof, trial) in self.trial.iter_mut().enumerate() {
+                *trial = self.displacement[dof] + taken * self.step[dof];
+            }
+            let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
+            if energy.is_finite() {
+                std::mem::swap(&mut self.displacement, &mut self.trial);
+                return (taken, energy);
+            }
+        }
+        (0.0, body.internal_force(&self.displacement, &mut self.internal))
+    }
+}
