@@ -158,10 +158,10 @@ impl Stepper {
         gap
     }
 
-    /// Takes as much of the step as leaves all cells sound, and keeps every node within the length of the body from where it
-    /// was; that part, and the strain energy. The internal force is that of the state reached.
+    /// Takes as much of the step as leaves all cells sound and takes no free node farther than the body is long
+    /// at once; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
-        let longest = self.step.iter().fold(0.0f64, |longest, s| longest.max(s.abs()));
+        let longest = self.way.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
         for cuts in 0..=MAX_CUTS {
             let taken = whole * 0.5f64.powi(cuts);
