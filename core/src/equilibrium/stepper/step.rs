@@ -1,5 +1,5 @@
-//! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell, a
-//! step that would crush or tear a cell is cut back, and hands that were in its way wait for the body.
+//! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell,
+//! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body.
 
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
