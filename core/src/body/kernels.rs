@@ -16,7 +16,7 @@ use std::marker::PhantomData;
 pub(super) const TASK: usize = 64;
 
 /// Volume ratios of cells that are the right way round.
-pub(super) const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
+pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 
 /// What a cell's neighbours add to its own response; `batch` is its number.
 pub(super) trait Surroundings: Copy + Send + Sync {

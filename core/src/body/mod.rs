@@ -17,6 +17,7 @@ mod tangent;
 mod tests;
 
 pub use blocks::SymmetricBlocks;
+pub use kernels::UPRIGHT;
 pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
@@ -28,7 +29,7 @@ use crate::tensor::{cofactor, determinant};
 use blocks::BlockPattern;
 use cells::{Cells, deformation, pairs_of};
 use clusters::Clusters;
-use kernels::{Alone, UPRIGHT};
+use kernels::Alone;
 use partition::Partition;
 
 /// Cells per batch.

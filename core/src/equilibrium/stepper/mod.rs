@@ -1,7 +1,7 @@
 //! Real time (paper B): one Newton iteration a frame from the last state.
 //!
 //! A frame moves what the hands hold, takes one full Newton step towards the new equilibrium, of forces alone or of
-//! forces and inertia, and reports what is left. A step that would turn a cell inside out is cut back, and said so;
+//! forces and inertia, and reports what is left. A step that would crush or tear a cell is cut back, and said so;
 //! then the hands have moved only that part of the way, and go on at a slower pace until a step is taken whole again:
 //! the body gives way before it is pressed further.
 
@@ -23,7 +23,7 @@ pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
 use super::solver::Solver;
-use crate::body::{Body, SymmetricBlocks};
+use crate::body::{Body, SymmetricBlocks, UPRIGHT};
 use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
@@ -104,7 +104,7 @@ impl Stepper {
         }
         let is_sound =
             body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
-        let range = if is_sound { SOUND } else { [0.0, f64::INFINITY] };
+        let range = if is_sound { SOUND } else { UPRIGHT };
         let tangent = body.zero_tangent();
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()

@@ -30,7 +30,7 @@ fn larger(shift: f64) -> f64 {
 /// What the Newton iterations of a frame did.
 pub(super) struct Progress {
     pub taken: f64,
-    /// A step would have turned a cell inside out.
+    /// A step was cut back.
     pub is_cut: bool,
     pub is_unstable: bool,
     pub iterations: usize,
