@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 from pathlib import Path
 
 import hypothesis
@@ -19,6 +20,9 @@ collect_ignore = ["reference"]  # its scripts import codes that are not dependen
 # The same examples on every machine, and no failure because a machine is busy.
 hypothesis.settings.register_profile("viscera", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.load_profile("viscera")
+
+# A shell makes its background jobs ignore Ctrl-C, and they hand that on to every program that a test starts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def block(
