@@ -29,3 +29,40 @@ pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
+
+/// Code that knows the width of the vectors it is compiled for, as [`Kernel`] does not: 128 bits, or 256 or 512 bits,
+/// which come with products that are added to a sum in one instruction.
+pub trait WideKernel {
+    /// What it returns.
+    type Output;
+    /// The code.
+    fn run<const BITS: usize>(self) -> Self::Output;
+}
+
+/// Runs the kernel compiled for the widest vectors of this processor.
+pub fn dispatch_wide<K: WideKernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has the feature the function is compiled for.
+            return unsafe { run_512(kernel) };
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has the features the function is compiled for.
+            return unsafe { run_256(kernel) };
+        }
+    }
+    kernel.run::<128>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn run_512<K: WideKernel>(kernel: K) -> K::Output {
+    kernel.run::<512>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn run_256<K: WideKernel>(kernel: K) -> K::Output {
+    kernel.run::<256>()
+}

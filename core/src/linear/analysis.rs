@@ -19,9 +19,9 @@ use super::{FactorError, Pattern, Precision, ordering};
 /// Right-hand sides solved together; the time for each falls steeply up to 32 and hardly beyond 64.
 const PANEL: usize = 64;
 
-/// Entries of the factor from which threads share the dense kernels: on two cores that takes a quarter off the
+/// Entries of a large factor, for which threads share the dense kernels: on two cores that takes a quarter off the
 /// time for 2e7 entries and adds to it for 4e6.
-const SHARED_FROM: usize = 10_000_000;
+const LARGE_FROM: usize = 10_000_000;
 
 /// Dense kernels on all threads; a page has one.
 fn shared() -> Par {
@@ -36,10 +36,11 @@ pub(super) struct Analysis<T> {
     /// The caller's row eliminated at each step.
     order: Vec<u32>,
     pub(super) supernodes: SymbolicSupernodalCholesky<u32>,
+    pub(super) is_large: bool,
     /// How the numeric factorisation runs.
     pub(super) parallelism: Par,
     /// Lower triangle of the permuted matrix.
-    lower: SymbolicSparseColMat<u32>,
+    pub(super) lower: SymbolicSparseColMat<u32>,
     values: Vec<T>,
     /// Where the caller's values go in `values`.
     target: Vec<u32>,
@@ -52,9 +53,10 @@ impl<T: Precision> Analysis<T> {
         let order = ordering::elimination_order(pattern)?;
         let (lower, target) = permuted_lower(pattern, &ordering::inverse(&order));
         let supernodes = supernodes_of(&lower)?;
-        let is_large = supernodes.len_val() >= SHARED_FROM;
+        let is_large = supernodes.len_val() >= LARGE_FROM;
         let parallelism = if is_large { shared() } else { Par::Seq };
-        Ok(Self { order, supernodes, parallelism, values: zeros(pattern.len())?, lower, target })
+        let values = zeros(pattern.len())?;
+        Ok(Self { order, supernodes, is_large, parallelism, lower, values, target })
     }
 
     pub(super) fn n(&self) -> usize {
@@ -108,6 +110,11 @@ impl<T: Precision> Analysis<T> {
         let place = self.values.iter().position(|v| !v.is_finite()).unwrap_or_default() as u32;
         let position = self.target.iter().position(|&t| t == place).unwrap_or_default();
         FactorError::NotFinite { position }
+    }
+
+    /// Loaded values in elimination order, lower triangle.
+    pub(super) fn values(&self) -> &[T] {
+        &self.values
     }
 
     /// The loaded matrix in elimination order, lower triangle.

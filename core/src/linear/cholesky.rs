@@ -9,6 +9,7 @@ use faer::sparse::linalg::cholesky::supernodal::{
 
 use super::analysis::Analysis;
 use super::column::Column;
+use super::fronts::Fronts;
 use super::substitution::{Factor, zeros};
 use super::{FactorError, Factorization, Pattern, Precision};
 
@@ -17,8 +18,16 @@ use super::{FactorError, Factorization, Pattern, Precision};
 pub struct Cholesky<T: Precision = f64> {
     analysis: Analysis<T>,
     factor: Vec<T>,
-    memory: MemBuffer,
+    elimination: Elimination<T>,
     is_factorized: bool,
+}
+
+/// How the factor is computed.
+enum Elimination<T> {
+    /// On one thread.
+    Fronts(Fronts<T>),
+    /// By faer, on all threads, in this memory.
+    Shared(MemBuffer),
 }
 
 impl Cholesky {
@@ -37,15 +46,23 @@ impl<T: Precision> Cholesky<T> {
     /// # Errors
     /// Those of [`Cholesky::analyze`].
     pub fn with_precision(pattern: &Pattern) -> Result<Self, FactorError> {
-        let analysis = Analysis::new(pattern)?;
-        let request = factorize_supernodal_numeric_llt_scratch::<u32, T>(
-            &analysis.supernodes,
-            analysis.parallelism,
-            Default::default(),
-        );
-        let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
+        Self::with_analysis(Analysis::new(pattern)?)
+    }
+
+    fn with_analysis(analysis: Analysis<T>) -> Result<Self, FactorError> {
+        let elimination = if analysis.is_large {
+            let request = factorize_supernodal_numeric_llt_scratch::<u32, T>(
+                &analysis.supernodes,
+                analysis.parallelism,
+                Default::default(),
+            );
+            let memory = MemBuffer::try_new(request).map_err(|_| FactorError::OutOfMemory)?;
+            Elimination::Shared(memory)
+        } else {
+            Elimination::Fronts(Fronts::new(&analysis.supernodes, &analysis.lower)?)
+        };
         let factor = zeros(analysis.supernodes.len_val())?;
-        Ok(Self { analysis, factor, memory, is_factorized: false })
+        Ok(Self { analysis, factor, elimination, is_factorized: false })
     }
 
     /// The caller's row eliminated at each step.
@@ -103,18 +120,21 @@ impl<T: Precision> Cholesky<T> {
 
     fn eliminate(&mut self) -> Result<(), FactorError> {
         let analysis = &self.analysis;
-        factorize_supernodal_numeric_llt(
-            &mut self.factor,
-            analysis.matrix(),
-            Default::default(),
-            &analysis.supernodes,
-            analysis.parallelism,
-            MemStack::new(&mut self.memory),
-            Default::default(),
-        )
-        .map_err(|LltError::NonPositivePivot { index }| {
-            FactorError::NotPositiveDefinite { row: analysis.row(index) }
-        })?;
+        match &mut self.elimination {
+            Elimination::Fronts(fronts) => fronts.factorize(analysis.values(), &mut self.factor),
+            Elimination::Shared(memory) => factorize_supernodal_numeric_llt(
+                &mut self.factor,
+                analysis.matrix(),
+                Default::default(),
+                &analysis.supernodes,
+                analysis.parallelism,
+                MemStack::new(memory),
+                Default::default(),
+            )
+            .map(|_| ())
+            .map_err(|LltError::NonPositivePivot { index }| index),
+        }
+        .map_err(|step| FactorError::NotPositiveDefinite { row: analysis.row(step) })?;
         for (step, position) in analysis.pivots() {
             let pivot = self.factor[position] * self.factor[position];
             // Only an overflow can leave a NaN here.
@@ -227,6 +247,26 @@ mod tests {
         let mut cholesky = factorized(&first);
         cholesky.factorize(&second.values).unwrap();
         assert_eq!(solved(&cholesky, &b), solved(&factorized(&second), &b));
+    }
+
+    #[test]
+    fn fronts_and_shared_supernodes_make_the_same_factor() {
+        let matrix = elastic_block(9, 8, 7);
+        let b = load(matrix.pattern.n, 4);
+        let mut analysis = Analysis::new(&matrix.pattern).unwrap();
+        analysis.is_large = true;
+        let mut shared = Cholesky::with_analysis(analysis).unwrap();
+        shared.factorize(&matrix.values).unwrap();
+        let own = solved(&factorized(&matrix), &b);
+        assert!(relative_difference(&own, &solved(&shared, &b)) < 1e-12);
+
+        let indefinite = matrix.clone().shifted(-1.0);
+        let mut fronts = factorized(&matrix);
+        assert_eq!(
+            fronts.factorize(&indefinite.values),
+            shared.factorize(&indefinite.values),
+            "the same row is named"
+        );
     }
 
     #[test]

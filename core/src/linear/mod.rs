@@ -9,6 +9,8 @@ mod cholesky;
 mod column;
 pub mod conjugate_gradients;
 mod error;
+mod front;
+mod fronts;
 mod gmres;
 mod ldlt;
 mod ordering;

@@ -14,6 +14,12 @@ pub trait Precision: RealField + Copy + Default + Send + Sync {
     /// This value in double precision.
     fn double(self) -> f64;
 
+    /// Its square root.
+    fn root(self) -> Self;
+
+    /// `self * factor + term`, rounded once where vectors of so many bits come with instructions for it.
+    fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self;
+
     /// Whether it is neither infinite nor NaN.
     fn is_finite(self) -> bool {
         self.double().is_finite()
@@ -32,6 +38,16 @@ impl Precision for f64 {
     fn double(self) -> f64 {
         self
     }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+
+    #[inline(always)]
+    fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self {
+        if BITS > 128 { self.mul_add(factor, term) } else { self * factor + term }
+    }
 }
 
 impl Precision for f32 {
@@ -45,5 +61,15 @@ impl Precision for f32 {
     #[inline(always)]
     fn double(self) -> f64 {
         f64::from(self)
+    }
+
+    #[inline(always)]
+    fn root(self) -> Self {
+        self.sqrt()
+    }
+
+    #[inline(always)]
+    fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self {
+        if BITS > 128 { self.mul_add(factor, term) } else { self * factor + term }
     }
 }
