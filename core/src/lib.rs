@@ -30,6 +30,8 @@ pub mod reduced;
 pub mod series;
 pub mod simd;
 pub mod tensor;
+#[cfg(feature = "solvers")]
+mod threads;
 mod unroll;
 
 pub use error::Error;

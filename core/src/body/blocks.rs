@@ -8,7 +8,8 @@ pub struct SymmetricBlocks {
     pattern: BlockPattern,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
-    /// Room for blocks of single cells, kept between evaluations: fresh memory costs as much as filling it.
+    /// Room for blocks of single cells, where threads share the evaluation, kept from one to the next: fresh memory costs
+    /// as much as filling it.
     pub(super) of_cells: Vec<f64>,
 }
 
@@ -36,6 +37,9 @@ impl SymmetricBlocks {
         for column in 0..self.pattern.n() {
             for block in self.pattern.column(column) {
                 let row = self.pattern.row[block] as usize;
+                if is_zero(&x[3 * row..3 * row + 3]) && is_zero(&x[3 * column..3 * column + 3]) {
+                    continue; // hands move few nodes
+                }
                 let values = &self.values[9 * block..9 * block + 9];
                 for i in 0..3 {
                     for k in 0..3 {
@@ -157,6 +161,10 @@ impl BlockPattern {
     fn column(&self, column: usize) -> std::ops::Range<usize> {
         self.column_start[column] as usize..self.column_start[column + 1] as usize
     }
+}
+
+fn is_zero(x: &[f64]) -> bool {
+    x.iter().all(|&x| x == 0.0)
 }
 
 /// Items sorted into numbered groups.

@@ -150,7 +150,11 @@ impl<const N: usize> Batch<N> {
     #[inline(always)]
     pub fn deformation(&self, slopes: &[[f64; 3]; N], u: &[f64]) -> Mat3<Lane> {
         deformation(slopes, &self.gradients, |a, i| {
-            Lanes(std::array::from_fn(|l| u[3 * self.nodes[l][a] as usize + i]))
+            let mut value = Lane::default();
+            for lane in 0..LANES {
+                value[lane] = u[3 * self.nodes[lane][a] as usize + i];
+            }
+            value
         })
     }
 }

@@ -19,6 +19,7 @@ use crate::law::{Law, LawVisitor, Material};
 use crate::number::Lanes;
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3, mul_vector};
+use crate::threads::share;
 use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 
@@ -116,8 +117,12 @@ impl Clusters {
             let ratio = |m: &Member| volumes.cells[m.slot.batch as usize][m.slot.lane as usize];
             self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum()
         };
-        volumes.clusters =
-            (0..self.members.len()).into_par_iter().with_min_len(1024).map(mean).collect();
+        let clusters = 0..self.members.len();
+        volumes.clusters = if share(batches.len().div_ceil(TASK)) {
+            clusters.into_par_iter().with_min_len(1024).map(mean).collect()
+        } else {
+            clusters.map(mean).collect()
+        };
         volumes
     }
 
@@ -282,7 +287,7 @@ impl<L: Law> Kernel for TangentInCluster<'_, L> {
         let curvature = law.volume_curvature(f, g);
         *stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
         let z: [Vec3<Lane>; 3] = array!(3, |k| mul_vector(&slope, &g[k]));
-        let mz = z.map(|z| z.map(|z| z * modulus * share));
+        let mz: [Vec3<Lane>; 3] = array!(3, |k| array!(3, |i| z[k][i] * modulus * share));
         for a in 0..3 {
             for b in a..3 {
                 let (block, curvature) = (&mut blocks[a][b], &curvature[a][b]);
@@ -302,6 +307,9 @@ impl LawVisitor for CellVolumes<'_> {
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
         let (u, Volumes { cells, slopes, .. }) = (self.u, self.volumes);
+        if !share(self.batches.len().div_ceil(TASK)) {
+            return dispatch(VolumeKernel { batches: self.batches, u, make, cells, slopes });
+        }
         let tasks = self.batches.par_chunks(TASK);
         let results = cells.par_chunks_mut(TASK).zip(slopes.par_chunks_mut(TASK));
         tasks.zip(results).for_each(|(batches, (cells, slopes))| {

@@ -7,6 +7,7 @@ use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material};
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
+use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -55,6 +56,11 @@ impl Surroundings for Alone {
 }
 
 impl<E: Shape<N>, const N: usize> Cells<E, N> {
+    /// Number of tasks that the batches make.
+    pub fn n_tasks(&self) -> usize {
+        self.batches.len().div_ceil(TASK)
+    }
+
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
     pub fn energy(&self, material: &Material, around: impl Surroundings, u: &[f64]) -> f64 {
         material.visit(Energy { cells: self, around, u })
@@ -77,15 +83,19 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
 
     /// Adds up what the cells give to each node.
     pub(super) fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
-        out.par_chunks_mut(3).enumerate().with_min_len(1024).for_each(|(node, out)| {
-            out.fill(0.0);
+        let (out, _) = out.as_chunks_mut::<3>();
+        let gather = |(node, out): (usize, &mut [f64; 3])| {
+            *out = [0.0; 3];
             for &(slot, a) in self.incidence.of(node) {
                 let f = &forces[slot.batch as usize][a as usize];
-                for i in 0..3 {
-                    out[i] += f[i][slot.lane as usize];
-                }
+                (0..3).for_each(|i| out[i] += f[i][slot.lane as usize]);
             }
-        });
+        };
+        if share(self.n_tasks()) {
+            out.par_iter_mut().enumerate().with_min_len(1024).for_each(gather);
+        } else {
+            out.iter_mut().enumerate().for_each(gather);
+        }
     }
 }
 
@@ -121,14 +131,16 @@ impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Energy<'_, E, 
     type Output = f64;
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
         let Energy { cells, around, u } = self;
-        let tasks = cells.batches.par_chunks(TASK).enumerate();
-        let sums: Vec<f64> = tasks
-            .map(|(task, batches)| {
-                let shape = PhantomData::<E>;
-                dispatch(EnergyKernel { first: task * TASK, batches, around, u, make, shape })
-            })
-            .collect();
-        sums.iter().sum()
+        let run = |(task, batches)| {
+            let (first, shape) = (task * TASK, PhantomData::<E>);
+            dispatch(EnergyKernel { first, batches, around, u, make, shape })
+        };
+        if share(cells.n_tasks()) {
+            let tasks = cells.batches.par_chunks(TASK).enumerate();
+            tasks.map(run).collect::<Vec<f64>>().into_iter().sum()
+        } else {
+            cells.batches.chunks(TASK).enumerate().map(run).sum()
+        }
     }
 }
 
@@ -175,14 +187,17 @@ impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A
     type Output = f64;
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
         let Force { cells, around, u, range, forces } = self;
-        let tasks = cells.batches.par_chunks(TASK).zip(forces.par_chunks_mut(TASK)).enumerate();
-        let sums: Vec<f64> = tasks
-            .map(|(task, (batches, forces))| {
-                let (first, shape) = (task * TASK, PhantomData::<E>);
-                dispatch(ForceKernel { first, batches, around, u, range, make, forces, shape })
-            })
-            .collect();
-        sums.iter().sum()
+        let run = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| {
+            let (first, shape) = (task * TASK, PhantomData::<E>);
+            let batches = &cells.batches[first..first + forces.len()];
+            dispatch(ForceKernel { first, batches, around, u, range, make, forces, shape })
+        };
+        if share(cells.n_tasks()) {
+            let tasks = forces.par_chunks_mut(TASK).enumerate();
+            tasks.map(run).collect::<Vec<f64>>().into_iter().sum()
+        } else {
+            forces.chunks_mut(TASK).enumerate().map(run).sum()
+        }
     }
 }
 

@@ -26,6 +26,7 @@ use crate::law::Material;
 use crate::mesh;
 use crate::number::Lanes;
 use crate::tensor::{cofactor, determinant};
+use crate::threads::share;
 use blocks::BlockPattern;
 use cells::{Cells, deformation, pairs_of};
 use clusters::Clusters;
@@ -165,6 +166,11 @@ impl Body {
     /// Number of degrees of freedom, three per node.
     pub fn n_dofs(&self) -> usize {
         3 * self.points.len()
+    }
+
+    /// Whether threads share the loops over its cells.
+    pub fn is_shared(&self) -> bool {
+        share(on_cells!(self, cells => cells.n_tasks()))
     }
 
     /// Volume at rest [m^3].

@@ -1,7 +1,7 @@
 //! The tangent: stress and stiffness batch by batch, then the blocks of all cells added up.
 
 use super::blocks::SymmetricBlocks;
-use super::cells::{Batch, Cells, NOWHERE};
+use super::cells::{Batch, Cells, Destination, NOWHERE};
 use super::convex::make_convex;
 use super::kernels::{Surroundings, TASK};
 use super::{LANES, Lane};
@@ -9,6 +9,7 @@ use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material, TangentBlocks};
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3};
+use crate::threads::share;
 use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -66,17 +67,6 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
             out.copy_from_slice(&sum);
         });
     }
-
-    /// Adds what some cells give to its blocks; `first` is the number of the first of their batches.
-    fn scatter_tangents(&self, first: usize, of_cells: &[f64], values: &mut [f64]) {
-        let (values, _) = values.as_chunks_mut::<9>();
-        let destinations = &self.destinations[first * LANES * Self::PAIRS..];
-        for (local, d) in of_cells.as_chunks::<9>().0.iter().zip(destinations) {
-            if d.block != NOWHERE {
-                add_block(local, d.transposed, &mut values[d.block as usize]);
-            }
-        }
-    }
 }
 
 #[inline(always)]
@@ -109,28 +99,77 @@ where
         let Tangent { cells, around, u, curvature, forces, tangent, rest } = self;
         let SymmetricBlocks { values, of_cells, .. } = tangent;
         let of_batch = LANES * 9 * Cells::<E, N>::PAIRS;
-        let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], tangents: &mut [f64]| {
+        let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], blocks: Blocks<'_>| {
             let (first, shape) = (task * TASK, PhantomData::<E>);
             let batches = &cells.batches[first..first + forces.len()];
-            TangentLoop { first, batches, around, u, curvature, make, forces, tangents, shape }
-                .run();
+            TangentLoop { first, batches, around, u, curvature, make, forces, blocks, shape }.run();
         };
-        if rayon::current_num_threads() > 1 {
+        if share(cells.n_tasks()) {
             of_cells.resize(of_batch * cells.batches.len(), 0.0);
             let tasks = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(TASK * of_batch));
-            tasks.enumerate().for_each(|(task, (forces, tangents))| run(task, forces, tangents));
+            tasks.enumerate().for_each(|(task, (forces, of_cells))| {
+                run(task, forces, Blocks::OfCells(of_cells));
+            });
             cells.gather_tangents(of_cells, values, rest);
             return;
         }
-        // One thread adds up what it has just computed, out of its cache.
-        of_cells.resize(of_batch * TASK, 0.0);
-        values.fill(0.0);
+        let (values, _) = values.as_chunks_mut::<9>();
+        values.fill([0.0; 9]);
         for (task, forces) in forces.chunks_mut(TASK).enumerate() {
-            let tangents = &mut of_cells[..of_batch * forces.len()];
-            run(task, forces, tangents);
-            cells.scatter_tangents(task * TASK, tangents, values);
+            let destinations = &cells.destinations[task * TASK * LANES * Cells::<E, N>::PAIRS..];
+            run(task, forces, Blocks::Summed { destinations, values });
         }
-        values.as_chunks_mut::<9>().0.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
+        values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
+    }
+}
+
+/// Where the blocks of a task's cells go.
+enum Blocks<'a> {
+    /// One after the other, to be gathered when all threads are done.
+    OfCells(&'a mut [f64]),
+    /// Into the tangent, by one thread.
+    Summed { destinations: &'a [Destination], values: &'a mut [[f64; 9]] },
+}
+
+impl Blocks<'_> {
+    /// Takes the blocks of a batch's cells, pair by pair; `number` is that of the batch in its task.
+    fn take(&mut self, number: usize, sums: &[Mat3<Lane>]) {
+        let cells = LANES * sums.len();
+        match self {
+            Blocks::OfCells(of_cells) => {
+                let of_batch = &mut of_cells[9 * number * cells..9 * (number + 1) * cells];
+                spread(sums, of_batch);
+            }
+            Blocks::Summed { destinations, values } => {
+                scatter(sums, &destinations[number * cells..(number + 1) * cells], values);
+            }
+        }
+    }
+}
+
+/// Cell by cell, so that the gathering finds the nine entries of a block side by side.
+fn spread(sums: &[Mat3<Lane>], of_cells: &mut [f64]) {
+    for (lane, cell) in of_cells.chunks_exact_mut(9 * sums.len()).enumerate() {
+        for (out, block) in cell.as_chunks_mut::<9>().0.iter_mut().zip(sums) {
+            (0..9).for_each(|entry| out[entry] = block[entry / 3][entry % 3][lane]);
+        }
+    }
+}
+
+/// Adds the blocks of each cell to those of the tangent.
+fn scatter(sums: &[Mat3<Lane>], destinations: &[Destination], values: &mut [[f64; 9]]) {
+    for (lane, destinations) in destinations.chunks_exact(sums.len()).enumerate() {
+        for (block, d) in sums.iter().zip(destinations) {
+            if d.block == NOWHERE {
+                continue;
+            }
+            let sum = &mut values[d.block as usize];
+            if d.transposed {
+                (0..9).for_each(|entry| sum[entry] += block[entry % 3][entry / 3][lane]);
+            } else {
+                (0..9).for_each(|entry| sum[entry] += block[entry / 3][entry % 3][lane]);
+            }
+        }
     }
 }
 
@@ -144,32 +183,29 @@ struct TangentLoop<'a, L, E, A, const N: usize> {
     curvature: Curvature,
     make: fn(&[f64]) -> L,
     forces: &'a mut [[Vec3<Lane>; N]],
-    tangents: &'a mut [f64],
+    blocks: Blocks<'a>,
     shape: PhantomData<E>,
 }
 
 impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
     fn run(self) {
-        let TangentLoop { first, batches, around, u, curvature, make, forces, tangents, .. } = self;
-        let pairs = Cells::<E, N>::PAIRS;
-        let tangents = tangents.chunks_exact_mut(LANES * 9 * pairs);
-        let mut sums = vec![Mat3::<Lane>::default(); pairs];
-        for (number, ((batch, forces), tangents)) in
-            (first..).zip(batches.iter().zip(forces).zip(tangents))
-        {
+        let TangentLoop { first, batches, around, u, curvature, make, forces, mut blocks, .. } =
+            self;
+        let mut sums = vec![Mat3::<Lane>::default(); Cells::<E, N>::PAIRS];
+        for (local, (batch, forces)) in batches.iter().zip(forces).enumerate() {
             let law = make(&batch.parameters);
             *forces = [[Lane::default(); 3]; N];
             for point in 0..E::POINTS {
                 let f = dispatch(Deform::<E, N> { batch, point, u, shape: PhantomData });
                 let g = &batch.gradients;
                 let mut response = law_tangent(&law, &f, g);
-                around.tangent(&law, number, (&f, g), &mut response);
+                around.tangent(&law, first + local, (&f, g), &mut response);
                 if curvature == Curvature::Convex {
                     make_convex(&mut response.1);
                 }
                 add::<E, N>(batch, point, &response, forces, &mut sums);
             }
-            spread(&sums, tangents);
+            blocks.take(local, &sums);
         }
     }
 }
@@ -248,12 +284,12 @@ fn set_linear_tangents(weight: Lane, blocks: &TangentBlocks<Lane>, out: &mut [Ma
     let Some(out) = out.first_chunk_mut::<10>() else {
         return;
     };
-    let [[aa, ab, ac], [_, bb, bc], [_, _, cc]] = blocks;
     for i in 0..3 {
         for j in 0..3 {
-            let [aa, bb, cc] = [aa, bb, cc].map(|block| block[i][j] * weight);
-            let [ab, ba, ac, ca, bc, cb] =
-                [ab[i][j], ab[j][i], ac[i][j], ac[j][i], bc[i][j], bc[j][i]].map(|x| x * weight);
+            let of = |a: usize, b: usize, i: usize, j: usize| blocks[a][b][i][j] * weight;
+            let (aa, bb, cc) = (of(0, 0, i, j), of(1, 1, i, j), of(2, 2, i, j));
+            let (ab, ac, bc) = (of(0, 1, i, j), of(0, 2, i, j), of(1, 2, i, j));
+            let (ba, ca, cb) = (of(0, 1, j, i), of(0, 2, j, i), of(1, 2, j, i));
             let columns = [aa + ba + ca, ab + bb + cb, ac + bc + cc];
             let entries = [
                 columns[0] + columns[1] + columns[2],
@@ -307,15 +343,6 @@ fn add_scaled(sum: &mut Mat3<Lane>, slope: f64, block: &Mat3<Lane>) {
     for i in 0..3 {
         for j in 0..3 {
             sum[i][j] = sum[i][j] + block[i][j] * slope;
-        }
-    }
-}
-
-/// Cell by cell, so that the gathering finds the nine entries of a block side by side.
-fn spread(sums: &[Mat3<Lane>], tangents: &mut [f64]) {
-    for (lane, cell) in tangents.chunks_exact_mut(9 * sums.len()).enumerate() {
-        for (out, block) in cell.as_chunks_mut::<9>().0.iter_mut().zip(sums) {
-            *out = std::array::from_fn(|entry| block[entry / 3][entry % 3][lane]);
         }
     }
 }

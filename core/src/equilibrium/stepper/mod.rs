@@ -225,11 +225,14 @@ impl Stepper {
     /// Values of a wrong length or not finite; gravity without a density; a tangent that no shift makes definite.
     /// The state is then that of the frame before.
     pub fn frame(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
+        if !body.is_shared() {
+            return self.frame_here(body, input);
+        }
         // Into the thread pool once for the frame, not once for every loop over cells.
-        rayon::join(|| self.frame_in_pool(body, input), || ()).0
+        rayon::join(|| self.frame_here(body, input), || ()).0
     }
 
-    fn frame_in_pool(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
+    fn frame_here(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
         let clock = Instant::now();
         input.check(self.grasped.len(), self.patches.len(), self.displacement.len())?;
         if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
