@@ -3,7 +3,7 @@
 //! Plain arrays and element-wise loops; the compiler turns them into vector instructions inside
 //! the functions that are compiled for AVX2 (see `crate::simd`).
 
-use super::{Real, Scalar};
+use super::{Real, Scalar, elementary};
 use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
 
 /// `L` numbers that go through the same arithmetic.
@@ -25,6 +25,11 @@ impl<const L: usize> Lanes<L> {
             out.0[lane] = f(self.0[lane]);
         }
         out
+    }
+
+    #[inline(always)]
+    fn is_plain(&self) -> bool {
+        self.0.iter().all(|&x| elementary::is_plain(x))
     }
 }
 
@@ -88,7 +93,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn ln(&self) -> Self {
-        self.map(f64::ln)
+        if self.is_plain() { self.map(elementary::ln) } else { self.map(f64::ln) }
     }
     #[inline(always)]
     fn exp(&self) -> Self {
@@ -96,6 +101,9 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn powf(&self, exponent: f64) -> Self {
+        if exponent == -2.0 / 3.0 && self.is_plain() {
+            return self.map(elementary::inverse_cbrt).square();
+        }
         self.map(|x| x.powf(exponent))
     }
     #[inline(always)]

@@ -9,6 +9,7 @@
 //! | [`Jet`] | its truncated power series: right-hand sides of the asymptotic numerical method |
 
 mod dual;
+mod elementary;
 mod jet;
 mod lanes;
 mod monomials;
