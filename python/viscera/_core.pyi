@@ -254,6 +254,7 @@ class Galerkin:
         order: int,  # of the series fields
         tolerance: float,  # of the forces of the sampled cells
         depth: float,  # [m]
+        snapshots: int,
     ) -> None: ...
     def grasp(self, points: Floats) -> Grasp:
         """Contacts at points (k, 3) [m] take hold."""

@@ -157,16 +157,19 @@ class Galerkin:
         return f"Galerkin({self.touch!r})"
 
 
-def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None) -> Galerkin:
+def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, snapshots: int) -> Galerkin:
     """The model of `Touch.galerkin`."""
     if not isinstance(order, int | np.integer):
         raise VisceraError(f"order must be a whole number, got {order!r}")
+    if not isinstance(snapshots, int | np.integer) or snapshots < 0:
+        raise VisceraError(f"snapshots must be a whole number, not below 0, got {snapshots!r}")
     try:
         core = _core.Galerkin(
             touch._model,
             order=int(order),
             tolerance=float(tolerance),
             depth=touch.depth if depth is None else float(depth),
+            snapshots=int(snapshots),
         )
     except ValueError as error:
         raise VisceraError(str(error)) from error

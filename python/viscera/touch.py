@@ -119,16 +119,18 @@ class Touch:
         order: int = defaults.GALERKIN_ORDER,
         tolerance: float = defaults.GALERKIN_TOLERANCE,
         depth: float | None = None,
+        snapshots: int = 0,
     ) -> Galerkin:
         """The model of several touches at once, see `viscera.galerkin`; needs the element "P1".
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
-        this model's.
+        this model's. snapshots: states solved on the whole organ when contacts take hold, some hundredths of a second
+        each, for the basis to hold what the series miss.
         """
         from viscera.galerkin import galerkin
 
-        return galerkin(self, order, tolerance, depth)
+        return galerkin(self, order, tolerance, depth, snapshots)
 
     def organ(self) -> Organ:
         """The full organ this model was reduced from: mesh, law and supports are in the file."""

@@ -18,15 +18,17 @@ pub struct Galerkin {
 #[pymethods]
 impl Galerkin {
     #[new]
-    #[pyo3(signature = (model, *, order, tolerance, depth))]
+    #[pyo3(signature = (model, *, order, tolerance, depth, snapshots))]
     fn new(
         py: Python<'_>,
         model: &Model,
         order: usize,
         tolerance: f64,
         depth: f64,
+        snapshots: usize,
     ) -> PyResult<Self> {
-        let (series, sampling) = (model.model.clone(), Sampling { order, tolerance, depth });
+        let series = model.model.clone();
+        let sampling = Sampling { order, tolerance, depth, snapshots };
         let made = py.detach(|| galerkin::Galerkin::new(series, sampling));
         Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
     }

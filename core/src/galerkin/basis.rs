@@ -20,13 +20,7 @@ impl Basis {
     /// Gram and Schmidt through the fields in their order, by the Cholesky factor of their Gram matrix; fields that
     /// those before them span drop out.
     pub fn new(fields: &[Vec<f64>], stiffness: &SymmetricBlocks) -> Self {
-        let forces: Vec<Vec<f64>> = (fields.par_iter())
-            .map(|field| {
-                let mut force = vec![0.0; field.len()];
-                stiffness.multiply(field, &mut force);
-                force
-            })
-            .collect();
+        let forces = forces(fields, stiffness);
         let (mut coordinates, mut origin): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
         for j in 0..fields.len() {
             let mut row = Vec::with_capacity(origin.len() + 1);
@@ -54,6 +48,40 @@ impl Basis {
             modes.push(mode);
         }
         Basis { modes, coordinates }
+    }
+
+    /// Modes for what these fields have beyond the span, the one with the largest part first, until the parts left
+    /// are below `smallest` of the largest field.
+    pub fn enrich(&mut self, fields: &[Vec<f64>], smallest: f64, stiffness: &SymmetricBlocks) {
+        let squares = |fields: &[Vec<f64>]| -> Vec<f64> {
+            fields.iter().zip(forces(fields, stiffness)).map(|(u, f)| dot(u, &f)).collect()
+        };
+        let least = smallest.powi(2) * squares(fields).into_iter().fold(0.0, f64::max);
+        let mut parts = fields.to_vec();
+        let mut of_modes = forces(&self.modes, stiffness);
+        for (mode, force) in self.modes.iter().zip(&of_modes) {
+            parts.par_iter_mut().for_each(|part| take_out(mode, force, part));
+        }
+        for _ in 0..fields.len() {
+            let own = squares(&parts).into_iter().enumerate();
+            let largest = own.max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((place, square)) = largest.filter(|(_, square)| *square > least) else {
+                break;
+            };
+            let mut mode = parts.swap_remove(place);
+            mode.iter_mut().for_each(|x| *x /= square.sqrt());
+            // Once more: rounding has left some of the others in it.
+            self.modes.iter().zip(&of_modes).for_each(|(m, f)| take_out(m, f, &mut mode));
+            let force = force_of(&mode, stiffness);
+            parts.par_iter_mut().for_each(|part| take_out(&mode, &force, part));
+            self.modes.push(mode);
+            of_modes.push(force);
+        }
+    }
+
+    /// Coordinates of the field of the span that is nearest to this one in the energy at rest.
+    pub fn nearest(&self, field: &[f64], stiffness: &SymmetricBlocks) -> Vec<f64> {
+        self.project(&force_of(field, stiffness))
     }
 
     /// Number of modes.
@@ -89,4 +117,21 @@ impl Basis {
     pub fn project(&self, force: &[f64]) -> Vec<f64> {
         self.modes.iter().map(|mode| dot(mode, force)).collect()
     }
+}
+
+/// `K u` for each field.
+fn forces(fields: &[Vec<f64>], stiffness: &SymmetricBlocks) -> Vec<Vec<f64>> {
+    fields.par_iter().map(|field| force_of(field, stiffness)).collect()
+}
+
+fn force_of(field: &[f64], stiffness: &SymmetricBlocks) -> Vec<f64> {
+    let mut force = vec![0.0; field.len()];
+    stiffness.multiply(field, &mut force);
+    force
+}
+
+/// Takes a mode, whose force is `K phi`, out of a field.
+fn take_out(mode: &[f64], force: &[f64], field: &mut [f64]) {
+    let part = dot(force, field);
+    field.iter_mut().zip(mode).for_each(|(x, m)| *x -= part * m);
 }

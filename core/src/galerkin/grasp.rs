@@ -6,15 +6,14 @@ use super::nnls::{Columns, greedy, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
-use super::training::{Forces, State, states, systematic};
+use super::training::{Forces, State, systematic};
 use crate::body::Body;
 use crate::error::Error;
 use crate::reduced::Contact;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// States by which cells and weights of a grasp are found, and how many of them show which cells come into question.
-const STATES: usize = 24;
+/// States of training that show which cells come into question.
 const FIRST_STATES: usize = 4;
 /// Cells that come into question.
 const CANDIDATES: usize = 2000;
@@ -59,11 +58,12 @@ pub struct Grasp {
 impl Grasp {
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
         let clock = Instant::now();
-        let hold = Arc::new(Hold::new(owner, contacts)?);
+        let (hold, training) = Hold::new(owner, contacts)?;
+        let hold = Arc::new(hold);
         let (owner, subspace) = (&hold.owner, &hold.subspace);
-        let training = states(&owner.rest, subspace, owner.sampling.depth, 0..STATES);
         let sample = sample(&owner.rest.body, subspace, &training, owner.sampling.tolerance);
-        let unit = (training.iter().map(State::square).sum::<f64>() / STATES as f64).sqrt();
+        let squares = training.iter().map(State::square);
+        let unit = (squares.sum::<f64>() / training.len() as f64).sqrt();
         let solver = Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit);
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Grasp { hold, solver, seconds, is_settled: false })

@@ -9,6 +9,7 @@ use super::model::Galerkin;
 use super::nnls::norm;
 use super::solver::Status;
 use super::subspace::Subspace;
+use super::training::{State, train};
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -47,10 +48,16 @@ pub struct Hold {
 }
 
 impl Hold {
-    pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
+    /// Also the states that cells and weights are to be found by.
+    pub(super) fn new(
+        owner: Arc<Galerkin>,
+        contacts: Vec<Contact>,
+    ) -> Result<(Self, Vec<State>), Error> {
         let order = owner.sampling.order;
-        let subspace = Subspace::new(&owner.model, &owner.rest, &contacts, order)?;
-        Ok(Hold { owner, subspace, contacts })
+        let patches: Vec<Patch> = contacts.iter().map(|c| owner.model.patch(c)).collect();
+        let mut subspace = Subspace::new(&owner.model, &owner.rest, &contacts, order)?;
+        let training = train(&owner, &patches, &mut subspace)?;
+        Ok((Hold { owner, subspace, contacts }, training))
     }
 
     /// Where the contacts are.

@@ -1,6 +1,7 @@
 //! The Galerkin model of an organ: its series model, and the body that it was reduced from.
 
 use super::grasp::Grasp;
+use super::snapshots::Solvers;
 use super::subspace::Rest;
 use crate::body::Body;
 use crate::element::Element;
@@ -9,6 +10,9 @@ use crate::error::Error;
 use crate::law::Material;
 use crate::reduced::{Contact, ReducedModel};
 use std::sync::Arc;
+
+/// More would make more modes than answer in a millisecond.
+const MOST_SNAPSHOTS: usize = 200;
 
 /// How the reduced energy is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +23,8 @@ pub struct Sampling {
     pub tolerance: f64,
     /// Largest displacement of a contact in training [m]: beyond it nothing is trusted.
     pub depth: f64,
+    /// States of training that are solved on the whole body when contacts take hold, for the basis to hold them too.
+    pub snapshots: usize,
 }
 
 /// The series model of an organ with what it takes to let several contacts act at once.
@@ -26,6 +32,7 @@ pub struct Galerkin {
     pub(super) model: ReducedModel,
     pub(super) rest: Rest,
     pub(super) sampling: Sampling,
+    pub(super) solvers: Solvers,
 }
 
 impl Galerkin {
@@ -36,7 +43,7 @@ impl Galerkin {
     pub fn new(model: ReducedModel, sampling: Sampling) -> Result<Self, Error> {
         check(&model, &sampling)?;
         let rest = rest_of(&model)?;
-        Ok(Galerkin { model, rest, sampling })
+        Ok(Galerkin { model, rest, sampling, solvers: Solvers::default() })
     }
 
     /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second.
@@ -99,6 +106,12 @@ fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
             sampling.depth, metadata.diagonal
         )));
     }
+    if sampling.snapshots > MOST_SNAPSHOTS {
+        return Err(Error::input(format!(
+            "{} snapshots; a grasp takes at most {MOST_SNAPSHOTS}",
+            sampling.snapshots
+        )));
+    }
     Ok(())
 }
 
@@ -113,8 +126,9 @@ fn rest_of(model: &ReducedModel) -> Result<Rest, Error> {
     let mut stiffness = body.zero_tangent();
     let zero = vec![0.0; body.n_dofs()];
     body.internal_force_and_tangent(&zero, &mut zero.clone(), &mut stiffness);
-    let held = arrays.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
-    let mut system = System::new(&stiffness, body.n_dofs(), held)?;
+    let fixed: Vec<u32> =
+        arrays.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
+    let mut system = System::new(&stiffness, body.n_dofs(), fixed.iter().copied())?;
     system.factorize(&stiffness, 0.0)?;
-    Ok(Rest { body, stiffness, system })
+    Ok(Rest { body, stiffness, system, fixed })
 }

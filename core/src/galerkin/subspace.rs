@@ -20,6 +20,8 @@ pub(super) struct Rest {
     pub body: Body,
     pub stiffness: SymmetricBlocks,
     pub system: System,
+    /// Degrees of freedom that never move.
+    pub fixed: Vec<u32>,
 }
 
 /// Where a raw field comes from.
@@ -87,9 +89,15 @@ impl Subspace {
         }
         let basis = Basis::new(&fields, &rest.stiffness);
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
-        let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
+        let means = means(&patches, &basis);
         let unmixed = unmixed(&means, &basis, &sources)?;
         Ok(Subspace { basis, means, sources, unmixed })
+    }
+
+    /// Takes in what these fields have beyond the span, but for parts below `smallest` of the largest field.
+    pub fn enrich(&mut self, fields: &[Vec<f64>], smallest: f64, patches: &[Patch], rest: &Rest) {
+        self.basis.enrich(fields, smallest, &rest.stiffness);
+        self.means = means(patches, &self.basis);
     }
 
     /// Number of modes.
@@ -146,6 +154,10 @@ impl Subspace {
         }
         q
     }
+}
+
+fn means(patches: &[Patch], basis: &Basis) -> Vec<Vec<f64>> {
+    patches.iter().flat_map(|patch| basis.means(patch)).collect()
 }
 
 /// Inverse of the means under the first-order field of each contact, in units of their displacement.

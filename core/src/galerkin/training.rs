@@ -1,12 +1,19 @@
-//! Training: states that the superposed series predicts, and the forces of every cell in them.
+//! Training: states that the superposed series predicts, some of them solved, and the forces of every cell in them.
 
 use super::assembly::cell_forces;
+use super::model::{Galerkin, Sampling};
 use super::nnls::norm;
 use super::sample::Sample;
 use super::subspace::{Rest, Subspace};
 use crate::body::Body;
+use crate::error::Error;
+use crate::mesh::Patch;
 use rayon::prelude::*;
 
+/// States by which cells and weights of a grasp are found, at least.
+const STATES: usize = 24;
+/// What a snapshot has beyond the span is left out below this part of the largest snapshot.
+const SMALLEST_PART: f64 = 1e-3;
 /// A state in which some cell keeps less than this part of its volume is drawn back towards rest.
 const SMALLEST_RATIO: f64 = 0.3;
 /// Cells that a thread takes at once.
@@ -27,13 +34,41 @@ impl State {
     }
 }
 
-/// States under displacements spread over the ball of radius `depth` [m], from number `first` on.
-pub(super) fn states(
+/// The states that a grasp is trained by; the first of them, as many as snapshots are wanted, are solved on the whole
+/// body, and the span takes in what it lacks of them.
+///
+/// # Errors
+/// No memory for a solver.
+pub(super) fn train(
+    owner: &Galerkin,
+    patches: &[Patch],
+    subspace: &mut Subspace,
+) -> Result<Vec<State>, Error> {
+    let Sampling { depth, snapshots, .. } = owner.sampling;
+    let guesses = guesses(&owner.rest, subspace, depth, 0..STATES.max(snapshots));
+    let solve = |q: &Vec<f64>| owner.snapshot(patches, &subspace.basis.field(q));
+    let solved: Vec<Option<Vec<f64>>> =
+        guesses[..snapshots].par_iter().map(solve).collect::<Result<_, _>>()?;
+    let found: Vec<Vec<f64>> = solved.iter().flatten().cloned().collect();
+    subspace.enrich(&found, SMALLEST_PART, patches, &owner.rest);
+    let solved = solved.into_iter().chain(std::iter::repeat(None));
+    let states = guesses.into_iter().zip(solved).map(|(mut q, solved)| match solved {
+        Some(u) => subspace.basis.nearest(&u, &owner.rest.stiffness),
+        None => {
+            q.resize(subspace.len(), 0.0);
+            q
+        }
+    });
+    Ok(with_forces(&owner.rest.body, subspace, states.collect()))
+}
+
+/// Superposed series under displacements spread over the ball of radius `depth` [m].
+fn guesses(
     rest: &Rest,
     subspace: &Subspace,
     depth: f64,
     numbers: std::ops::Range<usize>,
-) -> Vec<State> {
+) -> Vec<Vec<f64>> {
     let contacts = subspace.means.len() / 3;
     numbers
         .into_par_iter()
@@ -42,14 +77,36 @@ pub(super) fn states(
                 .flat_map(|c| spread(contacts * number + c).map(|x| depth * x))
                 .collect();
             let mut q = subspace.superposed(&d);
-            let mut u = subspace.basis.field(&q);
-            while !(rest.body.smallest_jacobian(&u).0 > SMALLEST_RATIO) {
+            let is_sound = |q: &[f64]| {
+                rest.body.smallest_jacobian(&subspace.basis.field(q)).0 > SMALLEST_RATIO
+            };
+            while !is_sound(&q) {
                 d.iter_mut().for_each(|x| *x *= 0.7);
                 q = subspace.superposed(&d);
-                u = subspace.basis.field(&q);
             }
+            q
+        })
+        .collect()
+}
+
+/// States that the superposed series predicts.
+#[cfg(test)]
+pub(super) fn states(
+    rest: &Rest,
+    subspace: &Subspace,
+    depth: f64,
+    numbers: std::ops::Range<usize>,
+) -> Vec<State> {
+    with_forces(&rest.body, subspace, guesses(rest, subspace, depth, numbers))
+}
+
+fn with_forces(body: &Body, subspace: &Subspace, coordinates: Vec<Vec<f64>>) -> Vec<State> {
+    coordinates
+        .into_par_iter()
+        .map(|q| {
+            let u = subspace.basis.field(&q);
             let mut force = vec![0.0; u.len()];
-            rest.body.internal_force(&u, &mut force);
+            body.internal_force(&u, &mut force);
             State { q, force: subspace.basis.project(&force) }
         })
         .collect()

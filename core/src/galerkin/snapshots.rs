@@ -1,0 +1,124 @@
+//! Snapshots: states of a grasp solved on the whole body, for what no field of the series has.
+//!
+//! The superposed series is a guess near enough for Newton's method with one tangent, that of the guess, in most states:
+//! one factorisation a snapshot, then forces and substitutions. The means of the patches stay where the series put them,
+//! so that an equilibrium is a minimum of the energy.
+
+use super::model::Galerkin;
+use super::nnls::norm;
+use super::subspace::Rest;
+use crate::body::{Body, Curvature};
+use crate::equilibrium::{Method, Solver};
+use crate::error::Error;
+use crate::mesh::Patch;
+use std::sync::{Mutex, PoisonError};
+
+/// Tangents before a search is given up.
+const TANGENTS: usize = 6;
+/// A step below this part of the field is the last one.
+const SMALLEST_STEP: f64 = 1e-3;
+/// Steps that shrink by less than this ask for a new tangent.
+const SHRINKS: f64 = 0.3;
+/// Halvings of a step.
+const MAX_CUTS: i32 = 6;
+
+/// Solvers for the tangents of one body, lent to one thread after the other: to analyse a pattern takes as long as to
+/// factorise several matrices.
+#[derive(Default)]
+pub(super) struct Solvers {
+    idle: Mutex<Vec<Solver>>,
+}
+
+impl Solvers {
+    fn lend<T>(
+        &self,
+        rest: &Rest,
+        patches: &[Patch],
+        work: impl FnOnce(&mut Solver) -> T,
+    ) -> Result<T, Error> {
+        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let waiting = idle().pop();
+        let mut solver = match waiting {
+            Some(solver) => solver,
+            None => {
+                let n_dofs = rest.body.n_dofs();
+                let fixed = rest.fixed.iter().copied();
+                Solver::new(Method::Cholesky, &rest.stiffness, n_dofs, fixed, Vec::new())?
+            }
+        };
+        solver.hold(&[], patches.to_vec());
+        let done = work(&mut solver);
+        idle().push(solver);
+        Ok(done)
+    }
+}
+
+impl Galerkin {
+    /// The equilibrium near a field `u` with the same means of the patches; none where none is found.
+    ///
+    /// # Errors
+    /// No memory for a solver.
+    pub(super) fn snapshot(&self, patches: &[Patch], u: &[f64]) -> Result<Option<Vec<f64>>, Error> {
+        let rest = &self.rest;
+        self.solvers.lend(rest, patches, |solver| settle(rest, solver, 3 * patches.len(), u))
+    }
+}
+
+/// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
+fn settle(rest: &Rest, solver: &mut Solver, n_means: usize, guess: &[f64]) -> Option<Vec<f64>> {
+    let body = &rest.body;
+    let (mut u, mut trial) = (guess.to_vec(), guess.to_vec());
+    let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let (mut tangent, stay) = (body.zero_tangent(), vec![0.0; n_means]);
+    let mut energy = body.internal_force(&u, &mut force);
+    for _ in 0..TANGENTS {
+        body.internal_force_and_tangent(&u, &mut force, &mut tangent);
+        if solver.prepare(&tangent, 0.0).is_err() {
+            body.linearize(&u, Curvature::Convex, &mut force, &mut tangent);
+            solver.prepare(&tangent, 0.0).ok()?;
+        }
+        let mut last = f64::INFINITY;
+        loop {
+            force.iter_mut().for_each(|f| *f = -*f);
+            solver.solve(&mut force, &stay, &mut step, &mut Vec::new(), None).ok()?;
+            let way = norm(&step);
+            let lower = descend(body, (&u, energy), &step, &mut trial, &mut force)?;
+            std::mem::swap(&mut u, &mut trial);
+            energy = lower.energy;
+            if lower.is_whole && way < SMALLEST_STEP * norm(&u) {
+                return Some(u);
+            }
+            if !lower.is_whole || way > SHRINKS * last {
+                break;
+            }
+            last = way;
+        }
+    }
+    None
+}
+
+/// A step, or a part of it, that lowers the energy.
+struct Lower {
+    energy: f64,
+    is_whole: bool,
+}
+
+/// Goes along a step, half as far again and again until the energy is not higher; `trial` and `force` are then those
+/// of that place. None where it leads nowhere.
+fn descend(
+    body: &Body,
+    (u, energy): (&[f64], f64),
+    step: &[f64],
+    trial: &mut [f64],
+    force: &mut [f64],
+) -> Option<Lower> {
+    for cut in 0..MAX_CUTS {
+        let length = 0.5f64.powi(cut);
+        trial.iter_mut().zip(u).zip(step).for_each(|((t, u), s)| *t = u + length * s);
+        let there = body.internal_force(trial, force);
+        if there <= energy + 1e-9 * energy.abs() {
+            return Some(Lower { energy: there, is_whole: cut == 0 });
+        }
+    }
+    None
+}
