@@ -50,6 +50,17 @@ def test_two_touches_are_what_the_full_organ_answers_and_more_than_their_sum(
     assert relative(summed, full.displacement) > 0.2
 
 
+def test_snapshots_take_what_the_series_miss_into_the_basis(
+    fingers: Galerkin, touch: vs.Touch, organ: vs.Organ
+) -> None:
+    pushes = 1.4 * PUSHES
+    without, snapshots = fingers.grasp([LEFT, RIGHT]), touch.galerkin(snapshots=40).grasp([LEFT, RIGHT])
+    assert snapshots.modes > without.modes
+    full = organ.solve(displacement=dict(zip(snapshots.patches, pushes, strict=True)))
+    error, held = relative(without.solve(pushes).displacement, full.displacement), snapshots.solve(pushes)
+    assert relative(held.displacement, full.displacement) < 0.8 * error
+
+
 def test_the_means_of_the_patches_are_the_displacements(fingers: Galerkin) -> None:
     grasp = fingers.grasp([LEFT, RIGHT])
     held = grasp.solve(PUSHES)
@@ -115,6 +126,10 @@ def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerk
         touch.galerkin(tolerance=2.0)
     with pytest.raises(vs.VisceraError, match="depth"):
         touch.galerkin(depth=-1.0)
+    with pytest.raises(vs.VisceraError, match="snapshots"):
+        touch.galerkin(snapshots=-1)
+    with pytest.raises(vs.VisceraError, match="at most 200"):
+        touch.galerkin(snapshots=1000)
     with pytest.raises(vs.VisceraError, match="one \\(3,\\) for each of the 2 contacts"):
         fingers.grasp([LEFT, RIGHT]).solve(PUSHES[:1])
     with pytest.raises(vs.VisceraError, match="must be \\(k, 3\\)"):

@@ -14,7 +14,7 @@ use crate::mesh::Patch;
 use std::sync::{Mutex, PoisonError};
 
 /// Tangents before a search is given up.
-const TANGENTS: usize = 6;
+const TANGENTS: usize = 8;
 /// A step below this part of the field is the last one.
 const SMALLEST_STEP: f64 = 1e-3;
 /// Steps that shrink by less than this ask for a new tangent.

@@ -2,9 +2,9 @@
 //! elimination tree leave to it, is a small dense matrix, of which its own columns are eliminated and the rest is
 //! left to its parent.
 //!
-//! For the factors of single organs this takes half to three quarters of the time of faer's supernodes, which fetch
-//! from each descendant on its own what a front has been handed once. Large factors are left to faer, whose dense
-//! kernels mind the caches and share the work among threads.
+//! For the factors of single organs this is quicker than faer's supernodes, which fetch from each descendant on its own
+//! what a front is handed once. Large factors are left to faer, whose dense kernels mind the caches and share the work
+//! among threads.
 
 use faer::sparse::SymbolicSparseColMat;
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
