@@ -50,15 +50,13 @@ def test_two_touches_are_what_the_full_organ_answers_and_more_than_their_sum(
     assert relative(summed, full.displacement) > 0.2
 
 
-def test_snapshots_take_what_the_series_miss_into_the_basis(
-    fingers: Galerkin, touch: vs.Touch, organ: vs.Organ
-) -> None:
+def test_snapshots_take_what_the_series_miss_into_the_basis(touch: vs.Touch, organ: vs.Organ) -> None:
     pushes = 1.4 * PUSHES
-    without, snapshots = fingers.grasp([LEFT, RIGHT]), touch.galerkin(snapshots=40).grasp([LEFT, RIGHT])
+    without, snapshots = (touch.galerkin(snapshots=count).grasp([LEFT, RIGHT]) for count in (0, 40))
     assert snapshots.modes > without.modes
     full = organ.solve(displacement=dict(zip(snapshots.patches, pushes, strict=True)))
     error, held = relative(without.solve(pushes).displacement, full.displacement), snapshots.solve(pushes)
-    assert relative(held.displacement, full.displacement) < 0.8 * error
+    assert relative(held.displacement, full.displacement) < 0.7 * error
 
 
 def test_the_means_of_the_patches_are_the_displacements(fingers: Galerkin) -> None:

@@ -26,50 +26,32 @@ pub trait Precision: RealField + Copy + Default + Send + Sync {
     }
 }
 
-impl Precision for f64 {
-    const LOST: f64 = 1e-12;
+macro_rules! precision {
+    ($number:ident, $lost:literal) => {
+        impl Precision for $number {
+            const LOST: f64 = $lost;
 
-    #[inline(always)]
-    fn round(value: f64) -> Self {
-        value
-    }
+            #[inline(always)]
+            fn round(value: f64) -> Self {
+                value as $number
+            }
 
-    #[inline(always)]
-    fn double(self) -> f64 {
-        self
-    }
+            #[inline(always)]
+            fn double(self) -> f64 {
+                f64::from(self)
+            }
 
-    #[inline(always)]
-    fn root(self) -> Self {
-        self.sqrt()
-    }
+            #[inline(always)]
+            fn root(self) -> Self {
+                self.sqrt()
+            }
 
-    #[inline(always)]
-    fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self {
-        if BITS > 128 { self.mul_add(factor, term) } else { self * factor + term }
-    }
+            #[inline(always)]
+            fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self {
+                if BITS > 128 { self.mul_add(factor, term) } else { self * factor + term }
+            }
+        }
+    };
 }
-
-impl Precision for f32 {
-    const LOST: f64 = 1e-4;
-
-    #[inline(always)]
-    fn round(value: f64) -> Self {
-        value as f32
-    }
-
-    #[inline(always)]
-    fn double(self) -> f64 {
-        f64::from(self)
-    }
-
-    #[inline(always)]
-    fn root(self) -> Self {
-        self.sqrt()
-    }
-
-    #[inline(always)]
-    fn times_plus<const BITS: usize>(self, factor: Self, term: Self) -> Self {
-        if BITS > 128 { self.mul_add(factor, term) } else { self * factor + term }
-    }
-}
+precision!(f64, 1e-12);
+precision!(f32, 1e-4);
