@@ -1,5 +1,5 @@
-//! `A = L Lᵀ` for positive definite matrices: supernodal, ordered by nested dissection. A pivot that is not
-//! positive is an answer, not an accident: the equilibrium is unstable or a part of the body is not held.
+//! `A = L Lᵀ` for positive definite matrices: supernodal, front by front or, where it is large, by faer. A pivot that is
+//! not positive is an answer, not an accident: the equilibrium is unstable or a part of the body is not held.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError;

@@ -1,7 +1,7 @@
 //! Sparse symmetric linear systems: Cholesky for stable tangents, LDLᵀ for indefinite ones,
 //! conjugate gradients where a factor costs too much. The matrix is a [`Pattern`] that never changes and
-//! a slice of values that changes at every Newton iteration. The dense kernels underneath are faer's;
-//! nothing outside this module sees them.
+//! a slice of values that changes at every Newton iteration. The dense kernels underneath are its own for the fronts of
+//! Cholesky factors, faer's for all else; nothing outside this module sees them.
 
 mod analysis;
 mod block_matrix;

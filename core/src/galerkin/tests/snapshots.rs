@@ -1,0 +1,79 @@
+//! Snapshots are equilibria, and bring a grasp nearer to Newton.
+
+use super::*;
+use crate::equilibrium::patch_mean;
+
+/// The same model, with snapshots.
+static WITH_SNAPSHOTS: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
+    let sampling = Sampling { snapshots: 40, ..MODEL.sampling };
+    Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap())
+});
+
+#[test]
+fn snapshots_are_equilibria_with_the_means_of_the_series() {
+    let grasp = two();
+    let patches = grasp.hold().patches();
+    let guess = grasp.hold().superposed(&pushes(0.8 * DEPTH)).unwrap();
+    let means: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &guess)).collect();
+    let snapshot = MODEL.snapshot(&patches, &guess).unwrap().expect("a stable state");
+    let (field, _) = newton(&patches, &means);
+    let (before, after) = (relative(&guess, &field), relative(&snapshot, &field));
+    assert!(before > 0.01 && after < 1e-3, "{before} off before, {after} after");
+}
+
+#[test]
+fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
+    let patches = two().hold().patches();
+    // Pressed evenly, as no equilibrium is.
+    let points = MODEL.rest.body.points();
+    let pressed = |share: f64| -> Vec<f64> {
+        points.iter().flat_map(|p| [0.0, 0.0, -share * p[2]]).collect()
+    };
+    let guess = pressed(0.15);
+    let means: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &guess)).collect();
+    let snapshot = MODEL.snapshot(&patches, &guess).unwrap().expect("a minimum of the energy");
+    let kept: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &snapshot)).collect();
+    assert!(relative(kept.as_flattened(), means.as_flattened()) < 1e-9);
+    let body = &MODEL.rest.body;
+    assert!(body.energy(&snapshot) < 0.5 * body.energy(&guess));
+    assert!(MODEL.snapshot(&patches, &pressed(1.5)).unwrap().is_none(), "cells inside out");
+}
+
+#[test]
+fn snapshots_bring_answers_nearer_to_newton() {
+    let (mut without, mut with) = (two(), WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap());
+    let patches = without.hold().patches();
+    assert!(with.hold().n_modes() > without.hold().n_modes());
+    let d = pushes(0.9 * DEPTH);
+    let (field, _) = newton(&patches, &d);
+    let error = |grasp: &mut Grasp| {
+        let solution = grasp.solve(&d, false, false).unwrap();
+        relative(&grasp.hold().displacement(&solution), &field)
+    };
+    let (series, snapshots) = (error(&mut without), error(&mut with));
+    assert!(1.5 * snapshots < series, "{series} without, {snapshots} with");
+}
+
+#[test]
+fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
+    let grasp = two();
+    let patches = grasp.hold().patches();
+    let fields: Vec<Vec<f64>> = [0.3, 0.6, 0.9]
+        .map(|share| newton(&patches, &pushes(share * DEPTH)).0)
+        .into_iter()
+        .chain([vec![0.0; MODEL.rest.body.n_dofs()]])
+        .collect();
+    let series = MODEL.model.series_fields(&grasp.hold().contacts()[0], 1);
+    let mut basis = Basis::new(&series, &MODEL.rest.stiffness);
+    basis.enrich(&fields, 1e-3, &MODEL.rest.stiffness);
+    assert_eq!(basis.len(), 6);
+    for (i, mode) in basis.modes.iter().enumerate() {
+        for (j, product) in basis.nearest(mode, &MODEL.rest.stiffness).into_iter().enumerate() {
+            assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9);
+        }
+    }
+    for field in &fields[..3] {
+        let nearest = basis.field(&basis.nearest(field, &MODEL.rest.stiffness));
+        assert!(relative(&nearest, field) < 2e-3);
+    }
+}
