@@ -3,7 +3,7 @@
 //!
 //! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
 //! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`], [`pgd`];
-//! beside them [`error`], [`simd`] and [`clock`], which any of them may use.
+//! beside them [`error`], [`simd`], [`clock`] and `threads`, which any of them may use.
 //!
 //! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
 

@@ -10,7 +10,7 @@
 
 use super::blocks::{BlockPattern, Grouped};
 use super::cells::{Batch, Slot, tissues};
-use super::kernels::{Surroundings, TASK};
+use super::kernels::{Surroundings, TASK, tasks};
 use super::partition::Partition;
 use super::tangent;
 use super::{LANES, Lane};
@@ -118,7 +118,7 @@ impl Clusters {
             self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum()
         };
         let clusters = 0..self.members.len();
-        volumes.clusters = if share(batches.len().div_ceil(TASK)) {
+        volumes.clusters = if share(tasks(batches.len())) {
             clusters.into_par_iter().with_min_len(1024).map(mean).collect()
         } else {
             clusters.map(mean).collect()
@@ -307,7 +307,7 @@ impl LawVisitor for CellVolumes<'_> {
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
         let (u, Volumes { cells, slopes, .. }) = (self.u, self.volumes);
-        if !share(self.batches.len().div_ceil(TASK)) {
+        if !share(tasks(self.batches.len())) {
             return dispatch(VolumeKernel { batches: self.batches, u, make, cells, slopes });
         }
         let tasks = self.batches.par_chunks(TASK);

@@ -16,6 +16,11 @@ use std::marker::PhantomData;
 /// depend on the number of threads.
 pub(super) const TASK: usize = 64;
 
+/// Number of tasks that so many batches make.
+pub(super) fn tasks(batches: usize) -> usize {
+    batches.div_ceil(TASK)
+}
+
 /// Volume ratios of cells that are the right way round.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 
@@ -58,7 +63,7 @@ impl Surroundings for Alone {
 impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// Number of tasks that the batches make.
     pub fn n_tasks(&self) -> usize {
-        self.batches.len().div_ceil(TASK)
+        tasks(self.batches.len())
     }
 
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.

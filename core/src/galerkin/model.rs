@@ -11,7 +11,7 @@ use crate::law::Material;
 use crate::reduced::{Contact, ReducedModel};
 use std::sync::Arc;
 
-/// More would make more modes than answer in a millisecond.
+/// More is taken for a mistake: every one is a solution on the whole body, and may be a mode.
 const MOST_SNAPSHOTS: usize = 200;
 
 /// How the reduced energy is made.

@@ -1,8 +1,8 @@
 //! Snapshots: states of a grasp solved on the whole body, for what no field of the series has.
 //!
-//! The superposed series is a guess near enough for Newton's method with one tangent, that of the guess, in most states:
-//! one factorisation a snapshot, then forces and substitutions. The means of the patches stay where the series put them,
-//! so that an equilibrium is a minimum of the energy.
+//! Newton's method starts from the superposed series and keeps a tangent while steps shrink fast: few factorisations a
+//! snapshot, then forces and substitutions. The means of the patches stay where the series put them, so that an
+//! equilibrium is a minimum of the energy.
 
 use super::model::Galerkin;
 use super::nnls::norm;
