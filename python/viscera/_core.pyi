@@ -179,7 +179,7 @@ class Live:
     def describe(self) -> str: ...  # JSON
     def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
-Solver = tuple[str, float, int]
+Solver = tuple[str, float, int, bool]
 """Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
 
 class Stepper:
@@ -264,6 +264,7 @@ class Grasp:
 
     modes: int
     cells: int  # that the energy is summed over
+    snapshots: int  # solved on the whole organ
     seconds: float  # that taking hold has taken
     def patches(self) -> list[Patch]: ...
     def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> Held:

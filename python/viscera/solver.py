@@ -27,6 +27,9 @@ class ConjugateGradients:
     """Residual of the linear system to reach, relative to its right-hand side."""
     max_iterations: int = 200
     """Iterations after which to stop with what there is."""
+    matrix_free: bool = False
+    """Never assemble the tangent: cells multiply it with a vector, evaluated anew each time. Slower, and needs little
+    more memory than the mesh; for "block_jacobi" only, since the others are made from the matrix."""
 
     def __post_init__(self) -> None:
         if self.preconditioner not in PRECONDITIONERS:
@@ -36,6 +39,11 @@ class ConjugateGradients:
             raise VisceraError(f"the tolerance of conjugate gradients lies between 0 and 1, got {self.tolerance}")
         if self.max_iterations < 1:
             raise VisceraError(f"conjugate gradients need at least one iteration, got {self.max_iterations}")
+        if self.matrix_free and self.preconditioner != "block_jacobi":
+            raise VisceraError(
+                f"{self.preconditioner!r} is made from the matrix, and matrix_free=True leaves none; "
+                'choose preconditioner="block_jacobi"'
+            )
 
 
 Solver: TypeAlias = str | ConjugateGradients
@@ -45,10 +53,11 @@ Solver: TypeAlias = str | ConjugateGradients
 def core_solver(solver: Solver) -> _core.Solver:
     """A solver as the core knows it; raises `VisceraError` naming the known ones."""
     if isinstance(solver, ConjugateGradients):
-        return solver.preconditioner, float(solver.tolerance), int(solver.max_iterations)
+        settings = solver.preconditioner, float(solver.tolerance), int(solver.max_iterations)
+        return *settings, bool(solver.matrix_free)
     if solver == "cg":
         return core_solver(ConjugateGradients())
     if solver == "cholesky":
-        return "cholesky", 0.0, 0
+        return "cholesky", 0.0, 0, False
     hint = did_you_mean(str(solver), ("cholesky", "cg"))
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")

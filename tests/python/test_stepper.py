@@ -38,6 +38,17 @@ def test_a_grasped_patch_tells_its_force(organ: vs.Organ) -> None:
     assert frame.reaction(patch) == pytest.approx(exact.reaction(patch), rel=1e-6)
 
 
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
+def test_without_a_matrix_every_element_carries_the_same_loads(bar: vs.Mesh, element: str) -> None:
+    law = vs.NeoHookean(young=2e5, poisson=0.48)
+    organ = vs.Organ(bar, law, fixed="root", element=element)
+    loads: dict[str, Any] = {"pressure": {"tip": 2e3}, "gravity": (0, 0, -9.81), "density": 1000}
+    exact = organ.solve(**loads, throw=True)
+    solver = vs.ConjugateGradients("block_jacobi", 1e-6, 2000, matrix_free=True)
+    again = organ.solve(**loads, solver=solver, throw=True)
+    assert again.displacement == pytest.approx(exact.displacement, abs=1e-8 * bar.diagonal)
+
+
 def test_turning_gravity_turns_the_organ(organ: vs.Organ) -> None:
     """The patient turns: from lying to the side, the organ settles where a full solution from rest ends."""
     stepper = organ.stepper({})
@@ -49,7 +60,12 @@ def test_turning_gravity_turns_the_organ(organ: vs.Organ) -> None:
     assert frame.displacement == pytest.approx(exact.displacement, abs=1e-9)
 
 
-SOLVERS = ["cholesky", "cg", *(vs.ConjugateGradients(p, 1e-4) for p in ("block_jacobi", "incomplete_cholesky"))]
+SOLVERS = [
+    "cholesky",
+    "cg",
+    *(vs.ConjugateGradients(p, 1e-4) for p in ("block_jacobi", "incomplete_cholesky")),
+    vs.ConjugateGradients("block_jacobi", 1e-4, matrix_free=True),
+]
 
 
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
@@ -186,6 +202,8 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         vs.ConjugateGradients("block-jacobi")
     with pytest.raises(VisceraError, match="between 0 and 1"):
         vs.ConjugateGradients(tolerance=0.0)
+    with pytest.raises(VisceraError, match='matrix_free=True leaves none; choose preconditioner="block_jacobi"'):
+        vs.ConjugateGradients(matrix_free=True)
     with pytest.raises(VisceraError, match="2 beta >= gamma"):
         vs.Newmark(beta=0.1)
     with pytest.raises(VisceraError, match="sum below 1"):

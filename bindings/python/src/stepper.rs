@@ -10,11 +10,11 @@ use viscera_core::equilibrium::{
     StepperSettings,
 };
 
-/// Name of the method, tolerance, largest number of iterations.
-pub type Solver = (String, f64, usize);
+/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled.
+pub type Solver = (String, f64, usize, bool);
 
 /// The core's name for a linear solver.
-pub fn method((name, tolerance, max_iterations): Solver) -> PyResult<Method> {
+pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyResult<Method> {
     if name == "cholesky" {
         return Ok(Method::Cholesky);
     }
@@ -22,7 +22,7 @@ pub fn method((name, tolerance, max_iterations): Solver) -> PyResult<Method> {
     let Some((_, preconditioner)) = known else {
         return Err(PyValueError::new_err(format!("no solver is called {name:?}")));
     };
-    let settings = ConjugateGradients { preconditioner, tolerance, max_iterations };
+    let settings = ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free };
     Ok(Method::ConjugateGradients(settings))
 }
 

@@ -1,11 +1,12 @@
 //! The tangent as symmetric 3x3 node blocks, its pattern, and its restriction to free degrees of freedom.
 
 use crate::linear::Pattern;
+use std::sync::Arc;
 
 /// Upper triangle (row node <= column node) of a symmetric block matrix, in compressed columns.
 #[derive(Clone)]
 pub struct SymmetricBlocks {
-    pattern: BlockPattern,
+    pattern: Arc<BlockPattern>,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
     /// Room for blocks of single cells, where threads share the evaluation, kept from one to the next: fresh memory costs
@@ -14,11 +15,14 @@ pub struct SymmetricBlocks {
 }
 
 impl SymmetricBlocks {
-    /// Row and column node of every block, in the order of [`SymmetricBlocks::values`].
-    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        let columns = (0..self.pattern.n())
-            .flat_map(|column| self.pattern.column(column).map(move |_| column as u32));
-        self.pattern.row.iter().copied().zip(columns)
+    pub(super) fn zeros(pattern: &Arc<BlockPattern>) -> Self {
+        let values = vec![0.0; 9 * pattern.len()];
+        SymmetricBlocks { pattern: pattern.clone(), values, of_cells: Vec::new() }
+    }
+
+    /// Which blocks it has.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
     }
 
     /// Entries `[i][k]` of each block, 9 per block.
@@ -53,46 +57,13 @@ impl SymmetricBlocks {
         }
     }
 
-    /// Where the block of two nodes is stored, whichever comes first; none for nodes that share no cell.
-    pub fn position(&self, a: u32, b: u32) -> Option<usize> {
-        let (row, column) = (a.min(b), a.max(b) as usize);
-        let blocks = (column < self.pattern.n()).then(|| self.pattern.column(column))?;
-        let found = self.pattern.row[blocks.clone()].binary_search(&row).ok()?;
-        Some(blocks.start + found)
-    }
-
-    /// Adds to the block at a [`position`](Self::position), entries `[i][k]` with `i` of the lower node.
+    /// Adds to the block at a [`position`](super::Body::position), entries `[i][k]` with `i` of the lower node.
     pub fn add(&mut self, position: usize, entries: &[f64; 9]) {
         let block = &mut self.values[9 * position..9 * position + 9];
         block.iter_mut().zip(entries).for_each(|(b, e)| *b += e);
     }
 
-    /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for
-    /// each of its entries the position of its value in this matrix.
-    pub fn restrict(&self, free: &[u32]) -> (Pattern, Vec<u32>) {
-        let mut index = vec![u32::MAX; 3 * self.pattern.n()];
-        for (k, &dof) in free.iter().enumerate() {
-            index[dof as usize] = k as u32;
-        }
-        let (mut column_start, mut row, mut position) = (vec![0], Vec::new(), Vec::new());
-        for &dof in free {
-            let (node, k) = (dof as usize / 3, dof as usize % 3);
-            for block in self.pattern.column(node) {
-                let row_node = self.pattern.row[block];
-                for i in 0..3 {
-                    let r = 3 * row_node + i as u32;
-                    if r <= dof && index[r as usize] != u32::MAX {
-                        row.push(index[r as usize]);
-                        position.push(9 * block as u32 + 3 * i as u32 + k as u32);
-                    }
-                }
-            }
-            column_start.push(row.len() as u32);
-        }
-        (Pattern { n: free.len(), column_start, row }, position)
-    }
-
-    /// The values at the positions given by [`SymmetricBlocks::restrict`].
+    /// The values at the positions given by [`BlockPattern::restrict`].
     pub fn gather(&self, positions: &[u32], out: &mut Vec<f64>) {
         out.clear();
         out.extend(positions.iter().map(|&p| self.values[p as usize]));
@@ -119,14 +90,14 @@ impl SymmetricBlocks {
 
 /// Which blocks a symmetric matrix has, upper triangle, in compressed columns.
 #[derive(Clone)]
-pub(super) struct BlockPattern {
+pub struct BlockPattern {
     column_start: Vec<u32>,
     row: Vec<u32>,
 }
 
 impl BlockPattern {
     /// Of `n` nodes, from the pairs of nodes that share a block, in any order and any number of times.
-    pub fn new(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
+    pub(super) fn new(n: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
         let mut entries: Vec<[u32; 2]> = pairs.map(|[a, b]| [a.max(b), a.min(b)]).collect();
         entries.sort_unstable();
         entries.dedup();
@@ -136,22 +107,54 @@ impl BlockPattern {
         BlockPattern { column_start, row: entries.iter().map(|&[_, row]| row).collect() }
     }
 
-    pub fn zeros(&self) -> SymmetricBlocks {
-        let values = vec![0.0; 9 * self.row.len()];
-        SymmetricBlocks { pattern: self.clone(), values, of_cells: Vec::new() }
+    /// Row and column node of every block, row <= column, in the order of [`SymmetricBlocks::values`].
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        let columns =
+            (0..self.n()).flat_map(|column| self.column(column).map(move |_| column as u32));
+        self.row.iter().copied().zip(columns)
+    }
+
+    /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for
+    /// each of its entries the position of its value among those of [`SymmetricBlocks::values`].
+    pub fn restrict(&self, free: &[u32]) -> (Pattern, Vec<u32>) {
+        let mut index = vec![u32::MAX; 3 * self.n()];
+        for (k, &dof) in free.iter().enumerate() {
+            index[dof as usize] = k as u32;
+        }
+        let (mut column_start, mut row, mut position) = (vec![0], Vec::new(), Vec::new());
+        for &dof in free {
+            let (node, k) = (dof as usize / 3, dof as usize % 3);
+            for block in self.column(node) {
+                let row_node = self.row[block];
+                for i in 0..3 {
+                    let r = 3 * row_node + i as u32;
+                    if r <= dof && index[r as usize] != u32::MAX {
+                        row.push(index[r as usize]);
+                        position.push(9 * block as u32 + 3 * i as u32 + k as u32);
+                    }
+                }
+            }
+            column_start.push(row.len() as u32);
+        }
+        (Pattern { n: free.len(), column_start, row }, position)
     }
 
     /// Number of blocks.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.row.len()
     }
 
     /// The block of two nodes that share one.
-    pub fn block(&self, a: u32, b: u32) -> u32 {
-        let column = self.column(a.max(b) as usize);
-        let rows = &self.row[column.clone()];
+    pub(super) fn block(&self, a: u32, b: u32) -> u32 {
         // Asked only for pairs the pattern was made of.
-        (column.start + rows.binary_search(&a.min(b)).expect("a pair of the pattern")) as u32
+        self.position(a, b).expect("a pair of the pattern") as u32
+    }
+
+    /// The block of two nodes, whichever comes first; none for nodes that share none.
+    pub fn position(&self, a: u32, b: u32) -> Option<usize> {
+        let (row, column) = (a.min(b), a.max(b) as usize);
+        let blocks = (column < self.n()).then(|| self.column(column))?;
+        Some(blocks.start + self.row[blocks.clone()].binary_search(&row).ok()?)
     }
 
     fn n(&self) -> usize {

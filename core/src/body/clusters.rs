@@ -12,7 +12,7 @@ use super::blocks::{BlockPattern, Grouped};
 use super::cells::{Batch, Slot, tissues};
 use super::kernels::{Surroundings, TASK, tasks};
 use super::partition::Partition;
-use super::tangent;
+use super::tangent::{self, Curvature};
 use super::{LANES, Lane};
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{Law, LawVisitor, Material};
@@ -164,6 +164,51 @@ impl Clusters {
             }
         }
         [slopes, weighted]
+    }
+
+    /// What clusters give to the tangent: pressures, and [`Clusters::slopes`].
+    #[allow(clippy::type_complexity)]
+    pub fn tangent(
+        &self,
+        material: &Material,
+        volumes: &Volumes,
+        curvature: Curvature,
+    ) -> (Vec<f64>, [Vec<[f64; 3]>; 2]) {
+        let (pressures, mut moduli) = self.pressures(material, volumes);
+        if curvature == Curvature::Convex {
+            moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
+        }
+        (pressures, self.slopes(volumes, &moduli))
+    }
+
+    /// Adds `sum_c s V_c U'' j_c (j_c . x)` to `y`.
+    pub fn add_products_times(
+        &self,
+        [slopes, weighted]: &[Vec<[f64; 3]>; 2],
+        x: &[f64],
+        y: &mut [f64],
+    ) {
+        for cluster in 0..self.nodes.len() {
+            let (nodes, places) = (self.nodes.of(cluster), self.nodes.range(cluster));
+            let along = |(&node, slope): (&u32, &[f64; 3])| -> f64 {
+                (0..3).map(|i| slope[i] * x[3 * node as usize + i]).sum()
+            };
+            let change: f64 = nodes.iter().zip(&slopes[places.clone()]).map(along).sum();
+            for (&node, weighted) in nodes.iter().zip(&weighted[places]) {
+                (0..3).for_each(|i| y[3 * node as usize + i] += change * weighted[i]);
+            }
+        }
+    }
+
+    /// Adds the same products to the blocks of nodes with themselves.
+    pub fn add_diagonal(&self, [slopes, weighted]: &[Vec<[f64; 3]>; 2], blocks: &mut [[f64; 9]]) {
+        for cluster in 0..self.nodes.len() {
+            for (place, &node) in self.nodes.range(cluster).zip(self.nodes.of(cluster)) {
+                let block = &mut blocks[node as usize];
+                let (a, b) = (&weighted[place], &slopes[place]);
+                (0..9).for_each(|entry| block[entry] += a[entry / 3] * b[entry % 3]);
+            }
+        }
     }
 
     /// Adds `sum_c s V_c U'' j_c (x) j_c` to a block.

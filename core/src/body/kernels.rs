@@ -68,7 +68,16 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
 
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
     pub fn energy(&self, material: &Material, around: impl Surroundings, u: &[f64]) -> f64 {
-        material.visit(Energy { cells: self, around, u })
+        let (n, mut energy) = (self.n_tasks(), 0.0);
+        let tasks = &mut |run: &RunEnergy<'_>| {
+            energy = if share(n) {
+                (0..n).into_par_iter().map(run).collect::<Vec<f64>>().into_iter().sum()
+            } else {
+                (0..n).map(run).sum()
+            };
+        };
+        material.visit(Energy { cells: self, around, u, tasks });
+        energy
     }
 
     /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids inversion
@@ -81,7 +90,17 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         out: &mut [f64],
     ) -> f64 {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let energy = material.visit(Force { cells: self, around, u, range, forces: &mut forces });
+        let mut energy = 0.0;
+        let tasks = &mut |run: &RunForces<'_, N>| {
+            let of_task = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| run(task, forces);
+            energy = if share(self.n_tasks()) {
+                let tasks = forces.par_chunks_mut(TASK).enumerate();
+                tasks.map(of_task).collect::<Vec<f64>>().into_iter().sum()
+            } else {
+                forces.chunks_mut(TASK).enumerate().map(of_task).sum()
+            };
+        };
+        material.visit(Force { cells: self, around, u, range, tasks });
         self.gather_forces(&forces, out);
         energy
     }
@@ -126,26 +145,27 @@ impl<const N: usize> Batch<N> {
     }
 }
 
+// The visitors call back with what goes through the cells of a task: nothing but that is compiled for every law.
+
+/// The energy of the cells of a task.
+type RunEnergy<'a> = dyn Fn(usize) -> f64 + Sync + 'a;
+
 struct Energy<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
+    tasks: &'a mut dyn FnMut(&RunEnergy<'_>),
 }
 
 impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Energy<'_, E, A, N> {
-    type Output = f64;
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let Energy { cells, around, u } = self;
-        let run = |(task, batches)| {
-            let (first, shape) = (task * TASK, PhantomData::<E>);
-            dispatch(EnergyKernel { first, batches, around, u, make, shape })
-        };
-        if share(cells.n_tasks()) {
-            let tasks = cells.batches.par_chunks(TASK).enumerate();
-            tasks.map(run).collect::<Vec<f64>>().into_iter().sum()
-        } else {
-            cells.batches.chunks(TASK).enumerate().map(run).sum()
-        }
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        let Energy { cells, around, u, tasks } = self;
+        tasks(&|task| {
+            let first = task * TASK;
+            let batches = &cells.batches[first..cells.batches.len().min(first + TASK)];
+            dispatch(EnergyKernel { first, batches, around, u, make, shape: PhantomData::<E> })
+        });
     }
 }
 
@@ -180,29 +200,26 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKern
     }
 }
 
+/// Puts the forces of the cells of a task in place, and returns their energy.
+type RunForces<'a, const N: usize> = dyn Fn(usize, &mut [[Vec3<Lane>; N]]) -> f64 + Sync + 'a;
+
 struct Force<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
     u: &'a [f64],
     range: [f64; 2],
-    forces: &'a mut [[Vec3<Lane>; N]],
+    tasks: &'a mut dyn FnMut(&RunForces<'_, N>),
 }
 
 impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A, N> {
-    type Output = f64;
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let Force { cells, around, u, range, forces } = self;
-        let run = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| {
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        let Force { cells, around, u, range, tasks } = self;
+        tasks(&|task, forces| {
             let (first, shape) = (task * TASK, PhantomData::<E>);
             let batches = &cells.batches[first..first + forces.len()];
             dispatch(ForceKernel { first, batches, around, u, range, make, forces, shape })
-        };
-        if share(cells.n_tasks()) {
-            let tasks = forces.par_chunks_mut(TASK).enumerate();
-            tasks.map(run).collect::<Vec<f64>>().into_iter().sum()
-        } else {
-            forces.chunks_mut(TASK).enumerate().map(run).sum()
-        }
+        });
     }
 }
 

@@ -5,19 +5,22 @@
 //! come out the same whatever the number of threads.
 
 mod blocks;
+mod cell_tangent;
 mod cells;
 mod check;
 mod clusters;
 mod convex;
 mod kernels;
 mod partition;
+mod product;
 mod series;
 mod tangent;
 #[cfg(test)]
 mod tests;
 
-pub use blocks::SymmetricBlocks;
+pub use blocks::{BlockPattern, SymmetricBlocks};
 pub use kernels::UPRIGHT;
+pub use product::TangentProduct;
 pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
@@ -27,11 +30,11 @@ use crate::mesh;
 use crate::number::Lanes;
 use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
-use blocks::BlockPattern;
 use cells::{Cells, deformation, pairs_of};
 use clusters::Clusters;
 use kernels::Alone;
 use partition::Partition;
+use std::sync::Arc;
 
 /// Cells per batch.
 pub const LANES: usize = 4;
@@ -47,9 +50,9 @@ pub struct Body {
     /// Edges whose midpoints are nodes.
     edges: Vec<[u32; 2]>,
     geometry: Vec<Geometry>,
-    material: Material,
-    pattern: BlockPattern,
-    assembly: Assembly,
+    material: Arc<Material>,
+    pattern: Arc<BlockPattern>,
+    assembly: Arc<Assembly>,
 }
 
 enum Assembly {
@@ -61,7 +64,7 @@ enum Assembly {
 /// The same expression on the cells of any element.
 macro_rules! on_cells {
     ($body:expr, $cells:ident => $expression:expr) => {
-        match &$body.assembly {
+        match &*$body.assembly {
             Assembly::P1($cells) | Assembly::P1MeanVolume($cells, _) => $expression,
             Assembly::P2($cells) => $expression,
         }
@@ -121,6 +124,8 @@ impl Body {
                 (pattern, Assembly::P2(cells))
             }
         };
+        let (material, pattern) = (Arc::new(material), Arc::new(pattern));
+        let assembly = Arc::new(assembly);
         Ok(Body { element, points, cells, edges, geometry, material, pattern, assembly })
     }
 
@@ -237,7 +242,7 @@ impl Body {
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
     pub fn energy(&self, u: &[f64]) -> f64 {
         let material = &self.material;
-        match &self.assembly {
+        match &*self.assembly {
             Assembly::P1(cells) => cells.energy(material, Alone, u),
             Assembly::P2(cells) => cells.energy(material, Alone, u),
             Assembly::P1MeanVolume(cells, clusters) => {
@@ -260,7 +265,7 @@ impl Body {
     /// that forbid inversion.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
         let (material, at) = (&self.material, (u, range));
-        match &self.assembly {
+        match &*self.assembly {
             Assembly::P1(cells) => cells.force(material, Alone, at, force),
             Assembly::P2(cells) => cells.force(material, Alone, at, force),
             Assembly::P1MeanVolume(cells, clusters) => {
@@ -296,7 +301,7 @@ impl Body {
     ) {
         let (material, at) = (&self.material, (u, curvature));
         let nothing = |_: usize, _: &mut [f64; 9]| ();
-        match &self.assembly {
+        match &*self.assembly {
             Assembly::P1(cells) => {
                 cells.force_and_tangent(material, Alone, at, force, tangent, nothing);
             }
@@ -305,11 +310,7 @@ impl Body {
             }
             Assembly::P1MeanVolume(cells, clusters) => {
                 let volumes = clusters.volumes(material, &cells.batches, u);
-                let (pressures, mut moduli) = clusters.pressures(material, &volumes);
-                if curvature == Curvature::Convex {
-                    moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
-                }
-                let slopes = clusters.slopes(&volumes, &moduli);
+                let (pressures, slopes) = clusters.tangent(material, &volumes, curvature);
                 let products = |block: usize, out: &mut [f64; 9]| {
                     clusters.add_products(&slopes, block, out);
                 };
@@ -319,9 +320,14 @@ impl Body {
         }
     }
 
+    /// Which blocks its tangent has.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
+    }
+
     /// A tangent of the right shape, zero.
     pub fn zero_tangent(&self) -> SymmetricBlocks {
-        self.pattern.zeros()
+        SymmetricBlocks::zeros(&self.pattern)
     }
 }
 

@@ -26,7 +26,7 @@ impl Body {
         force.fill(T::default());
         let along = Along { table, displacement, stride };
         let Body { material, geometry, .. } = self;
-        match &self.assembly {
+        match &*self.assembly {
             Assembly::P1(cells) => cells.force_series(material, geometry, along, &[], force),
             Assembly::P1MeanVolume(cells, clusters) => {
                 let mut volumes = cells.volume_series(material, geometry, along);

@@ -1,6 +1,7 @@
 //! The tangent: stress and stiffness batch by batch, then the blocks of all cells added up.
 
 use super::blocks::SymmetricBlocks;
+use super::cell_tangent::{add, add_times};
 use super::cells::{Batch, Cells, Destination, NOWHERE};
 use super::convex::make_convex;
 use super::kernels::{Surroundings, TASK};
@@ -10,7 +11,6 @@ use crate::law::{Law, LawVisitor, Material, TangentBlocks};
 use crate::simd::{Kernel, dispatch};
 use crate::tensor::{Mat3, Vec3};
 use crate::threads::share;
-use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 
@@ -38,16 +38,43 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        material.visit(Tangent {
-            cells: self,
-            around,
-            u,
-            curvature,
-            forces: &mut forces,
-            tangent,
-            rest,
+        let SymmetricBlocks { values, of_cells, .. } = tangent;
+        let of_batch = LANES * 9 * Self::PAIRS;
+        self.with_tangents(material, around, (u, curvature), &mut |run| {
+            if share(self.n_tasks()) {
+                of_cells.resize(of_batch * self.batches.len(), 0.0);
+                let of_tasks = of_cells.par_chunks_mut(TASK * of_batch);
+                let tasks = forces.par_chunks_mut(TASK).zip(of_tasks).enumerate();
+                tasks.for_each(|(task, (forces, of_cells))| {
+                    run(task, forces, Purpose::OfCells(of_cells));
+                });
+                return;
+            }
+            let (values, _) = values.as_chunks_mut::<9>();
+            values.fill([0.0; 9]);
+            for (task, forces) in forces.chunks_mut(TASK).enumerate() {
+                let destinations = &self.destinations[task * TASK * LANES * Self::PAIRS..];
+                run(task, forces, Purpose::Summed { destinations, values });
+            }
         });
+        if share(self.n_tasks()) {
+            self.gather_tangents(of_cells, values, rest);
+        } else {
+            let (values, _) = values.as_chunks_mut::<9>();
+            values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
+        }
         self.gather_forces(&forces, out);
+    }
+
+    /// Calls `tasks` with what goes through the cells of a task. Nothing but that is compiled for every law.
+    pub(super) fn with_tangents(
+        &self,
+        material: &Material,
+        around: impl Surroundings,
+        at: (&[f64], Curvature),
+        tasks: &mut dyn FnMut(&Run<'_, N>),
+    ) {
+        material.visit(Tangents { cells: self, around, at, tasks });
     }
 
     /// Adds up what the cells of all batches give to each block.
@@ -78,71 +105,56 @@ fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
     }
 }
 
-struct Tangent<'a, E, A, R, const N: usize> {
+/// Goes through the cells of a task: its number, their forces, and what their tangents are for.
+pub(super) type Run<'a, const N: usize> =
+    dyn Fn(usize, &mut [[Vec3<Lane>; N]], Purpose<'_, N>) + Sync + 'a;
+
+struct Tangents<'a, E, A, const N: usize> {
     cells: &'a Cells<E, N>,
     around: A,
-    u: &'a [f64],
-    curvature: Curvature,
-    forces: &'a mut [[Vec3<Lane>; N]],
-    tangent: &'a mut SymmetricBlocks,
-    rest: R,
+    at: (&'a [f64], Curvature),
+    tasks: &'a mut dyn FnMut(&Run<'_, N>),
 }
 
-impl<E, A, R, const N: usize> LawVisitor for Tangent<'_, E, A, R, N>
-where
-    E: Shape<N>,
-    A: Surroundings,
-    R: Fn(usize, &mut [f64; 9]) + Sync,
-{
+impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Tangents<'_, E, A, N> {
     type Output = ();
     fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Tangent { cells, around, u, curvature, forces, tangent, rest } = self;
-        let SymmetricBlocks { values, of_cells, .. } = tangent;
-        let of_batch = LANES * 9 * Cells::<E, N>::PAIRS;
-        let run = |task: usize, forces: &mut [[Vec3<Lane>; N]], blocks: Blocks<'_>| {
-            let (first, shape) = (task * TASK, PhantomData::<E>);
-            let batches = &cells.batches[first..first + forces.len()];
-            TangentLoop { first, batches, around, u, curvature, make, forces, blocks, shape }.run();
-        };
-        if share(cells.n_tasks()) {
-            of_cells.resize(of_batch * cells.batches.len(), 0.0);
-            let tasks = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(TASK * of_batch));
-            tasks.enumerate().for_each(|(task, (forces, of_cells))| {
-                run(task, forces, Blocks::OfCells(of_cells));
-            });
-            cells.gather_tangents(of_cells, values, rest);
-            return;
-        }
-        let (values, _) = values.as_chunks_mut::<9>();
-        values.fill([0.0; 9]);
-        for (task, forces) in forces.chunks_mut(TASK).enumerate() {
-            let destinations = &cells.destinations[task * TASK * LANES * Cells::<E, N>::PAIRS..];
-            run(task, forces, Blocks::Summed { destinations, values });
-        }
-        values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
+        let Tangents { cells, around, at, tasks } = self;
+        tasks(&|task, forces, purpose| {
+            TangentLoop::new(cells, task, around, at, make).run(forces, purpose);
+        });
     }
 }
 
-/// Where the blocks of a task's cells go.
-enum Blocks<'a> {
-    /// One after the other, to be gathered when all threads are done.
+/// What the tangents of a task's cells are for.
+pub(super) enum Purpose<'a, const N: usize> {
+    /// Blocks one after the other, to be gathered when all threads are done.
     OfCells(&'a mut [f64]),
-    /// Into the tangent, by one thread.
+    /// Blocks into the tangent, by one thread.
     Summed { destinations: &'a [Destination], values: &'a mut [[f64; 9]] },
+    /// The blocks of each node with itself.
+    Diagonal(&'a mut [[Mat3<Lane>; N]]),
+    /// Products with a vector, which take the place of the forces.
+    Product(&'a [f64]),
 }
 
-impl Blocks<'_> {
+impl<const N: usize> Purpose<'_, N> {
     /// Takes the blocks of a batch's cells, pair by pair; `number` is that of the batch in its task.
     fn take(&mut self, number: usize, sums: &[Mat3<Lane>]) {
         let cells = LANES * sums.len();
         match self {
-            Blocks::OfCells(of_cells) => {
+            Purpose::OfCells(of_cells) => {
                 let of_batch = &mut of_cells[9 * number * cells..9 * (number + 1) * cells];
                 spread(sums, of_batch);
             }
-            Blocks::Summed { destinations, values } => {
+            Purpose::Summed { destinations, values } => {
                 scatter(sums, &destinations[number * cells..(number + 1) * cells], values);
             }
+            Purpose::Diagonal(blocks) => {
+                let own = |a: usize| sums[a * (2 * N + 1 - a) / 2];
+                blocks[number].iter_mut().enumerate().for_each(|(a, block)| *block = own(a));
+            }
+            Purpose::Product(_) => {}
         }
     }
 }
@@ -176,21 +188,34 @@ fn scatter(sums: &[Mat3<Lane>], destinations: &[Destination], values: &mut [[f64
 /// The pieces of the tangent's loop. Each is compiled once for what it depends on, the law's for all elements, and not
 /// inlined into the product of laws, elements and surroundings: that would take minutes.
 struct TangentLoop<'a, L, E, A, const N: usize> {
+    /// Number of the first batch.
     first: usize,
+    /// Batches from there to the last of all.
     batches: &'a [Batch<N>],
     around: A,
     u: &'a [f64],
     curvature: Curvature,
     make: fn(&[f64]) -> L,
-    forces: &'a mut [[Vec3<Lane>; N]],
-    blocks: Blocks<'a>,
     shape: PhantomData<E>,
 }
 
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E, A, N> {
-    fn run(self) {
-        let TangentLoop { first, batches, around, u, curvature, make, forces, mut blocks, .. } =
-            self;
+impl<'a, L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'a, L, E, A, N> {
+    /// Of the cells of a task.
+    fn new(
+        cells: &'a Cells<E, N>,
+        task: usize,
+        around: A,
+        (u, curvature): (&'a [f64], Curvature),
+        make: fn(&[f64]) -> L,
+    ) -> Self {
+        let first = task * TASK;
+        let (batches, shape) = (&cells.batches[first..], PhantomData);
+        TangentLoop { first, batches, around, u, curvature, make, shape }
+    }
+
+    /// Goes through as many batches as there are `forces`.
+    fn run(self, forces: &mut [[Vec3<Lane>; N]], mut purpose: Purpose<'_, N>) {
+        let TangentLoop { first, batches, around, u, curvature, make, .. } = self;
         let mut sums = vec![Mat3::<Lane>::default(); Cells::<E, N>::PAIRS];
         for (local, (batch, forces)) in batches.iter().zip(forces).enumerate() {
             let law = make(&batch.parameters);
@@ -203,9 +228,13 @@ impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'_, L, E,
                 if curvature == Curvature::Convex {
                     make_convex(&mut response.1);
                 }
-                add::<E, N>(batch, point, &response, forces, &mut sums);
+                if let Purpose::Product(x) = purpose {
+                    add_times::<E, N>(batch, point, &response.1, x, forces);
+                } else {
+                    add::<E, N>(batch, point, &response, forces, &mut sums);
+                }
             }
-            blocks.take(local, &sums);
+            purpose.take(local, &sums);
         }
     }
 }
@@ -237,112 +266,4 @@ fn law_tangent<L: Law>(law: &L, f: &Mat3<Lane>, g: &[Vec3<Lane>; 3]) -> Response
         }
     }
     dispatch(Tangent(law, f, g))
-}
-
-/// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
-#[inline(never)]
-fn add<E: Shape<N>, const N: usize>(
-    batch: &Batch<N>,
-    point: usize,
-    response: &Response,
-    forces: &mut [Vec3<Lane>; N],
-    sums: &mut [Mat3<Lane>],
-) {
-    struct Add<'a, E, const N: usize> {
-        batch: &'a Batch<N>,
-        point: usize,
-        response: &'a Response,
-        forces: &'a mut [Vec3<Lane>; N],
-        sums: &'a mut [Mat3<Lane>],
-        shape: PhantomData<E>,
-    }
-    impl<E: Shape<N>, const N: usize> Kernel for Add<'_, E, N> {
-        type Output = ();
-        #[inline(always)]
-        fn run(self) {
-            let (stress, blocks) = self.response;
-            let slopes = E::slopes(self.point);
-            let weight = self.batch.volume * (1.0 / E::POINTS as f64);
-            self.batch.add_forces(slopes, weight, stress, self.forces);
-            if N == 4 {
-                set_linear_tangents(weight, blocks, self.sums);
-                return;
-            }
-            if self.point == 0 {
-                self.sums.fill(Mat3::default());
-            }
-            add_tangents(slopes, weight, blocks, self.sums);
-        }
-    }
-    dispatch(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
-}
-
-/// `K_ab = w blocks[a - 1][b - 1]` for all pairs `a <= b` of the linear cell, whose slopes are those of the
-/// barycentric coordinates: minus their sum for node 0.
-#[inline(always)]
-fn set_linear_tangents(weight: Lane, blocks: &TangentBlocks<Lane>, out: &mut [Mat3<Lane>]) {
-    let Some(out) = out.first_chunk_mut::<10>() else {
-        return;
-    };
-    for i in 0..3 {
-        for j in 0..3 {
-            let of = |a: usize, b: usize, i: usize, j: usize| blocks[a][b][i][j] * weight;
-            let (aa, bb, cc) = (of(0, 0, i, j), of(1, 1, i, j), of(2, 2, i, j));
-            let (ab, ac, bc) = (of(0, 1, i, j), of(0, 2, i, j), of(1, 2, i, j));
-            let (ba, ca, cb) = (of(0, 1, j, i), of(0, 2, j, i), of(1, 2, j, i));
-            let columns = [aa + ba + ca, ab + bb + cb, ac + bc + cc];
-            let entries = [
-                columns[0] + columns[1] + columns[2],
-                -columns[0],
-                -columns[1],
-                -columns[2],
-                aa,
-                ab,
-                ac,
-                bb,
-                bc,
-                cc,
-            ];
-            (0..10).for_each(|pair| out[pair][i][j] = entries[pair]);
-        }
-    }
-}
-
-/// Adds `K_ab = w sum_kl slopes[a][k] blocks[k][l] slopes[b][l]` for all pairs `a <= b`.
-#[inline(always)]
-fn add_tangents<const N: usize>(
-    slopes: &[[f64; 3]; N],
-    weight: Lane,
-    blocks: &TangentBlocks<Lane>,
-    out: &mut [Mat3<Lane>],
-) {
-    let blocks: TangentBlocks<Lane> = array!(3, |k| {
-        array!(3, |l| {
-            tabulate!(|i, j| (if k <= l { blocks[k][l][i][j] } else { blocks[l][k][j][i] }) * weight)
-        })
-    });
-    for b in 0..N {
-        // sum_l blocks[k][l] slopes[b][l]
-        let mut column = [Mat3::<Lane>::default(); 3];
-        for k in 0..3 {
-            for l in 0..3 {
-                add_scaled(&mut column[k], slopes[b][l], &blocks[k][l]);
-            }
-        }
-        for a in 0..=b {
-            let pair = a * (2 * N + 1 - a) / 2 + b - a;
-            for k in 0..3 {
-                add_scaled(&mut out[pair], slopes[a][k], &column[k]);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn add_scaled(sum: &mut Mat3<Lane>, slope: f64, block: &Mat3<Lane>) {
-    for i in 0..3 {
-        for j in 0..3 {
-            sum[i][j] = sum[i][j] + block[i][j] * slope;
-        }
-    }
 }

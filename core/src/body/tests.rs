@@ -55,6 +55,13 @@ fn state(body: &Body) -> Vec<f64> {
     u.iter().zip(noise(u.len(), 2)).map(|(u, n)| u + 5e-4 * agility(body) * n).collect()
 }
 
+/// A state pressed so far that tangents of cells are indefinite, none turned inside out.
+fn crushed(body: &Body) -> Vec<f64> {
+    let pressed: Mat3<f64> = [[0.3, 0.2, 0.0], [0.0, -0.4, 0.1], [0.0, 0.0, 0.25]];
+    let u = affine(body, &pressed, [0.0; 3]);
+    u.iter().zip(noise(u.len(), 7)).map(|(u, n)| u + 2e-4 * agility(body) * n).collect()
+}
+
 fn force(body: &Body, u: &[f64]) -> Vec<f64> {
     let mut force = vec![0.0; u.len()];
     body.internal_force(u, &mut force);
@@ -88,6 +95,34 @@ fn internal_force_is_the_derivative_of_the_energy() {
             let differences: Vec<f64> = (0..u.len()).map(slope).collect();
             let name = body.element().name();
             assert!(gap(&f, &differences) < 1e-7 * largest(&f), "{law}, {name}");
+        }
+    }
+}
+
+/// As a product, exact and made convex, and its blocks on the diagonal.
+#[test]
+fn the_tangent_without_a_matrix_is_the_matrix() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            // The second state is beyond the first: cells are crushed, and some of their tangents indefinite.
+            for (u, curvature) in
+                [(state(&body), Curvature::Exact), (crushed(&body), Curvature::Convex)]
+            {
+                let (mut f, mut matrix) = (vec![0.0; u.len()], body.zero_tangent());
+                body.linearize(&u, curvature, &mut f, &mut matrix);
+                let mut product = body.tangent_product();
+                product.move_to(&u, curvature);
+                let (x, [mut y, mut same]) = (noise(u.len(), 6), [f.clone(), f.clone()]);
+                matrix.multiply(&x, &mut y);
+                product.multiply(&x, &mut same);
+                let name = format!("{law}, {}, {curvature:?}", body.element().name());
+                assert!(gap(&y, &same) < 1e-12 * largest(&y), "{name}");
+                let blocks = matrix.pattern().pairs().zip(matrix.values().chunks_exact(9));
+                let diagonal = blocks.filter(|((row, column), _)| row == column).map(|(_, b)| b);
+                let diagonal: Vec<f64> = diagonal.flatten().copied().collect();
+                let found = product.diagonal().concat();
+                assert!(gap(&diagonal, &found) < 1e-12 * largest(&diagonal), "{name}: diagonal");
+            }
         }
     }
 }
@@ -126,7 +161,7 @@ fn tangent_is_the_derivative_of_the_force_and_symmetric() {
 /// Smallest and largest eigenvalue.
 fn extremes(tangent: &SymmetricBlocks, n: usize) -> [f64; 2] {
     let mut dense = faer::Mat::<f64>::zeros(n, n);
-    for ((row, column), block) in tangent.pairs().zip(tangent.values().chunks_exact(9)) {
+    for ((row, column), block) in tangent.pattern().pairs().zip(tangent.values().chunks_exact(9)) {
         for (entry, &value) in block.iter().enumerate() {
             let (r, c) = (3 * row as usize + entry / 3, 3 * column as usize + entry % 3);
             (dense[(r, c)], dense[(c, r)]) = (value, value);

@@ -10,6 +10,7 @@ mod skew;
 mod solver;
 mod stepper;
 mod system;
+mod tangent;
 #[cfg(test)]
 mod tests;
 
@@ -20,3 +21,4 @@ pub use problem::{PatchLoad, Problem, patch_mean};
 pub use solver::{ConjugateGradients, Method, Preconditioner, Solved, Solver};
 pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};
 pub use system::System;
+pub use tangent::Tangent;

@@ -10,7 +10,8 @@ use super::outcome::{Equilibrium, Seconds};
 use super::problem::{Problem, patch_mean};
 use super::skew;
 use super::solver::{Method, Solver};
-use crate::body::{Body, SymmetricBlocks};
+use super::tangent::Tangent;
+use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -107,7 +108,7 @@ struct Run<'a> {
     settings: Newton,
     problem: &'a Problem<'a>,
     solver: Solver,
-    tangent: SymmetricBlocks,
+    tangent: Tangent,
     u: Vec<f64>,
     multipliers: Vec<f64>,
     load: f64,
@@ -128,10 +129,10 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(settings: Newton, problem: &'a Problem<'a>) -> Result<Self, Error> {
         let body = problem.body;
-        let tangent = body.zero_tangent();
+        let tangent = settings.method.tangent(body);
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
         let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
-        let solver = Solver::new(settings.method, &tangent, body.n_dofs(), prescribed, patches)?;
+        let solver = Solver::new(settings.method, body, prescribed, patches)?;
         let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
         if !body.energy(&start).is_finite() {
             let (jacobian, cell) = body.smallest_jacobian(&start);
@@ -180,6 +181,13 @@ impl<'a> Run<'a> {
         force
     }
 
+    fn add_pressure_stiffness(&mut self, u: &[f64], load: f64) {
+        let Problem { body, pressure, .. } = self.problem;
+        if !pressure.is_empty() {
+            pressure.add_stiffness(body, u, load, self.tangent.blocks_mut());
+        }
+    }
+
     /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
     fn advance(&mut self, load: f64) -> Result<usize, Cut> {
         let mut u = self.u.clone();
@@ -188,9 +196,9 @@ impl<'a> Run<'a> {
         let (mut history, mut unstable) = (Vec::new(), None);
         for iteration in 0..=self.settings.max_iterations {
             let clock = Instant::now();
-            self.body().internal_force_and_tangent(&u, &mut force, &mut self.tangent);
+            self.tangent.linearize(self.body(), &u, Curvature::Exact, &mut force);
             let external = self.external_force(load, &u);
-            self.problem.pressure.add_stiffness(self.body(), &u, load, &mut self.tangent);
+            self.add_pressure_stiffness(&u, load);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;

@@ -50,10 +50,9 @@ impl Pressure {
         if self.is_empty() {
             return Ok(());
         }
-        let tangent = body.zero_tangent();
         let nodes = if body.edges().is_empty() { 3 } else { 6 };
         for (k, face) in self.faces.iter().enumerate() {
-            let touch = |a: u32| face.iter().all(|&b| tangent.position(a, b).is_some());
+            let touch = |a: u32| face.iter().all(|&b| body.pattern().position(a, b).is_some());
             if face.len() != nodes || !face.iter().all(|&a| touch(a)) {
                 return Err(Error::input(format!(
                     "face {k}, {face:?}, is none of the mesh; take {nodes} nodes of its surface"
@@ -106,7 +105,7 @@ impl Pressure {
         self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
             for a in 0..nodes.len() {
                 for b in (0..nodes.len()).filter(|&b| nodes[a] < nodes[b]) {
-                    let Some(position) = tangent.position(nodes[a], nodes[b]) else {
+                    let Some(position) = tangent.pattern().position(nodes[a], nodes[b]) else {
                         continue;
                     };
                     let e: [f64; 3] = std::array::from_fn(|i| {

@@ -50,7 +50,7 @@ impl System {
         let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| is_free[d as usize]).collect();
         let mut index = vec![u32::MAX; n_dofs];
         free.iter().enumerate().for_each(|(k, &dof)| index[dof as usize] = k as u32);
-        let (pattern, positions) = tangent.restrict(&free);
+        let (pattern, positions) = tangent.pattern().restrict(&free);
         let diagonal = pattern.column_start[1..].iter().map(|&end| end as usize - 1).collect();
         Ok(System {
             free,

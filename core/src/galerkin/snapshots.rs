@@ -1,4 +1,5 @@
-//! Snapshots: states of a grasp solved on the whole body, for what no field of the series has.
+//! The whole body asked: snapshots, states of a grasp solved on it for what no field of the series has; and the step by
+//! which it would leave an answer.
 //!
 //! Newton's method starts from the superposed series and keeps a tangent while steps shrink fast: few factorisations a
 //! snapshot, then forces and substitutions. The means of the patches stay where the series put them, so that an
@@ -8,7 +9,7 @@ use super::model::Galerkin;
 use super::nnls::norm;
 use super::subspace::Rest;
 use crate::body::{Body, Curvature};
-use crate::equilibrium::{Method, Solver};
+use crate::equilibrium::{Method, Solver, Tangent};
 use crate::error::Error;
 use crate::mesh::Patch;
 use std::sync::{Mutex, PoisonError};
@@ -41,9 +42,8 @@ impl Solvers {
         let mut solver = match waiting {
             Some(solver) => solver,
             None => {
-                let n_dofs = rest.body.n_dofs();
                 let fixed = rest.fixed.iter().copied();
-                Solver::new(Method::Cholesky, &rest.stiffness, n_dofs, fixed, Vec::new())?
+                Solver::new(Method::Cholesky, &rest.body, fixed, Vec::new())?
             }
         };
         solver.hold(&[], patches.to_vec());
@@ -62,6 +62,40 @@ impl Galerkin {
         let rest = &self.rest;
         self.solvers.lend(rest, patches, |solver| settle(rest, solver, 3 * patches.len(), u))
     }
+
+    /// Newton's step from a field on the whole body, with the means of the patches kept; none where there is none.
+    ///
+    /// # Errors
+    /// No memory for a solver.
+    pub(super) fn newton_step(&self, patches: &[Patch], u: &[f64]) -> Result<Option<Step>, Error> {
+        let rest = &self.rest;
+        self.solvers.lend(rest, patches, |solver| newton_step(rest, solver, 3 * patches.len(), u))
+    }
+}
+
+/// A step of Newton's method on the whole body.
+pub(super) struct Step {
+    pub way: Vec<f64>,
+    /// Whether the tangent is positive definite: the organ would stay where the step leads.
+    pub is_stable: bool,
+}
+
+/// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none where it is
+/// not finite.
+fn newton_step(rest: &Rest, solver: &mut Solver, n_means: usize, u: &[f64]) -> Option<Step> {
+    let body = &rest.body;
+    let (mut force, mut way) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let mut tangent = Tangent::matrix(body);
+    tangent.linearize(body, u, Curvature::Exact, &mut force);
+    let is_stable = solver.prepare(&tangent, 0.0).is_ok();
+    if !is_stable {
+        tangent.linearize(body, u, Curvature::Convex, &mut force);
+        solver.prepare(&tangent, 0.0).ok()?;
+    }
+    force.iter_mut().for_each(|f| *f = -*f);
+    let stay = vec![0.0; n_means];
+    solver.solve(&mut force, &stay, &mut way, &mut Vec::new(), None).ok()?;
+    Some(Step { way, is_stable })
 }
 
 /// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
@@ -69,12 +103,12 @@ fn settle(rest: &Rest, solver: &mut Solver, n_means: usize, guess: &[f64]) -> Op
     let body = &rest.body;
     let (mut u, mut trial) = (guess.to_vec(), guess.to_vec());
     let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let (mut tangent, stay) = (body.zero_tangent(), vec![0.0; n_means]);
+    let (mut tangent, stay) = (Tangent::matrix(body), vec![0.0; n_means]);
     let mut energy = body.internal_force(&u, &mut force);
     for _ in 0..TANGENTS {
-        body.internal_force_and_tangent(&u, &mut force, &mut tangent);
+        tangent.linearize(body, &u, Curvature::Exact, &mut force);
         if solver.prepare(&tangent, 0.0).is_err() {
-            body.linearize(&u, Curvature::Convex, &mut force, &mut tangent);
+            tangent.linearize(body, &u, Curvature::Convex, &mut force);
             solver.prepare(&tangent, 0.0).ok()?;
         }
         let mut last = f64::INFINITY;

@@ -1,7 +1,7 @@
 //! A Cholesky factor of the tangent on the degrees of freedom that are not fixed. What hands hold keeps its rows,
 //! as those of the identity: a grasp or a release changes values, not the pattern, and needs no new analysis.
 
-use crate::body::SymmetricBlocks;
+use crate::body::BlockPattern;
 use crate::linear::{Cholesky, Column, FactorError, Precision};
 
 /// A factor with the way from the values of the tangent to its own order.
@@ -22,9 +22,9 @@ pub(super) struct TangentFactor<T: Precision> {
 }
 
 impl<T: Precision> TangentFactor<T> {
-    /// Analyses the pattern of a tangent on the `free` degrees of freedom, ascending.
-    pub fn new(tangent: &SymmetricBlocks, free: &[u32]) -> Result<Self, FactorError> {
-        let (pattern, positions) = tangent.restrict(free);
+    /// Analyses the pattern of a body's tangents on the `free` degrees of freedom, ascending.
+    pub fn new(blocks: &BlockPattern, free: &[u32]) -> Result<Self, FactorError> {
+        let (pattern, positions) = blocks.restrict(free);
         let cholesky = Cholesky::with_precision(&pattern)?;
         let entries: Vec<u32> = (0..pattern.len() as u32).collect();
         let placed = cholesky.place(&entries);

@@ -6,13 +6,15 @@
 
 use super::border::Border;
 use super::lagged::Lagged;
+use super::operand::Operand;
 use super::{ConjugateGradients, Preconditioner, Solved};
-use crate::body::SymmetricBlocks;
+use crate::body::Body;
 use crate::clock::Instant;
+use crate::equilibrium::Tangent;
+use crate::linear::FactorError;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
-use crate::linear::{BlockMatrix, FactorError};
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;
@@ -23,10 +25,10 @@ enum Inverse {
     Lagged(Lagged),
 }
 
-/// Conjugate gradients with their matrix, preconditioner and vectors.
+/// Conjugate gradients with what they multiply with, preconditioner and vectors.
 pub(super) struct Iterative {
     settings: ConjugateGradients,
-    matrix: BlockMatrix,
+    operand: Operand,
     inverse: Inverse,
     /// Whether the preconditioner must be made anew, for good reason or because iterations grew.
     is_stale: bool,
@@ -41,21 +43,24 @@ pub(super) struct Iterative {
 impl Iterative {
     pub fn new(
         settings: ConjugateGradients,
-        tangent: &SymmetricBlocks,
+        body: &Body,
         free: &[u32],
-        n_dofs: usize,
     ) -> Result<Self, FactorError> {
-        let matrix = BlockMatrix::new(n_dofs / 3, tangent.pairs());
-        let inverse = match settings.preconditioner {
-            Preconditioner::BlockJacobi => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
-            Preconditioner::IncompleteCholesky => {
-                Inverse::IncompleteCholesky(IncompleteCholesky::new(&matrix))
+        let n_dofs = body.n_dofs();
+        let operand = Operand::new(body, settings.is_matrix_free);
+        let inverse = match (settings.preconditioner, &operand) {
+            (Preconditioner::IncompleteCholesky, Operand::Matrix(matrix)) => {
+                Inverse::IncompleteCholesky(IncompleteCholesky::new(matrix))
             }
-            Preconditioner::LaggedCholesky => Inverse::Lagged(Lagged::new(tangent, free, n_dofs)?),
+            (Preconditioner::LaggedCholesky, Operand::Matrix(_)) => {
+                Inverse::Lagged(Lagged::new(body.pattern(), free, n_dofs)?)
+            }
+            // Without a matrix the settings allow no other.
+            _ => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
         };
         Ok(Iterative {
             settings,
-            matrix,
+            operand,
             inverse,
             is_stale: true,
             fresh_iterations: None,
@@ -67,7 +72,7 @@ impl Iterative {
     }
 
     pub fn hold(&mut self, is_held: &[bool]) {
-        self.matrix.hold(is_held);
+        self.operand.hold(is_held);
         if let Inverse::Lagged(lagged) = &mut self.inverse {
             lagged.hold(is_held);
         }
@@ -77,16 +82,23 @@ impl Iterative {
     }
 
     /// Takes a new tangent over; whether the preconditioner changed.
-    pub fn prepare(&mut self, values: &[f64], shift: f64) -> Result<bool, FactorError> {
-        self.matrix.fill(values, shift);
+    pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<bool, FactorError> {
+        let shift = self.operand.take(tangent, shift)?;
         let is_stale = std::mem::take(&mut self.is_stale);
-        let renewed = match &mut self.inverse {
-            Inverse::BlockJacobi(inverse) => inverse.factorize(&self.matrix).map(|()| true),
-            Inverse::IncompleteCholesky(inverse) if is_stale => {
-                inverse.factorize(&self.matrix).map(|()| true)
+        let renewed = match (&mut self.inverse, &self.operand) {
+            (Inverse::BlockJacobi(inverse), Operand::Matrix(matrix)) => {
+                inverse.factorize(matrix).map(|()| true)
             }
-            Inverse::IncompleteCholesky(_) => Ok(false),
-            Inverse::Lagged(inverse) => inverse.renew(values, shift, is_stale),
+            (Inverse::BlockJacobi(inverse), Operand::Product(product)) => {
+                product.factorize(inverse).map(|()| true)
+            }
+            (Inverse::IncompleteCholesky(inverse), Operand::Matrix(matrix)) if is_stale => {
+                inverse.factorize(matrix).map(|()| true)
+            }
+            (Inverse::IncompleteCholesky(_), _) => Ok(false),
+            (Inverse::Lagged(inverse), _) => {
+                inverse.renew(tangent.blocks()?.values(), shift, is_stale)
+            }
         };
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
@@ -113,7 +125,7 @@ impl Iterative {
         border.close(step, c, forces);
         self.residual.copy_from_slice(b);
         if step.iter().any(|&s| s != 0.0) {
-            self.matrix.apply(step, &mut self.correction);
+            self.operand.apply(step, &mut self.correction);
             self.residual.iter_mut().zip(&self.correction).for_each(|(r, k)| *r -= k);
         }
         // Twice: the force of a tool may be many times what is left without it, and so would be its rounding.
@@ -130,7 +142,7 @@ impl Iterative {
             solved
         };
         if !border.is_empty() {
-            self.matrix.apply(step, &mut self.correction);
+            self.operand.apply(step, &mut self.correction);
             let products = b.iter().zip(&self.correction);
             self.residual.iter_mut().zip(products).for_each(|(r, (b, k))| *r = b - k);
             *forces = border.forces(&self.residual);
@@ -153,7 +165,7 @@ impl Iterative {
         let n = self.residual.len();
         let outcome = cg::solve(
             &mut self.correction,
-            &Projected { matrix: &self.matrix, border },
+            &Projected { operand: &self.operand, border },
             &mut Closed { inverse: &mut self.inverse, n, border, forces: Vec::new() },
             &self.residual,
             &settings,
@@ -171,13 +183,13 @@ impl Iterative {
 
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.
     fn guess(&mut self, border: &Border) {
-        let Iterative { matrix, residual, correction, last, .. } = self;
+        let Iterative { operand, residual, correction, last, .. } = self;
         let along = dot(last, residual);
         if along == 0.0 {
             correction.fill(0.0);
             return;
         }
-        Projected { matrix, border }.apply(last, correction);
+        Projected { operand, border }.apply(last, correction);
         let curvature = dot(last, correction);
         let factor = if curvature > 0.0 { along / curvature } else { 0.0 };
         correction.iter_mut().zip(&*last).for_each(|(x, p)| *x = factor * p);
@@ -233,17 +245,17 @@ impl Inverse {
 
 /// `P K` with the projector `P` of the patches.
 struct Projected<'a> {
-    matrix: &'a BlockMatrix,
+    operand: &'a Operand,
     border: &'a Border,
 }
 
 impl Operator for Projected<'_> {
     fn n(&self) -> usize {
-        self.matrix.n()
+        self.operand.n()
     }
 
     fn apply(&self, x: &[f64], y: &mut [f64]) {
-        self.matrix.apply(x, y);
+        self.operand.apply(x, y);
         self.border.project(y);
     }
 }

@@ -3,7 +3,7 @@
 //! frames go on with the last.
 
 use super::factor::TangentFactor;
-use crate::body::SymmetricBlocks;
+use crate::body::BlockPattern;
 use crate::linear::FactorError;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -43,12 +43,8 @@ struct Worker {
 }
 
 impl Lagged {
-    pub fn new(
-        tangent: &SymmetricBlocks,
-        free: &[u32],
-        n_dofs: usize,
-    ) -> Result<Self, FactorError> {
-        let factor = || TangentFactor::new(tangent, free).map(Box::new);
+    pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
+        let factor = || TangentFactor::new(blocks, free).map(Box::new);
         let has_second_thread = rayon::current_num_threads() > 1;
         Ok(Lagged {
             current: factor()?,

@@ -8,10 +8,12 @@ mod border;
 mod factor;
 mod iterative;
 mod lagged;
+mod operand;
 #[cfg(test)]
 mod tests;
 
-use crate::body::SymmetricBlocks;
+use super::tangent::Tangent;
+use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -39,6 +41,8 @@ pub struct ConjugateGradients {
     pub tolerance: f64,
     /// Iterations after which to stop with what there is.
     pub max_iterations: usize,
+    /// Whether the tangent multiplies cell by cell and is never assembled. Only block-Jacobi needs no more.
+    pub is_matrix_free: bool,
 }
 
 impl Default for ConjugateGradients {
@@ -47,6 +51,7 @@ impl Default for ConjugateGradients {
             preconditioner: Preconditioner::LaggedCholesky,
             tolerance: 1e-3,
             max_iterations: 200,
+            is_matrix_free: false,
         }
     }
 }
@@ -74,7 +79,7 @@ impl Preconditioner {
 
 impl Method {
     /// # Errors
-    /// A tolerance that is not between 0 and 1, or no iterations.
+    /// A tolerance that is not between 0 and 1; no iterations; a preconditioner made from the matrix, and no matrix.
     pub fn check(&self) -> Result<(), Error> {
         let Method::ConjugateGradients(cg) = self else {
             return Ok(());
@@ -86,7 +91,20 @@ impl Method {
                 cg.tolerance, cg.max_iterations
             )));
         }
+        if cg.is_matrix_free && cg.preconditioner != Preconditioner::BlockJacobi {
+            return Err(Error::input(
+                "without a matrix there is nothing to make a factor from; choose the preconditioner \"block_jacobi\"",
+            ));
+        }
         Ok(())
+    }
+
+    /// A tangent as this method takes it, without values.
+    pub fn tangent(&self, body: &Body) -> Tangent {
+        match self {
+            Method::ConjugateGradients(cg) if cg.is_matrix_free => Tangent::product(body),
+            _ => Tangent::matrix(body),
+        }
     }
 }
 
@@ -120,25 +138,25 @@ enum Kind {
 }
 
 impl Solver {
-    /// For tangents on the pattern of this one; the `fixed` degrees of freedom never move.
+    /// For the tangents of a body; the `fixed` degrees of freedom never move.
     ///
     /// # Errors
     /// Settings out of range; a pattern the solver refuses.
     pub fn new(
         method: Method,
-        tangent: &SymmetricBlocks,
-        n_dofs: usize,
+        body: &Body,
         fixed: impl Iterator<Item = u32>,
         patches: Vec<Patch>,
     ) -> Result<Self, Error> {
         method.check()?;
+        let n_dofs = body.n_dofs();
         let mut is_fixed = vec![false; n_dofs];
         fixed.for_each(|dof| is_fixed[dof as usize] = true);
         let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| !is_fixed[d as usize]).collect();
         let kind = match method {
-            Method::Cholesky => Kind::Direct(Box::new(TangentFactor::new(tangent, &free)?)),
+            Method::Cholesky => Kind::Direct(Box::new(TangentFactor::new(body.pattern(), &free)?)),
             Method::ConjugateGradients(settings) => {
-                Kind::Iterative(Box::new(Iterative::new(settings, tangent, &free, n_dofs)?))
+                Kind::Iterative(Box::new(Iterative::new(settings, body, &free)?))
             }
         };
         let (is_held, border) = (is_fixed.clone(), Border::new(Vec::new(), &is_fixed));
@@ -177,20 +195,20 @@ impl Solver {
         self.border.forces(residual)
     }
 
-    /// Makes ready to solve with `K + shift * mean(diag K) * I`.
+    /// Makes ready to solve with `K + shift * mean(diag K) * I`; the tangent is one that [`Method::tangent`] made.
     ///
     /// # Errors
     /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the state is not stable; other
     /// factorisation errors.
-    pub fn prepare(&mut self, tangent: &SymmetricBlocks, shift: f64) -> Result<(), FactorError> {
-        let shift = if shift > 0.0 { shift * tangent.mean_diagonal() } else { 0.0 };
+    pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
         match &mut self.kind {
             Kind::Direct(factor) => {
-                factor.factorize(tangent.values(), shift)?;
+                let tangent = tangent.blocks()?;
+                factor.factorize(tangent.values(), absolute(shift, || tangent.mean_diagonal()))?;
                 self.border.influence(|b, x| factor.solve(b, x))
             }
             Kind::Iterative(iterative) => {
-                let is_renewed = iterative.prepare(tangent.values(), shift)?;
+                let is_renewed = iterative.prepare(tangent, shift)?;
                 if is_renewed || std::mem::take(&mut self.is_border_new) {
                     self.border.influence(|b, x| {
                         iterative.precondition(b, x);
@@ -235,4 +253,9 @@ impl Solver {
             None => Ok(solved),
         }
     }
+}
+
+/// A shift given over the mean of a tangent's diagonal.
+fn absolute(shift: f64, mean_diagonal: impl FnOnce() -> f64) -> f64 {
+    if shift > 0.0 { shift * mean_diagonal() } else { 0.0 }
 }

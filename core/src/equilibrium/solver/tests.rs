@@ -1,26 +1,29 @@
 //! Every method on one bordered system, while grasps change; and what an indefinite tangent does to each.
 
 use super::*;
-use crate::body::Body;
+use crate::body::{Body, Curvature};
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 
-const METHODS: [Method; 4] = [
+const METHODS: [Method; 5] = [
     Method::Cholesky,
-    with(Preconditioner::BlockJacobi),
-    with(Preconditioner::IncompleteCholesky),
-    with(Preconditioner::LaggedCholesky),
+    with(Preconditioner::BlockJacobi, false),
+    with(Preconditioner::BlockJacobi, true),
+    with(Preconditioner::IncompleteCholesky, false),
+    with(Preconditioner::LaggedCholesky, false),
 ];
 
-const fn with(preconditioner: Preconditioner) -> Method {
+const fn with(preconditioner: Preconditioner, is_matrix_free: bool) -> Method {
     Method::ConjugateGradients(ConjugateGradients {
         preconditioner,
         tolerance: 1e-6,
         max_iterations: 1000,
+        is_matrix_free,
     })
 }
 
-fn bar() -> (Body, SymmetricBlocks, Vec<u32>) {
+/// A bar held at one end, and a displacement of it.
+fn bar() -> (Body, Vec<f64>, Vec<u32>) {
     let (points, cells) = block([5, 3, 2], [0.5, 0.3, 0.2]);
     let fixed: Vec<u32> = (0u32..)
         .zip(&points)
@@ -29,10 +32,15 @@ fn bar() -> (Body, SymmetricBlocks, Vec<u32>) {
         .collect();
     let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
     let body = Body::new(points, cells, material).unwrap();
-    let mut tangent = body.zero_tangent();
     let u: Vec<f64> = noise(body.n_dofs(), 1).iter().map(|u| 0.004 * u).collect();
-    body.internal_force_and_tangent(&u, &mut vec![0.0; u.len()], &mut tangent);
-    (body, tangent, fixed)
+    (body, u, fixed)
+}
+
+/// The tangent of a body as a method takes it.
+fn tangent_of(method: Method, body: &Body, u: &[f64]) -> Tangent {
+    let mut tangent = method.tangent(body);
+    tangent.linearize(body, u, Curvature::Exact, &mut vec![0.0; u.len()]);
+    tangent
 }
 
 fn patch(nodes: &[u32]) -> Patch {
@@ -49,7 +57,7 @@ fn norm(v: &[f64]) -> f64 {
 /// solver.
 #[test]
 fn every_method_solves_the_bordered_system_of_every_grasp() {
-    let (body, tangent, fixed) = bar();
+    let (body, u, fixed) = bar();
     let n = body.n_dofs();
     let load = noise(n, 2);
     let (tip, side) = (patch(&[5, 11, 17, 23]), patch(&[14, 15, 20]));
@@ -60,8 +68,8 @@ fn every_method_solves_the_bordered_system_of_every_grasp() {
         (&[51, 52, 53], vec![]),
     ];
     for method in METHODS {
-        let mut solver =
-            Solver::new(method, &tangent, n, fixed.iter().copied(), Vec::new()).unwrap();
+        let tangent = tangent_of(method, &body, &u);
+        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         for (dofs, patches) in &grasps {
             solver.hold(dofs, patches.clone());
             solver.prepare(&tangent, 0.0).unwrap();
@@ -100,9 +108,10 @@ fn every_method_solves_the_bordered_system_of_every_grasp() {
 /// The second solve of a hand that goes on starts where the first one ended.
 #[test]
 fn a_step_that_repeats_the_last_costs_nothing() {
-    let (body, tangent, fixed) = bar();
+    let (body, u, fixed) = bar();
     let n = body.n_dofs();
-    let mut solver = Solver::new(METHODS[1], &tangent, n, fixed.iter().copied(), vec![]).unwrap();
+    let tangent = tangent_of(METHODS[1], &body, &u);
+    let mut solver = Solver::new(METHODS[1], &body, fixed.iter().copied(), vec![]).unwrap();
     let iterations = [1.0, 3.0].map(|factor| {
         solver.prepare(&tangent, 0.0).unwrap();
         let mut b: Vec<f64> = noise(n, 2).iter().map(|b| factor * b).collect();
@@ -113,21 +122,19 @@ fn a_step_that_repeats_the_last_costs_nothing() {
 
 #[test]
 fn an_indefinite_tangent_is_said_and_a_shift_mends_it() {
-    let (body, mut tangent, fixed) = bar();
+    let (body, u, fixed) = bar();
     let n = body.n_dofs();
-    let scale = tangent.mean_diagonal();
-    let diagonal: Vec<usize> = tangent
-        .pairs()
-        .enumerate()
-        .filter(|(_, (r, c))| r == c)
-        .map(|(block, _)| 9 * block)
-        .collect();
-    for block in diagonal {
-        [0, 4, 8].iter().for_each(|i| tangent.values_mut()[block + i] -= 0.1 * scale);
-    }
+    let matrix = tangent_of(Method::Cholesky, &body, &u);
+    let scale = matrix.blocks().unwrap().mean_diagonal();
     for method in METHODS {
-        let mut solver =
-            Solver::new(method, &tangent, n, fixed.iter().copied(), Vec::new()).unwrap();
+        let mut tangent = tangent_of(method, &body, &u);
+        for node in 0..(n / 3) as u32 {
+            let block = body.pattern().position(node, node).unwrap();
+            let less = -0.1 * scale;
+            let entries = [less, 0.0, 0.0, 0.0, less, 0.0, 0.0, 0.0, less];
+            tangent.blocks_mut().add(block, &entries);
+        }
+        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         let (mut s, mut forces) = (vec![0.0; n], Vec::new());
         let mut run = |shift| {
             solver.prepare(&tangent, shift)?;
@@ -152,7 +159,48 @@ fn bad_settings_are_refused() {
         ConjugateGradients { tolerance: 0.0, ..cg },
         ConjugateGradients { tolerance: f64::NAN, ..cg },
         ConjugateGradients { max_iterations: 0, ..cg },
+        ConjugateGradients { is_matrix_free: true, ..cg },
     ] {
         assert!(Method::ConjugateGradients(bad).check().is_err(), "{bad:?}");
+    }
+}
+
+/// To a tangent without a matrix everything happens that happens to one with it: scaled, added to, linearised anew.
+#[test]
+fn a_tangent_without_a_matrix_is_that_with_one() {
+    let (body, u, _) = bar();
+    let n = body.n_dofs();
+    let straight = vec![0.0; n];
+    let x = noise(n, 5);
+    let mut tangents = [METHODS[1], METHODS[2]].map(|method| method.tangent(&body));
+    let added = [1.0, 2.0, 3.0, 2.0, 5.0, 6.0, 3.0, 6.0, 9.0];
+    let one = body.pattern().position(7, 7).unwrap();
+    let two = body.pattern().position(7, 8).unwrap();
+    for (u, curvature) in [(&u, Curvature::Exact), (&straight, Curvature::Convex)] {
+        let products = tangents.each_mut().map(|tangent| {
+            let (mut force, mut y) = (vec![f64::NAN; n], vec![f64::NAN; n]);
+            tangent.linearize(&body, u, curvature, &mut force);
+            [one, two].iter().for_each(|&block| tangent.blocks_mut().add(block, &added));
+            tangent.scale(0.7);
+            tangent.blocks_mut().add(one, &added);
+            tangent.multiply(&x, &mut y);
+            (force, y)
+        });
+        let [(force, y), (same_force, same)] = products;
+        let gap = |a: &[f64], b: &[f64]| {
+            let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+            norm(&difference)
+        };
+        assert!(gap(&force, &same_force) <= 1e-14 * norm(&force));
+        assert!(gap(&y, &same) < 1e-13 * norm(&y));
+    }
+}
+
+#[test]
+fn a_solver_refuses_the_tangent_of_another() {
+    let (body, u, fixed) = bar();
+    for (method, other) in [(METHODS[0], METHODS[2]), (METHODS[2], METHODS[0])] {
+        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        assert!(solver.prepare(&tangent_of(other, &body, &u), 0.0).is_err());
     }
 }

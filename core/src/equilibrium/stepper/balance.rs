@@ -63,16 +63,16 @@ impl Stepper {
             }
             let [of_mass, of_stiffness] = motion.tangent_factors();
             if beta > 0.0 {
-                self.tangent.values_mut().iter_mut().for_each(|k| *k *= of_stiffness);
+                self.tangent.scale(of_stiffness);
             }
-            mass.add_to(of_mass, &mut self.tangent);
+            mass.add_to(of_mass, self.tangent.blocks_mut());
         }
     }
 
     /// Ends a frame: the motion, what is out of balance, what the tools feel. The residual, relative.
     pub(super) fn take_stock(&mut self, body: &Body, is_cut: bool) -> f64 {
         if let Some(relaxation) = &mut self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal, None);
+            relaxation.apply(&self.displacement, &mut self.internal);
             relaxation.end(body.material(), &self.displacement);
         }
         self.press(body);

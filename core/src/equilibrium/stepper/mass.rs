@@ -54,12 +54,7 @@ pub(super) fn nodal_weight(body: &Body, density: &[f64]) -> Result<Vec<f64>, Err
 }
 
 impl MassMatrix {
-    pub fn new(
-        mass: Mass,
-        body: &Body,
-        tangent: &SymmetricBlocks,
-        density: &[f64],
-    ) -> Result<Self, Error> {
+    pub fn new(mass: Mass, body: &Body, density: &[f64]) -> Result<Self, Error> {
         if let Some(bad) = density.iter().find(|rho| !(**rho > 0.0)) {
             return Err(Error::input(format!(
                 "density {bad} kg/m^3; inertia needs a positive one"
@@ -86,7 +81,7 @@ impl MassMatrix {
             shares = (0u32..).zip(&nodal).map(|(node, &mass)| ((node, node), mass)).collect();
         }
         let entry = |((row, column), mass)| {
-            let block = tangent.position(row, column).unwrap_or_default() as u32;
+            let block = body.pattern().position(row, column).unwrap_or_default() as u32;
             Entry { block, row, column, mass }
         };
         let mut entries: Vec<Entry> = shares.into_iter().map(entry).collect();

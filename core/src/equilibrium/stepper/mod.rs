@@ -23,7 +23,8 @@ pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
 use super::solver::Solver;
-use crate::body::{Body, SymmetricBlocks, UPRIGHT};
+use super::tangent::Tangent;
+use crate::body::{Body, UPRIGHT};
 use crate::clock::Instant;
 use crate::element::Element;
 use crate::error::Error;
@@ -35,6 +36,13 @@ use relaxation::Relaxation;
 use std::time::Duration;
 use step::SOUND;
 
+/// Part of the budget that may be spent: an iteration that has begun ends a little late.
+const SPENDABLE: f64 = 0.97;
+/// What is left a frame later of the memory of a long tail.
+const TAIL_KEPT: f64 = 0.98;
+/// The same of a convex tangent: one that took long, once, must be tried again.
+const CONVEX_KEPT: f64 = 0.8;
+
 /// A body in the hands of a simulator.
 pub struct Stepper {
     settings: StepperSettings,
@@ -42,7 +50,7 @@ pub struct Stepper {
     grasped: Vec<u32>,
     patches: Vec<Patch>,
     solver: Solver,
-    tangent: SymmetricBlocks,
+    tangent: Tangent,
     motion: Option<Motion>,
     relaxation: Option<Relaxation>,
     nodal_mass: Vec<f64>,
@@ -55,9 +63,11 @@ pub struct Stepper {
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
-    /// What a frame took after its last linear system was solved: kept free of its budget.
+    /// What frames of late took after their last linear system was solved: kept free of the budget.
     tail: Duration,
-    /// The last step was cut and its tangent was not definite: the next will hardly be.
+    /// What it takes to form a convex tangent, by the last one.
+    convex: Duration,
+    /// The last tangent was not definite, and its step cut or a makeshift: the next will hardly be.
     is_wary: bool,
     /// Shift of the tangent, over its mean diagonal, to begin with: none, or more with every frame that stood still.
     shift: f64,
@@ -105,7 +115,6 @@ impl Stepper {
         let is_sound =
             body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
         let range = if is_sound { SOUND } else { UPRIGHT };
-        let tangent = body.zero_tangent();
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()
         } else {
@@ -114,7 +123,7 @@ impl Stepper {
         let time_step = settings.time_step.unwrap_or_default();
         let motion = match &settings.dynamics {
             Some(dynamics) => {
-                let mass = MassMatrix::new(dynamics.mass, body, &tangent, &settings.density)?;
+                let mass = MassMatrix::new(dynamics.mass, body, &settings.density)?;
                 Some(Motion::new(dynamics, time_step, mass, n))
             }
             None => None,
@@ -125,17 +134,17 @@ impl Stepper {
                 body.element().name()
             )));
         }
-        let relax = |prony| Relaxation::new(prony, time_step, body, &tangent, &displacement);
+        let relax = |prony| Relaxation::new(prony, time_step, body, &displacement);
         let relaxation = settings.relaxation.as_ref().map(relax);
         let fixed = fixed.to_vec();
         let dofs = fixed.iter().copied();
         Ok(Stepper {
-            solver: Solver::new(settings.method, &tangent, n, dofs, Vec::new())?,
+            solver: Solver::new(settings.method, body, dofs, Vec::new())?,
+            tangent: settings.method.tangent(body),
             settings,
             fixed,
             grasped: Vec::new(),
             patches: Vec::new(),
-            tangent,
             motion,
             relaxation,
             nodal_mass,
@@ -146,6 +155,7 @@ impl Stepper {
             pace: 1.0,
             hands_move: false,
             tail: Duration::ZERO,
+            convex: Duration::ZERO,
             is_wary: false,
             shift: 0.0,
             start: displacement.clone(),
@@ -240,10 +250,11 @@ impl Stepper {
         }
         let deadline = self.settings.budget.map(|budget| {
             let budget = Duration::from_secs_f64(budget);
-            clock + budget.saturating_sub(self.tail.min(budget / 2))
+            clock + budget.mul_f64(SPENDABLE).saturating_sub(self.tail.min(budget / 2))
         });
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
+        self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {
             Ok(progress) => progress,
@@ -253,7 +264,7 @@ impl Stepper {
             }
         };
         let residual = self.take_stock(body, progress.is_cut);
-        self.tail = progress.solved_at.elapsed();
+        self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual,

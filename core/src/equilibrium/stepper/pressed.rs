@@ -31,6 +31,9 @@ impl Stepper {
 
     /// Adds to the tangent what the pressure takes from the stiffness.
     pub(super) fn stiffen(&mut self, body: &Body) {
-        self.pressure.add_stiffness(body, &self.displacement, 1.0, &mut self.tangent);
+        if !self.pressure.is_empty() {
+            let blocks = self.tangent.blocks_mut();
+            self.pressure.add_stiffness(body, &self.displacement, 1.0, blocks);
+        }
     }
 }

@@ -7,8 +7,9 @@
 //! So `S = theta S_e + S_h` with `S_h` known from the past: force and tangent of the body are scaled by `theta`, and
 //! the history adds a force that is linear in the displacement.
 
-use crate::body::{Body, SymmetricBlocks};
+use crate::body::Body;
 use crate::element::Geometry;
+use crate::equilibrium::Tangent;
 use crate::error::Error;
 use crate::law::{Law, LawVisitor, Material};
 use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub};
@@ -76,20 +77,14 @@ pub(super) struct Relaxation {
 
 impl Relaxation {
     /// Starts with stresses that have just arisen at displacement `u`.
-    pub fn new(
-        prony: &Prony,
-        time_step: f64,
-        body: &Body,
-        tangent: &SymmetricBlocks,
-        u: &[f64],
-    ) -> Self {
+    pub fn new(prony: &Prony, time_step: f64, body: &Body, u: &[f64]) -> Self {
         let term = |(&g, &tau): (&f64, &f64)| {
             let x = time_step / tau;
             [g, (-x).exp(), -(-x).exp_m1() / x]
         };
         let terms: Vec<[f64; 3]> = prony.g.iter().zip(&prony.tau).map(term).collect();
         let theta = 1.0 - terms.iter().map(|[g, _, mean]| g * (1.0 - mean)).sum::<f64>();
-        let block = |a: u32, b: u32| tangent.position(a, b).unwrap_or_default() as u32;
+        let block = |a: u32, b: u32| body.pattern().position(a, b).unwrap_or_default() as u32;
         let cells: Vec<Cell> = body
             .cells()
             .iter()
@@ -129,8 +124,8 @@ impl Relaxation {
         }
     }
 
-    /// From the law's force and tangent to those of this frame.
-    pub fn apply(&self, u: &[f64], force: &mut [f64], tangent: Option<&mut SymmetricBlocks>) {
+    /// From the law's force to that of this frame.
+    pub fn apply(&self, u: &[f64], force: &mut [f64]) {
         force.iter_mut().for_each(|f| *f *= self.theta);
         for (cell, history) in self.cells.iter().zip(&self.history) {
             let f = cell.deformation(u);
@@ -139,9 +134,12 @@ impl Relaxation {
                 (0..3).for_each(|i| force[3 * node as usize + i] += cell.volume * share[i]);
             }
         }
-        let Some(tangent) = tangent else { return };
-        let values = tangent.values_mut();
-        values.iter_mut().for_each(|k| *k *= self.theta);
+    }
+
+    /// From the law's tangent to that of this frame.
+    pub fn soften(&self, tangent: &mut Tangent) {
+        tangent.scale(self.theta);
+        let values = tangent.blocks_mut().values_mut();
         for (cell, history) in self.cells.iter().zip(&self.history) {
             let g = &cell.gradients;
             for b in 0..4 {

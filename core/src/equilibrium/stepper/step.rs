@@ -27,6 +27,12 @@ fn larger(shift: f64) -> f64 {
     if shift == 0.0 { 1e-3 } else { 10.0 * shift }
 }
 
+/// Whether a convex or a shifted tangent has a factor where this one has none.
+fn is_mendable(error: &FactorError) -> bool {
+    use FactorError::{NotFinite, NotPositiveDefinite, Singular};
+    matches!(error, NotPositiveDefinite { .. } | Singular { .. } | NotFinite { .. })
+}
+
 /// What the Newton iterations of a frame did.
 pub(super) struct Progress {
     pub taken: f64,
@@ -67,7 +73,7 @@ impl Stepper {
             let moved = if self.hands_move { self.pace * taken } else { taken };
             (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
             progress.is_cut |= taken < 1.0;
-            self.heed(taken, is_unstable);
+            self.heed(taken, is_unstable, solved.indefinite.is_some());
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 break;
             }
@@ -75,10 +81,10 @@ impl Stepper {
         Ok(progress)
     }
 
-    /// What a step that was cut, or not, means for the next.
-    fn heed(&mut self, taken: f64, is_unstable: bool) {
+    /// What a step that was cut, or not, or left to what descent there was, means for the next.
+    fn heed(&mut self, taken: f64, is_unstable: bool, is_makeshift: bool) {
         let is_cut = taken < 1.0;
-        self.is_wary = is_cut && is_unstable;
+        self.is_wary = is_makeshift || is_cut && is_unstable;
         self.pace =
             if is_cut { (self.pace * taken).max(SLOWEST_PACE) } else { (4.0 * self.pace).min(1.0) };
         self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
@@ -86,10 +92,11 @@ impl Stepper {
 
     /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
     fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
-        let tangent = &mut self.tangent;
-        body.linearize(&self.displacement, curvature, &mut self.internal, tangent);
+        let clock = Instant::now();
+        self.tangent.linearize(body, &self.displacement, curvature, &mut self.internal);
         if let Some(relaxation) = &self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal, Some(tangent));
+            relaxation.apply(&self.displacement, &mut self.internal);
+            relaxation.soften(&mut self.tangent);
         }
         self.press(body);
         self.stiffen(body);
@@ -98,10 +105,14 @@ impl Stepper {
         }
         self.move_hands(input);
         self.balance();
+        if curvature == Curvature::Convex {
+            self.convex = clock.elapsed();
+        }
     }
 
     /// The Newton step of hands and body, and whether the tangent was not positive definite. Such a tangent is made
-    /// convex cell by cell; if that is not enough (pressure, nothing that holds the body) it is shifted.
+    /// convex cell by cell; if that is not enough (pressure, nothing that holds the body) it is shifted. Where the budget
+    /// leaves no time for that, the descent that the solver has made is the step.
     fn find_step(
         &mut self,
         body: &Body,
@@ -109,7 +120,8 @@ impl Stepper {
         is_first: bool,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        let mut curvature = if self.is_wary { Curvature::Convex } else { Curvature::Exact };
+        let is_wary = self.is_wary && self.has_time_for_convex(deadline);
+        let mut curvature = if is_wary { Curvature::Convex } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let gap = self.gap(input);
         self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
@@ -120,22 +132,18 @@ impl Stepper {
                 Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
                 Err(error) => Err(error),
             };
-            let is_convex = curvature == Curvature::Convex;
-            let is_late = deadline.is_some_and(|end| Instant::now() >= end);
+            let is_last = shift >= LARGEST_SHIFT || !self.has_time_for_convex(deadline);
             match outcome {
-                Ok(solved) if solved.indefinite.is_none() => break solved,
-                // The descent made before the direction of negative curvature, or at least one of descent.
-                Ok(solved) if is_late && (is_convex || solved.iterations > 0) => break solved,
-                Ok(solved) if shift >= LARGEST_SHIFT => break solved,
+                // Where it is the last, the descent made before a direction of negative curvature, or at least one of
+                // descent.
+                Ok(solved) if solved.indefinite.is_none() || is_last => break solved,
                 Ok(solved) => iterations += solved.iterations,
-                Err(
-                    FactorError::NotPositiveDefinite { .. }
-                    | FactorError::Singular { .. }
-                    | FactorError::NotFinite { .. },
-                ) if shift < LARGEST_SHIFT => {}
-                Err(error) => return Err(error.into()),
+                Err(error) if shift >= LARGEST_SHIFT || !is_mendable(&error) => {
+                    return Err(error.into());
+                }
+                Err(_) => {}
             }
-            if is_convex {
+            if curvature == Curvature::Convex {
                 shift = larger(shift);
             } else {
                 curvature = Curvature::Convex;
@@ -145,6 +153,10 @@ impl Stepper {
         self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
         let is_unstable = curvature == Curvature::Convex || solved.indefinite.is_some();
         Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
+    }
+
+    fn has_time_for_convex(&self, deadline: Option<Instant>) -> bool {
+        deadline.is_none_or(|end| Instant::now() + self.convex < end)
     }
 
     /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.

@@ -63,12 +63,20 @@ fn press<'a>(means: &'a [[f64; 3]; 1]) -> Input<'a> {
     Input { means, ..STILL }
 }
 
+const MATRIX_FREE: ConjugateGradients = ConjugateGradients {
+    preconditioner: Preconditioner::BlockJacobi,
+    tolerance: 1e-4,
+    max_iterations: 500,
+    is_matrix_free: true,
+};
+
 fn methods() -> Vec<Method> {
+    let with_matrix = ConjugateGradients { is_matrix_free: false, ..MATRIX_FREE };
     let cg = |(_, preconditioner)| {
-        let settings = ConjugateGradients { preconditioner, tolerance: 1e-4, max_iterations: 500 };
-        Method::ConjugateGradients(settings)
+        Method::ConjugateGradients(ConjugateGradients { preconditioner, ..with_matrix })
     };
-    std::iter::once(Method::Cholesky).chain(Preconditioner::NAMES.map(cg)).collect()
+    let others = [Method::Cholesky, Method::ConjugateGradients(MATRIX_FREE)];
+    others.into_iter().chain(Preconditioner::NAMES.map(cg)).collect()
 }
 
 fn dynamic(integration: Integration, mass: Mass, time_step: f64) -> StepperSettings {
@@ -220,14 +228,39 @@ fn a_jerky_hand_does_no_harm() {
     }
 }
 
+/// Inertia, damping, memory and pressure are added to a tangent without a matrix as to one with it.
+#[test]
+fn frames_without_a_matrix_are_those_with_a_factor() {
+    let body = bar("neo_hookean");
+    let faces: Vec<Vec<u32>> = body.surface().iter().take(9).map(|f| f.to_vec()).collect();
+    let pressure = Pressure { values: vec![-300.0; faces.len()], faces };
+    for mass in [Mass::Lumped, Mass::Consistent] {
+        let tight = ConjugateGradients { tolerance: 1e-12, ..MATRIX_FREE };
+        let ways = [Method::Cholesky, Method::ConjugateGradients(tight)].map(|method| {
+            let settings = StepperSettings {
+                method,
+                dynamics: Some(Dynamics { integration: TRAPEZOID, mass, damping: [2.0, 0.01] }),
+                density: vec![DENSITY],
+                ..viscous(&[0.3], &[0.05], 0.01)
+            };
+            let mut stepper = held(&body, settings);
+            stepper.set_pressure(&body, pressure.clone()).unwrap();
+            for k in 1..=12 {
+                let d = [[0.0, 0.002 * f64::from(k), -0.004 * f64::from(k)]];
+                assert!(stepper.frame(&body, &press(&d)).unwrap().is_solved);
+            }
+            stepper.displacement().to_vec()
+        });
+        let largest = ways[0].iter().fold(0.0f64, |a, u| a.max(u.abs()));
+        let gap = ways[0].iter().zip(&ways[1]).fold(0.0f64, |a, (u, v)| a.max((u - v).abs()));
+        assert!(largest > 0.04 && gap < 1e-9 * largest, "{mass:?}: {gap} of {largest}");
+    }
+}
+
 #[test]
 fn a_spent_budget_is_said() {
     let body = bar("neo_hookean");
-    let cg = ConjugateGradients {
-        preconditioner: Preconditioner::BlockJacobi,
-        tolerance: 1e-6,
-        max_iterations: 3,
-    };
+    let cg = ConjugateGradients { tolerance: 1e-6, max_iterations: 3, ..MATRIX_FREE };
     let method = Method::ConjugateGradients(cg);
     let mut stepper = held(&body, StepperSettings { method, ..Default::default() });
     let frame = stepper.frame(&body, &press(&[[0.0, 0.0, -0.02]])).unwrap();
@@ -238,6 +271,7 @@ fn a_spent_budget_is_said() {
     let frame = stepper.frame(&body, &press(&[[0.0, 0.0, -0.02]])).unwrap();
     assert!(frame.iterations == 0 && !frame.is_solved && !frame.within_budget, "{frame:?}");
 }
+
 #[test]
 fn bad_settings_are_refused_with_the_value_and_what_to_do() {
     let good = dynamic(TRAPEZOID, Mass::Lumped, 0.01);

@@ -21,13 +21,24 @@ impl BlockJacobi {
     /// [`FactorError::NotPositiveDefinite`] names a row of the block that is not, which may be any of its rows.
     pub fn factorize(&mut self, matrix: &BlockMatrix) -> Result<(), FactorError> {
         FactorError::expect_length("matrix", self.inverses.len(), matrix.n_nodes())?;
-        for (node, inverse) in self.inverses.iter_mut().enumerate() {
-            (*inverse, _) = inverse_of_positive(matrix.diagonal_block(node))
+        let blocks = (0..matrix.n_nodes()).map(|node| matrix.diagonal_block(node));
+        self.factorize_blocks(blocks, |row| matrix.is_held(row))
+    }
+
+    /// Inverts a block for each node; rows that are held are those of the identity there.
+    ///
+    /// # Errors
+    /// As those of [`BlockJacobi::factorize`].
+    pub fn factorize_blocks(
+        &mut self,
+        blocks: impl Iterator<Item = [[f64; 3]; 3]>,
+        is_held: impl Fn(usize) -> bool,
+    ) -> Result<(), FactorError> {
+        for (node, (inverse, block)) in self.inverses.iter_mut().zip(blocks).enumerate() {
+            (*inverse, _) = inverse_of_positive(block)
                 .ok_or(FactorError::NotPositiveDefinite { row: 3 * node })?;
         }
-        for (row, held) in self.is_held.iter_mut().enumerate() {
-            *held = matrix.is_held(row);
-        }
+        self.is_held.iter_mut().enumerate().for_each(|(row, held)| *held = is_held(row));
         Ok(())
     }
 }

@@ -1,0 +1,155 @@
+//! The tangent without a matrix: cell by cell it multiplies with a vector, evaluated anew at every product.
+//!
+//! A product costs the arithmetic of an assembly, and no memory beside a vector of each cell's nodes: the choice for
+//! bodies whose matrix does not fit.
+
+use super::blocks::BlockPattern;
+use super::cells::Cells;
+use super::kernels::{Alone, Surroundings, TASK};
+use super::tangent::{Curvature, Purpose};
+use super::{Assembly, Body, Lane, SymmetricBlocks};
+use crate::element::Shape;
+use crate::law::Material;
+use crate::tensor::{Mat3, Vec3};
+use crate::threads::share;
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// The tangent of a body at a displacement, as what multiplies with it.
+#[derive(Clone)]
+pub struct TangentProduct {
+    material: Arc<Material>,
+    assembly: Arc<Assembly>,
+    pattern: Arc<BlockPattern>,
+    u: Vec<f64>,
+    curvature: Curvature,
+    /// What clusters share at `u`.
+    shared: Shared,
+}
+
+/// Pressures of clusters and the products `j_c (x) s V_c U'' j_c` that they add to the tangent.
+#[derive(Clone, Default)]
+struct Shared {
+    pressures: Vec<f64>,
+    slopes: [Vec<[f64; 3]>; 2],
+}
+
+impl Body {
+    /// Its tangent at rest, as a product.
+    pub fn tangent_product(&self) -> TangentProduct {
+        let mut product = TangentProduct {
+            material: self.material.clone(),
+            assembly: self.assembly.clone(),
+            pattern: self.pattern.clone(),
+            u: Vec::new(),
+            curvature: Curvature::Exact,
+            shared: Shared::default(),
+        };
+        product.move_to(&vec![0.0; self.n_dofs()], Curvature::Exact);
+        product
+    }
+}
+
+impl TangentProduct {
+    /// From now on it is the tangent at `u`.
+    pub fn move_to(&mut self, u: &[f64], curvature: Curvature) {
+        self.u.clear();
+        self.u.extend_from_slice(u);
+        self.curvature = curvature;
+        if let Assembly::P1MeanVolume(cells, clusters) = &*self.assembly {
+            let volumes = clusters.volumes(&self.material, &cells.batches, u);
+            let (pressures, slopes) = clusters.tangent(&self.material, &volumes, curvature);
+            self.shared = Shared { pressures, slopes };
+        }
+    }
+
+    /// `y = K x` over all degrees of freedom.
+    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        let (material, at) = (&*self.material, (self.u.as_slice(), self.curvature));
+        match &*self.assembly {
+            Assembly::P1(cells) => cells.tangent_times(material, Alone, at, x, y),
+            Assembly::P2(cells) => cells.tangent_times(material, Alone, at, x, y),
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let around = clusters.around(&self.shared.pressures);
+                cells.tangent_times(material, around, at, x, y);
+                clusters.add_products_times(&self.shared.slopes, x, y);
+            }
+        }
+    }
+
+    /// The block of each node with itself, entries `[i][k]`, nine per node.
+    pub fn diagonal(&self) -> Vec<[f64; 9]> {
+        let (material, at) = (&*self.material, (self.u.as_slice(), self.curvature));
+        match &*self.assembly {
+            Assembly::P1(cells) => cells.tangent_diagonal(material, Alone, at),
+            Assembly::P2(cells) => cells.tangent_diagonal(material, Alone, at),
+            Assembly::P1MeanVolume(cells, clusters) => {
+                let around = clusters.around(&self.shared.pressures);
+                let mut blocks = cells.tangent_diagonal(material, around, at);
+                clusters.add_diagonal(&self.shared.slopes, &mut blocks);
+                blocks
+            }
+        }
+    }
+
+    /// A matrix for what is added to the tangent, zero.
+    pub fn zero_blocks(&self) -> SymmetricBlocks {
+        SymmetricBlocks::zeros(&self.pattern)
+    }
+}
+
+impl<E: Shape<N>, const N: usize> Cells<E, N> {
+    /// `y = K x`.
+    fn tangent_times(
+        &self,
+        material: &Material,
+        around: impl Surroundings,
+        at: (&[f64], Curvature),
+        x: &[f64],
+        y: &mut [f64],
+    ) {
+        let mut products = vec![[[Lane::default(); 3]; N]; self.batches.len()];
+        self.with_tangents(material, around, at, &mut |run| {
+            let of_task = |(task, products): (usize, &mut [[Vec3<Lane>; N]])| {
+                run(task, products, Purpose::Product(x));
+            };
+            if share(self.n_tasks()) {
+                products.par_chunks_mut(TASK).enumerate().for_each(of_task);
+            } else {
+                products.chunks_mut(TASK).enumerate().for_each(of_task);
+            }
+        });
+        self.gather_forces(&products, y);
+    }
+
+    /// The blocks of each node with itself.
+    fn tangent_diagonal(
+        &self,
+        material: &Material,
+        around: impl Surroundings,
+        at: (&[f64], Curvature),
+    ) -> Vec<[f64; 9]> {
+        let mut of_cells = vec![[Mat3::<Lane>::default(); N]; self.batches.len()];
+        self.with_tangents(material, around, at, &mut |run| {
+            let of_task = |(task, blocks): (usize, &mut [[Mat3<Lane>; N]])| {
+                let mut forces = vec![[[Lane::default(); 3]; N]; blocks.len()];
+                run(task, &mut forces, Purpose::Diagonal(blocks));
+            };
+            if share(self.n_tasks()) {
+                of_cells.par_chunks_mut(TASK).enumerate().for_each(of_task);
+            } else {
+                of_cells.chunks_mut(TASK).enumerate().for_each(of_task);
+            }
+        });
+        let sum = |node: usize| {
+            let mut sum = [0.0; 9];
+            for &(slot, a) in self.incidence.of(node) {
+                let block = &of_cells[slot.batch as usize][a as usize];
+                let lane = slot.lane as usize;
+                (0..9).for_each(|entry| sum[entry] += block[entry / 3][entry % 3][lane]);
+            }
+            sum
+        };
+        (0..self.incidence.len()).map(sum).collect()
+    }
+}
