@@ -32,6 +32,7 @@ Array = np.ndarray
 PAIR_DEPTHS, TOUCH_DEPTHS = (0.05, 0.10), (0.05, 0.10, 0.15)
 BANDS = (1.0, 2.0, 3.0, 4.5, np.inf)  # distances of two fingers, in patch radii
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)  # of sampling
+SNAPSHOTS = 160  # at most
 TICKS = 400  # of a moving hand, a millisecond each
 SPEED = 0.1  # of the hand [m/s]
 
@@ -116,13 +117,14 @@ def relative(value: Array, truth: Array) -> float:
     return float(np.linalg.norm(value - truth) / np.linalg.norm(truth))
 
 
-def scores(fingers: Galerkin, cases: list[Case], name: str = "Galerkin") -> tuple[list[Score], list[float]]:
+def scores(
+    touch: vs.Touch, grasps: list[Grasp], cases: list[Case], name: str = "Galerkin"
+) -> tuple[list[Score], list[float]]:
     """The Galerkin model's answers, and of the trusted ones error over estimate."""
     found, ratios = [], []
-    for case in cases:
-        grasp = fingers.grasp(case.points)
+    for grasp, case in zip(grasps, cases, strict=True):
         for depth, truth in case.truths.items():
-            held = grasp.solve(depth * fingers.touch.mesh.diagonal * case.directions, stiffness=False)
+            held = grasp.solve(depth * touch.mesh.diagonal * case.directions, stiffness=False)
             error = relative(held.displacement, truth.field), relative(held.force, truth.forces)
             kinds = [name] + [f"{name}, trusted"] * held.is_trusted
             found += [Score(kind, depth, case.band, *error, truth.is_stable) for kind in kinds]
@@ -153,10 +155,12 @@ def table(title: str, found: Iterable[Score]) -> None:
         print(f"  {name:44s} {len(scored):5d}  {columns}", flush=True)
 
 
-def compare(fingers: Galerkin, cases: list[Case]) -> None:
-    """Superposition and the Galerkin model against Newton, by depth and by distance."""
-    own, ratios = scores(fingers, cases)
-    found = superposed(fingers.touch, cases) + own
+def compare(touch: vs.Touch, grasps: dict[str, list[Grasp]], cases: list[Case]) -> None:
+    """Superposition and the Galerkin models against Newton, by depth and by distance."""
+    found, ratios = superposed(touch, cases), []
+    for name, some in grasps.items():
+        own, of_trusted = scores(touch, some, cases, name)
+        found, ratios = found + own, ratios + of_trusted
     for depth in PAIR_DEPTHS:
         table(f"two fingers, {100 * depth:.0f} % of the diagonal", (s for s in found if s.depth == depth))
         for band, (low, high) in enumerate(pairwise(BANDS)):
@@ -169,7 +173,8 @@ def compare(fingers: Galerkin, cases: list[Case]) -> None:
 
 def compare_one(fingers: Galerkin, cases: list[Case]) -> None:
     """One finger: the series alone and the Galerkin model."""
-    found = superposed(fingers.touch, cases) + scores(fingers, cases)[0]
+    grasps = [fingers.grasp(case.points) for case in cases]
+    found = superposed(fingers.touch, cases) + scores(fingers.touch, grasps, cases)[0]
     for depth in TOUCH_DEPTHS:
         named = (s._replace(kind="series") if s.kind == "superposition" else s for s in found if s.depth == depth)
         table(f"one finger, {100 * depth:.0f} % of the diagonal", named)
@@ -179,21 +184,21 @@ def sampled(touch: vs.Touch, cases: list[Case]) -> None:
     """What cells cost and bring."""
     for tolerance in TOLERANCES:
         fingers = touch.galerkin(tolerance=tolerance)
-        grasps = [fingers.grasp(case.points) for case in cases[:10]]
+        grasps = [fingers.grasp(case.points) for case in cases[:20]]
         cells, seconds = (np.median([getattr(grasp, what) for grasp in grasps]) for what in ("cells", "seconds"))
         tick = np.median(moving(touch, grasps[:5], np.random.default_rng(5), stiffness=True))
-        found, _ = scores(fingers, cases[:20], f"{cells:.0f} cells, hold {seconds:.2f} s, tick {1e3 * tick:.2f} ms")
+        name = f"{cells:.0f} cells, hold {seconds:.2f} s, tick {1e3 * tick:.2f} ms"
+        found, _ = scores(touch, grasps, cases[:20], name)
         for depth in PAIR_DEPTHS:
             chosen = (s for s in found if s.depth == depth and s.is_stable and "trusted" not in s.kind)
             table(f"sampling to {tolerance:g}: two fingers, {100 * depth:.0f} %", chosen)
 
 
-def times(fingers: Galerkin, cases: list[Case]) -> None:
+def times(touch: vs.Touch, grasps: list[Grasp], name: str) -> None:
     """Milliseconds of taking hold, of single solutions, and of every tick of a hand that moves."""
-    touch, random = fingers.touch, np.random.default_rng(5)
-    grasps = [fingers.grasp(case.points) for case in cases[:20]]
-    modes, cells = (np.median([getattr(grasp, what) for grasp in grasps]) for what in ("modes", "cells"))
-    print(f"\n{modes:.0f} modes on {cells:.0f} of {len(touch.mesh.cells)} cells (medians); milliseconds")
+    random = np.random.default_rng(5)
+    size = (f"{np.median([getattr(grasp, what) for grasp in grasps]):.0f}" for what in ("snapshots", "modes", "cells"))
+    print(f"\n{name}: {{}} snapshots, {{}} modes on {{}} of {len(touch.mesh.cells)} cells (medians); ms".format(*size))
     print(f"{'':48s}      p50      p99    worst   within 1 ms")
 
     def report(name: str, seconds: list[float]) -> None:
@@ -247,8 +252,14 @@ def main() -> None:
         print(touch)
     fingers = timed("what several touches need beyond the series, off-line", touch.galerkin)
     cases = solved(touch, pairs(touch, n_pairs, seed=1), PAIR_DEPTHS)
-    times(fingers, cases)
-    compare(fingers, cases)
+    taught = touch.galerkin(snapshots=SNAPSHOTS)
+    grasps = {
+        "Galerkin": [fingers.grasp(case.points) for case in cases],
+        "Galerkin, snapshots": [taught.grasp(case.points) for case in cases],
+    }
+    for name, some in grasps.items():
+        times(touch, some[:20], name)
+    compare(touch, grasps, cases)
     sampled(touch, cases)
     compare_one(fingers, solved(touch, singles(touch, n_touches, seed=2), TOUCH_DEPTHS))
 

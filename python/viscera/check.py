@@ -176,7 +176,7 @@ class Full:
         self.dead_load[self.organ.fixed] = 0.0
 
     def solve(
-        self, patch: _core.Patch, push: Floats, start: State | None = None, progress: Progress | None = None
+        self, patch: _core.Patch, push: Floats, start: State | Floats | None = None, progress: Progress | None = None
     ) -> State:
         """Equilibrium with the patch's mean displaced by `push` (3,) [m] from the preload."""
         mean = patch.weights @ self.preload[patch.nodes]

@@ -85,6 +85,8 @@ class Grasp:
         """Number of modes."""
         self.cells: int = grasp.cells
         """Number of cells the energy is summed over."""
+        self.snapshots: int = grasp.snapshots
+        """Number of states solved on the whole organ, which the modes hold."""
         self.seconds: float = grasp.seconds
         """Time that taking hold has taken [s]."""
 

@@ -125,8 +125,9 @@ class Touch:
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
-        this model's. snapshots: states solved on the whole organ when contacts take hold, about a tenth of a second
-        each for the built-in liver, for the basis to hold what the series miss.
+        this model's. snapshots: states solved on the whole organ when contacts take hold, at most, for the basis to
+        hold what the series miss: two dozen spread evenly, then more in rounds, until the answers of a round are right
+        to a fifth of what a trusted one may be wrong.
         """
         from viscera.galerkin import galerkin
 

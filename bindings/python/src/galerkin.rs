@@ -36,8 +36,9 @@ impl Galerkin {
     fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>) -> PyResult<Grasp> {
         let points = convert::points("contacts", &points)?;
         let grasp = py.detach(|| self.galerkin.grasp(&points)).map_err(convert::error)?;
-        let (cells, seconds) = (grasp.n_cells(), grasp.seconds());
-        Ok(Grasp { hold: Arc::clone(grasp.hold()), cells, seconds, grasp: Mutex::new(grasp) })
+        let (cells, snapshots) = (grasp.n_cells(), grasp.n_snapshots());
+        let (hold, seconds) = (Arc::clone(grasp.hold()), grasp.seconds());
+        Ok(Grasp { hold, cells, snapshots, seconds, grasp: Mutex::new(grasp) })
     }
 }
 
@@ -47,6 +48,8 @@ pub struct Grasp {
     hold: Arc<Hold>,
     #[pyo3(get)]
     cells: usize,
+    #[pyo3(get)]
+    snapshots: usize,
     #[pyo3(get)]
     seconds: f64,
     grasp: Mutex<galerkin::Grasp>,
@@ -125,9 +128,9 @@ impl Held {
     }
 
     /// Expected error, and why not to rely on the answer.
-    fn assess(&self, py: Python<'_>) -> (f64, &'static str) {
-        let assessment = py.detach(|| self.hold.assess(&self.solution));
-        (assessment.error, reason(assessment.trust))
+    fn assess(&self, py: Python<'_>) -> PyResult<(f64, &'static str)> {
+        let assessment = py.detach(|| self.hold.assess(&self.solution)).map_err(convert::error)?;
+        Ok((assessment.error, reason(assessment.trust)))
     }
 }
 
@@ -145,6 +148,7 @@ fn reason(trust: Trust) -> &'static str {
         Trust::NotConverged => "no equilibrium was found",
         Trust::Inverted => "a sampled cell is inside out",
         Trust::BeyondDepth => "a contact is displaced by more than in training",
+        Trust::Unstable => "the whole organ would not stay there",
         Trust::ErrorTooLarge => "the expected error is larger than allowed at this depth",
     }
 }

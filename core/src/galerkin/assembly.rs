@@ -8,6 +8,7 @@ use crate::tensor::{Mat3, cofactor, determinant, mul_vector};
 use crate::unroll::tabulate;
 
 /// What the cells say at some coordinates.
+#[derive(Clone)]
 pub(super) struct Reduced {
     /// `W(q)` [J].
     pub energy: f64,

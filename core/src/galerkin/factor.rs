@@ -12,6 +12,7 @@ const PENALTY: f64 = 10.0;
 const SHIFT: f64 = 1e-3;
 
 /// Cholesky factor of `K_g`, and of `A K_g^-1 A^T`.
+#[derive(Clone)]
 pub(super) struct Factor {
     r: usize,
     /// Rows of the lower factor, each `r` long.

@@ -6,7 +6,7 @@ use super::nnls::{Columns, greedy, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
-use super::training::{Forces, State, systematic};
+use super::training::{Forces, State, Training, systematic};
 use crate::body::Body;
 use crate::error::Error;
 use crate::reduced::Contact;
@@ -50,6 +50,7 @@ pub struct Solution {
 pub struct Grasp {
     hold: Arc<Hold>,
     solver: Solver,
+    n_snapshots: usize,
     seconds: f64,
     /// Whether it is at an equilibrium, to start the next from.
     is_settled: bool,
@@ -58,15 +59,21 @@ pub struct Grasp {
 impl Grasp {
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
         let clock = Instant::now();
-        let (hold, training) = Hold::new(owner, contacts)?;
-        let hold = Arc::new(hold);
-        let (owner, subspace) = (&hold.owner, &hold.subspace);
-        let sample = sample(&owner.rest.body, subspace, &training, owner.sampling.tolerance);
-        let squares = training.iter().map(State::square);
-        let unit = (squares.sum::<f64>() / training.len() as f64).sqrt();
-        let solver = Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit);
+        let mut hold = Hold::new(Arc::clone(&owner), contacts)?;
+        let patches = hold.patches();
+        let mut training = Training::new(&owner, &patches, &mut hold.subspace)?;
+        let solver = loop {
+            let states = training.states(&owner.rest, &hold.subspace);
+            let solver = solver(&owner, &hold.subspace, &states);
+            if training.is_complete(&owner)
+                || training.examine(&owner, &patches, &mut hold.subspace, &solver)?
+            {
+                break solver;
+            }
+        };
         let seconds = clock.elapsed().as_secs_f64();
-        Ok(Grasp { hold, solver, seconds, is_settled: false })
+        let n_snapshots = training.n_snapshots();
+        Ok(Grasp { hold: Arc::new(hold), solver, n_snapshots, seconds, is_settled: false })
     }
 
     /// What does not change from one solution to the next.
@@ -77,6 +84,11 @@ impl Grasp {
     /// Number of sampled cells.
     pub fn n_cells(&self) -> usize {
         self.solver.n_cells()
+    }
+
+    /// Number of states solved on the whole body, that the modes hold.
+    pub fn n_snapshots(&self) -> usize {
+        self.n_snapshots
     }
 
     /// Time that taking hold has taken [s].
@@ -136,6 +148,14 @@ impl Grasp {
             seconds: clock.elapsed().as_secs_f64(),
         })
     }
+}
+
+/// The search for equilibrium in a span, on cells and weights that training finds.
+fn solver(owner: &Galerkin, subspace: &Subspace, training: &[State]) -> Solver {
+    let sample = sample(&owner.rest.body, subspace, training, owner.sampling.tolerance);
+    let squares: f64 = training.iter().map(State::square).sum();
+    let unit = (squares / training.len() as f64).sqrt();
+    Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit)
 }
 
 /// Cells and weights that give the forces of the whole body in training.

@@ -1,16 +1,16 @@
 //! What does not change while contacts hold an organ: their patches and modes; and what an answer in them is worth.
 //!
-//! With the force `f(u)` of the whole body in an answer and its contact forces `A^T F`, the step
-//!   z = -K^-1 (f(u) - A^T F),     moved so that the means of the patches stay,
-//! K the tangent at rest, is nearly what is missing: `|z| / |u|` is the error that is expected.
+//! With force `f` and tangent `K` of the whole body in an answer `u`, Newton's step
+//!   K z - A^T F = -f,   A z = 0,
+//! `A` the means of the patches, is nearly what is missing: `|z| / |u|` is the error that is expected. A tangent that is
+//! not positive definite says that the organ would not stay there, however small the step.
 
 use super::grasp::Solution;
 use super::model::Galerkin;
 use super::nnls::norm;
+use super::snapshots::Step;
 use super::solver::Status;
 use super::subspace::Subspace;
-use super::training::{State, train};
-use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::reduced::{Contact, allowance};
@@ -27,6 +27,8 @@ pub enum Trust {
     Inverted,
     /// A contact is displaced by more than it was in training.
     BeyondDepth,
+    /// The whole organ would not stay there.
+    Unstable,
     /// The expected error is larger than allowed.
     ErrorTooLarge,
 }
@@ -48,16 +50,10 @@ pub struct Hold {
 }
 
 impl Hold {
-    /// Also the states that cells and weights are to be found by.
-    pub(super) fn new(
-        owner: Arc<Galerkin>,
-        contacts: Vec<Contact>,
-    ) -> Result<(Self, Vec<State>), Error> {
-        let order = owner.sampling.order;
-        let patches: Vec<Patch> = contacts.iter().map(|c| owner.model.patch(c)).collect();
-        let mut subspace = Subspace::new(&owner.model, &owner.rest, &contacts, order)?;
-        let training = train(&owner, &patches, &mut subspace)?;
-        Ok((Hold { owner, subspace, contacts }, training))
+    /// In the span of the series.
+    pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
+        let subspace = Subspace::new(&owner.model, &owner.rest, &contacts, owner.sampling.order)?;
+        Ok(Hold { owner, subspace, contacts })
     }
 
     /// Where the contacts are.
@@ -90,53 +86,43 @@ impl Hold {
         Ok(self.subspace.basis.field(&q))
     }
 
-    /// Asks the whole body: one evaluation of its force, one substitution. Some milliseconds; not for every tick.
-    pub fn assess(&self, solution: &Solution) -> Assessment {
-        let metadata = self.owner.model.metadata();
-        let error = self.error(solution);
+    /// Asks the whole body: its tangent, factorised, and a substitution. As long as a frame of a simulator; not for
+    /// every tick.
+    ///
+    /// # Errors
+    /// No memory for a solver.
+    pub fn assess(&self, solution: &Solution) -> Result<Assessment, Error> {
+        let Galerkin { model, sampling, .. } = &*self.owner;
+        let (error, is_stable) = self.expected_error(solution)?;
         let trust = if solution.status != Status::Converged {
             Trust::NotConverged
         } else if !(solution.smallest_jacobian > 0.0) {
             Trust::Inverted
-        } else if !(solution.depth <= self.owner.sampling.depth * (1.0 + 1e-9)) {
+        } else if !(solution.depth <= sampling.depth * (1.0 + 1e-9)) {
             Trust::BeyondDepth
-        } else if !(error <= allowance(solution.depth / metadata.diagonal)) {
+        } else if !is_stable {
+            Trust::Unstable
+        } else if !(error <= allowance(solution.depth / model.metadata().diagonal)) {
             Trust::ErrorTooLarge
         } else {
             Trust::Trusted
         };
-        Assessment { error, trust }
+        Ok(Assessment { error, trust })
     }
 
-    fn error(&self, solution: &Solution) -> f64 {
+    /// Newton's step relative to the field, at most 1, and whether the organ would stay.
+    fn expected_error(&self, solution: &Solution) -> Result<(f64, bool), Error> {
         if solution.depth == 0.0 {
-            return 0.0;
+            return Ok((0.0, true));
         }
         let u = self.displacement(solution);
-        let error = self.missing(&u, &solution.forces).map_or(1.0, |z| norm(&z) / norm(&u));
-        if error < 1.0 { error } else { 1.0 }
-    }
-
-    /// The step `z`; none where it is not finite.
-    fn missing(&self, u: &[f64], forces: &[[f64; 3]]) -> Option<Vec<f64>> {
-        let rest = &self.owner.rest;
-        let mut residual = vec![0.0; u.len()];
-        rest.body.internal_force(u, &mut residual);
-        let patches = self.patches();
-        for (patch, force) in patches.iter().zip(forces) {
-            for (&node, w) in patch.nodes.iter().zip(&patch.weights) {
-                (0..3).for_each(|i| residual[3 * node as usize + i] -= w * force[i]);
+        Ok(match self.owner.newton_step(&self.patches(), &u)? {
+            Some(Step { way, is_stable }) => {
+                let error = norm(&way) / norm(&u);
+                (if error < 1.0 { error } else { 1.0 }, is_stable)
             }
-        }
-        let free = rest.system.free();
-        let mut step: Vec<f64> = free.iter().map(|&dof| -residual[dof as usize]).collect();
-        rest.system.solve_free(&mut step, 1).ok()?;
-        let mut z = vec![0.0; u.len()];
-        free.iter().zip(step).for_each(|(&dof, x)| z[dof as usize] = x);
-        let moved: Vec<f64> = patches.iter().flat_map(|patch| patch_mean(patch, &z)).collect();
-        let back = self.subspace.basis.field(&self.subspace.first_order(&moved));
-        z.iter_mut().zip(back).for_each(|(z, x)| *z -= x);
-        Some(z)
+            None => (1.0, false),
+        })
     }
 
     pub(super) fn check(&self, displacements: &[[f64; 3]]) -> Result<(), Error> {

@@ -16,6 +16,7 @@ mod hold;
 mod model;
 mod nnls;
 mod sample;
+mod sketch;
 mod snapshots;
 mod solver;
 mod subspace;

@@ -1,10 +1,13 @@
 //! Non-negative least squares, `min |A w - b|` over `w >= 0`, stopped early: which cells, and how much each counts.
-//! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23.
+//! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23, with several columns taken in at a time once
+//! there are many: to ask all for their gain takes longer than to take some in.
 
 use rayon::prelude::*;
 
 /// Part of a column that must be its own for it to be taken in.
 const DEPENDENT: f64 = 1e-12;
+/// Columns in use for each that is taken in at once.
+const AT_ONCE: usize = 16;
 /// Columns below which a thread has too little to do.
 const FEW: usize = 128;
 
@@ -28,18 +31,25 @@ impl Columns<'_> {
 pub(super) fn greedy(a: &Columns, b: &[f64], tolerance: f64) -> Vec<(usize, f64)> {
     let goal = tolerance * norm(b);
     let norms: Vec<f64> = (0..a.len()).map(|k| norm(a.column(k))).collect();
-    // A column that brought nothing new is not asked again.
+    // A column that brought nothing new is not asked again, unless another of its round was why.
     let mut is_free: Vec<bool> = norms.iter().map(|&n| n > 0.0).collect();
     let mut active = Active::default();
     let mut residual = b.to_vec();
     while norm(&residual) > goal && active.columns.len() < a.rows {
         let gain = |k: usize| dot(a.column(k), &residual) / norms[k];
-        let gains = (0..a.len()).into_par_iter().with_min_len(FEW).filter(|&k| is_free[k]);
-        let best = gains.map(|k| (gain(k), k)).max_by(|x, y| x.0.total_cmp(&y.0));
-        let Some((_, column)) = best.filter(|(gain, _)| *gain > 1e-10 * norm(b)) else { break };
-        is_free[column] = false;
-        for dropped in active.add(a, b, column) {
-            is_free[dropped] = dropped != column;
+        let free = (0..a.len()).into_par_iter().with_min_len(FEW).filter(|&k| is_free[k]);
+        let mut best: Vec<(f64, usize)> = free.map(|k| (gain(k), k)).collect();
+        best.retain(|(gain, _)| *gain > 1e-10 * norm(b));
+        best.sort_unstable_by(|x, y| y.0.total_cmp(&x.0));
+        if best.is_empty() {
+            break;
+        }
+        let at_once = (active.columns.len() / AT_ONCE).max(1);
+        for (number, &(_, column)) in best.iter().take(at_once).enumerate() {
+            is_free[column] = false;
+            for dropped in active.add(a, b, column) {
+                is_free[dropped] = dropped != column || number > 0;
+            }
         }
         residual.copy_from_slice(b);
         for (&k, w) in active.columns.iter().zip(&active.weights) {

@@ -10,6 +10,7 @@ use crate::tensor::Vec3;
 pub(super) const EDGES: usize = 9;
 
 /// Some sampled cells with one set of law parameters, side by side; the last of a group repeats a cell of no weight.
+#[derive(Clone)]
 pub(super) struct Batch {
     pub nodes: [[u32; 4]; LANES],
     pub gradients: [Vec3<Lane>; 3],
@@ -19,6 +20,7 @@ pub(super) struct Batch {
 }
 
 /// Linear cells of a body, sampled.
+#[derive(Clone)]
 pub(super) struct Sample {
     pub material: Material,
     pub batches: Vec<Batch>,

@@ -41,6 +41,7 @@ pub(super) struct Search {
 }
 
 /// Modes, sampled cells and constraints, with the last iterate.
+#[derive(Clone)]
 pub(super) struct Solver {
     pub reduced: Reduced,
     pub q: Vec<f64>,

@@ -118,18 +118,6 @@ impl Subspace {
         self.sum_of_series(&alone)
     }
 
-    /// First-order fields under which the means of the patches are `d`.
-    pub fn first_order(&self, d: &[f64]) -> Vec<f64> {
-        let alone = self.unmix(d);
-        let mut q = vec![0.0; self.len()];
-        for (field, source) in self.sources.iter().enumerate() {
-            if let Some(i) = source.first_order() {
-                self.basis.add(field, alone[i], &mut q);
-            }
-        }
-        q
-    }
-
     /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of
     /// the model's depth.
     fn unmix(&self, d: &[f64]) -> Vec<f64> {
