@@ -67,6 +67,17 @@ pub(super) struct Volumes {
     clusters: Vec<f64>,
 }
 
+/// What clusters give to the tangent at a displacement.
+#[derive(Clone, Default)]
+pub(super) struct SharedTangent {
+    /// `s U'(J_c)`.
+    pub pressures: Vec<f64>,
+    /// `j_c` over the nodes of the clusters.
+    slopes: Vec<[f64; 3]>,
+    /// The same times `s V_c U''(J_c)`.
+    weighted: Vec<[f64; 3]>,
+}
+
 impl Clusters {
     /// Lays a partition out for the batches of `slots`; `pattern` must hold its pairs of nodes.
     pub fn new(
@@ -141,8 +152,29 @@ impl Clusters {
         InCluster { clusters: self, pressure }
     }
 
-    /// `j_c` over the nodes of the clusters, and the same times `s V_c U''(J_c)`.
-    pub fn slopes(&self, volumes: &Volumes, modulus: &[f64]) -> [Vec<[f64; 3]>; 2] {
+    /// What clusters give to the tangent.
+    pub fn tangent(
+        &self,
+        material: &Material,
+        volumes: &Volumes,
+        curvature: Curvature,
+    ) -> SharedTangent {
+        let (pressures, mut moduli) = self.pressures(material, volumes);
+        if curvature == Curvature::Convex {
+            moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
+        }
+        let slopes = self.slopes(volumes);
+        let mut weighted = slopes.clone();
+        for (cluster, modulus) in moduli.iter().enumerate() {
+            for slope in &mut weighted[self.nodes.range(cluster)] {
+                *slope = slope.map(|s| modulus * s);
+            }
+        }
+        SharedTangent { pressures, slopes, weighted }
+    }
+
+    /// `j_c` over the nodes of the clusters.
+    fn slopes(&self, volumes: &Volumes) -> Vec<[f64; 3]> {
         let mut slopes = vec![[0.0; 3]; self.nodes.total()];
         for cluster in 0..self.members.len() {
             let out = &mut slopes[self.nodes.range(cluster)];
@@ -157,37 +189,12 @@ impl Clusters {
                 }
             }
         }
-        let mut weighted = slopes.clone();
-        for (cluster, modulus) in modulus.iter().enumerate() {
-            for slope in &mut weighted[self.nodes.range(cluster)] {
-                *slope = slope.map(|s| modulus * s);
-            }
-        }
-        [slopes, weighted]
-    }
-
-    /// What clusters give to the tangent: pressures, and [`Clusters::slopes`].
-    #[allow(clippy::type_complexity)]
-    pub fn tangent(
-        &self,
-        material: &Material,
-        volumes: &Volumes,
-        curvature: Curvature,
-    ) -> (Vec<f64>, [Vec<[f64; 3]>; 2]) {
-        let (pressures, mut moduli) = self.pressures(material, volumes);
-        if curvature == Curvature::Convex {
-            moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
-        }
-        (pressures, self.slopes(volumes, &moduli))
+        slopes
     }
 
     /// Adds `sum_c s V_c U'' j_c (j_c . x)` to `y`.
-    pub fn add_products_times(
-        &self,
-        [slopes, weighted]: &[Vec<[f64; 3]>; 2],
-        x: &[f64],
-        y: &mut [f64],
-    ) {
+    pub fn add_products_times(&self, shared: &SharedTangent, x: &[f64], y: &mut [f64]) {
+        let SharedTangent { slopes, weighted, .. } = shared;
         for cluster in 0..self.nodes.len() {
             let (nodes, places) = (self.nodes.of(cluster), self.nodes.range(cluster));
             let along = |(&node, slope): (&u32, &[f64; 3])| -> f64 {
@@ -201,7 +208,8 @@ impl Clusters {
     }
 
     /// Adds the same products to the blocks of nodes with themselves.
-    pub fn add_diagonal(&self, [slopes, weighted]: &[Vec<[f64; 3]>; 2], blocks: &mut [[f64; 9]]) {
+    pub fn add_diagonal(&self, shared: &SharedTangent, blocks: &mut [[f64; 9]]) {
+        let SharedTangent { slopes, weighted, .. } = shared;
         for cluster in 0..self.nodes.len() {
             for (place, &node) in self.nodes.range(cluster).zip(self.nodes.of(cluster)) {
                 let block = &mut blocks[node as usize];
@@ -213,12 +221,8 @@ impl Clusters {
 
     /// Adds `sum_c s V_c U'' j_c (x) j_c` to a block.
     #[inline(always)]
-    pub fn add_products(
-        &self,
-        [slopes, weighted]: &[Vec<[f64; 3]>; 2],
-        block: usize,
-        out: &mut [f64; 9],
-    ) {
+    pub fn add_products(&self, shared: &SharedTangent, block: usize, out: &mut [f64; 9]) {
+        let SharedTangent { slopes, weighted, .. } = shared;
         for &[row, column] in self.products.of(block) {
             let (a, b) = (&weighted[row as usize], &slopes[column as usize]);
             for i in 0..3 {

@@ -310,11 +310,11 @@ impl Body {
             }
             Assembly::P1MeanVolume(cells, clusters) => {
                 let volumes = clusters.volumes(material, &cells.batches, u);
-                let (pressures, slopes) = clusters.tangent(material, &volumes, curvature);
+                let shared = clusters.tangent(material, &volumes, curvature);
                 let products = |block: usize, out: &mut [f64; 9]| {
-                    clusters.add_products(&slopes, block, out);
+                    clusters.add_products(&shared, block, out);
                 };
-                let around = clusters.around(&pressures);
+                let around = clusters.around(&shared.pressures);
                 cells.force_and_tangent(material, around, at, force, tangent, products);
             }
         }

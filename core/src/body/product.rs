@@ -5,6 +5,7 @@
 
 use super::blocks::BlockPattern;
 use super::cells::Cells;
+use super::clusters::SharedTangent;
 use super::kernels::{Alone, Surroundings, TASK};
 use super::tangent::{Curvature, Purpose};
 use super::{Assembly, Body, Lane, SymmetricBlocks};
@@ -24,14 +25,7 @@ pub struct TangentProduct {
     u: Vec<f64>,
     curvature: Curvature,
     /// What clusters share at `u`.
-    shared: Shared,
-}
-
-/// Pressures of clusters and the products `j_c (x) s V_c U'' j_c` that they add to the tangent.
-#[derive(Clone, Default)]
-struct Shared {
-    pressures: Vec<f64>,
-    slopes: [Vec<[f64; 3]>; 2],
+    shared: SharedTangent,
 }
 
 impl Body {
@@ -43,7 +37,7 @@ impl Body {
             pattern: self.pattern.clone(),
             u: Vec::new(),
             curvature: Curvature::Exact,
-            shared: Shared::default(),
+            shared: SharedTangent::default(),
         };
         product.move_to(&vec![0.0; self.n_dofs()], Curvature::Exact);
         product
@@ -58,8 +52,7 @@ impl TangentProduct {
         self.curvature = curvature;
         if let Assembly::P1MeanVolume(cells, clusters) = &*self.assembly {
             let volumes = clusters.volumes(&self.material, &cells.batches, u);
-            let (pressures, slopes) = clusters.tangent(&self.material, &volumes, curvature);
-            self.shared = Shared { pressures, slopes };
+            self.shared = clusters.tangent(&self.material, &volumes, curvature);
         }
     }
 
@@ -72,7 +65,7 @@ impl TangentProduct {
             Assembly::P1MeanVolume(cells, clusters) => {
                 let around = clusters.around(&self.shared.pressures);
                 cells.tangent_times(material, around, at, x, y);
-                clusters.add_products_times(&self.shared.slopes, x, y);
+                clusters.add_products_times(&self.shared, x, y);
             }
         }
     }
@@ -86,7 +79,7 @@ impl TangentProduct {
             Assembly::P1MeanVolume(cells, clusters) => {
                 let around = clusters.around(&self.shared.pressures);
                 let mut blocks = cells.tangent_diagonal(material, around, at);
-                clusters.add_diagonal(&self.shared.slopes, &mut blocks);
+                clusters.add_diagonal(&self.shared, &mut blocks);
                 blocks
             }
         }
