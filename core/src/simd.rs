@@ -12,23 +12,31 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// Runs the kernel compiled for the best instruction set of this processor.
-pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
-    #[cfg(target_arch = "x86_64")]
-    {
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has the feature the function is compiled for.
-            return unsafe { run_avx2(kernel) };
+/// Gives a module its own `dispatch`, which runs a kernel compiled for the best instruction set of this processor. Of its
+/// own, because what a function is instantiated for is compiled with the module that the function is in: with one
+/// `dispatch` for all, the kernels of all laws would be one unit that keeps one processor busy for minutes.
+macro_rules! dispatch_here {
+    ($($public:tt)?) => {
+        /// Runs the kernel compiled for the best instruction set of this processor.
+        $($public)? fn dispatch<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn run_avx2<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
+                    kernel.run()
+                }
+                if is_x86_feature_detected!("avx2") {
+                    // SAFETY: the processor has the feature the function is compiled for.
+                    return unsafe { run_avx2(kernel) };
+                }
+            }
+            kernel.run()
         }
-    }
-    kernel.run()
+    };
 }
+pub(crate) use dispatch_here;
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run()
-}
+dispatch_here!(pub);
 
 /// Code that knows the width of the vectors it is compiled for, as [`Kernel`] does not: 128 bits, or 256 or 512 bits,
 /// which come with products that are added to a sum in one instruction.

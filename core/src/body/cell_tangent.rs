@@ -5,10 +5,12 @@ use super::tangent::Response;
 use super::{LANES, Lane};
 use crate::element::Shape;
 use crate::law::TangentBlocks;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::{array, tabulate};
 use std::marker::PhantomData;
+
+dispatch_here!();
 
 /// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
 #[inline(never)]

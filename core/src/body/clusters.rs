@@ -17,11 +17,13 @@ use super::{LANES, Lane};
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{Law, LawVisitor, Material};
 use crate::number::Lanes;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use crate::tensor::{Mat3, Vec3, mul_vector};
 use crate::threads::share;
 use crate::unroll::{array, tabulate};
 use rayon::prelude::*;
+
+dispatch_here!();
 
 /// Where volume ratios are averaged, and what they touch.
 pub(super) struct Clusters {

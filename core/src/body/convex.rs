@@ -9,7 +9,10 @@
 
 use super::{LANES, Lane};
 use crate::law::TangentBlocks;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
+use std::hint::black_box;
+
+dispatch_here!();
 
 /// Rows of a cell's tangent: three vectors times three components.
 const N: usize = 9;
@@ -41,7 +44,7 @@ pub(super) fn make_convex(blocks: &mut TangentBlocks<Lane>) {
     if is_bent == [false; LANES] {
         return;
     }
-    let absolute = dispatch(Absolute(bent));
+    let absolute = dispatch(Absolute { a: bent, n: black_box(N) });
     for lane in (0..LANES).filter(|&lane| is_bent[lane]) {
         for r in 0..N {
             for c in 3 * (r / 3)..N {
@@ -86,14 +89,19 @@ fn is_convex(tangent: &Dense) -> bool {
 
 /// `V |Lambda| V^T` of the matrix in every lane, by Jacobi's rotations: cells side by side, where a library would take
 /// one after the other and several times as long for each.
-struct Absolute(DenseLanes);
+struct Absolute {
+    a: DenseLanes,
+    /// Its rows, as a number that the compiler does not know: the rotations of a sweep written out, one after the other,
+    /// take it a minute and bring nothing.
+    n: usize,
+}
 
 impl Kernel for Absolute {
     type Output = DenseLanes;
 
     #[inline(always)]
     fn run(self) -> DenseLanes {
-        let Absolute(mut a) = self;
+        let Absolute { mut a, n } = self;
         // Rows: eigenvectors.
         let mut v = [[Lane::default(); N]; N];
         (0..N).for_each(|k| v[k][k] = v[k][k] + 1.0);
@@ -101,8 +109,8 @@ impl Kernel for Absolute {
             if is_diagonal(&a) {
                 break;
             }
-            for p in 0..N {
-                for q in p + 1..N {
+            for p in 0..n {
+                for q in p + 1..n {
                     let [c, s] = rotation(a[p][p], a[q][q], a[p][q]);
                     turn_rows(&mut a, (p, q), c, s);
                     for row in &mut a {
@@ -113,10 +121,10 @@ impl Kernel for Absolute {
             }
         }
         let mut absolute = [[Lane::default(); N]; N];
-        for (k, v) in v.iter().enumerate() {
+        for (k, v) in v.iter().enumerate().take(n) {
             let mut size = a[k][k];
             (0..LANES).for_each(|lane| size[lane] = size[lane].abs());
-            for r in 0..N {
+            for r in 0..n {
                 let part = v[r] * size;
                 (0..N).for_each(|c| absolute[r][c] = absolute[r][c] + part * v[c]);
             }

@@ -5,12 +5,14 @@ use super::cells::{Batch, Cells, add_product};
 use super::tangent::Response;
 use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
 use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
 use std::marker::PhantomData;
+
+dispatch_here!();
 
 /// Batches per parallel task: large enough to hide the hand-over, fixed so that results do not
 /// depend on the number of threads.

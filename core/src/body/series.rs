@@ -7,7 +7,9 @@ use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
 use crate::law::{Law, LawVisitor, Material};
 use crate::number::{Jet, Monomials, Real};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
+
+dispatch_here!();
 
 impl Body {
     /// Degree-p coefficients of the internal force, p being the order of `table`.

@@ -8,11 +8,13 @@ use super::kernels::{Surroundings, TASK};
 use super::{LANES, Lane};
 use crate::element::Shape;
 use crate::law::{Law, LawVisitor, Material, TangentBlocks};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use crate::tensor::{Mat3, Vec3};
 use crate::threads::share;
 use rayon::prelude::*;
 use std::marker::PhantomData;
+
+dispatch_here!();
 
 /// Which tangent is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,9 +3,11 @@
 use super::sample::{EDGES, Sample};
 use crate::body::Lane;
 use crate::law::{Law, LawVisitor, TangentBlocks};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use crate::tensor::{Mat3, cofactor, determinant, mul_vector};
 use crate::unroll::tabulate;
+
+dispatch_here!();
 
 /// What the cells say at some coordinates.
 #[derive(Clone)]

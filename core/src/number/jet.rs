@@ -8,9 +8,11 @@
 
 use super::monomials::{Monomials, degree_of};
 use super::{Real, Scalar};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch_here};
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
+
+dispatch_here!();
 
 /// A truncated power series `sum_c coefficients[c] x^c`.
 ///
