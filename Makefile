@@ -36,12 +36,14 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-setup: $(extension) $(node_page) ## make .venv and build the package into it; quick when nothing changed
+# Side by side: most of the time either compiler is busy with one crate, on one core.
+setup: ## make .venv and build the package into it; quick when nothing changed
+	$(MAKE) --jobs=2 $(extension) $(node_page)
 
 demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(BIN)/viscera demo --no-view --output out
 
-test: lint test-core test-c test-python test-web ## everything that must be green
+test: setup lint test-core test-c test-python test-web ## everything that must be green
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
