@@ -20,6 +20,8 @@ const FIRST: usize = 24;
 const ROUND: usize = 32;
 /// Part of the error allowed to a trusted answer that the model may have in a round to pass it.
 const PASS: f64 = 0.2;
+/// Part of the sampling's tolerance that is no reason for a snapshot: no mode mends it.
+const OF_SAMPLING: f64 = 0.5;
 /// What a snapshot has beyond the span is left out below this part of the largest snapshot.
 const SMALLEST_PART: f64 = 1e-3;
 /// A state in which some cell keeps less than this part of its volume is drawn back towards rest.
@@ -116,7 +118,7 @@ impl Training {
         subspace: &mut Subspace,
         model: &Solver,
     ) -> Result<bool, Error> {
-        let Sampling { depth, snapshots, .. } = owner.sampling;
+        let Sampling { depth, snapshots, tolerance, .. } = owner.sampling;
         let numbers = self.tried..snapshots.min(self.tried + ROUND);
         self.tried = numbers.end;
         let guesses = guesses(&owner.rest, subspace, depth, numbers);
@@ -126,6 +128,7 @@ impl Training {
             let Some(u) = owner.snapshot(patches, &answer)? else { return Ok(None) };
             let gap: Vec<f64> = u.iter().zip(&answer).map(|(u, a)| u - a).collect();
             let allowed = PASS * allowance(guess.depth() / diagonal);
+            let allowed = allowed.max(OF_SAMPLING * tolerance);
             Ok(Some((norm(&gap) / (allowed * norm(&u)), u)))
         };
         let found: Vec<Option<(f64, Vec<f64>)>> =

@@ -57,14 +57,15 @@ fn snapshots_bring_answers_nearer_to_newton() {
 #[test]
 fn snapshots_are_taken_as_long_as_answers_are_wrong() {
     let taken = |depth: f64| {
-        let sampling = Sampling { snapshots: 120, depth, ..MODEL.sampling };
+        // Cells that give the forces to many digits: of all that may be wrong, only the modes are left.
+        let sampling = Sampling { snapshots: 60, depth, tolerance: 1e-4, ..MODEL.sampling };
         let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
         galerkin.grasp(&[LEFT, RIGHT]).unwrap().n_snapshots()
     };
     let (shallow, deep) = (taken(0.1 * DEPTH), taken(DEPTH));
     // The first two dozen, and none after them.
     assert_eq!(shallow, 24);
-    assert!(deep > 30, "{deep}");
+    assert!(deep > shallow, "{deep}");
 }
 
 #[test]
