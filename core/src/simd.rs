@@ -3,6 +3,8 @@
 //! A kernel is compiled once for each instruction set and the widest one the processor has is
 //! called: a baseline build leaves half or more of the speed unused.
 
+use crate::error::Error;
+
 /// Code to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
 /// must everything it calls in its inner loops.
 pub trait Kernel {
@@ -12,31 +14,63 @@ pub trait Kernel {
     fn run(self) -> Self::Output;
 }
 
-/// Gives a module its own `dispatch`, which runs a kernel compiled for the best instruction set of this processor. Of its
-/// own, because what a function is instantiated for is compiled with the module that the function is in: with one
-/// `dispatch` for all, the kernels of all laws would be one unit that keeps one processor busy for minutes.
+/// Runs the kernel compiled for the best instruction set of this processor.
+pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature the function is compiled for.
+            return unsafe { run_avx2(kernel) };
+        }
+    }
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+/// Whether this processor has what [`dispatch_here`] asks for.
+///
+/// # Errors
+/// An x86-64 without AVX2.
+pub fn check() -> Result<(), Error> {
+    #[cfg(target_arch = "x86_64")]
+    if !is_x86_feature_detected!("avx2") {
+        return Err(Error::input(
+            "this processor has no AVX2 instructions, which solving needs: use one made since about 2013; \
+             reduced models are evaluated on any",
+        ));
+    }
+    Ok(())
+}
+
+/// Gives a module a `dispatch` for the kernels of laws: they are many, and twice the time to compile them is not worth a
+/// second copy for processors that need ten times as long. Bodies are made only where [`check`] finds AVX2.
+///
+/// Each module has its own, because what a function is instantiated for is compiled with the module that the function is
+/// in: with one for all, the kernels of all laws would be one unit that keeps one processor busy for minutes.
 macro_rules! dispatch_here {
-    ($($public:tt)?) => {
-        /// Runs the kernel compiled for the best instruction set of this processor.
-        $($public)? fn dispatch<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
+    () => {
+        fn dispatch<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
                 fn run_avx2<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
                     kernel.run()
                 }
-                if is_x86_feature_detected!("avx2") {
-                    // SAFETY: the processor has the feature the function is compiled for.
-                    return unsafe { run_avx2(kernel) };
-                }
+                assert!(is_x86_feature_detected!("avx2"), "bodies are made only where it is");
+                // SAFETY: the processor has the feature the function is compiled for.
+                unsafe { run_avx2(kernel) }
             }
+            #[cfg(not(target_arch = "x86_64"))]
             kernel.run()
         }
     };
 }
 pub(crate) use dispatch_here;
-
-dispatch_here!(pub);
 
 /// Code that knows the width of the vectors it is compiled for, as [`Kernel`] does not: 128 bits, or 256 or 512 bits,
 /// which come with products that are added to a sum in one instruction.

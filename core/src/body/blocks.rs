@@ -45,14 +45,7 @@ impl SymmetricBlocks {
                     continue; // hands move few nodes
                 }
                 let values = &self.values[9 * block..9 * block + 9];
-                for i in 0..3 {
-                    for k in 0..3 {
-                        y[3 * row + i] += values[3 * i + k] * x[3 * column + k];
-                        if row != column {
-                            y[3 * column + k] += values[3 * i + k] * x[3 * row + i];
-                        }
-                    }
-                }
+                add_block_product(values, (row, column), x, y);
             }
         }
     }
@@ -163,6 +156,18 @@ impl BlockPattern {
 
     fn column(&self, column: usize) -> std::ops::Range<usize> {
         self.column_start[column] as usize..self.column_start[column + 1] as usize
+    }
+}
+
+/// Adds the products of a block, entries `[i][k]`, and of its transposed below the diagonal, to `y`.
+pub fn add_block_product(block: &[f64], (row, column): (usize, usize), x: &[f64], y: &mut [f64]) {
+    for i in 0..3 {
+        for k in 0..3 {
+            y[3 * row + i] += block[3 * i + k] * x[3 * column + k];
+            if row != column {
+                y[3 * column + k] += block[3 * i + k] * x[3 * row + i];
+            }
+        }
     }
 }
 

@@ -23,6 +23,15 @@ pub(super) fn tasks(batches: usize) -> usize {
     batches.div_ceil(TASK)
 }
 
+/// Runs every task, with its number, on what belongs to its batches.
+pub(super) fn for_tasks<T: Send>(of_batches: &mut [T], run: impl Fn(usize, &mut [T]) + Sync) {
+    if share(tasks(of_batches.len())) {
+        of_batches.par_chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
+    } else {
+        of_batches.chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
+    }
+}
+
 /// Volume ratios of cells that are the right way round.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 

@@ -18,7 +18,7 @@ mod tangent;
 #[cfg(test)]
 mod tests;
 
-pub use blocks::{BlockPattern, SymmetricBlocks};
+pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
 pub use kernels::UPRIGHT;
 pub use product::TangentProduct;
 pub use tangent::Curvature;
@@ -28,6 +28,7 @@ use crate::error::Error;
 use crate::law::Material;
 use crate::mesh;
 use crate::number::Lanes;
+use crate::simd;
 use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
 use cells::{Cells, deformation, pairs_of};
@@ -89,13 +90,15 @@ impl Body {
     ///
     /// # Errors
     /// No cells; a node index out of range; a coordinate that is not finite; a cell of no or
-    /// negative volume; a number of law parameter rows that is neither 1 nor the number of cells.
+    /// negative volume; a number of law parameter rows that is neither 1 nor the number of cells; a processor that lacks
+    /// the vector instructions of the kernels.
     pub fn with_element(
         element: Element,
         points: Vec<[f64; 3]>,
         cells: Vec<[u32; 4]>,
         material: Material,
     ) -> Result<Self, Error> {
+        simd::check()?;
         let geometry = check::mesh(&points, &cells)?;
         check::parameter_rows(&material, cells.len())?;
         let corners = points.len();

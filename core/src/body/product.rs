@@ -6,14 +6,12 @@
 use super::blocks::BlockPattern;
 use super::cells::Cells;
 use super::clusters::SharedTangent;
-use super::kernels::{Alone, Surroundings, TASK};
+use super::kernels::{Alone, Surroundings, for_tasks};
 use super::tangent::{Curvature, Purpose};
 use super::{Assembly, Body, Lane, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::Material;
-use crate::tensor::{Mat3, Vec3};
-use crate::threads::share;
-use rayon::prelude::*;
+use crate::tensor::Mat3;
 use std::sync::Arc;
 
 /// The tangent of a body at a displacement, as what multiplies with it.
@@ -103,14 +101,7 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     ) {
         let mut products = vec![[[Lane::default(); 3]; N]; self.batches.len()];
         self.with_tangents(material, around, at, &mut |run| {
-            let of_task = |(task, products): (usize, &mut [[Vec3<Lane>; N]])| {
-                run(task, products, Purpose::Product(x));
-            };
-            if share(self.n_tasks()) {
-                products.par_chunks_mut(TASK).enumerate().for_each(of_task);
-            } else {
-                products.chunks_mut(TASK).enumerate().for_each(of_task);
-            }
+            for_tasks(&mut products, |task, products| run(task, products, Purpose::Product(x)));
         });
         self.gather_forces(&products, y);
     }
@@ -124,15 +115,10 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     ) -> Vec<[f64; 9]> {
         let mut of_cells = vec![[Mat3::<Lane>::default(); N]; self.batches.len()];
         self.with_tangents(material, around, at, &mut |run| {
-            let of_task = |(task, blocks): (usize, &mut [[Mat3<Lane>; N]])| {
+            for_tasks(&mut of_cells, |task, blocks| {
                 let mut forces = vec![[[Lane::default(); 3]; N]; blocks.len()];
                 run(task, &mut forces, Purpose::Diagonal(blocks));
-            };
-            if share(self.n_tasks()) {
-                of_cells.par_chunks_mut(TASK).enumerate().for_each(of_task);
-            } else {
-                of_cells.chunks_mut(TASK).enumerate().for_each(of_task);
-            }
+            });
         });
         let sum = |node: usize| {
             let mut sum = [0.0; 9];

@@ -95,7 +95,12 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         pressure: &[T],
         force: &mut [T],
     ) {
-        material.visit(Forces { cells: self, material, geometry, along, pressure, force });
+        let table = along.table;
+        let task = &mut |stress_of: &StressOf<'_, T>| {
+            let force = &mut *force;
+            dispatch(Forces { cells: self, material, geometry, along, pressure, stress_of, force });
+        };
+        material.visit(Stresses { table, task });
     }
 
     /// Series of the volume ratio of each cell.
@@ -119,45 +124,70 @@ fn gradients<const N: usize>(slopes: &[[f64; 3]; N], geometry: &Geometry) -> [[f
     slopes.map(|s| std::array::from_fn(|j| s[0] * g[0][j] + s[1] * g[1][j] + s[2] * g[2][j]))
 }
 
+/// Stress series of a law: parameters, series of deformation gradient and extra pressure, and where it goes.
+type StressOf<'a, T> = dyn Fn(&[f64], (&[T], &[T]), &mut [T]) + 'a;
+
+/// Calls back with the stress series of the law: nothing but that is compiled for every law.
+struct Stresses<'a, T> {
+    table: &'static Monomials,
+    task: &'a mut dyn FnMut(&StressOf<'_, T>),
+}
+
+impl<T: Real> LawVisitor for Stresses<'_, T> {
+    type Output = ();
+    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
+        let Stresses { table, task } = self;
+        task(&|parameters, series, out| {
+            let law = make(parameters);
+            dispatch(StressKernel { law, table, series, out });
+        });
+    }
+}
+
+/// [`Law::stress_series`].
+struct StressKernel<'a, T, L> {
+    law: L,
+    table: &'static Monomials,
+    series: (&'a [T], &'a [T]),
+    out: &'a mut [T],
+}
+
+impl<T: Real, L: Law> Kernel for StressKernel<'_, T, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.law.stress_series(self.table, self.series.0, self.series.1, self.out);
+    }
+}
+
 struct Forces<'a, T, E, const N: usize> {
     cells: &'a Cells<E, N>,
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
     pressure: &'a [T],
+    stress_of: &'a StressOf<'a, T>,
     force: &'a mut [T],
 }
 
-impl<T: Real, E: Shape<N>, const N: usize> LawVisitor for Forces<'_, T, E, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        dispatch(ForceKernel { forces: self, make });
-    }
-}
-
-struct ForceKernel<'a, T, E, L, const N: usize> {
-    forces: Forces<'a, T, E, N>,
-    make: fn(&[f64]) -> L,
-}
-
-impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for ForceKernel<'_, T, E, L, N> {
+impl<T: Real, E: Shape<N>, const N: usize> Kernel for Forces<'_, T, E, N> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Forces { cells, material, geometry, along, pressure, force } = self.forces;
+        let Forces { cells, material, geometry, along, pressure, stress_of, force } = self;
         let table = along.table;
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];
         for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
-            let law = (self.make)(material.of_cell(cell));
             let pressure = pressure.get(cell * n..(cell + 1) * n).unwrap_or_default();
             for point in 0..E::POINTS {
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                stress_series(&law, table, (&deformation, pressure), &mut stress);
+                stress_of(material.of_cell(cell), (&deformation, pressure), &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -174,34 +204,6 @@ impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for ForceKernel<'_, T,
                 }
             }
         }
-    }
-}
-
-/// [`Law::stress_series`], compiled once for all elements.
-#[inline(never)]
-fn stress_series<T: Real, L: Law>(
-    law: &L,
-    table: &'static Monomials,
-    (deformation, pressure): (&[T], &[T]),
-    out: &mut [T],
-) {
-    dispatch(StressKernel { law, table, deformation, pressure, out });
-}
-
-struct StressKernel<'a, T, L> {
-    law: &'a L,
-    table: &'static Monomials,
-    deformation: &'a [T],
-    pressure: &'a [T],
-    out: &'a mut [T],
-}
-
-impl<T: Real, L: Law> Kernel for StressKernel<'_, T, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        self.law.stress_series(self.table, self.deformation, self.pressure, self.out);
     }
 }
 

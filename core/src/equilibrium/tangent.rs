@@ -1,7 +1,7 @@
 //! The tangent of an equilibrium, `d(f_int - f_ext)/du` with all that frames and loads add to that of the law: a matrix,
 //! or what multiplies like one.
 
-use crate::body::{Body, Curvature, SymmetricBlocks, TangentProduct};
+use crate::body::{Body, Curvature, SymmetricBlocks, TangentProduct, add_block_product};
 use crate::linear::FactorError;
 
 /// A tangent to linearise into, to add to, and to hand to a solver.
@@ -127,15 +127,7 @@ impl ProductOperator {
             y.iter_mut().for_each(|y| *y *= self.factor);
         }
         for (row, column, block) in &self.rest {
-            let (row, column) = (3 * *row as usize, 3 * *column as usize);
-            for i in 0..3 {
-                for k in 0..3 {
-                    y[row + i] += block[3 * i + k] * x[column + k];
-                    if row != column {
-                        y[column + k] += block[3 * i + k] * x[row + i];
-                    }
-                }
-            }
+            add_block_product(block, (*row as usize, *column as usize), x, y);
         }
     }
 

@@ -29,7 +29,7 @@ impl Operand {
             return Operand::Matrix(BlockMatrix::new(n_dofs / 3, body.pattern().pairs()));
         }
         let tangent = Product::new(body).operator();
-        let (diagonal, is_held) = (tangent.diagonal(), vec![false; n_dofs]);
+        let (diagonal, is_held) = (Vec::new(), vec![false; n_dofs]); // until there is a tangent
         Operand::Product(Cells { tangent, diagonal, shift: 0.0, is_held })
     }
 
