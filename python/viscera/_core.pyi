@@ -256,8 +256,8 @@ class Galerkin:
         depth: float,  # [m]
         snapshots: int,
     ) -> None: ...
-    def grasp(self, points: Floats) -> Grasp:
-        """Contacts at points (k, 3) [m] take hold."""
+    def grasp(self, points: Floats, wait: bool) -> Grasp:
+        """Contacts at points (k, 3) [m] take hold; without `wait`, snapshots follow while they are in use."""
 
 class Grasp:
     """Contacts that hold an organ."""
@@ -265,7 +265,11 @@ class Grasp:
     modes: int
     cells: int  # that the energy is summed over
     snapshots: int  # solved on the whole organ
-    seconds: float  # that taking hold has taken
+    seconds: float  # from taking hold to the modes as they are
+    def is_learning(self) -> bool:
+        """Whether better modes are still to come; those that are ready are taken over."""
+    def learn(self) -> bool:
+        """Takes in the equilibrium next to the last answer, where that is wrong; whether it was."""
     def patches(self) -> list[Patch]: ...
     def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> Held:
         """Equilibrium under mean displacements (k, 3) [m]."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from time import sleep
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -81,14 +82,50 @@ class Grasp:
         self._grasp = grasp
         self.points = points
         """Contact points (k, 3) at rest [m]."""
-        self.modes: int = grasp.modes
+
+    @property
+    def modes(self) -> int:
         """Number of modes."""
-        self.cells: int = grasp.cells
+        return self._grasp.modes
+
+    @property
+    def cells(self) -> int:
         """Number of cells the energy is summed over."""
-        self.snapshots: int = grasp.snapshots
+        return self._grasp.cells
+
+    @property
+    def snapshots(self) -> int:
         """Number of states solved on the whole organ, which the modes hold."""
-        self.seconds: float = grasp.seconds
-        """Time that taking hold has taken [s]."""
+        return self._grasp.snapshots
+
+    @property
+    def seconds(self) -> float:
+        """Time from taking hold until modes and cells were as they are [s]."""
+        return self._grasp.seconds
+
+    @property
+    def is_learning(self) -> bool:
+        """Whether snapshots are still being solved in the background; what they have brought is in use already."""
+        try:
+            return self._grasp.is_learning()
+        except ValueError as error:
+            raise VisceraError(str(error)) from error
+
+    def wait(self) -> None:
+        """Until nothing is solved in the background any more."""
+        while self.is_learning:
+            sleep(0.02)
+
+    def learn(self) -> bool:
+        """Compares the last answer with the equilibrium of the whole organ next to it, and takes that in if it is wrong.
+
+        Returns whether it was; then ask anew. Wrong is what would be a snapshot in training. A grasp that did not wait
+        for snapshots does this by itself, wherever the tools are.
+        """
+        try:
+            return self._grasp.learn()
+        except ValueError as error:
+            raise VisceraError(str(error)) from error
 
     def solve(self, displacements: ArrayLike, *, from_last: bool = False, stiffness: bool = True) -> Held:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
@@ -123,9 +160,9 @@ class Grasp:
 class Galerkin:
     """The model of several touches at once. Made by `Touch.galerkin`.
 
-    `grasp` makes a basis of the fields of some contacts and finds the few cells that stand for all, within a second;
-    `Grasp.solve` answers any displacement of them, a thousand times a second. Sampling after Farhat, Avery, Chapman and
-    Cortial, IJNME 98 (2014) 625.
+    `grasp` makes a basis of the fields of some contacts and finds the few cells that stand for all, within a second
+    without snapshots and some seconds with them; `Grasp.solve` answers any displacement of them, a thousand times a
+    second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
     """
 
     def __init__(self, touch: Touch, core: _core.Galerkin) -> None:
@@ -134,14 +171,19 @@ class Galerkin:
         self._core = core
         self._last: Grasp | None = None
 
-    def grasp(self, points: ArrayLike) -> Grasp:
-        """Take hold at some points (k, 3) [m] of the touchable surface, at rest."""
+    def grasp(self, points: ArrayLike, *, wait: bool = True) -> Grasp:
+        """Take hold at some points (k, 3) [m] of the touchable surface, at rest.
+
+        wait: for the snapshots. Without, the grasp answers as soon as it can in the fields of the series, and becomes
+        better while it is in use: snapshots are solved in the background, on all processors but one, in rounds and then
+        where the tools are.
+        """
         rows = np.atleast_2d(np.ascontiguousarray(points, dtype=np.float64))
         if rows.ndim != 2 or rows.shape[1:] != (3,):
             raise VisceraError(f"contact points have shape {np.shape(points)}; they must be (k, 3)")
         rows = np.array([vector(row, f"contact point {k}", "m") for k, row in enumerate(rows)])
         try:
-            return Grasp(self._core.grasp(rows), rows)
+            return Grasp(self._core.grasp(rows, wait), rows)
         except ValueError as error:
             raise VisceraError(str(error)) from error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,43 @@ def test_snapshots_take_what_the_series_miss_into_the_basis(touch: vs.Touch, org
     full = organ.solve(displacement=dict(zip(snapshots.patches, pushes, strict=True)))
     error, held = relative(without.solve(pushes).displacement, full.displacement), snapshots.solve(pushes)
     assert relative(held.displacement, full.displacement) < 0.7 * error
+
+
+def test_a_grasp_that_does_not_wait_answers_at_once_and_learns(touch: vs.Touch, organ: vs.Organ) -> None:
+    pushes = 1.4 * PUSHES
+    fingers = touch.galerkin(snapshots=40)
+    series, trained = touch.galerkin().grasp([LEFT, RIGHT]), fingers.grasp([LEFT, RIGHT])
+    grasp = fingers.grasp([LEFT, RIGHT], wait=False)
+    assert (grasp.modes, grasp.snapshots) == (series.modes, 0)
+    assert grasp.solve(pushes).displacement == pytest.approx(series.solve(pushes).displacement, rel=1e-6, abs=1e-9)
+    grasp.wait()
+    assert not grasp.is_learning
+    assert (grasp.modes, grasp.snapshots) == (trained.modes, trained.snapshots)
+    full = organ.solve(displacement=dict(zip(grasp.patches, pushes, strict=True)))
+    error = relative(series.solve(pushes).displacement, full.displacement)
+    # From the field that the series had: the hand has not let go meanwhile.
+    assert relative(grasp.solve(pushes, from_last=True).displacement, full.displacement) < 0.7 * error
+
+
+def test_a_wrong_answer_is_learned(touch: vs.Touch, organ: vs.Organ) -> None:
+    pushes = 2.0 * PUSHES
+    grasp = touch.galerkin(depth=0.05).grasp([LEFT, RIGHT])
+    full = organ.solve(displacement=dict(zip(grasp.patches, pushes, strict=True)))
+    before = relative(grasp.solve(pushes).displacement, full.displacement)
+    assert grasp.learn()
+    assert relative(grasp.solve(pushes).displacement, full.displacement) < 0.5 * before
+    assert not grasp.learn()
+    by_itself = touch.galerkin(snapshots=24).grasp([LEFT, RIGHT], wait=False)
+    with pytest.raises(vs.VisceraError, match="by itself"):
+        by_itself.learn()
+
+
+def test_threads_may_ask_one_grasp(fingers: Galerkin) -> None:
+    grasp, shares = fingers.grasp([LEFT, RIGHT]), np.linspace(0.1, 1.0, 40)
+    alone = [grasp.solve(share * PUSHES).energy for share in shares]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda share: grasp.solve(share * PUSHES).energy, shares))
+    assert together == pytest.approx(alone, rel=1e-6)
 
 
 def test_the_means_of_the_patches_are_the_displacements(fingers: Galerkin) -> None:

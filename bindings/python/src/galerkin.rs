@@ -33,37 +33,68 @@ impl Galerkin {
         Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
     }
 
-    fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>) -> PyResult<Grasp> {
+    fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>, wait: bool) -> PyResult<Grasp> {
         let points = convert::points("contacts", &points)?;
-        let grasp = py.detach(|| self.galerkin.grasp(&points)).map_err(convert::error)?;
-        let (cells, snapshots) = (grasp.n_cells(), grasp.n_snapshots());
-        let (hold, seconds) = (Arc::clone(grasp.hold()), grasp.seconds());
-        Ok(Grasp { hold, cells, snapshots, seconds, grasp: Mutex::new(grasp) })
+        let take_hold = || {
+            if wait { self.galerkin.grasp(&points) } else { self.galerkin.grasp_and_learn(&points) }
+        };
+        Ok(Grasp { grasp: Mutex::new(py.detach(take_hold).map_err(convert::error)?) })
     }
 }
 
 /// Contacts that hold the organ.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Grasp {
-    hold: Arc<Hold>,
-    #[pyo3(get)]
-    cells: usize,
-    #[pyo3(get)]
-    snapshots: usize,
-    #[pyo3(get)]
-    seconds: f64,
     grasp: Mutex<galerkin::Grasp>,
+}
+
+impl Grasp {
+    /// What `ask` says of the grasp. Waits for it without the interpreter, which whoever has it may need to go on.
+    fn ask<T: Send>(
+        &self,
+        py: Python<'_>,
+        ask: impl FnOnce(&mut galerkin::Grasp) -> T + Send,
+    ) -> PyResult<T> {
+        let broken = || PyValueError::new_err("this grasp broke off; take hold anew");
+        py.detach(|| Some(ask(&mut *self.grasp.lock().ok()?))).ok_or_else(broken)
+    }
 }
 
 #[pymethods]
 impl Grasp {
     #[getter]
-    fn modes(&self) -> usize {
-        self.hold.n_modes()
+    fn modes(&self, py: Python<'_>) -> PyResult<usize> {
+        self.ask(py, |grasp| grasp.hold().n_modes())
     }
 
-    fn patches(&self) -> Vec<Patch> {
-        self.hold.patches().into_iter().map(|patch| Patch { patch }).collect()
+    #[getter]
+    fn cells(&self, py: Python<'_>) -> PyResult<usize> {
+        self.ask(py, |grasp| grasp.n_cells())
+    }
+
+    #[getter]
+    fn snapshots(&self, py: Python<'_>) -> PyResult<usize> {
+        self.ask(py, |grasp| grasp.n_snapshots())
+    }
+
+    #[getter]
+    fn seconds(&self, py: Python<'_>) -> PyResult<f64> {
+        self.ask(py, |grasp| grasp.seconds())
+    }
+
+    /// Whether better modes are still to come; those that are ready are taken over.
+    fn is_learning(&self, py: Python<'_>) -> PyResult<bool> {
+        self.ask(py, galerkin::Grasp::is_learning)?.map_err(convert::error)
+    }
+
+    /// Takes in the equilibrium next to the last answer, where that is wrong; whether it was.
+    fn learn(&self, py: Python<'_>) -> PyResult<bool> {
+        self.ask(py, galerkin::Grasp::learn)?.map_err(convert::error)
+    }
+
+    fn patches(&self, py: Python<'_>) -> PyResult<Vec<Patch>> {
+        let patches = self.ask(py, |grasp| grasp.hold().patches())?;
+        Ok(patches.into_iter().map(|patch| Patch { patch }).collect())
     }
 
     fn solve(
@@ -74,12 +105,11 @@ impl Grasp {
         with_stiffness: bool,
     ) -> PyResult<Held> {
         let d = convert::points("displacements", &displacements)?;
-        let broken = |_| PyValueError::new_err("this grasp broke off; take hold anew");
-        let mut guard = self.grasp.lock().map_err(broken)?;
-        let grasp = &mut *guard;
-        let solution =
-            py.detach(|| grasp.solve(&d, from_last, with_stiffness)).map_err(convert::error)?;
-        Ok(Held { hold: Arc::clone(&self.hold), solution })
+        let solve = |grasp: &mut galerkin::Grasp| {
+            let solution = grasp.solve(&d, from_last, with_stiffness)?;
+            Ok(Held { hold: Arc::clone(grasp.hold()), solution })
+        };
+        self.ask(py, solve)?.map_err(convert::error)
     }
 
     fn superposed<'py>(
@@ -88,7 +118,8 @@ impl Grasp {
         displacements: PyReadonlyArray2<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let d = convert::points("displacements", &displacements)?;
-        convert::field(py, self.hold.superposed(&d).map_err(convert::error)?)
+        let field = self.ask(py, |grasp| grasp.hold().superposed(&d))?;
+        convert::field(py, field.map_err(convert::error)?)
     }
 }
 

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 const DEPENDENT: f64 = 1e-4;
 
 /// Orthonormal modes, and the fields they came from.
+#[derive(Clone)]
 pub(super) struct Basis {
     /// Runs of all degrees of freedom.
     pub modes: Vec<Vec<f64>>,

@@ -1,17 +1,17 @@
 //! Contacts that hold an organ, ready to be displaced: which cells count how much, and the search for equilibrium.
 
+use super::forces::{Forces, State, systematic};
 use super::hold::Hold;
-use super::model::Galerkin;
+use super::lessons::Lessons;
 use super::nnls::{Columns, greedy, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
-use super::training::{Forces, State, Training, systematic};
+use super::training::Training;
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::error::Error;
-use crate::reduced::Contact;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// States of training that show which cells come into question.
 const FIRST_STATES: usize = 4;
@@ -50,30 +50,96 @@ pub struct Solution {
 pub struct Grasp {
     hold: Arc<Hold>,
     solver: Solver,
-    n_snapshots: usize,
+    training: Training,
     seconds: f64,
-    /// Whether it is at an equilibrium, to start the next from.
-    is_settled: bool,
+    /// Depth of the equilibrium that it is at [m], to start the next from; none where it is at none.
+    settled: Option<f64>,
+    /// Where better ones come from, if it learns in the background.
+    lessons: Option<Lessons>,
 }
 
 impl Grasp {
-    pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
-        let clock = Instant::now();
-        let mut hold = Hold::new(Arc::clone(&owner), contacts)?;
-        let patches = hold.patches();
-        let mut training = Training::new(&owner, &patches, &mut hold.subspace)?;
-        let solver = loop {
-            let states = training.states(&owner.rest, &hold.subspace);
-            let solver = solver(&owner, &hold.subspace, &states);
-            if training.is_complete(&owner)
-                || training.examine(&owner, &patches, &mut hold.subspace, &solver)?
-            {
-                break solver;
-            }
-        };
-        let seconds = clock.elapsed().as_secs_f64();
-        let n_snapshots = training.n_snapshots();
-        Ok(Grasp { hold: Arc::new(hold), solver, n_snapshots, seconds, is_settled: false })
+    /// Trained by the states that are there so far.
+    pub(super) fn new(hold: Hold, training: Training, since: Instant) -> Self {
+        let states = training.states(&hold);
+        Grasp {
+            solver: solver(&hold, &states),
+            hold: Arc::new(hold),
+            training,
+            seconds: since.elapsed().as_secs_f64(),
+            settled: None,
+            lessons: None,
+        }
+    }
+
+    /// In the span of the series; snapshots follow while it is in use.
+    pub(super) fn learning(mut hold: Hold, since: Instant) -> Result<Self, Error> {
+        let lessons = (hold.owner.sampling.snapshots > 0)
+            .then(|| Lessons::start(hold.clone(), since))
+            .transpose()?;
+        let training = Training::new(&mut hold, 0, &|| true)?;
+        Ok(Grasp { lessons, ..Grasp::new(hold, training, since) })
+    }
+
+    /// Whether better ones are still to come; those that are ready have taken its place.
+    ///
+    /// # Errors
+    /// What ended the lessons in the background.
+    pub fn is_learning(&mut self) -> Result<bool, Error> {
+        self.improve()?;
+        Ok(self.lessons.as_ref().is_some_and(Lessons::is_busy))
+    }
+
+    /// Compares the last answer with the equilibrium of the whole body next to it, and takes that in where the answer is
+    /// wrong; whether it was. Takes some tenths of a second, or seconds.
+    ///
+    /// # Errors
+    /// No memory for a solver; a grasp that learns in the background, which does it by itself.
+    pub fn learn(&mut self) -> Result<bool, Error> {
+        if self.lessons.is_some() {
+            return Err(Error::input(
+                "this grasp learns by itself, in the background; wait for it",
+            ));
+        }
+        let (Some(depth), since) = (self.settled, Instant::now()) else { return Ok(false) };
+        let (mut hold, mut training) = (Hold::clone(&self.hold), self.training.clone());
+        let is_wrong = training.correct(&mut hold, &self.field(), depth)?;
+        if is_wrong {
+            self.give_way(Grasp::new(hold, training, since));
+        }
+        Ok(is_wrong)
+    }
+
+    /// A better one takes its place, if it is ready.
+    fn improve(&mut self) -> Result<(), Error> {
+        let Some(mut lessons) = self.lessons.take() else { return Ok(()) };
+        let better = lessons.newest()?; // lessons that fail are over
+        self.lessons = Some(lessons);
+        if let Some(better) = better {
+            self.give_way(better);
+        }
+        Ok(())
+    }
+
+    /// A better one takes its place, and goes on from its field.
+    fn give_way(&mut self, better: Grasp) {
+        let (u, settled) = (self.field(), self.settled);
+        *self = Grasp { lessons: self.lessons.take(), settled, ..better };
+        if settled.is_some() {
+            let Hold { owner, subspace, .. } = &*self.hold;
+            let q = subspace.basis.nearest(&u, &owner.rest.stiffness);
+            self.solver.start(|share| q.iter().map(|q| share * q).collect());
+        }
+    }
+
+    /// Displacement of all nodes.
+    fn field(&self) -> Vec<f64> {
+        self.hold.subspace.basis.field(&self.solver.q)
+    }
+
+    /// The search, to be asked what it lacks.
+    pub(super) fn solver(&self) -> &Solver {
+        &self.solver
     }
 
     /// What does not change from one solution to the next.
@@ -88,17 +154,17 @@ impl Grasp {
 
     /// Number of states solved on the whole body, that the modes hold.
     pub fn n_snapshots(&self) -> usize {
-        self.n_snapshots
+        self.training.n_snapshots()
     }
 
-    /// Time that taking hold has taken [s].
+    /// Time from taking hold to the modes as they are, or that the last of them took [s].
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
     /// What is solved.
     #[cfg(test)]
-    pub(super) fn solver(&mut self) -> &mut Solver {
+    pub(super) fn solver_mut(&mut self) -> &mut Solver {
         &mut self.solver
     }
 
@@ -108,7 +174,8 @@ impl Grasp {
     /// solution, as a hand moves on. `with_stiffness` costs one more tangent.
     ///
     /// # Errors
-    /// A displacement that is not finite; a number of them other than that of the contacts.
+    /// A displacement that is not finite; a number of them other than that of the contacts; training in the background
+    /// has failed.
     pub fn solve(
         &mut self,
         displacements: &[[f64; 3]],
@@ -117,18 +184,23 @@ impl Grasp {
     ) -> Result<Solution, Error> {
         let clock = Instant::now();
         self.hold.check(displacements)?;
+        self.improve()?;
         let d = displacements.as_flattened();
-        if !(from_last && self.is_settled) {
-            let subspace = &self.hold.subspace;
-            let share_of = |share: f64| d.iter().map(|x| share * x).collect::<Vec<_>>();
-            self.solver.start(|share| subspace.superposed(&share_of(share)));
+        if !(from_last && self.settled.is_some()) {
+            self.solver.start(self.hold.subspace.guess(d));
         }
         let mut search = Search::default();
         let status = self.solver.solve(d, &mut search);
-        self.is_settled = status == Status::Converged;
+        let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
+        self.settled = (status == Status::Converged).then_some(depth);
         let mut stiffness = Vec::new();
-        if with_stiffness && self.is_settled {
+        if with_stiffness && self.settled.is_some() {
             stiffness = self.solver.stiffness(&mut search);
+        }
+        if self.settled.is_some() && self.hold.is_within(depth) {
+            let ask =
+                |lessons: &mut Lessons| lessons.ask(&self.hold, &self.solver.q, displacements);
+            self.lessons.as_mut().map(ask);
         }
         let force = |f: &[f64]| {
             let is_known = f.iter().all(|x| x.is_finite());
@@ -139,7 +211,7 @@ impl Grasp {
             forces: self.solver.forces.chunks_exact(3).map(force).collect(),
             stiffness,
             energy: self.solver.reduced.energy,
-            depth: displacements.iter().map(|d| norm(d)).fold(0.0, f64::max),
+            depth,
             status,
             smallest_jacobian: self.solver.reduced.jacobian,
             iterations: search.iterations,
@@ -151,20 +223,23 @@ impl Grasp {
 }
 
 /// The search for equilibrium in a span, on cells and weights that training finds.
-fn solver(owner: &Galerkin, subspace: &Subspace, training: &[State]) -> Solver {
+fn solver(Hold { owner, subspace, .. }: &Hold, training: &[State]) -> Solver {
     let sample = sample(&owner.rest.body, subspace, training, owner.sampling.tolerance);
     let squares: f64 = training.iter().map(State::square).sum();
     let unit = (squares / training.len() as f64).sqrt();
     Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit)
 }
 
-/// Cells and weights that give the forces of the whole body in training.
+/// Cells and weights that give the forces of the whole body in training: those of all states together to the tolerance,
+/// and those of weighty states better than others.
 fn sample(body: &Body, subspace: &Subspace, training: &[State], tolerance: f64) -> Sample {
     let all: Vec<usize> = (0..body.cells().len()).collect();
     let sizes = Forces::new(body, &all, subspace, &training[..FIRST_STATES]).sizes();
     let candidates = systematic(&sizes, CANDIDATES);
     let forces = Forces::new(body, &candidates, subspace, training);
     let columns = Columns { rows: forces.rows, values: &forces.cells };
+    let weight = training.iter().map(|state| state.weight.powi(2)).sum::<f64>().sqrt();
+    let tolerance = tolerance * (training.len() as f64).sqrt() / weight;
     let chosen = greedy(&columns, &forces.body, tolerance);
     let (cells, weights): (Vec<usize>, Vec<f64>) =
         chosen.into_iter().map(|(place, weight)| (candidates[place], weight)).unzip();

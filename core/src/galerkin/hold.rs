@@ -43,6 +43,7 @@ pub struct Assessment {
 }
 
 /// Contacts, and the modes that their displacements are solved in.
+#[derive(Clone)]
 pub struct Hold {
     pub(super) owner: Arc<Galerkin>,
     pub(super) subspace: Subspace,
@@ -92,13 +93,13 @@ impl Hold {
     /// # Errors
     /// No memory for a solver.
     pub fn assess(&self, solution: &Solution) -> Result<Assessment, Error> {
-        let Galerkin { model, sampling, .. } = &*self.owner;
+        let model = &self.owner.model;
         let (error, is_stable) = self.expected_error(solution)?;
         let trust = if solution.status != Status::Converged {
             Trust::NotConverged
         } else if !(solution.smallest_jacobian > 0.0) {
             Trust::Inverted
-        } else if !(solution.depth <= sampling.depth * (1.0 + 1e-9)) {
+        } else if !self.is_within(solution.depth) {
             Trust::BeyondDepth
         } else if !is_stable {
             Trust::Unstable
@@ -123,6 +124,11 @@ impl Hold {
             }
             None => (1.0, false),
         })
+    }
+
+    /// Whether contacts displaced by no more than `depth` [m] are where training has been.
+    pub(super) fn is_within(&self, depth: f64) -> bool {
+        depth <= self.owner.sampling.depth * (1.0 + 1e-9)
     }
 
     pub(super) fn check(&self, displacements: &[[f64; 3]]) -> Result<(), Error> {

@@ -1,9 +1,12 @@
 //! The Galerkin model of an organ: its series model, and the body that it was reduced from.
 
 use super::grasp::Grasp;
+use super::hold::Hold;
 use super::snapshots::Solvers;
 use super::subspace::Rest;
+use super::training::train;
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::element::Element;
 use crate::equilibrium::System;
 use crate::error::Error;
@@ -12,7 +15,7 @@ use crate::reduced::{Contact, ReducedModel};
 use std::sync::Arc;
 
 /// More is taken for a mistake: every one is a solution on the whole body, and may be a mode.
-const MOST_SNAPSHOTS: usize = 200;
+pub(super) const MOST_SNAPSHOTS: usize = 200;
 
 /// How the reduced energy is made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,11 +49,29 @@ impl Galerkin {
         Ok(Galerkin { model, rest, sampling, solvers: Solvers::default() })
     }
 
-    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second.
+    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second without
+    /// snapshots, seconds with them.
     ///
     /// # Errors
-    /// No contact; one off the surface; contacts that cannot be told apart.
+    /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
     pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+        let (since, mut best) = (Instant::now(), None);
+        let hold_on = &mut |grasp| best = Some(grasp);
+        train(&mut self.hold(points)?, since, &|| true, hold_on)?;
+        Ok(best.expect("training hands over a grasp or an error"))
+    }
+
+    /// Contacts take hold without snapshots, and are in use while a thread solves them: better grasps take the place of
+    /// the first as they are ready.
+    ///
+    /// # Errors
+    /// As [`Galerkin::grasp`]; no thread.
+    pub fn grasp_and_learn(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+        let since = Instant::now();
+        Grasp::learning(self.hold(points)?, since)
+    }
+
+    fn hold(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Hold, Error> {
         if points.is_empty() {
             return Err(Error::input(
                 "no contact; give at least one point of the touchable surface",
@@ -61,7 +82,7 @@ impl Galerkin {
             .enumerate()
             .map(|(k, &point)| self.contact(k, point))
             .collect::<Result<Vec<_>, _>>()?;
-        Grasp::new(Arc::clone(self), contacts)
+        Hold::new(Arc::clone(self), contacts)
     }
 
     fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {

@@ -1,9 +1,9 @@
 //! The whole body asked: snapshots, states of a grasp solved on it for what no field of the series has; and the step by
 //! which it would leave an answer.
 //!
-//! Newton's method starts from the superposed series and keeps a tangent while steps shrink fast: few factorisations a
-//! snapshot, then forces and substitutions. The means of the patches stay where the series put them, so that an
-//! equilibrium is a minimum of the energy.
+//! Newton's method starts from the superposed series, or from what the model answers, and keeps a tangent while steps
+//! shrink fast: few factorisations a snapshot, then forces and substitutions. The means of the patches stay where the
+//! start puts them, so that an equilibrium is a minimum of the energy.
 
 use super::model::Galerkin;
 use super::nnls::norm;
@@ -85,17 +85,28 @@ pub(super) struct Step {
 fn newton_step(rest: &Rest, solver: &mut Solver, n_means: usize, u: &[f64]) -> Option<Step> {
     let body = &rest.body;
     let (mut force, mut way) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let mut tangent = Tangent::matrix(body);
-    tangent.linearize(body, u, Curvature::Exact, &mut force);
-    let is_stable = solver.prepare(&tangent, 0.0).is_ok();
-    if !is_stable {
-        tangent.linearize(body, u, Curvature::Convex, &mut force);
-        solver.prepare(&tangent, 0.0).ok()?;
-    }
+    let is_stable = prepare(body, solver, &mut Tangent::matrix(body), u, &mut force)?;
     force.iter_mut().for_each(|f| *f = -*f);
     let stay = vec![0.0; n_means];
     solver.solve(&mut force, &stay, &mut way, &mut Vec::new(), None).ok()?;
     Some(Step { way, is_stable })
+}
+
+/// Readies the solver for the tangent at `u`, made convex where it is not positive definite, and says whether it is;
+/// none where that does not help. `force` is then the internal one.
+fn prepare(
+    body: &Body,
+    solver: &mut Solver,
+    tangent: &mut Tangent,
+    u: &[f64],
+    force: &mut [f64],
+) -> Option<bool> {
+    tangent.linearize(body, u, Curvature::Exact, force);
+    if solver.prepare(tangent, 0.0).is_ok() {
+        return Some(true);
+    }
+    tangent.linearize(body, u, Curvature::Convex, force);
+    solver.prepare(tangent, 0.0).is_ok().then_some(false)
 }
 
 /// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
@@ -106,11 +117,7 @@ fn settle(rest: &Rest, solver: &mut Solver, n_means: usize, guess: &[f64]) -> Op
     let (mut tangent, stay) = (Tangent::matrix(body), vec![0.0; n_means]);
     let mut energy = body.internal_force(&u, &mut force);
     for _ in 0..TANGENTS {
-        tangent.linearize(body, &u, Curvature::Exact, &mut force);
-        if solver.prepare(&tangent, 0.0).is_err() {
-            tangent.linearize(body, &u, Curvature::Convex, &mut force);
-            solver.prepare(&tangent, 0.0).ok()?;
-        }
+        prepare(body, solver, &mut tangent, &u, &mut force)?;
         let mut last = f64::INFINITY;
         loop {
             force.iter_mut().for_each(|f| *f = -*f);

@@ -46,6 +46,7 @@ impl Source {
 }
 
 /// The span of the fields of some contacts.
+#[derive(Clone)]
 pub(super) struct Subspace {
     pub basis: Basis,
     /// Mean displacement of the patches under each mode: three rows for each contact.
@@ -116,6 +117,11 @@ impl Subspace {
         }
         alone.iter_mut().zip(self.unmix(&missing)).for_each(|(a, more)| *a += more);
         self.sum_of_series(&alone)
+    }
+
+    /// The superposed series under shares of `d`, to start a search from.
+    pub fn guess(&self, d: &[f64]) -> impl Fn(f64) -> Vec<f64> {
+        move |share| self.superposed(&d.iter().map(|d| share * d).collect::<Vec<_>>())
     }
 
     /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of

@@ -1,15 +1,14 @@
-//! Training: states that the superposed series predicts, some of them solved, and the forces of every cell in them.
+//! Training: states that the superposed series predicts, and states solved on the whole body where answers are wrong.
 
-use super::assembly::cell_forces;
-use super::model::{Galerkin, Sampling};
+use super::forces::{State, with_forces};
+use super::grasp::Grasp;
+use super::guesses::{Guess, guesses};
+use super::hold::Hold;
+use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::nnls::norm;
-use super::sample::Sample;
-use super::sketch::Sketch;
-use super::solver::{Search, Solver, Status};
-use super::subspace::{Rest, Subspace};
-use crate::body::Body;
+use super::solver::Solver;
+use crate::clock::Instant;
 use crate::error::Error;
-use crate::mesh::Patch;
 use crate::reduced::allowance;
 use rayon::prelude::*;
 
@@ -22,58 +21,47 @@ const ROUND: usize = 32;
 const PASS: f64 = 0.2;
 /// Part of the sampling's tolerance that is no reason for a snapshot: no mode mends it.
 const OF_SAMPLING: f64 = 0.5;
+/// How much the forces where tools are count beside those elsewhere.
+const OF_PLACES: f64 = 10.0;
 /// What a snapshot has beyond the span is left out below this part of the largest snapshot.
 const SMALLEST_PART: f64 = 1e-3;
-/// A state in which some cell keeps less than this part of its volume is drawn back towards rest.
-const SMALLEST_RATIO: f64 = 0.3;
-/// Cells that a thread takes at once.
-const CHUNK: usize = 64;
-
-/// A state of training.
-pub(super) struct State {
-    /// Its coordinates.
-    pub q: Vec<f64>,
-    /// `phi . f_int` of the whole body.
-    force: Vec<f64>,
-}
-
-impl State {
-    /// Squared norm of its coordinates.
-    pub fn square(&self) -> f64 {
-        self.q.iter().map(|q| q * q).sum()
-    }
-}
-
 /// The states that a grasp is trained by. As many of them as snapshots are wanted are solved on the whole body, and the
 /// span takes in what it lacks of them: the first are spread evenly, others follow in rounds as long as the model's
-/// answers are wrong somewhere.
+/// answers are wrong somewhere; and where the tools are in the end, on demand.
+#[derive(Clone)]
 pub(super) struct Training {
-    /// Fields of the states solved on the whole body.
+    /// Fields of the states solved on the whole body; the last `places` of them where the tools were.
     solved: Vec<Vec<f64>>,
+    places: usize,
     /// Coordinates of others, as the superposed series predicts them.
     predicted: Vec<Vec<f64>>,
-    /// Displacements tried as snapshots.
+    /// Displacements tried as snapshots, and how many may be.
     tried: usize,
+    most: usize,
 }
 
+/// Asked before every solution on the whole body.
+pub(super) type IsWanted<'a> = &'a (dyn Fn() -> bool + Sync);
+
 impl Training {
-    /// The first states.
+    /// The first states, and `most` that may be snapshots.
     ///
     /// # Errors
-    /// No memory for a solver.
-    pub fn new(
-        owner: &Galerkin,
-        patches: &[Patch],
-        subspace: &mut Subspace,
-    ) -> Result<Self, Error> {
-        let Sampling { depth, snapshots, .. } = owner.sampling;
-        let tried = snapshots.min(FIRST);
-        let mut guesses = guesses(&owner.rest, subspace, depth, 0..STATES.max(tried));
+    /// No memory for a solver; [`Error::Cancelled`].
+    pub fn new(hold: &mut Hold, most: usize, is_wanted: IsWanted<'_>) -> Result<Self, Error> {
+        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+        let tried = most.min(FIRST);
+        let numbers = 0..STATES.max(tried);
+        let mut guesses = guesses(&owner.rest, subspace, owner.sampling.depth, numbers);
         let predicted = guesses.split_off(tried).into_iter().map(|guess| guess.q).collect();
-        let solve = |guess: &Guess| owner.snapshot(patches, &subspace.basis.field(&guess.q));
+        let solve = |guess: &Guess| {
+            go_on(is_wanted)?;
+            owner.snapshot(&patches, &subspace.basis.field(&guess.q))
+        };
         let solved: Vec<Option<Vec<f64>>> =
             guesses.par_iter().map(solve).collect::<Result<_, _>>()?;
-        let (mut training, mut missed) = (Training { solved: vec![], predicted, tried }, vec![]);
+        let mut training = Training { solved: vec![], places: 0, predicted, tried, most };
+        let mut missed = vec![];
         for (guess, solved) in guesses.into_iter().zip(solved) {
             match solved {
                 Some(u) => training.solved.push(u),
@@ -81,7 +69,7 @@ impl Training {
             }
         }
         training.predicted.extend(missed);
-        subspace.enrich(&training.solved, SMALLEST_PART, patches, &owner.rest);
+        subspace.enrich(&training.solved, SMALLEST_PART, &patches, &owner.rest);
         Ok(training)
     }
 
@@ -91,200 +79,107 @@ impl Training {
     }
 
     /// Whether all snapshots that are wanted have been tried.
-    pub fn is_complete(&self, owner: &Galerkin) -> bool {
-        self.tried >= owner.sampling.snapshots
+    pub fn is_complete(&self) -> bool {
+        self.tried >= self.most
     }
 
     /// The states in the span as it is.
-    pub fn states(&self, rest: &Rest, subspace: &Subspace) -> Vec<State> {
+    pub fn states(&self, Hold { owner, subspace, .. }: &Hold) -> Vec<State> {
+        let rest = &owner.rest;
         let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &rest.stiffness);
         let mut states: Vec<Vec<f64>> = self.solved.par_iter().map(nearest).collect();
         states.extend(self.predicted.iter().cloned().map(|mut q| {
             q.resize(subspace.len(), 0.0);
             q
         }));
-        with_forces(&rest.body, subspace, states)
+        let mut states = with_forces(&rest.body, subspace, states);
+        let rounds = self.solved.len() - self.places;
+        states[rounds..self.solved.len()].iter_mut().for_each(|state| state.weight = OF_PLACES);
+        states
     }
 
     /// A round of new displacements: asks the `model`, solves on the whole body from its answers, and takes in what they
     /// lack. Whether the model passed, and nothing was taken in.
     ///
     /// # Errors
-    /// No memory for a solver.
+    /// No memory for a solver; [`Error::Cancelled`].
     pub fn examine(
         &mut self,
-        owner: &Galerkin,
-        patches: &[Patch],
-        subspace: &mut Subspace,
+        hold: &mut Hold,
         model: &Solver,
+        is_wanted: IsWanted<'_>,
     ) -> Result<bool, Error> {
-        let Sampling { depth, snapshots, tolerance, .. } = owner.sampling;
-        let numbers = self.tried..snapshots.min(self.tried + ROUND);
+        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+        let numbers = self.tried..self.most.min(self.tried + ROUND);
         self.tried = numbers.end;
-        let guesses = guesses(&owner.rest, subspace, depth, numbers);
-        let diagonal = owner.model.metadata().diagonal;
-        let ask = |model: &mut Solver, guess: &Guess| -> Result<Option<(f64, Vec<f64>)>, Error> {
+        let guesses = guesses(&owner.rest, subspace, owner.sampling.depth, numbers);
+        let ask = |model: &mut Solver, guess: &Guess| -> Result<Option<Vec<f64>>, Error> {
+            go_on(is_wanted)?;
             let answer = subspace.basis.field(&guess.answer(subspace, model));
-            let Some(u) = owner.snapshot(patches, &answer)? else { return Ok(None) };
-            let gap: Vec<f64> = u.iter().zip(&answer).map(|(u, a)| u - a).collect();
-            let allowed = PASS * allowance(guess.depth() / diagonal);
-            let allowed = allowed.max(OF_SAMPLING * tolerance);
-            Ok(Some((norm(&gap) / (allowed * norm(&u)), u)))
+            let Some(u) = owner.snapshot(&patches, &answer)? else { return Ok(None) };
+            Ok(is_wrong(owner, guess.depth(), &answer, &u).then_some(u))
         };
-        let found: Vec<Option<(f64, Vec<f64>)>> =
+        let found: Vec<Option<Vec<f64>>> =
             guesses.par_iter().map_init(|| model.clone(), ask).collect::<Result<_, _>>()?;
-        let wrong = found.into_iter().flatten().filter(|(error, _)| *error > 1.0);
-        let wrong: Vec<Vec<f64>> = wrong.map(|(_, u)| u).collect();
-        subspace.enrich(&wrong, SMALLEST_PART, patches, &owner.rest);
+        let wrong: Vec<Vec<f64>> = found.into_iter().flatten().collect();
+        subspace.enrich(&wrong, SMALLEST_PART, &patches, &owner.rest);
         let has_passed = wrong.is_empty();
         self.solved.extend(wrong);
         Ok(has_passed)
     }
-}
 
-/// A superposed series and its displacements of all contacts [m].
-struct Guess {
-    d: Vec<f64>,
-    q: Vec<f64>,
-}
-
-impl Guess {
-    /// Largest displacement of a contact [m].
-    fn depth(&self) -> f64 {
-        self.d.chunks_exact(3).map(norm).fold(0.0, f64::max)
-    }
-
-    /// Coordinates of the model's answer to the displacements; the guess itself where it finds none.
-    fn answer(&self, subspace: &Subspace, model: &mut Solver) -> Vec<f64> {
-        let share_of = |share: f64| self.d.iter().map(|x| share * x).collect::<Vec<_>>();
-        model.start(|share| subspace.superposed(&share_of(share)));
-        match model.solve(&self.d, &mut Search::default()) {
-            Status::Converged => model.q.clone(),
-            _ => self.q.clone(),
+    /// Takes in the equilibrium next to the model's answer `u` under displacements up to `depth` [m], if the answer is
+    /// wrong; whether it was.
+    ///
+    /// # Errors
+    /// No memory for a solver.
+    pub fn correct(&mut self, hold: &mut Hold, u: &[f64], depth: f64) -> Result<bool, Error> {
+        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+        if self.solved.len() >= MOST_SNAPSHOTS {
+            return Ok(false);
         }
-    }
-}
-
-/// Superposed series under displacements spread over the ball of radius `depth` [m].
-fn guesses(
-    rest: &Rest,
-    subspace: &Subspace,
-    depth: f64,
-    numbers: std::ops::Range<usize>,
-) -> Vec<Guess> {
-    let contacts = subspace.means.len() / 3;
-    numbers
-        .into_par_iter()
-        .map(|number| {
-            let mut d: Vec<f64> = (0..contacts)
-                .flat_map(|c| spread(contacts * number + c).map(|x| depth * x))
-                .collect();
-            let mut q = subspace.superposed(&d);
-            let is_sound = |q: &[f64]| {
-                rest.body.smallest_jacobian(&subspace.basis.field(q)).0 > SMALLEST_RATIO
-            };
-            while !is_sound(&q) {
-                d.iter_mut().for_each(|x| *x *= 0.7);
-                q = subspace.superposed(&d);
-            }
-            Guess { d, q }
-        })
-        .collect()
-}
-
-/// States that the superposed series predicts.
-#[cfg(test)]
-pub(super) fn states(
-    rest: &Rest,
-    subspace: &Subspace,
-    depth: f64,
-    numbers: std::ops::Range<usize>,
-) -> Vec<State> {
-    let guesses = guesses(rest, subspace, depth, numbers);
-    with_forces(&rest.body, subspace, guesses.into_iter().map(|guess| guess.q).collect())
-}
-
-fn with_forces(body: &Body, subspace: &Subspace, coordinates: Vec<Vec<f64>>) -> Vec<State> {
-    coordinates
-        .into_par_iter()
-        .map(|q| {
-            let u = subspace.basis.field(&q);
-            let mut force = vec![0.0; u.len()];
-            body.internal_force(&u, &mut force);
-            State { q, force: subspace.basis.project(&force) }
-        })
-        .collect()
-}
-
-/// Forces of some cells along the modes in some states, each state in units of the force of the whole body.
-pub(super) struct Forces {
-    /// Rows: modes of a state after modes of another, or a sketch of them where they are many.
-    pub rows: usize,
-    /// Cell by cell.
-    pub cells: Vec<f64>,
-    /// Of the whole body.
-    pub body: Vec<f64>,
-}
-
-impl Forces {
-    /// Of some cells of a body.
-    pub fn new(body: &Body, cells: &[usize], subspace: &Subspace, states: &[State]) -> Self {
-        let units: Vec<f64> =
-            states.iter().map(|s| 1.0 / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
-        let (r, rows) = (subspace.len(), subspace.len() * states.len());
-        let sketch = Sketch::new(rows);
-        let of_some = |some: &[usize]| {
-            let sample = Sample::new(body.points(), body.cells(), body.material(), some);
-            let modes = sample.restrict(&subspace.basis.modes);
-            let mut columns = vec![0.0; rows * some.len()];
-            for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
-                let forces = sample.by_cell(&cell_forces(&sample, &modes, &state.q), r);
-                for (column, force) in columns.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
-                    let out = &mut column[k * r..(k + 1) * r];
-                    out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
-                }
-            }
-            let mut sketched = vec![0.0; sketch.rows() * some.len()];
-            let pairs = columns.chunks_exact(rows).zip(sketched.chunks_exact_mut(sketch.rows()));
-            pairs.for_each(|(column, out)| sketch.apply(column, out));
-            sketched
+        let there = owner.snapshot(&patches, u)?;
+        let Some(there) = there.filter(|there| is_wrong(owner, depth, u, there)) else {
+            return Ok(false);
         };
-        let cells = cells.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
-        let forces = states.iter().zip(&units);
-        let forces: Vec<f64> =
-            forces.flat_map(|(s, unit)| s.force.iter().map(move |f| unit * f)).collect();
-        let mut body = vec![0.0; sketch.rows()];
-        sketch.apply(&forces, &mut body);
-        Forces { rows: sketch.rows(), cells, body }
-    }
-
-    /// The norm of each cell's forces.
-    pub fn sizes(&self) -> Vec<f64> {
-        self.cells.chunks_exact(self.rows).map(norm).collect()
+        let there = [there];
+        subspace.enrich(&there, SMALLEST_PART, &patches, &owner.rest);
+        self.solved.extend(there);
+        self.places += 1;
+        Ok(true)
     }
 }
 
-/// About `count` places, evenly spaced along the running sum of their sizes: what counts more is taken more often.
-pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
-    let step = sizes.iter().sum::<f64>() / count as f64;
-    let (mut sum, mut next, mut taken) = (0.0, 0.5 * step, Vec::with_capacity(count));
-    for (place, size) in sizes.iter().enumerate() {
-        sum += size;
-        if sum > next {
-            taken.push(place);
-            next = step * ((sum / step - 0.5).floor() + 1.5);
+/// Whether an answer is a reason for a snapshot.
+fn is_wrong(owner: &Galerkin, depth: f64, answer: &[f64], u: &[f64]) -> bool {
+    let gap: Vec<f64> = u.iter().zip(answer).map(|(u, a)| u - a).collect();
+    let allowed = PASS * allowance(depth / owner.model.metadata().diagonal);
+    norm(&gap) > allowed.max(OF_SAMPLING * owner.sampling.tolerance) * norm(u)
+}
+
+/// Rounds of training, until the model passes one: every grasp that they come to is better than the last, and handed
+/// over. What they were trained by.
+///
+/// # Errors
+/// No memory for a solver; [`Error::Cancelled`].
+pub(super) fn train(
+    hold: &mut Hold,
+    since: Instant,
+    is_wanted: IsWanted<'_>,
+    hand_over: &mut (dyn FnMut(Grasp) + Send),
+) -> Result<Training, Error> {
+    let mut training = Training::new(hold, hold.owner.sampling.snapshots, is_wanted)?;
+    loop {
+        go_on(is_wanted)?;
+        let grasp = Grasp::new(hold.clone(), training.clone(), since);
+        let model = grasp.solver().clone();
+        hand_over(grasp);
+        if training.is_complete() || training.examine(hold, &model, is_wanted)? {
+            return Ok(training);
         }
     }
-    taken
 }
 
-/// The points of a sequence that fills the unit ball evenly, more densely towards its centre: direction from two
-/// terms of Roberts' R3 sequence, radius from the third.
-fn spread(number: usize) -> [f64; 3] {
-    const GOLDEN: f64 = 1.220_744_084_605_76;
-    let term = |k: i32| (0.5 + (number + 1) as f64 / GOLDEN.powi(k)).fract();
-    let (height, turn) = (2.0 * term(1) - 1.0, std::f64::consts::TAU * term(2));
-    let radius = 0.2 + 0.8 * term(3);
-    let width = (1.0 - height * height).sqrt();
-    [radius * width * turn.cos(), radius * width * turn.sin(), radius * height]
+fn go_on(is_wanted: IsWanted<'_>) -> Result<(), Error> {
+    if is_wanted() { Ok(()) } else { Err(Error::Cancelled) }
 }

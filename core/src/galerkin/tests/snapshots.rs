@@ -69,6 +69,79 @@ fn snapshots_are_taken_as_long_as_answers_are_wrong() {
 }
 
 #[test]
+fn lessons_come_while_a_grasp_is_in_use_and_change_nothing_that_it_holds() {
+    let d = pushes(0.9 * DEPTH);
+    let mut grasp = WITH_SNAPSHOTS.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
+    let mut trained = WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap();
+    let first = grasp.solve(&d, false, false).unwrap();
+    let mut answers = vec![(grasp.hold().displacement(&first), grasp.n_snapshots())];
+    while grasp.is_learning().unwrap() {
+        let solution = grasp.solve(&d, true, false).unwrap();
+        assert_eq!(solution.status, Status::Converged);
+        let answer = grasp.hold().displacement(&solution);
+        assert!(relative(&answer, &answers.last().unwrap().0) < 0.05, "a jump");
+        answers.push((answer, grasp.n_snapshots()));
+    }
+    assert!(answers.windows(2).all(|pair| pair[0].1 <= pair[1].1), "lessons forgotten");
+    assert!(grasp.n_snapshots() >= trained.n_snapshots());
+    let (field, _) = newton(&grasp.hold().patches(), &d);
+    let error = |grasp: &mut Grasp, from_last: bool| {
+        let solution = grasp.solve(&d, from_last, false).unwrap();
+        relative(&grasp.hold().displacement(&solution), &field)
+    };
+    let (last, best) = (error(&mut grasp, true), error(&mut trained, false));
+    assert!(last < 1.1 * best, "{last} in the background, {best} by waiting");
+}
+
+#[test]
+fn a_wrong_answer_is_learned_once() {
+    let mut grasp = two();
+    assert!(!grasp.learn().unwrap(), "nothing was asked yet");
+    let d = pushes(DEPTH);
+    let (field, _) = newton(&grasp.hold().patches(), &d);
+    let error = |grasp: &mut Grasp| {
+        let solution = grasp.solve(&d, true, false).unwrap();
+        relative(&grasp.hold().displacement(&solution), &field)
+    };
+    let before = error(&mut grasp);
+    assert!(grasp.learn().unwrap(), "{before} is wrong");
+    assert_eq!(grasp.n_snapshots(), 1);
+    let after = error(&mut grasp);
+    assert!(3.0 * after < before, "{before} before, {after} after");
+    assert!(!grasp.learn().unwrap(), "{after} is right");
+}
+
+#[test]
+fn a_grasp_that_does_not_wait_learns_where_the_tools_are() {
+    let sampling = Sampling { snapshots: 24, ..MODEL.sampling };
+    let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
+    let mut grasp = galerkin.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
+    while grasp.is_learning().unwrap() {}
+    assert!(grasp.learn().is_err(), "it does so by itself");
+    let taken = grasp.n_snapshots();
+    let d = pushes(DEPTH);
+    grasp.solve(&d, false, false).unwrap();
+    assert!(grasp.is_learning().unwrap());
+    while grasp.is_learning().unwrap() {}
+    let last = grasp.solve(&d, true, false).unwrap();
+    let (field, _) = newton(&grasp.hold().patches(), &d);
+    assert!(grasp.n_snapshots() <= taken + 1);
+    assert!(relative(&grasp.hold().displacement(&last), &field) < 0.01);
+}
+
+#[test]
+fn lessons_end_when_the_grasp_is_let_go() {
+    let sampling = Sampling { snapshots: 200, depth: 1.5 * DEPTH, ..MODEL.sampling };
+    let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
+    let grasp = galerkin.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
+    let weak = Arc::downgrade(&galerkin);
+    drop((grasp, galerkin));
+    while weak.strong_count() > 0 {
+        std::thread::sleep(std::time::Duration::from_millis(5)); // hangs, if they do not
+    }
+}
+
+#[test]
 fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
     let grasp = two();
     let patches = grasp.hold().patches();

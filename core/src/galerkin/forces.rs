@@ -1,0 +1,125 @@
+//! The forces of every cell in the states of training, by which cells are chosen and weighed.
+
+use super::assembly::cell_forces;
+#[cfg(test)]
+use super::guesses::guesses;
+use super::nnls::norm;
+use super::sample::Sample;
+use super::sketch::Sketch;
+#[cfg(test)]
+use super::subspace::Rest;
+use super::subspace::Subspace;
+use crate::body::Body;
+use rayon::prelude::*;
+
+/// Cells that a thread takes at once.
+const CHUNK: usize = 64;
+
+/// A state of training.
+pub(super) struct State {
+    /// Its coordinates.
+    pub q: Vec<f64>,
+    /// How much its forces count beside those of others.
+    pub weight: f64,
+    /// `phi . f_int` of the whole body.
+    force: Vec<f64>,
+}
+
+impl State {
+    /// Squared norm of its coordinates.
+    pub fn square(&self) -> f64 {
+        self.q.iter().map(|q| q * q).sum()
+    }
+}
+
+/// The states of these coordinates.
+pub(super) fn with_forces(
+    body: &Body,
+    subspace: &Subspace,
+    coordinates: Vec<Vec<f64>>,
+) -> Vec<State> {
+    coordinates
+        .into_par_iter()
+        .map(|q| {
+            let u = subspace.basis.field(&q);
+            let mut force = vec![0.0; u.len()];
+            body.internal_force(&u, &mut force);
+            State { q, weight: 1.0, force: subspace.basis.project(&force) }
+        })
+        .collect()
+}
+
+/// Forces of some cells along the modes in some states, each state in units of the force of the whole body over its
+/// weight.
+pub(super) struct Forces {
+    /// Rows: modes of a state after modes of another, or a sketch of them where they are many.
+    pub rows: usize,
+    /// Cell by cell.
+    pub cells: Vec<f64>,
+    /// Of the whole body.
+    pub body: Vec<f64>,
+}
+
+impl Forces {
+    /// Of some cells of a body.
+    pub fn new(body: &Body, cells: &[usize], subspace: &Subspace, states: &[State]) -> Self {
+        let units: Vec<f64> =
+            states.iter().map(|s| s.weight / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
+        let (r, rows) = (subspace.len(), subspace.len() * states.len());
+        let sketch = Sketch::new(rows);
+        let of_some = |some: &[usize]| {
+            let sample = Sample::new(body.points(), body.cells(), body.material(), some);
+            let modes = sample.restrict(&subspace.basis.modes);
+            let mut columns = vec![0.0; rows * some.len()];
+            for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
+                let forces = sample.by_cell(&cell_forces(&sample, &modes, &state.q), r);
+                for (column, force) in columns.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
+                    let out = &mut column[k * r..(k + 1) * r];
+                    out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
+                }
+            }
+            let mut sketched = vec![0.0; sketch.rows() * some.len()];
+            let pairs = columns.chunks_exact(rows).zip(sketched.chunks_exact_mut(sketch.rows()));
+            pairs.for_each(|(column, out)| sketch.apply(column, out));
+            sketched
+        };
+        let cells = cells.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
+        let forces = states.iter().zip(&units);
+        let forces: Vec<f64> =
+            forces.flat_map(|(s, unit)| s.force.iter().map(move |f| unit * f)).collect();
+        let mut body = vec![0.0; sketch.rows()];
+        sketch.apply(&forces, &mut body);
+        Forces { rows: sketch.rows(), cells, body }
+    }
+
+    /// The norm of each cell's forces.
+    pub fn sizes(&self) -> Vec<f64> {
+        self.cells.chunks_exact(self.rows).map(norm).collect()
+    }
+}
+
+/// About `count` places, evenly spaced along the running sum of their sizes: what counts more is taken more often.
+pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
+    let step = sizes.iter().sum::<f64>() / count as f64;
+    let (mut sum, mut next, mut taken) = (0.0, 0.5 * step, Vec::with_capacity(count));
+    for (place, size) in sizes.iter().enumerate() {
+        sum += size;
+        if sum > next {
+            taken.push(place);
+            next = step * ((sum / step - 0.5).floor() + 1.5);
+        }
+    }
+    taken
+}
+
+/// States that the superposed series predicts.
+#[cfg(test)]
+pub(super) fn states(
+    rest: &Rest,
+    subspace: &Subspace,
+    depth: f64,
+    numbers: std::ops::Range<usize>,
+) -> Vec<State> {
+    let guesses = guesses(rest, subspace, depth, numbers);
+    with_forces(&rest.body, subspace, guesses.into_iter().map(|guess| guess.q).collect())
+}
