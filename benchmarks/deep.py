@@ -4,8 +4,10 @@
 
 The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells; random touches of all of the anterior face,
 between its nodes, in any direction, up to 15 % of the diagonal in steps of half a per cent. The Galerkin model takes
-hold once, with so many snapshots, and follows the finger from step to step. A touch at which Newton passed an
-instability may have several answers: errors are given with such touches and without. And where a trusted answer of
+hold once, with so many snapshots, and follows the finger from step to step. "Learned" is what it answers after the
+finger has stayed where the answer was not trusted: it has compared itself with the equilibrium of the whole organ next
+to it, at most three times, and taken that in. A touch at which Newton passed an instability may have several answers:
+errors are given with such touches and without. And where a trusted answer of
 the Galerkin model is farther from Newton's than is allowed, Newton starts once more, from that answer: if it stays
 near, the answer is an equilibrium, another one, and its energy tells which of the two is lower.
 """
@@ -13,6 +15,7 @@ near, the answer is an equilibrium, another one, and its energy tells which of t
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from time import perf_counter
 
 import numpy as np
@@ -21,12 +24,16 @@ from machine import describe
 
 import viscera as vs
 from viscera.check import Full, allowed_error, surface_points, unit_vectors
+from viscera.galerkin import Grasp, Held
 from viscera.mesh import Floats
 
-ORDER, TOLERANCE, STEPS = 4, 0.01, 30
+ORDER, TOLERANCE, STEPS, LESSONS = 4, 0.01, 30, 3
+
+Answer = tuple[Floats, Floats, bool]
+"""Field, force and trust."""
 
 Row = tuple[float, bool, list[tuple[float, float, bool]]]
-"""Depth, whether Newton met no instability, and of both models error of field and force and trust."""
+"""Depth, whether Newton met no instability, and of all methods error of field and force and trust."""
 
 
 def main(touches: int, snapshots: int) -> None:
@@ -45,22 +52,36 @@ def main(touches: int, snapshots: int) -> None:
     others: list[tuple[int, float, float, float, float]] = []
     holds: list[tuple[float, int, int, int]] = []
     ticks: list[float] = []
+    lessons: list[float] = []
 
-    def push(k: int) -> dict[float, tuple[Floats, Floats, bool]]:
-        """Field, force and trust of the Galerkin model at the depths."""
-        grasp, found = fingers.grasp([points[k]]), {}
-        holds.append((grasp.seconds, grasp.modes, grasp.cells, grasp.snapshots))
+    def follow(grasp: Grasp, k: int, ticks: list[float]) -> Iterator[tuple[float, Held]]:
+        """The answers at the depths, on the way of a finger."""
         for step in range(1, STEPS + 1):
             share = max(DEPTHS) * step / STEPS
             held = grasp.solve([share * liver.diagonal * directions[k]], from_last=step > 1, stiffness=False)
             ticks.append(1e3 * held.seconds)
-            if np.isclose(share, DEPTHS).any():
-                found[DEPTHS[int(np.argmin(np.abs(np.array(DEPTHS) - share)))]] = (
-                    held.displacement,
-                    held.force[0],
-                    held.is_trusted,
-                )
-        return found
+            at = np.isclose(share, DEPTHS)
+            if at.any():
+                yield DEPTHS[int(at.argmax())], held
+
+    def push(k: int) -> dict[float, tuple[Answer, Answer]]:
+        """What the Galerkin model answers at the depths, and what it answers when it has learned there."""
+        grasp = fingers.grasp([points[k]])
+        holds.append((grasp.seconds, grasp.modes, grasp.cells, grasp.snapshots))
+        first = {share: _answer(held) for share, held in follow(grasp, k, ticks)}
+        again = ((share, held) for share, held in follow(grasp, k, []) if not first[share][2])
+        learned = {share: stay(grasp, share * liver.diagonal * directions[k], held) for share, held in again}
+        return {share: (first[share], learned.get(share, first[share])) for share in DEPTHS}
+
+    def stay(grasp: Grasp, there: Floats, held: Held) -> Answer:
+        """What it answers when it has learned where the finger is."""
+        for _ in range(LESSONS):
+            began = perf_counter()
+            if not grasp.learn():
+                break
+            lessons.append(perf_counter() - began)
+            held = grasp.solve([there], from_last=True, stiffness=False)
+        return _answer(held)
 
     def ask(k: int) -> list[Row]:
         patch, state, rows, held = series.patch(points[k]), None, [], push(k)
@@ -70,9 +91,10 @@ def main(touches: int, snapshots: int) -> None:
             if not state.is_converged:
                 break
             field, force, answer = full.added(state), state.reaction(patch), series(points[k], there)
-            both = [(answer.displacement, answer.force, answer.is_trusted), held[share]]
-            rows.append((share, state.status == "converged", [(_gap(u, field), _gap(f, force), t) for u, f, t in both]))
-            (place, _, is_trusted), far = held[share], rows[-1][2][1][0]
+            three = [(answer.displacement, answer.force, answer.is_trusted), *held[share]]
+            errors = [(_gap(u, field), _gap(f, force), trust) for u, f, trust in three]
+            rows.append((share, state.status == "converged", errors))
+            (place, _, is_trusted), far = held[share][0], errors[1][0]
             if is_trusted and far > allowed_error(share):
                 near = full.solve(patch, there, place)
                 away = _gap(place, full.added(near)) if near.is_converged else np.inf
@@ -82,14 +104,15 @@ def main(touches: int, snapshots: int) -> None:
     rows = [row for k in range(touches) for row in ask(k)]
     print(f"Galerkin with up to {snapshots} snapshots              median      90 %      99 %     worst")
     names = ("taking hold [s]", "modes", f"sampled cells of {len(liver.cells)}", "snapshots")
-    for name, values in (*zip(names, np.transpose(holds), strict=True), ("a step of half a per cent [ms]", ticks)):
+    measured = [*zip(names, np.transpose(holds), strict=True), ("a step of half a per cent [ms]", ticks)]
+    for name, values in measured + [(f"a lesson [s], {len(lessons)} of them", lessons)] * bool(lessons):
         print(f"      {name:40s}" + "".join(f"{np.quantile(values, q):10.2f}" for q in (0.5, 0.9, 0.99, 1.0)))
     print("depth                    touches    field median / 90 % / worst     force median / 90 % / worst")
     for share in DEPTHS:
         at = [row for row in rows if row[0] == share]
         unstable = sum(not row[1] for row in at)
         print(f"{share:5.0%}, Newton converged for {len(at)} of {touches}, {unstable} of them past an instability")
-        for method, name in enumerate(("series", "Galerkin")):
+        for method, name in enumerate(("series", "Galerkin", "learned")):
             kinds = {"all": at, "stable": [r for r in at if r[1]], "trusted": [r for r in at if r[2][method][2]]}
             for words, some in kinds.items():
                 errors = np.array([r[2][method][:2] for r in some])
@@ -101,6 +124,10 @@ def main(touches: int, snapshots: int) -> None:
             f"      touch {k:3d} at {share:.0%}: {far:.1%} from Newton's answer, {away:.2%} from the equilibrium that "
             f"Newton finds from there, whose energy is {energy:+.1%} of the other's"
         )
+
+
+def _answer(held: Held) -> Answer:
+    return held.displacement, held.force[0], held.is_trusted
 
 
 def _errors(table: Floats) -> str:
