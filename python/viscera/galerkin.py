@@ -106,10 +106,7 @@ class Grasp:
     @property
     def is_learning(self) -> bool:
         """Whether snapshots are still being solved in the background; what they have brought is in use already."""
-        try:
-            return self._grasp.is_learning()
-        except ValueError as error:
-            raise VisceraError(str(error)) from error
+        return self._grasp.is_learning()
 
     def wait(self) -> None:
         """Until nothing is solved in the background any more."""
@@ -117,15 +114,12 @@ class Grasp:
             sleep(0.02)
 
     def learn(self) -> bool:
-        """Compares the last answer with the equilibrium of the whole organ next to it, and takes that in if it is wrong.
+        """Compares the last answer with the equilibrium of the whole organ next to it; takes that in if it is wrong.
 
         Returns whether it was; then ask anew. Wrong is what would be a snapshot in training. A grasp that did not wait
         for snapshots does this by itself, wherever the tools are.
         """
-        try:
-            return self._grasp.learn()
-        except ValueError as error:
-            raise VisceraError(str(error)) from error
+        return self._grasp.learn()
 
     def solve(self, displacements: ArrayLike, *, from_last: bool = False, stiffness: bool = True) -> Held:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
@@ -182,10 +176,7 @@ class Galerkin:
         if rows.ndim != 2 or rows.shape[1:] != (3,):
             raise VisceraError(f"contact points have shape {np.shape(points)}; they must be (k, 3)")
         rows = np.array([vector(row, f"contact point {k}", "m") for k, row in enumerate(rows)])
-        try:
-            return Grasp(self._core.grasp(rows, wait), rows)
-        except ValueError as error:
-            raise VisceraError(str(error)) from error
+        return Grasp(self._core.grasp(rows, wait), rows)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
         """The answer to touches `[(point, displacement), ...]` [m]; holds on as long as the points stay the same."""
@@ -207,14 +198,11 @@ def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, sn
         raise VisceraError(f"order must be a whole number, got {order!r}")
     if not isinstance(snapshots, int | np.integer) or snapshots < 0:
         raise VisceraError(f"snapshots must be a whole number, not below 0, got {snapshots!r}")
-    try:
-        core = _core.Galerkin(
-            touch._model,
-            order=int(order),
-            tolerance=float(tolerance),
-            depth=touch.depth if depth is None else float(depth),
-            snapshots=int(snapshots),
-        )
-    except ValueError as error:
-        raise VisceraError(str(error)) from error
+    core = _core.Galerkin(
+        touch._model,
+        order=int(order),
+        tolerance=float(tolerance),
+        depth=touch.depth if depth is None else float(depth),
+        snapshots=int(snapshots),
+    )
     return Galerkin(touch, core)

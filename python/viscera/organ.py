@@ -224,19 +224,16 @@ class Organ:
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
         applied += traction_forces(self.mesh, self.fixed, traction or {})
-        try:
-            expansions = self._body.path(
-                force=applied,
-                pressed=pressed,
-                pressure=pressures,
-                order=order,
-                parameter=parameter,
-                until=until,
-                tolerance=tolerance,
-                max_expansions=max_expansions,
-            )
-        except ValueError as error:
-            raise VisceraError(str(error)) from None
+        expansions = self._body.path(
+            force=applied,
+            pressed=pressed,
+            pressure=pressures,
+            order=order,
+            parameter=parameter,
+            until=until,
+            tolerance=tolerance,
+            max_expansions=max_expansions,
+        )
         return Path([Expansion(**expansion) for expansion in expansions])
 
     def unloaded(

@@ -111,10 +111,7 @@ class Stepper:
         if start is not None and start.displacement.shape != organ.mesh.points.shape:
             raise VisceraError("the state to start from belongs to another mesh")
         origin = None if start is None else start.displacement
-        try:
-            self._core = _core.Stepper(organ._body, start=origin, **settings)
-        except ValueError as error:
-            raise VisceraError(str(error)) from None
+        self._core = _core.Stepper(organ._body, start=origin, **settings)
         self._hold(self._grasp)
 
     @property
@@ -130,9 +127,10 @@ class Stepper:
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
         try:
-            self._core.set_velocity(np.array(value, dtype=float, ndmin=2))
+            rows = np.array(value, dtype=float, ndmin=2)
         except ValueError as error:
-            raise VisceraError(str(error)) from None
+            raise VisceraError(f"velocity is no array of numbers: {error}") from None
+        self._core.set_velocity(rows)
 
     def grasp(self, where: Where) -> Hand:
         """Take hold of a place as it is now: of the free nodes of a set, or of the mean of a contact patch."""
@@ -178,10 +176,7 @@ class Stepper:
         values, means = self._grasp.move(targets)
         applied, acceleration = self._loads(force, traction, gravity, density)
         self._press(pressure or {})
-        try:
-            result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
-        except ValueError as error:
-            raise VisceraError(str(error)) from None
+        result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         self._named = named
         return Frame(
             displacement=result["displacement"],
@@ -203,10 +198,7 @@ class Stepper:
     def _hold(self, grasp: Grasp) -> None:
         if not self._may_float:
             require_held(self._organ.mesh, self._organ.fixed, grasp.dofs, grasp.patches)
-        try:
-            self._core.grasp(grasp.dofs, grasp.patches)
-        except ValueError as error:
-            raise VisceraError(str(error)) from None
+        self._core.grasp(grasp.dofs, grasp.patches)
 
     def _press(self, pressure: Pressures) -> None:
         if pressure == self._pressure:

@@ -258,7 +258,4 @@ def load(path: str | os.PathLike[str]) -> Touch:
 
 def load_bytes(data: bytes) -> Touch:
     """Read the bytes of a model file; raises `VisceraError` where they are cut short or inconsistent."""
-    try:
-        return Touch(_core.Model.from_bytes(data))
-    except ValueError as error:
-        raise VisceraError(str(error)) from error
+    return Touch(_core.Model.from_bytes(data))

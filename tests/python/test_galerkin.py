@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -74,6 +77,14 @@ def test_a_grasp_that_does_not_wait_answers_at_once_and_learns(touch: vs.Touch, 
     error = relative(series.solve(pushes).displacement, full.displacement)
     # From the field that the series had: the hand has not let go meanwhile.
     assert relative(grasp.solve(pushes, from_last=True).displacement, full.displacement) < 0.7 * error
+
+
+def test_an_interrupt_ends_taking_hold(touch: vs.Touch) -> None:
+    fingers = touch.galerkin(depth=0.05, snapshots=200, tolerance=1e-3)  # a second of snapshots, and more
+    Timer(0.1, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    with pytest.raises(KeyboardInterrupt):
+        fingers.grasp([LEFT, RIGHT])
+    assert fingers.grasp([LEFT]).modes > 0
 
 
 def test_a_wrong_answer_is_learned(touch: vs.Touch, organ: vs.Organ) -> None:

@@ -1,9 +1,14 @@
 //! The body and its statics.
 
 use crate::family::FamilyArguments;
-use crate::{convert, law::Law, mesh::Patch, model::Model, path, stepper};
+use crate::{
+    convert::{self, VisceraError},
+    law::Law,
+    mesh::Patch,
+    model::Model,
+    path, stepper,
+};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
@@ -40,7 +45,7 @@ impl Body {
         fixed.sort_unstable();
         fixed.dedup();
         if let Some(node) = fixed.iter().find(|&&node| node as usize >= body.points().len()) {
-            return Err(PyValueError::new_err(format!(
+            return Err(VisceraError::new_err(format!(
                 "fixed point {node} does not exist; there are {} points",
                 body.points().len()
             )));
@@ -69,7 +74,7 @@ impl Body {
         let n = self.body.points().len();
         let (dofs, values) = (prescribed.as_array(), values.as_array());
         if dofs.len() != values.len() {
-            return Err(PyValueError::new_err(format!(
+            return Err(VisceraError::new_err(format!(
                 "{} prescribed degrees of freedom but {} values",
                 dofs.len(),
                 values.len()
@@ -148,7 +153,7 @@ impl Body {
             "load" => Parameter::Load,
             "arc length" => Parameter::ArcLength,
             other => {
-                return Err(PyValueError::new_err(format!(
+                return Err(VisceraError::new_err(format!(
                     "the path parameter is 'load' or 'arc length', got {other:?}"
                 )));
             }
@@ -166,7 +171,7 @@ impl Body {
         let excluded = |node: u32| self.fixed.binary_search(&node).is_ok();
         let patch = self.surface.patch_at_point(point, radius, &excluded);
         patch.map(|patch| Patch { patch }).ok_or_else(|| {
-            PyValueError::new_err(format!(
+            VisceraError::new_err(format!(
                 "there is no free surface within {radius} m of the point {point:?}; move the point or widen the radius"
             ))
         })
@@ -189,7 +194,7 @@ impl Body {
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Model> {
         let user = serde_json::from_str(metadata)
-            .map_err(|e| PyValueError::new_err(format!("metadata is not JSON: {e}")))?;
+            .map_err(|e| VisceraError::new_err(format!("metadata is not JSON: {e}")))?;
         let touchable = touchable.as_array().to_vec();
         let n = self.body.points().len();
         let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
@@ -227,7 +232,7 @@ fn newton_settings(
             "max_backtracks" => newton.max_backtracks = value as usize,
             "smallest_step" => newton.smallest_step = value,
             _ => {
-                return Err(PyValueError::new_err(format!(
+                return Err(VisceraError::new_err(format!(
                     "no setting is called {name:?}; there are tolerance, max_iterations, max_backtracks, smallest_step"
                 )));
             }

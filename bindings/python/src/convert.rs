@@ -1,16 +1,18 @@
 //! Arrays and errors across the border.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyValueError};
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use viscera_core::Error;
 use viscera_core::equilibrium::Pressure;
+
+pyo3::import_exception!(viscera.errors, VisceraError);
 
 /// The one map from core errors to Python exceptions.
 pub fn error(error: Error) -> PyErr {
     match error {
         Error::Cancelled => PyKeyboardInterrupt::new_err(error.to_string()),
-        other => PyValueError::new_err(other.to_string()),
+        other => VisceraError::new_err(other.to_string()),
     }
 }
 
@@ -35,7 +37,7 @@ fn rows<T: numpy::Element + Copy + Default, const N: usize>(
 ) -> PyResult<Vec<[T; N]>> {
     let view = array.as_array();
     if view.ncols() != N {
-        return Err(PyValueError::new_err(format!(
+        return Err(VisceraError::new_err(format!(
             "{name} has shape ({}, {}); it must be (n, {N})",
             view.nrows(),
             view.ncols()
@@ -48,7 +50,7 @@ fn rows<T: numpy::Element + Copy + Default, const N: usize>(
 pub fn dofs(name: &str, array: &PyReadonlyArray2<f64>, n_points: usize) -> PyResult<Vec<f64>> {
     let rows = points(name, array)?;
     if rows.len() != n_points {
-        return Err(PyValueError::new_err(format!(
+        return Err(VisceraError::new_err(format!(
             "{name} has {} rows; it needs one for each of the {n_points} points",
             rows.len()
         )));
@@ -68,7 +70,7 @@ pub fn pressure(faces: &PyReadonlyArray2<u32>, values: &PyReadonlyArray1<f64>) -
 pub fn vector(name: &str, array: &PyReadonlyArray1<f64>) -> PyResult<[f64; 3]> {
     let values = array.as_array();
     if values.len() != 3 {
-        return Err(PyValueError::new_err(format!(
+        return Err(VisceraError::new_err(format!(
             "{name} has {} components; it needs 3",
             values.len()
         )));

@@ -1,8 +1,7 @@
 //! The direct solvers of the core on matrices of one's own.
 
-use crate::convert;
+use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use viscera_core::linear::{Cholesky, FactorError, Factorization, Ldlt, Pattern};
 
@@ -48,7 +47,7 @@ impl Factor {
             "cholesky" => Kind::Cholesky(Box::new(Cholesky::analyze(&pattern).map_err(error)?)),
             "ldlt" => Kind::Ldlt(Box::new(Ldlt::analyze(&pattern).map_err(error)?)),
             other => {
-                return Err(PyValueError::new_err(format!(
+                return Err(VisceraError::new_err(format!(
                     "a factor is \"cholesky\" or \"ldlt\", got {other:?}"
                 )));
             }

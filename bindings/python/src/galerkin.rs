@@ -1,9 +1,10 @@
 //! Several touches at once: the hyper-reduced Galerkin model.
 
+use crate::convert::{self, VisceraError};
+use crate::interrupt::interruptible;
 use crate::mesh::Patch;
-use crate::{convert, model::Model};
+use crate::model::Model;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
@@ -35,10 +36,12 @@ impl Galerkin {
 
     fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>, wait: bool) -> PyResult<Grasp> {
         let points = convert::points("contacts", &points)?;
-        let take_hold = || {
-            if wait { self.galerkin.grasp(&points) } else { self.galerkin.grasp_and_learn(&points) }
+        let grasp = if wait {
+            interruptible(py, |is_wanted| self.galerkin.grasp_while(&points, is_wanted))?
+        } else {
+            py.detach(|| self.galerkin.grasp_and_learn(&points)).map_err(convert::error)?
         };
-        Ok(Grasp { grasp: Mutex::new(py.detach(take_hold).map_err(convert::error)?) })
+        Ok(Grasp { grasp: Mutex::new(grasp) })
     }
 }
 
@@ -55,7 +58,7 @@ impl Grasp {
         py: Python<'_>,
         ask: impl FnOnce(&mut galerkin::Grasp) -> T + Send,
     ) -> PyResult<T> {
-        let broken = || PyValueError::new_err("this grasp broke off; take hold anew");
+        let broken = || VisceraError::new_err("this grasp broke off; take hold anew");
         py.detach(|| Some(ask(&mut *self.grasp.lock().ok()?))).ok_or_else(broken)
     }
 }

@@ -1,10 +1,9 @@
 //! Laws at single deformation gradients: what plots and tests of a law need.
 
-use crate::convert;
+use crate::convert::{self, VisceraError};
 use numpy::{
     PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
 };
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use viscera_core::law::{self, LawVisitor, Material};
 use viscera_core::tensor::Mat3;
@@ -80,7 +79,7 @@ fn gradients(F: &PyReadonlyArray3<f64>) -> PyResult<Vec<Mat3<f64>>> {
     let view = F.as_array();
     let (_, rows, columns) = view.dim();
     if (rows, columns) != (3, 3) {
-        return Err(PyValueError::new_err(format!(
+        return Err(VisceraError::new_err(format!(
             "F has shape {:?}; it must be (k, 3, 3)",
             view.shape()
         )));

@@ -8,6 +8,7 @@ mod convert;
 mod factor;
 mod family;
 mod galerkin;
+mod interrupt;
 mod law;
 mod live;
 mod mesh;

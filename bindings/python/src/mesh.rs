@@ -1,8 +1,7 @@
 //! Mesh topology and contact patches.
 
-use crate::convert;
+use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use viscera_core::mesh;
@@ -16,7 +15,7 @@ fn checked(
 ) -> PyResult<PointsAndCells> {
     let (points, cells) = (convert::points("points", points)?, convert::cells(cells)?);
     if let Some((cell, node)) = mesh::index_out_of_range(points.len(), &cells) {
-        return Err(PyValueError::new_err(format!(
+        return Err(VisceraError::new_err(format!(
             "cell {cell} uses point {node}; there are {} points",
             points.len()
         )));
@@ -120,7 +119,7 @@ impl Surface {
         let points = convert::points("points", &points)?;
         let triangles = convert::triangles(&triangles)?;
         if let Some(node) = triangles.iter().flatten().find(|&&n| n as usize >= points.len()) {
-            return Err(PyValueError::new_err(format!(
+            return Err(VisceraError::new_err(format!(
                 "a triangle uses point {node}; there are {} points",
                 points.len()
             )));
@@ -132,7 +131,7 @@ impl Surface {
     fn closest(&self, point: PyReadonlyArray1<f64>) -> PyResult<(u32, [f64; 3], f64)> {
         let point = convert::vector("point", &point)?;
         let closest = self.surface.closest(point).ok_or_else(|| {
-            PyValueError::new_err(format!("there is no triangle, or {point:?} is not finite"))
+            VisceraError::new_err(format!("there is no triangle, or {point:?} is not finite"))
         })?;
         Ok((closest.triangle, closest.barycentric, closest.distance))
     }

@@ -1,8 +1,11 @@
 //! The reduced model and its evaluator.
 
-use crate::{convert, mesh::Patch};
+use crate::{
+    convert::{self, VisceraError},
+    mesh::Patch,
+};
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
-use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use viscera_core::reduced::{Contact, ReducedModel, Response, Trust, View};
@@ -29,7 +32,7 @@ impl Model {
     #[getter]
     fn metadata(&self) -> PyResult<String> {
         serde_json::to_string(self.model.metadata())
-            .map_err(|e| PyValueError::new_err(format!("metadata cannot be written: {e}")))
+            .map_err(|e| VisceraError::new_err(format!("metadata cannot be written: {e}")))
     }
 
     fn array<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
@@ -110,7 +113,7 @@ impl Model {
         let contact = self.model.locate(point).filter(|c| self.model.is_on_surface(c));
         contact.ok_or_else(|| {
             let distance = self.model.locate(point).map_or(f64::INFINITY, |c| c.distance);
-            PyValueError::new_err(format!(
+            VisceraError::new_err(format!(
                 "point {point:?} is {:.1} mm from the touchable surface; touch within {:.1} mm of it",
                 1e3 * distance,
                 1e3 * self.model.edge_length()
@@ -141,7 +144,7 @@ fn finite(name: &str, array: &PyReadonlyArray1<f64>) -> PyResult<[f64; 3]> {
     if vector.iter().all(|x| x.is_finite()) {
         return Ok(vector);
     }
-    Err(PyValueError::new_err(format!("{name} is {vector:?}; it must be finite")))
+    Err(VisceraError::new_err(format!("{name} is {vector:?}; it must be finite")))
 }
 
 fn array<'py, T: Element + Copy>(

@@ -1,8 +1,7 @@
 //! Expansions of an equilibrium path, and their rational form.
 
-use crate::convert;
+use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use viscera_core::series::{Expansion, Pade};
@@ -16,7 +15,7 @@ pub fn vector_pade<'py>(
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let rows: Vec<Vec<f64>> = series.as_array().rows().into_iter().map(|r| r.to_vec()).collect();
     if rows.len() < 2 {
-        return Err(PyValueError::new_err("a series needs at least its constant and one order"));
+        return Err(VisceraError::new_err("a series needs at least its constant and one order"));
     }
     Ok(PyArray1::from_vec(py, Pade::new(&rows, 0).evaluate(&rows, a)))
 }

@@ -1,9 +1,8 @@
 //! Paper A's separated series.
 
 use crate::body::{Body, Watch};
-use crate::convert;
+use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::collections::BTreeMap;
@@ -96,7 +95,7 @@ fn enrichment_settings(settings: &BTreeMap<String, f64>) -> PyResult<Enrichment>
             "stagnation" => enrichment.stagnation = value,
             "max_iterations" => enrichment.max_iterations = value as usize,
             _ => {
-                return Err(PyValueError::new_err(format!(
+                return Err(VisceraError::new_err(format!(
                     "no setting is called {name:?}; there are tolerance, max_terms, stagnation, max_iterations"
                 )));
             }

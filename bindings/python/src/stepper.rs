@@ -1,8 +1,11 @@
 //! Frames in real time, and the settings of solver, inertia and relaxation.
 
-use crate::{body::Body, convert, mesh::Patch};
+use crate::{
+    body::Body,
+    convert::{self, VisceraError},
+    mesh::Patch,
+};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use viscera_core::equilibrium::{
@@ -20,7 +23,7 @@ pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyRe
     }
     let known = Preconditioner::NAMES.into_iter().find(|(known, _)| *known == name);
     let Some((_, preconditioner)) = known else {
-        return Err(PyValueError::new_err(format!("no solver is called {name:?}")));
+        return Err(VisceraError::new_err(format!("no solver is called {name:?}")));
     };
     let settings = ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free };
     Ok(Method::ConjugateGradients(settings))

@@ -55,9 +55,21 @@ impl Galerkin {
     /// # Errors
     /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
     pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+        self.grasp_while(points, &|| true)
+    }
+
+    /// As [`Galerkin::grasp`], as long as it is wanted.
+    ///
+    /// # Errors
+    /// As [`Galerkin::grasp`]; [`Error::Cancelled`].
+    pub fn grasp_while(
+        self: &Arc<Self>,
+        points: &[[f64; 3]],
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Grasp, Error> {
         let (since, mut best) = (Instant::now(), None);
         let hold_on = &mut |grasp| best = Some(grasp);
-        train(&mut self.hold(points)?, since, &|| true, hold_on)?;
+        train(&mut self.hold(points)?, since, is_wanted, hold_on)?;
         Ok(best.expect("training hands over a grasp or an error"))
     }
 

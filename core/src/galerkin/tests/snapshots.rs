@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::equilibrium::patch_mean;
+use crate::error::Error;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The same model, with snapshots.
 static WITH_SNAPSHOTS: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
@@ -127,6 +129,14 @@ fn a_grasp_that_does_not_wait_learns_where_the_tools_are() {
     let (field, _) = newton(&grasp.hold().patches(), &d);
     assert!(grasp.n_snapshots() <= taken + 1);
     assert!(relative(&grasp.hold().displacement(&last), &field) < 0.01);
+}
+
+#[test]
+fn taking_hold_ends_when_nobody_wants_it_any_more() {
+    let asked = AtomicUsize::new(0);
+    let is_wanted = || asked.fetch_add(1, Ordering::Relaxed) < 3;
+    let outcome = WITH_SNAPSHOTS.grasp_while(&[LEFT, RIGHT], &is_wanted);
+    assert!(matches!(outcome, Err(Error::Cancelled)));
 }
 
 #[test]
