@@ -1,13 +1,9 @@
 //! The forces of every cell in the states of training, by which cells are chosen and weighed.
 
 use super::assembly::cell_forces;
-#[cfg(test)]
-use super::guesses::guesses;
 use super::nnls::norm;
 use super::sample::Sample;
 use super::sketch::Sketch;
-#[cfg(test)]
-use super::subspace::Rest;
 use super::subspace::Subspace;
 use crate::body::Body;
 use rayon::prelude::*;
@@ -110,16 +106,4 @@ pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
         }
     }
     taken
-}
-
-/// States that the superposed series predicts.
-#[cfg(test)]
-pub(super) fn states(
-    rest: &Rest,
-    subspace: &Subspace,
-    depth: f64,
-    numbers: std::ops::Range<usize>,
-) -> Vec<State> {
-    let guesses = guesses(rest, subspace, depth, numbers);
-    with_forces(&rest.body, subspace, guesses.into_iter().map(|guess| guess.q).collect())
 }

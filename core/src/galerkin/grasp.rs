@@ -197,10 +197,11 @@ impl Grasp {
         if with_stiffness && self.settled.is_some() {
             stiffness = self.solver.stiffness(&mut search);
         }
-        if self.settled.is_some() && self.hold.is_within(depth) {
-            let ask =
-                |lessons: &mut Lessons| lessons.ask(&self.hold, &self.solver.q, displacements);
-            self.lessons.as_mut().map(ask);
+        if self.settled.is_some()
+            && self.hold.is_within(depth)
+            && let Some(lessons) = &mut self.lessons
+        {
+            lessons.ask(&self.hold, &self.solver.q, displacements);
         }
         let force = |f: &[f64]| {
             let is_known = f.iter().all(|x| x.is_finite());

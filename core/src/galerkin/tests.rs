@@ -2,11 +2,13 @@
 
 use super::assembly::Reduced;
 use super::basis::Basis;
-use super::forces::{Forces, states, systematic};
+use super::forces::{Forces, State, systematic, with_forces};
+use super::guesses::guesses;
 use super::model::{Galerkin, Sampling};
 use super::nnls::{self, Columns, norm};
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
+use super::subspace::{Rest, Subspace};
 use super::{Assessment, Grasp, Trust};
 use crate::body::Body;
 use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem};
@@ -58,6 +60,17 @@ fn two() -> Grasp {
 /// Displacements of two contacts at a depth, in directions of their own.
 fn pushes(depth: f64) -> [[f64; 3]; 2] {
     [[0.5, 0.1, -0.8], [-0.3, 0.4, -0.7]].map(|d| d.map(|x| depth * x / norm(&d)))
+}
+
+/// States that the superposed series predicts.
+fn states(
+    rest: &Rest,
+    subspace: &Subspace,
+    depth: f64,
+    numbers: std::ops::Range<usize>,
+) -> Vec<State> {
+    let guesses = guesses(rest, subspace, depth, numbers);
+    with_forces(&rest.body, subspace, guesses.into_iter().map(|guess| guess.q).collect())
 }
 
 /// Displacement and contact forces by full Newton.

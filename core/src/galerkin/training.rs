@@ -25,6 +25,7 @@ const OF_SAMPLING: f64 = 0.5;
 const OF_PLACES: f64 = 10.0;
 /// What a snapshot has beyond the span is left out below this part of the largest snapshot.
 const SMALLEST_PART: f64 = 1e-3;
+
 /// The states that a grasp is trained by. As many of them as snapshots are wanted are solved on the whole body, and the
 /// span takes in what it lacks of them: the first are spread evenly, others follow in rounds as long as the model's
 /// answers are wrong somewhere; and where the tools are in the end, on demand.
