@@ -148,11 +148,11 @@ def table(title: str, found: Iterable[Score]) -> None:
     rows: dict[str, list[Score]] = {}
     for score in found:
         rows.setdefault(score.kind if score.is_stable else f"{score.kind}, past an instability", []).append(score)
-    print(f"\n{title:46s} cases   field: median     90 %    worst   force: median     90 %    worst")
+    print(f"\n{title:52s} cases   field: median     90 %    worst   force: median     90 %    worst")
     for name, scored in rows.items():
         errors = (np.quantile([s[k] for s in scored], [0.5, 0.9, 1.0]) for k in (3, 4))
         columns = "  ".join("     " + " ".join(f"{100 * error:8.2f}" for error in three) for three in errors)
-        print(f"  {name:44s} {len(scored):5d}  {columns}", flush=True)
+        print(f"  {name:50s} {len(scored):5d}  {columns}", flush=True)
 
 
 def compare(touch: vs.Touch, grasps: dict[str, list[Grasp]], cases: list[Case]) -> None:
@@ -286,7 +286,7 @@ def main() -> None:
     }
     for name, some in grasps.items():
         times(touch, some[:20], name)
-    learning(taught, cases[:10])
+    learning(taught, cases[:6])
     compare(touch, grasps, cases)
     sampled(touch, cases)
     compare_one(fingers, solved(touch, singles(touch, n_touches, seed=2), TOUCH_DEPTHS))
