@@ -1,15 +1,16 @@
 """Deep touches of one finger: the series of order 4 in its Padé form, and the Galerkin model that takes hold of it.
 
-    python benchmarks/deep.py [TOUCHES [SNAPSHOTS]]
+    python benchmarks/deep.py [TOUCHES [SNAPSHOTS [FIRST]]]      (FIRST: the number of the first touch, 0 by default)
 
 The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells; random touches of all of the anterior face,
 between its nodes, in any direction, up to 15 % of the diagonal in steps of half a per cent. The Galerkin model takes
 hold once, with so many snapshots, and follows the finger from step to step. "Learned" is what it answers after the
 finger has stayed where the answer was not trusted: it has compared itself with the equilibrium of the whole organ next
 to it, at most three times, and taken that in. A touch at which Newton passed an instability may have several answers:
-errors are given with such touches and without. And where a trusted answer of
-the Galerkin model is farther from Newton's than is allowed, Newton starts once more, from that answer: if it stays
-near, the answer is an equilibrium, another one, and its energy tells which of the two is lower.
+errors are given with such touches and without. And where an answer of the Galerkin model is farther from Newton's than
+is allowed to a trusted one, although Newton met no instability at the depths that are compared, or although it is
+trusted, Newton starts once more, from that answer: if it stays near, the answer is an equilibrium, another one, and its
+energy tells which of the two is lower.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ Row = tuple[float, bool, list[tuple[float, float, bool]]]
 """Depth, whether Newton met no instability, and of all methods error of field and force and trust."""
 
 
-def main(touches: int, snapshots: int) -> None:
+def main(touches: int, snapshots: int, first: int) -> None:
     """Reduce, then ask everything once."""
     liver = vs.organs.liver()
     organ = vs.Organ(liver, vs.NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")
@@ -49,7 +50,7 @@ def main(touches: int, snapshots: int) -> None:
     random = np.random.default_rng(0)
     points, directions = surface_points(series, touches, random), unit_vectors(touches, random)
     full = Full(series)
-    others: list[tuple[int, float, float, float, float]] = []
+    others: list[tuple[int, float, bool, float, float, float]] = []
     holds: list[tuple[float, int, int, int]] = []
     ticks: list[float] = []
     lessons: list[float] = []
@@ -95,13 +96,13 @@ def main(touches: int, snapshots: int) -> None:
             errors = [(_gap(u, field), _gap(f, force), trust) for u, f, trust in three]
             rows.append((share, state.status == "converged", errors))
             (place, _, is_trusted), far = held[share][0], errors[1][0]
-            if is_trusted and far > allowed_error(share):
+            if (is_trusted or state.status == "converged") and far > allowed_error(share):
                 near = full.solve(patch, there, place)
                 away = _gap(place, full.added(near)) if near.is_converged else np.inf
-                others.append((k, share, far, away, near.energy / state.energy - 1.0))
+                others.append((k, share, is_trusted, far, away, near.energy / state.energy - 1.0))
         return rows
 
-    rows = [row for k in range(touches) for row in ask(k)]
+    rows = [row for k in range(first, touches) for row in ask(k)]
     print(f"Galerkin with up to {snapshots} snapshots              median      90 %      99 %     worst")
     names = ("taking hold [s]", "modes", f"sampled cells of {len(liver.cells)}", "snapshots")
     measured = [*zip(names, np.transpose(holds), strict=True), ("a step of half a per cent [ms]", ticks)]
@@ -111,18 +112,22 @@ def main(touches: int, snapshots: int) -> None:
     for share in DEPTHS:
         at = [row for row in rows if row[0] == share]
         unstable = sum(not row[1] for row in at)
-        print(f"{share:5.0%}, Newton converged for {len(at)} of {touches}, {unstable} of them past an instability")
+        print(
+            f"{share:5.0%}, Newton converged for {len(at)} of {touches - first}, {unstable} of them past an instability"
+        )
         for method, name in enumerate(("series", "Galerkin", "learned")):
             kinds = {"all": at, "stable": [r for r in at if r[1]], "trusted": [r for r in at if r[2][method][2]]}
             for words, some in kinds.items():
                 errors = np.array([r[2][method][:2] for r in some])
                 print(f"      {name:9s}{words:8s}{len(some):5d}  {_errors(errors)}")
 
-    print(f"trusted answers of the Galerkin model farther from Newton's than allowed: {len(others)}")
-    for k, share, far, away, energy in others:
+    trusted = sum(is_trusted for _, _, is_trusted, *_ in others)
+    counts = f"{trusted} trusted, {len(others) - trusted} not"
+    print(f"answers of the Galerkin model farther from Newton's than allowed: {counts}")
+    for k, share, is_trusted, far, away, energy in others:
         print(
-            f"      touch {k:3d} at {share:.0%}: {far:.1%} from Newton's answer, {away:.2%} from the equilibrium that "
-            f"Newton finds from there, whose energy is {energy:+.1%} of the other's"
+            f"      touch {k:3d} at {share:.0%}, {'' if is_trusted else 'not '}trusted: {far:.1%} from Newton's, "
+            f"{away:.2%} from the equilibrium next to it, whose energy is {energy:+.2%} of the other's"
         )
 
 
@@ -139,4 +144,4 @@ def _errors(table: Floats) -> str:
 
 if __name__ == "__main__":
     words = [int(word) for word in sys.argv[1:]]
-    main(*(words + [200, 48][len(words) :]))
+    main(*(words + [200, 48, 0][len(words) :]))
