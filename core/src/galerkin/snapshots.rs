@@ -14,14 +14,24 @@ use crate::error::Error;
 use crate::mesh::Patch;
 use std::sync::{Mutex, PoisonError};
 
-/// Tangents before a search is given up.
-const TANGENTS: usize = 8;
 /// A step below this part of the field is the last one.
 const SMALLEST_STEP: f64 = 1e-3;
 /// Steps that shrink by less than this ask for a new tangent.
 const SHRINKS: f64 = 0.3;
-/// Halvings of a step.
-const MAX_CUTS: i32 = 6;
+
+/// When a search is given up.
+pub(super) struct Patience {
+    tangents: usize,
+    /// Halvings of a step.
+    cuts: i32,
+}
+
+impl Patience {
+    /// With one of many states, of which some may be missed.
+    pub const OF_MANY: Self = Patience { tangents: 8, cuts: 6 };
+    /// With the state that the tools are in.
+    pub const OF_ONE: Self = Patience { tangents: 40, cuts: 12 };
+}
 
 /// Solvers for the tangents of one body, lent to one thread after the other: to analyse a pattern takes as long as to
 /// factorise several matrices.
@@ -58,9 +68,14 @@ impl Galerkin {
     ///
     /// # Errors
     /// No memory for a solver.
-    pub(super) fn snapshot(&self, patches: &[Patch], u: &[f64]) -> Result<Option<Vec<f64>>, Error> {
-        let rest = &self.rest;
-        self.solvers.lend(rest, patches, |solver| settle(rest, solver, 3 * patches.len(), u))
+    pub(super) fn snapshot(
+        &self,
+        patches: &[Patch],
+        u: &[f64],
+        patience: &Patience,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let (rest, n_means) = (&self.rest, 3 * patches.len());
+        self.solvers.lend(rest, patches, |solver| settle(rest, solver, n_means, u, patience))
     }
 
     /// Newton's step from a field on the whole body, with the means of the patches kept; none where there is none.
@@ -110,20 +125,27 @@ fn prepare(
 }
 
 /// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
-fn settle(rest: &Rest, solver: &mut Solver, n_means: usize, guess: &[f64]) -> Option<Vec<f64>> {
+fn settle(
+    rest: &Rest,
+    solver: &mut Solver,
+    n_means: usize,
+    guess: &[f64],
+    patience: &Patience,
+) -> Option<Vec<f64>> {
     let body = &rest.body;
     let (mut u, mut trial) = (guess.to_vec(), guess.to_vec());
     let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let (mut tangent, stay) = (Tangent::matrix(body), vec![0.0; n_means]);
     let mut energy = body.internal_force(&u, &mut force);
-    for _ in 0..TANGENTS {
+    for _ in 0..patience.tangents {
         prepare(body, solver, &mut tangent, &u, &mut force)?;
         let mut last = f64::INFINITY;
         loop {
             force.iter_mut().for_each(|f| *f = -*f);
             solver.solve(&mut force, &stay, &mut step, &mut Vec::new(), None).ok()?;
             let way = norm(&step);
-            let lower = descend(body, (&u, energy), &step, &mut trial, &mut force)?;
+            let from = (u.as_slice(), energy);
+            let lower = descend(body, from, &step, &mut trial, &mut force, patience.cuts)?;
             std::mem::swap(&mut u, &mut trial);
             energy = lower.energy;
             if lower.is_whole && way < SMALLEST_STEP * norm(&u) {
@@ -152,8 +174,9 @@ fn descend(
     step: &[f64],
     trial: &mut [f64],
     force: &mut [f64],
+    cuts: i32,
 ) -> Option<Lower> {
-    for cut in 0..MAX_CUTS {
+    for cut in 0..cuts {
         let length = 0.5f64.powi(cut);
         trial.iter_mut().zip(u).zip(step).for_each(|((t, u), s)| *t = u + length * s);
         let there = body.internal_force(trial, force);

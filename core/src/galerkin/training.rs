@@ -6,6 +6,7 @@ use super::guesses::{Guess, guesses};
 use super::hold::Hold;
 use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::nnls::norm;
+use super::snapshots::Patience;
 use super::solver::Solver;
 use crate::clock::Instant;
 use crate::error::Error;
@@ -57,7 +58,7 @@ impl Training {
         let predicted = guesses.split_off(tried).into_iter().map(|guess| guess.q).collect();
         let solve = |guess: &Guess| {
             go_on(is_wanted)?;
-            owner.snapshot(&patches, &subspace.basis.field(&guess.q))
+            owner.snapshot(&patches, &subspace.basis.field(&guess.q), &Patience::OF_MANY)
         };
         let solved: Vec<Option<Vec<f64>>> =
             guesses.par_iter().map(solve).collect::<Result<_, _>>()?;
@@ -117,7 +118,9 @@ impl Training {
         let ask = |model: &mut Solver, guess: &Guess| -> Result<Option<Vec<f64>>, Error> {
             go_on(is_wanted)?;
             let answer = subspace.basis.field(&guess.answer(subspace, model));
-            let Some(u) = owner.snapshot(&patches, &answer)? else { return Ok(None) };
+            let Some(u) = owner.snapshot(&patches, &answer, &Patience::OF_MANY)? else {
+                return Ok(None);
+            };
             Ok(is_wrong(owner, guess.depth(), &answer, &u).then_some(u))
         };
         let found: Vec<Option<Vec<f64>>> =
@@ -139,7 +142,7 @@ impl Training {
         if self.solved.len() >= MOST_SNAPSHOTS {
             return Ok(false);
         }
-        let there = owner.snapshot(&patches, u)?;
+        let there = owner.snapshot(&patches, u, &Patience::OF_ONE)?;
         let Some(there) = there.filter(|there| is_wrong(owner, depth, u, there)) else {
             return Ok(false);
         };

@@ -1,5 +1,6 @@
 //! Snapshots are equilibria, and bring a grasp nearer to Newton.
 
+use super::super::snapshots::Patience;
 use super::*;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
@@ -17,7 +18,8 @@ fn snapshots_are_equilibria_with_the_means_of_the_series() {
     let patches = grasp.hold().patches();
     let guess = grasp.hold().superposed(&pushes(0.8 * DEPTH)).unwrap();
     let means: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &guess)).collect();
-    let snapshot = MODEL.snapshot(&patches, &guess).unwrap().expect("a stable state");
+    let snapshot =
+        MODEL.snapshot(&patches, &guess, &Patience::OF_MANY).unwrap().expect("a stable state");
     let (field, _) = newton(&patches, &means);
     let (before, after) = (relative(&guess, &field), relative(&snapshot, &field));
     assert!(before > 0.01 && after < 1e-3, "{before} off before, {after} after");
@@ -33,12 +35,18 @@ fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
     };
     let guess = pressed(0.15);
     let means: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &guess)).collect();
-    let snapshot = MODEL.snapshot(&patches, &guess).unwrap().expect("a minimum of the energy");
+    let snapshot = MODEL
+        .snapshot(&patches, &guess, &Patience::OF_MANY)
+        .unwrap()
+        .expect("a minimum of the energy");
     let kept: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &snapshot)).collect();
     assert!(relative(kept.as_flattened(), means.as_flattened()) < 1e-9);
     let body = &MODEL.rest.body;
     assert!(body.energy(&snapshot) < 0.5 * body.energy(&guess));
-    assert!(MODEL.snapshot(&patches, &pressed(1.5)).unwrap().is_none(), "cells inside out");
+    assert!(
+        MODEL.snapshot(&patches, &pressed(1.5), &Patience::OF_MANY).unwrap().is_none(),
+        "cells inside out"
+    );
 }
 
 #[test]
