@@ -116,7 +116,8 @@ class Grasp:
     def learn(self) -> bool:
         """Compares the last answer with the equilibrium of the whole organ next to it; takes that in if it is wrong.
 
-        Returns whether it was; then ask anew. Wrong is what would be a snapshot in training. A grasp that did not wait
+        Returns whether it was; then ask anew. Wrong is what would be a snapshot in training. False, too, where no such
+        equilibrium is found: `is_trusted` tells. A grasp that did not wait
         for snapshots does this by itself, wherever the tools are.
         """
         return self._grasp.learn()

@@ -91,7 +91,7 @@ impl Grasp {
     }
 
     /// Compares the last answer with the equilibrium of the whole body next to it, and takes that in where the answer is
-    /// wrong; whether it was. Takes some tenths of a second, or seconds.
+    /// wrong; whether it was, and it found one. Takes some tenths of a second, or seconds.
     ///
     /// # Errors
     /// No memory for a solver; a grasp that learns in the background, which does it by itself.
