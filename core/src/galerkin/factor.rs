@@ -5,6 +5,7 @@
 //! step of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
 
 use super::nnls::dot;
+use crate::simd::{Kernel, dispatch};
 
 /// `g` in units of the mean diagonal entries of `K` and `A A^T`.
 const PENALTY: f64 = 10.0;
@@ -40,6 +41,15 @@ impl Factor {
             is_ready: false,
             is_shifted: false,
         }
+    }
+
+    /// Of the tangent at rest, where `r` orthonormal modes have the identity.
+    pub fn at_rest(means: &[Vec<f64>], r: usize) -> Self {
+        let mut factor = Factor::new(r, means.len());
+        let mut identity = vec![0.0; r * r];
+        (0..r).for_each(|k| identity[k * r + k] = 1.0);
+        factor.factorize(&identity, means);
+        factor
     }
 
     /// Whether there is a tangent.
@@ -128,20 +138,34 @@ impl Factor {
 
 /// Overwrites a symmetric matrix by its lower Cholesky factor, row by row; false where it is not positive definite.
 fn cholesky(a: &mut [f64], n: usize) -> bool {
-    for i in 0..n {
-        let (above, rest) = a.split_at_mut(i * n);
-        let row = &mut rest[..n];
-        for j in 0..i {
-            let other = &above[j * n..j * n + j + 1];
-            row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+    dispatch(Cholesky { a, n })
+}
+
+struct Cholesky<'a> {
+    a: &'a mut [f64],
+    n: usize,
+}
+
+impl Kernel for Cholesky<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn run(self) -> bool {
+        let Cholesky { a, n } = self;
+        for i in 0..n {
+            let (above, rest) = a.split_at_mut(i * n);
+            let row = &mut rest[..n];
+            for j in 0..i {
+                let other = &above[j * n..j * n + j + 1];
+                row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
+            }
+            let pivot = row[i] - dot(&row[..i], &row[..i]);
+            if !(pivot > 1e-12 * row[i].abs()) {
+                return false;
+            }
+            row[i] = pivot.sqrt();
         }
-        let pivot = row[i] - dot(&row[..i], &row[..i]);
-        if !(pivot > 1e-12 * row[i].abs()) {
-            return false;
-        }
-        row[i] = pivot.sqrt();
+        true
     }
-    true
 }
 
 /// `x = (L L^T)^-1 x`.

@@ -2,6 +2,7 @@
 
 use super::assembly::cell_forces;
 use super::nnls::norm;
+use super::panels::Panel;
 use super::sample::Sample;
 use super::sketch::Sketch;
 use super::subspace::Subspace;
@@ -65,7 +66,7 @@ impl Forces {
         let sketch = Sketch::new(rows);
         let of_some = |some: &[usize]| {
             let sample = Sample::new(body.points(), body.cells(), body.material(), some);
-            let modes = sample.restrict(&subspace.basis.modes);
+            let modes = Panel::all(&sample, &subspace.basis.modes);
             let mut columns = vec![0.0; rows * some.len()];
             for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
                 let forces = sample.by_cell(&cell_forces(&sample, &modes, &state.q), r);

@@ -63,7 +63,7 @@ impl Grasp {
     pub(super) fn new(hold: Hold, training: Training, since: Instant) -> Self {
         let states = training.states(&hold);
         Grasp {
-            solver: solver(&hold, &states),
+            solver: solver(&hold, &states, training.n_snapshots()),
             hold: Arc::new(hold),
             training,
             seconds: since.elapsed().as_secs_f64(),
@@ -162,6 +162,12 @@ impl Grasp {
         self.seconds
     }
 
+    /// What it has learned.
+    #[cfg(test)]
+    pub(super) fn training(&self) -> &Training {
+        &self.training
+    }
+
     /// What is solved.
     #[cfg(test)]
     pub(super) fn solver_mut(&mut self) -> &mut Solver {
@@ -187,7 +193,7 @@ impl Grasp {
         self.improve()?;
         let d = displacements.as_flattened();
         if !(from_last && self.settled.is_some()) {
-            self.solver.start(self.hold.subspace.guess(d));
+            self.solver.start_at(d, self.hold.subspace.guess(d));
         }
         let mut search = Search::default();
         let status = self.solver.solve(d, &mut search);
@@ -223,12 +229,14 @@ impl Grasp {
     }
 }
 
-/// The search for equilibrium in a span, on cells and weights that training finds.
-fn solver(Hold { owner, subspace, .. }: &Hold, training: &[State]) -> Solver {
+/// The search for equilibrium in a span, on cells and weights that training finds; the first so many states of it are
+/// equilibria.
+fn solver(Hold { owner, subspace, .. }: &Hold, training: &[State], known: usize) -> Solver {
     let sample = sample(&owner.rest.body, subspace, training, owner.sampling.tolerance);
     let squares: f64 = training.iter().map(State::square).sum();
     let unit = (squares / training.len() as f64).sqrt();
-    Solver::new(sample, &subspace.basis.modes, subspace.means.clone(), unit)
+    let means = subspace.means.clone();
+    Solver::new(sample, &subspace.basis.modes, means, unit, &training[..known])
 }
 
 /// Cells and weights that give the forces of the whole body in training: those of all states together to the tolerance,

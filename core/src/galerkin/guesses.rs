@@ -24,7 +24,7 @@ impl Guess {
 
     /// Coordinates of the model's answer to the displacements; the guess itself where it finds none.
     pub fn answer(&self, subspace: &Subspace, model: &mut Solver) -> Vec<f64> {
-        model.start(subspace.guess(&self.d));
+        model.start_at(&self.d, subspace.guess(&self.d));
         match model.solve(&self.d, &mut Search::default()) {
             Status::Converged => model.q.clone(),
             _ => self.q.clone(),

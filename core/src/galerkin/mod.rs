@@ -17,10 +17,13 @@ mod hold;
 mod lessons;
 mod model;
 mod nnls;
+mod panels;
 mod sample;
+mod secants;
 mod sketch;
 mod snapshots;
 mod solver;
+mod starts;
 mod subspace;
 #[cfg(test)]
 mod tests;

@@ -156,6 +156,7 @@ impl Active {
     }
 }
 
+#[inline(always)]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     // Eight sums side by side: one alone waits for itself.
     let (head, tail) = (a.len() / 8 * 8, a.len().min(b.len()));

@@ -85,31 +85,30 @@ impl Sample {
         self.slots.iter().map(|&(batch, lane)| self.batches[batch].weight[lane]).collect()
     }
 
-    /// The modes as edge displacements: for each batch and edge coordinate a run of all modes.
-    pub fn restrict(&self, modes: &[Vec<f64>]) -> Vec<Lane> {
-        let r = modes.len();
-        let mut restricted = vec![Lane::default(); self.batches.len() * EDGES * r];
-        for (batch, out) in self.batches.iter().zip(restricted.chunks_exact_mut(EDGES * r)) {
-            for (lane, nodes) in batch.nodes.iter().enumerate() {
+    /// The edge displacements of the cells of some batches under a mode, a run of all degrees of freedom:
+    /// `out(batch, edge, lane, value)`.
+    pub fn restrict(
+        batches: &[Batch],
+        mode: &[f64],
+        mut out: impl FnMut(usize, usize, usize, f64),
+    ) {
+        for (batch, Batch { nodes, .. }) in batches.iter().enumerate() {
+            for (lane, nodes) in nodes.iter().enumerate() {
                 let [origin, corners @ ..] = nodes.map(|node| 3 * node as usize);
-                for (k, mode) in modes.iter().enumerate() {
-                    for (a, corner) in corners.iter().enumerate() {
-                        for i in 0..3 {
-                            out[(3 * a + i) * r + k][lane] = mode[corner + i] - mode[origin + i];
-                        }
-                    }
+                for edge in 0..EDGES {
+                    let (corner, i) = (corners[edge / 3], edge % 3);
+                    out(batch, edge, lane, mode[corner + i] - mode[origin + i]);
                 }
             }
         }
-        restricted
     }
 
-    /// From numbers by batch, mode and lane to runs of all modes, cell by cell.
-    pub fn by_cell(&self, values: &[Lane], r: usize) -> Vec<f64> {
-        let mut out = Vec::with_capacity(self.len() * r);
-        for &(batch, lane) in &self.slots {
-            out.extend(values[batch * r..(batch + 1) * r].iter().map(|v| v[lane]));
-        }
-        out
+    /// From numbers by batch, lane and mode to runs of all modes, cell by cell.
+    pub fn by_cell(&self, values: &[f64], r: usize) -> Vec<f64> {
+        let run = |&(batch, lane): &(usize, usize)| {
+            let cell = batch * LANES + lane;
+            &values[cell * r..(cell + 1) * r]
+        };
+        self.slots.iter().flat_map(run).copied().collect()
     }
 }

@@ -2,20 +2,24 @@
 //!
 //! With the tangent K at an earlier iterate and f = dW/dq, a step is
 //!   [K -A^T; A 0] [dq; F] = [-f; d - A q],
-//! F the contact forces; the tangent is renewed when steps shrink too slowly, so most iterations cost a force only.
+//! F the contact forces; the tangent is renewed when steps shrink too slowly, and learns from them meanwhile, so most
+//! iterations cost a force only.
 
 use super::assembly::Reduced;
 use super::factor::Factor;
+use super::forces::State;
 use super::nnls::{dot, norm};
+use super::panels::Panel;
 use super::sample::Sample;
-use crate::body::Lane;
+use super::secants::Secants;
+use super::starts::Starts;
 
 /// A step is small enough when it is below this part of the coordinates.
 const TOLERANCE: f64 = 1e-5;
 /// Coordinates below this part of the usual ones count as this.
 const SMALLEST: f64 = 1e-6;
 /// Steps that shrink by less than this ask for a new tangent.
-const SLOW: f64 = 0.2;
+const SLOW: f64 = 0.5;
 const MAX_ITERATIONS: usize = 40;
 /// Shortest step that is tried.
 const SHORTEST: f64 = 1.0 / 1024.0;
@@ -47,34 +51,47 @@ pub(super) struct Solver {
     pub q: Vec<f64>,
     sample: Sample,
     /// The modes on the sampled cells.
-    modes: Vec<Lane>,
+    modes: Vec<Panel>,
     /// `A`: three rows for each contact.
     means: Vec<Vec<f64>>,
     factor: Factor,
+    secants: Secants,
+    starts: Starts,
     /// Usual norm of the coordinates.
     unit: f64,
     /// Contact forces of the last step, three for each.
     pub forces: Vec<f64>,
-    /// Its direction, where it started, and what the means of the patches lacked there.
+    /// The step, the last before it, where it started, and what the means of the patches lacked there.
     step: Vec<f64>,
+    last: Vec<f64>,
     origin: Vec<f64>,
     missing: Vec<f64>,
 }
 
 impl Solver {
-    /// At rest; `modes` are runs of all degrees of freedom.
-    pub fn new(sample: Sample, modes: &[Vec<f64>], means: Vec<Vec<f64>>, unit: f64) -> Self {
+    /// At rest; `modes` are runs of all degrees of freedom, `known` coordinates of equilibria to start from.
+    pub fn new(
+        sample: Sample,
+        modes: &[Vec<f64>],
+        means: Vec<Vec<f64>>,
+        unit: f64,
+        known: &[State],
+    ) -> Self {
         let (r, n) = (modes.len(), means.len());
+        let modes = Panel::all(&sample, modes);
         let mut solver = Solver {
-            reduced: Reduced::new(r),
+            reduced: Reduced::new(&modes, r),
             q: vec![0.0; r],
-            modes: sample.restrict(modes),
+            modes,
             factor: Factor::new(r, n),
+            secants: Secants::new(r),
+            starts: Starts::new(known, &means, r),
             sample,
             means,
             unit,
             forces: vec![0.0; n],
             step: vec![0.0; r],
+            last: vec![0.0; r],
             origin: vec![0.0; r],
             missing: vec![0.0; n],
         };
@@ -107,6 +124,23 @@ impl Solver {
         self.factor.forget();
     }
 
+    /// Starts from the one of all [`Starts`] for `d` that has the lowest energy with no sampled cell inside out; if they
+    /// all have such cells, from a share of the guess.
+    pub fn start_at(&mut self, d: &[f64], guess: impl Fn(f64) -> Vec<f64>) {
+        let (mut best, mut lowest) = (None, f64::INFINITY);
+        for q in self.starts.at(d, guess(1.0), &self.means) {
+            self.q = q;
+            self.evaluate(false);
+            if self.reduced.jacobian > 0.0 && self.reduced.energy < lowest {
+                (best, lowest) = (Some(self.q.clone()), self.reduced.energy);
+            }
+        }
+        match best {
+            Some(q) => self.start(|_| q.clone()),
+            None => self.start(guess),
+        }
+    }
+
     /// Energy and force at `q`, and the tangent where asked for.
     pub fn evaluate(&mut self, with_tangent: bool) {
         self.reduced.evaluate(&self.sample, &self.modes, &self.q, with_tangent);
@@ -122,18 +156,22 @@ impl Solver {
     pub fn solve(&mut self, d: &[f64], search: &mut Search) -> Status {
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (mut last, mut is_fresh) = (f64::INFINITY, false);
-        for _ in 0..MAX_ITERATIONS {
-            search.iterations += 1;
+        while search.iterations <= MAX_ITERATIONS {
             if !self.factor.is_ready() {
                 self.renew(search);
-                is_fresh = true;
+                (last, is_fresh) = (f64::INFINITY, true);
             }
-            for ((missing, row), d) in self.missing.iter_mut().zip(&self.means).zip(d) {
-                *missing = d - dot(row, &self.q);
+            let is_feasible = self.find_step(d, last < f64::INFINITY) <= 1e-9 * size;
+            let way = norm(&self.step);
+            search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
+            if search.residual <= TOLERANCE {
+                return Status::Converged;
             }
-            let is_feasible = norm(&self.missing) <= 1e-9 * size;
-            let Solver { reduced, missing, means, step, forces, .. } = self;
-            self.factor.step(&reduced.force, missing, means, step, forces);
+            if way > SLOW * last {
+                self.factor.forget();
+                continue;
+            }
+            search.iterations += 1;
             let Some(length) = self.advance(is_feasible) else {
                 if is_fresh {
                     return Status::StepTooSmall;
@@ -141,22 +179,33 @@ impl Solver {
                 self.factor.forget();
                 continue;
             };
-            let way = norm(&self.step);
-            search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
-            if length == 1.0 && search.residual <= TOLERANCE {
-                return Status::Converged;
-            }
-            if length < 1.0 || way > SLOW * last || self.factor.is_shifted() {
+            (last, is_fresh) = (way, false);
+            if length < 1.0 || self.factor.is_shifted() {
                 self.factor.forget();
             }
-            (last, is_fresh) = (way, false);
         }
         Status::TooManyIterations
+    }
+
+    /// The next step, by what the last one has taught if it was taken whole, and the norm of what is missing of `d`.
+    fn find_step(&mut self, d: &[f64], learns: bool) -> f64 {
+        let Solver { reduced, missing, means, step, forces, factor, secants, last, q, .. } = self;
+        for ((missing, row), d) in missing.iter_mut().zip(means.iter()).zip(d) {
+            *missing = d - dot(row, q);
+        }
+        std::mem::swap(step, last);
+        factor.step(&reduced.force, missing, means, step, forces);
+        secants.correct(step);
+        if learns {
+            secants.learn(last, step);
+        }
+        norm(missing)
     }
 
     fn renew(&mut self, search: &mut Search) {
         self.evaluate(true);
         self.factor.factorize(&self.reduced.tangent, &self.means);
+        self.secants.forget();
         search.tangents += 1;
     }
 

@@ -6,6 +6,7 @@ use super::forces::{Forces, State, systematic, with_forces};
 use super::guesses::guesses;
 use super::model::{Galerkin, Sampling};
 use super::nnls::{self, Columns, norm};
+use super::panels::Panel;
 use super::sample::Sample;
 use super::solver::{Search, Solver, Status};
 use super::subspace::{Rest, Subspace};
@@ -183,13 +184,13 @@ fn force_and_tangent_are_derivatives_whatever_the_weights() {
     let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
     let weights: Vec<f64> = noise(cells.len(), 1).iter().map(|x| 2.0 + x).collect();
     sample.weigh(&weights);
-    let modes = sample.restrict(&grasp.hold().subspace.basis.modes);
+    let modes = Panel::all(&sample, &grasp.hold().subspace.basis.modes);
     let r = grasp.hold().n_modes();
     let q = grasp.hold().subspace.superposed(pushes(DEPTH).as_flattened());
-    let mut at = Reduced::new(r);
+    let mut at = Reduced::new(&modes, r);
     at.evaluate(&sample, &modes, &q, true);
     let h = 1e-5 * norm(&q);
-    let (mut above, mut below) = (Reduced::new(r), Reduced::new(r));
+    let (mut above, mut below) = (Reduced::new(&modes, r), Reduced::new(&modes, r));
     let slope_scale = norm(&at.tangent);
     for k in 0..r {
         let moved = |step: f64| -> Vec<f64> {
@@ -223,7 +224,7 @@ fn all_modes_and_all_cells_are_newton() {
     let all: Vec<usize> = (0..body.cells().len()).collect();
     let sample = Sample::new(body.points(), body.cells(), body.material(), &all);
     let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
-    let mut solver = Solver::new(sample, &basis.modes, means, 1.0);
+    let mut solver = Solver::new(sample, &basis.modes, means, 1.0, &[]);
     let d = pushes(DEPTH);
     let mut search = Search::default();
     let status = solver.solve(d.as_flattened(), &mut search);
@@ -258,7 +259,8 @@ fn forces_of_all_cells_are_those_of_the_body() {
     for force in forces.cells.chunks_exact(forces.rows) {
         sum.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
     }
-    assert!(relative(&sum, &forces.body) < 1e-12);
+    // The sampled cells see the modes in single precision.
+    assert!(relative(&sum, &forces.body) < 1e-6);
     assert_eq!(forces.sizes().len(), all.len());
 }
 

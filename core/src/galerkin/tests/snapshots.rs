@@ -184,3 +184,22 @@ fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
         assert!(relative(&nearest, field) < 2e-3);
     }
 }
+
+#[test]
+fn a_search_starts_from_the_nearest_snapshot_where_that_is_better_than_the_series() {
+    let mut grasp = WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap();
+    let hold = Arc::clone(grasp.hold());
+    let u = grasp.training().states(&hold)[0].q.clone();
+    let field = hold.subspace.basis.field(&u);
+    let means: Vec<[f64; 3]> = hold.patches().iter().map(|p| patch_mean(p, &field)).collect();
+    let solver = grasp.solver_mut();
+    solver.start_at(means.as_flattened(), |_| vec![0.0; u.len()]);
+    let (started, energy) = (solver.q.clone(), solver.reduced.energy);
+    assert!(relative(&started, &u) < 1e-9, "from the snapshot itself");
+    solver.start_at(means.as_flattened(), |_| started.clone());
+    assert_eq!(solver.reduced.energy, energy);
+    // Where nothing is sound, from a share of the guess.
+    let absurd = means.iter().map(|d| d.map(|x| 30.0 * x)).collect::<Vec<_>>();
+    solver.start_at(absurd.as_flattened(), |share| started.iter().map(|q| share * q).collect());
+    assert!(relative(&solver.q, &started) < 1e-9);
+}

@@ -1,0 +1,103 @@
+//! What the steps of a search have shown of the tangent since it was factorised: Broyden's updates.
+//!
+//! A step `s` by an approximate tangent `B` ought to leave no residual; the step `z` that it would still take from where
+//! it got to tells how wrong `B` was along `s`. Broyden's update, of least change, has the inverse
+//!   B+^-1 = (1 + w s^T / s.s) B^-1,   w = z / (1 - s.z / s.s)
+//! (C. G. Broyden, Math. Comp. 19 (1965) 577; C. T. Kelley, Iterative methods, SIAM 1995, section 7.3), so an
+//! update is two vectors. It holds whatever is asked of the contacts next, since that enters the residual linearly.
+
+use super::nnls::dot;
+
+/// Updates that are kept; then they begin anew.
+const MOST: usize = 40;
+/// An update that would lengthen steps by more than the inverse of this is left out.
+const SMALLEST: f64 = 0.1;
+
+/// `w` and `s / s.s` of each update.
+#[derive(Clone)]
+pub(super) struct Secants {
+    r: usize,
+    pairs: Vec<f64>,
+}
+
+impl Secants {
+    /// None yet; room for steps of `r` coordinates.
+    pub fn new(r: usize) -> Self {
+        Secants { r, pairs: Vec::with_capacity(2 * r * MOST) }
+    }
+
+    /// As none.
+    pub fn forget(&mut self) {
+        self.pairs.clear();
+    }
+
+    /// From the step of the factorised tangent to that of the updated one.
+    pub fn correct(&self, step: &mut [f64]) {
+        for pair in self.pairs.chunks_exact(2 * self.r) {
+            let (w, s) = pair.split_at(self.r);
+            let part = dot(s, step);
+            step.iter_mut().zip(w).for_each(|(x, w)| *x += part * w);
+        }
+    }
+
+    /// Learns from `step`, taken whole, that it ought to be followed by `next`, and makes this the step of the update.
+    pub fn learn(&mut self, step: &[f64], next: &mut [f64]) {
+        let square = dot(step, step);
+        let share = 1.0 - dot(step, next) / square;
+        // Written so that what is not a number is left out.
+        if !(share > SMALLEST) {
+            return;
+        }
+        next.iter_mut().for_each(|x| *x /= share);
+        if self.pairs.len() == 2 * self.r * MOST {
+            self.forget();
+        }
+        self.pairs.extend_from_slice(next);
+        self.pairs.extend(step.iter().map(|s| s / square));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::galerkin::nnls::norm;
+    use crate::mesh::samples::noise;
+
+    /// `x` after so many steps towards the root of `A x - b`, with the identity for `A`.
+    fn missing(steps: usize, learns: bool) -> f64 {
+        let (r, noise) = (6, noise(42, 7));
+        let residual = |x: &[f64]| -> Vec<f64> {
+            let row = |i: usize| x[i] + 0.3 * dot(&noise[i * r..(i + 1) * r], x) - noise[36 + i];
+            (0..r).map(row).collect()
+        };
+        let (mut secants, mut x, mut last) = (Secants::new(r), vec![0.0; r], None);
+        for _ in 0..steps {
+            let mut step: Vec<f64> = residual(&x).iter().map(|f| -f).collect();
+            secants.correct(&mut step);
+            if let Some(last) = last.as_deref().filter(|_| learns) {
+                secants.learn(last, &mut step);
+            }
+            x.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
+            last = Some(step);
+        }
+        norm(&residual(&x))
+    }
+
+    #[test]
+    fn a_linear_system_is_solved_in_twice_as_many_steps_as_it_has_rows() {
+        assert!(missing(12, true) < 1e-12, "Gay, SIAM J. Numer. Anal. 16 (1979) 623");
+        assert!(missing(12, false) > 1e-6, "the tangent alone does not get there");
+    }
+
+    #[test]
+    fn a_step_that_leads_nowhere_teaches_nothing() {
+        let mut secants = Secants::new(2);
+        for next in [[1.0, 0.0], [f64::NAN, 0.0]] {
+            let mut same = next;
+            secants.learn(&[1.0, 0.0], &mut same);
+            let mut step = [1.0, 2.0];
+            secants.correct(&mut step);
+            assert_eq!(step, [1.0, 2.0]);
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! Where a search starts that does not go on from the last one: the superposed series, or an equilibrium that is known.
+
+use super::factor::Factor;
+use super::forces::State;
+use super::nnls::dot;
+
+/// Known equilibria that a search may start from.
+const NEAREST: usize = 3;
+
+/// An equilibrium of the whole body in the span.
+#[derive(Clone)]
+struct Known {
+    q: Vec<f64>,
+    /// `A q`.
+    d: Vec<f64>,
+}
+
+/// Equilibria that are known, and the way from them to others.
+#[derive(Clone)]
+pub(super) struct Starts {
+    known: Vec<Known>,
+    /// The tangent at rest, in which the modes are orthonormal.
+    at_rest: Factor,
+}
+
+impl Starts {
+    /// From `known` equilibria of orthonormal modes with these means.
+    pub fn new(known: &[State], means: &[Vec<f64>], r: usize) -> Self {
+        let known = known.iter().map(|State { q, .. }| {
+            let d = means.iter().map(|row| dot(row, q)).collect();
+            Known { q: q.clone(), d }
+        });
+        Starts { known: known.collect(), at_rest: Factor::at_rest(means, r) }
+    }
+
+    /// The `guess` and the known equilibria nearest to `d`, moved by the tangent at rest to where the means are `d`.
+    pub fn at(&self, d: &[f64], guess: Vec<f64>, means: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let gap = |known: &Known| known.d.iter().zip(d).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+        let mut nearest: Vec<(f64, &Known)> = self.known.iter().map(|k| (gap(k), k)).collect();
+        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let known = nearest.into_iter().take(NEAREST).map(|(_, known)| known.q.clone());
+        std::iter::once(guess).chain(known).map(|q| self.moved(q, d, means)).collect()
+    }
+
+    fn moved(&self, mut q: Vec<f64>, d: &[f64], means: &[Vec<f64>]) -> Vec<f64> {
+        let missing: Vec<f64> = d.iter().zip(means).map(|(d, row)| d - dot(row, &q)).collect();
+        let (mut step, mut forces) = (vec![0.0; q.len()], vec![0.0; d.len()]);
+        self.at_rest.step(&vec![0.0; q.len()], &missing, means, &mut step, &mut forces);
+        q.iter_mut().zip(step).for_each(|(q, s)| *q += s);
+        q
+    }
+}
