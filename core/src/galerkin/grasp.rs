@@ -121,15 +121,17 @@ impl Grasp {
         Ok(())
     }
 
-    /// A better one takes its place, and goes on from its field.
+    /// A better one takes its place, and goes on from its field: modes are only ever added, and what is there has nothing
+    /// of the new ones. Its memory is given back elsewhere, for that may take longer than a tick.
     fn give_way(&mut self, better: Grasp) {
-        let (u, settled) = (self.field(), self.settled);
-        *self = Grasp { lessons: self.lessons.take(), settled, ..better };
+        let mut q = self.solver.q.clone();
+        q.resize(better.hold.n_modes(), 0.0);
+        let (lessons, settled) = (self.lessons.take(), self.settled);
+        let old = std::mem::replace(self, Grasp { lessons, settled, ..better });
         if settled.is_some() {
-            let Hold { owner, subspace, .. } = &*self.hold;
-            let q = subspace.basis.nearest(&u, &owner.rest.stiffness);
             self.solver.start(|share| q.iter().map(|q| share * q).collect());
         }
+        rayon::spawn(|| drop(old));
     }
 
     /// Displacement of all nodes.

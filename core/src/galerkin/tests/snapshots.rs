@@ -113,9 +113,15 @@ fn a_wrong_answer_is_learned_once() {
         let solution = grasp.solve(&d, true, false).unwrap();
         relative(&grasp.hold().displacement(&solution), &field)
     };
+    let shape = |grasp: &mut Grasp| {
+        let q = grasp.solver_mut().q.clone();
+        grasp.hold().subspace.basis.field(&q)
+    };
     let before = error(&mut grasp);
+    let was = shape(&mut grasp);
     assert!(grasp.learn().unwrap(), "{before} is wrong");
     assert_eq!(grasp.n_snapshots(), 1);
+    assert!(relative(&shape(&mut grasp), &was) < 1e-12, "the tool feels no jump");
     let after = error(&mut grasp);
     assert!(3.0 * after < before, "{before} before, {after} after");
     assert!(!grasp.learn().unwrap(), "{after} is right");
