@@ -19,7 +19,7 @@ const STATES: usize = 24;
 const FIRST: usize = 24;
 const ROUND: usize = 32;
 /// Part of the error allowed to a trusted answer that the model may have in a round to pass it.
-const PASS: f64 = 0.15;
+const PASS: f64 = 0.1;
 /// Part of the sampling's tolerance that is no reason for a snapshot: no mode mends it.
 const OF_SAMPLING: f64 = 0.5;
 /// How much the forces where tools are count beside those elsewhere.
