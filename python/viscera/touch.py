@@ -127,7 +127,7 @@ class Touch:
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
         this model's. snapshots: states solved on the whole organ when contacts take hold, at most, for the basis to
         hold what the series miss: two dozen spread evenly, then more in rounds, until the answers of a round are right
-        to a fifth of what a trusted one may be wrong.
+        to a tenth of what a trusted one may be wrong.
         """
         from viscera.galerkin import galerkin
 
