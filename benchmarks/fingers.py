@@ -1,8 +1,8 @@
 """Two fingers on the liver: superposition, the Galerkin model and full Newton; what it does for one; and its times.
 
-    python benchmarks/fingers.py [MODEL] [PAIRS TOUCHES]      (default: reduce the liver first; 40 20)
+    python benchmarks/fingers.py [MODEL or ELEMENT] [PAIRS TOUCHES]      (default: reduce the liver of "P1"; 40 20)
 
-Neo-Hookean, E = 0.17 MPa, nu = 0.48, linear tetrahedra, patches of a tenth of the diagonal. Places and directions are
+Neo-Hookean, E = 0.17 MPa, nu = 0.48, patches of a tenth of the diagonal. Places and directions are
 random and unseen; pairs are drawn in equal parts from four ranges of distance. Errors are relative to the norm of the
 full solution over all nodes, those of the force over all contacts. Where Newton finds no equilibrium there is nothing
 to compare with; where it passed an instability there may be several, and such answers are counted apart.
@@ -26,6 +26,7 @@ from machine import describe
 import viscera as vs
 from viscera.check import PATIENCE, surface_points, unit_vectors
 from viscera.galerkin import Galerkin, Grasp
+from viscera.organ import ELEMENTS
 
 Array = np.ndarray
 
@@ -266,17 +267,17 @@ def timed(what: str, make: Callable[[], vs.Touch | Galerkin]) -> vs.Touch | Gale
 def main() -> None:
     """Reduce, take hold, solve, compare."""
     words = sys.argv[1:]
-    model = words.pop(0) if words and not words[0].isdigit() else None
+    what = words.pop(0) if words and not words[0].isdigit() else "P1"
     n_pairs, n_touches = (int(word) for word in words or ("40", "20"))
     print(describe())
-    if model:
-        touch = vs.load(model)
-        print(f"series of all positions, read from a file of {1e-6 * Path(model).stat().st_size:.0f} MB: {touch}")
-    else:
+    if what in ELEMENTS:
         law = vs.NeoHookean(young=0.17e6, poisson=0.48)
-        organ = vs.Organ(vs.organs.liver(), law, fixed="hilum", element="P1")
-        touch = timed("series of all positions", lambda: organ.reduce("anterior"))
+        organ = vs.Organ(vs.organs.liver(), law, fixed="hilum", element=what)
+        touch = timed(f"series of all positions, {what}", lambda: organ.reduce("anterior"))
         print(touch)
+    else:
+        touch = vs.load(what)
+        print(f"series of all positions, read from a file of {1e-6 * Path(what).stat().st_size:.0f} MB: {touch}")
     fingers = timed("what several touches need beyond the series, off-line", touch.galerkin)
     cases = solved(touch, pairs(touch, n_pairs, seed=1), PAIR_DEPTHS)
     taught = touch.galerkin(snapshots=SNAPSHOTS)

@@ -121,7 +121,7 @@ class Touch:
         depth: float | None = None,
         snapshots: int = 0,
     ) -> Galerkin:
-        """The model of several touches at once, see `viscera.galerkin`; needs the element "P1".
+        """The model of several touches at once, see `viscera.galerkin`.
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default

@@ -190,8 +190,39 @@ def test_a_model_from_a_file_serves_several_touches_too(fingers: Galerkin, touch
     assert read.solve(touches).force == pytest.approx(fingers.solve(touches).force, rel=1e-9)
 
 
-def test_other_elements_are_refused(bar: vs.Mesh) -> None:
-    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.49), fixed="root")
-    touch = organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.2), radius=0.07, depth=0.01, order=2)
-    with pytest.raises(vs.VisceraError, match='"P1"'):
-        touch.galerkin(order=2)
+@pytest.mark.parametrize(("element", "poisson"), [("P1 mean volume", 0.49), ("P2", 0.4)])
+def test_every_element_serves_several_touches(bar: vs.Mesh, element: str, poisson: float, tmp_path: Path) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=poisson), fixed="root", element=element)
+    made = organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.05), radius=0.07, depth=0.02, order=3)
+    made.save(tmp_path / "bar.viscera")
+    touch = vs.load(tmp_path / "bar.viscera")
+    grasp = touch.galerkin(tolerance=0.005).grasp([LEFT, RIGHT])
+    held = grasp.solve(PUSHES)
+    full = organ.solve(displacement=dict(zip(grasp.patches, PUSHES, strict=True)))
+    forces = np.array([full.reaction(patch) for patch in grasp.patches])
+    assert held.is_converged
+    assert relative(held.displacement, full.displacement) < 0.02
+    assert relative(held.force, forces) < 0.03
+    assert held.error_estimate == pytest.approx(relative(held.displacement, full.displacement), rel=0.2)
+
+
+def test_several_touches_start_from_a_load_that_stays(organ: vs.Organ) -> None:
+    hanging = organ.solve(gravity=(0, 0, -9.81), density=3000)
+    touch = organ.reduce(
+        lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.05), radius=0.07, depth=0.02, order=3, start=hanging
+    )
+    seen = [touch.mesh.points[np.argmin(np.linalg.norm(touch.rest.points - x, axis=1))] for x in (LEFT, RIGHT)]
+    grasp = touch.galerkin(tolerance=0.005).grasp(seen)
+    held = grasp.solve(PUSHES)
+    means = np.array([hanging.displacement[patch.nodes].T @ patch.weights for patch in grasp.patches])
+    full = organ.solve(
+        displacement=dict(zip(grasp.patches, means + PUSHES, strict=True)),
+        gravity=(0, 0, -9.81),
+        density=3000,
+        start=hanging,
+    )
+    forces = np.array([full.reaction(patch) for patch in grasp.patches])
+    assert np.linalg.norm(means, axis=1).min() > 0.002, "the organ sags"
+    assert relative(held.displacement, full.displacement - hanging.displacement) < 0.02
+    assert relative(held.force, forces) < 0.03
+    assert np.linalg.norm(grasp.solve(np.zeros((2, 3))).force) < 1e-6 * np.linalg.norm(forces)

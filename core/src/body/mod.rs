@@ -10,6 +10,7 @@ mod cells;
 mod check;
 mod clusters;
 mod convex;
+mod cut;
 mod kernels;
 mod partition;
 mod product;
@@ -19,6 +20,7 @@ mod tangent;
 mod tests;
 
 pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
+pub use cut::{Cut, Seams};
 pub use kernels::UPRIGHT;
 pub use product::TangentProduct;
 pub use tangent::Curvature;
@@ -101,6 +103,18 @@ impl Body {
         simd::check()?;
         let geometry = check::mesh(&points, &cells)?;
         check::parameter_rows(&material, cells.len())?;
+        Ok(Self::assemble(element, points, cells, geometry, material, Partition::new))
+    }
+
+    /// From sound cells of this geometry; `partition` puts them in clusters where the element wants some.
+    fn assemble(
+        element: Element,
+        points: Vec<[f64; 3]>,
+        cells: Vec<[u32; 4]>,
+        geometry: Vec<Geometry>,
+        material: Material,
+        partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
+    ) -> Self {
         let corners = points.len();
         let is_quadratic = element == Element::P2;
         let edges = if is_quadratic { mesh::edges(&cells) } else { Vec::new() };
@@ -113,7 +127,7 @@ impl Body {
                 (pattern, Assembly::P1(cells))
             }
             Element::P1MeanVolume => {
-                let parts = Partition::new(&cells, &material);
+                let parts = partition(&cells, &material);
                 let pattern = BlockPattern::new(n, parts.pairs());
                 let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
                 let slots = &batched.slots;
@@ -129,7 +143,7 @@ impl Body {
         };
         let (material, pattern) = (Arc::new(material), Arc::new(pattern));
         let assembly = Arc::new(assembly);
-        Ok(Body { element, points, cells, edges, geometry, material, pattern, assembly })
+        Body { element, points, cells, edges, geometry, material, pattern, assembly }
     }
 
     /// The element.

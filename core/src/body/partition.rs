@@ -50,12 +50,17 @@ impl Partition {
                 size.push(1);
             }
         }
+        let count = size.len();
+        Self::given(cells, of, count)
+    }
+
+    /// `count` clusters; `of` says which one each cell is in.
+    pub fn given(cells: &[[u32; 4]], of: Vec<u32>, count: usize) -> Self {
         let by_cluster: Vec<(u32, u32)> = (0u32..).zip(&of).map(|(cell, &c)| (c, cell)).collect();
         let mut nodes: Vec<(u32, u32)> =
             of.iter().zip(cells).flat_map(|(&c, nodes)| nodes.map(|n| (c, n))).collect();
         nodes.sort_unstable();
         nodes.dedup();
-        let count = size.len();
         Partition {
             cells: Grouped::new(count, &by_cluster),
             nodes: Grouped::new(count, &nodes),

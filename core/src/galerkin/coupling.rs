@@ -1,11 +1,10 @@
 //! What two contacts do to each other: the mixed second-order fields of their series.
 //!
 //! With the first-order fields `a_i` of one and `b_j` of the other, and `N` the internal force beyond its linear part,
-//!   K x_ij = - d2 N(s a_i + t b_j) / ds dt  at rest.
+//!   K x_ij = - d2 N(s a_i + t b_j) / ds dt  in the origin.
 //! No sum of what each does alone holds these fields, and near contacts need them most.
 
-use crate::body::Body;
-use crate::equilibrium::System;
+use super::origin::Origin;
 use crate::error::Error;
 use crate::number::{Lanes, Monomials};
 
@@ -19,8 +18,7 @@ const MIXED: [usize; 2] = [1, 2];
 /// # Errors
 /// Values that are not finite.
 pub(super) fn coupling_fields(
-    body: &Body,
-    system: &System,
+    Origin { body, system, displacement, .. }: &Origin,
     a: &[Vec<f64>],
     b: &[Vec<f64>],
 ) -> Result<Vec<Vec<f64>>, Error> {
@@ -31,6 +29,7 @@ pub(super) fn coupling_fields(
     for dof in 0..body.n_dofs() {
         for i in 0..3 {
             let run = &mut series[dof * stride..(dof + 1) * stride];
+            run[0] = Lanes([displacement[dof]; WIDTH]);
             for (lane, y, z) in [(i, b[0][dof], b[1][dof]), (3 + i, b[2][dof], 0.0)] {
                 run[1][lane] = a[i][dof];
                 run[2][lane] = y;

@@ -1,15 +1,13 @@
-//! The forces of every cell in the states of training, by which cells are chosen and weighed.
+//! The forces of every piece in the states of training, by which pieces are chosen and weighed.
 
-use super::assembly::cell_forces;
 use super::nnls::norm;
-use super::panels::Panel;
-use super::sample::Sample;
+use super::origin::Origin;
+use super::sampled::OneByOne;
 use super::sketch::Sketch;
 use super::subspace::Subspace;
-use crate::body::Body;
 use rayon::prelude::*;
 
-/// Cells that a thread takes at once.
+/// Pieces that a thread takes at once.
 const CHUNK: usize = 64;
 
 /// A state of training.
@@ -31,7 +29,7 @@ impl State {
 
 /// The states of these coordinates.
 pub(super) fn with_forces(
-    body: &Body,
+    origin: &Origin,
     subspace: &Subspace,
     coordinates: Vec<Vec<f64>>,
 ) -> Vec<State> {
@@ -40,36 +38,35 @@ pub(super) fn with_forces(
         .map(|q| {
             let u = subspace.basis.field(&q);
             let mut force = vec![0.0; u.len()];
-            body.internal_force(&u, &mut force);
+            origin.internal_force(&u, &mut force);
             State { q, weight: 1.0, force: subspace.basis.project(&force) }
         })
         .collect()
 }
 
-/// Forces of some cells along the modes in some states, each state in units of the force of the whole body over its
+/// Forces of some pieces along the modes in some states, each state in units of the force of the whole body over its
 /// weight.
 pub(super) struct Forces {
     /// Rows: modes of a state after modes of another, or a sketch of them where they are many.
     pub rows: usize,
-    /// Cell by cell.
-    pub cells: Vec<f64>,
+    /// Piece by piece.
+    pub pieces: Vec<f64>,
     /// Of the whole body.
     pub body: Vec<f64>,
 }
 
 impl Forces {
-    /// Of some cells of a body.
-    pub fn new(body: &Body, cells: &[usize], subspace: &Subspace, states: &[State]) -> Self {
+    /// Of some pieces of a body.
+    pub fn new(origin: &Origin, pieces: &[usize], subspace: &Subspace, states: &[State]) -> Self {
         let units: Vec<f64> =
             states.iter().map(|s| s.weight / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
         let (r, rows) = (subspace.len(), subspace.len() * states.len());
         let sketch = Sketch::new(rows);
         let of_some = |some: &[usize]| {
-            let sample = Sample::new(body.points(), body.cells(), body.material(), some);
-            let modes = Panel::all(&sample, &subspace.basis.modes);
+            let mut one_by_one = OneByOne::new(origin, some, &subspace.basis.modes);
             let mut columns = vec![0.0; rows * some.len()];
             for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
-                let forces = sample.by_cell(&cell_forces(&sample, &modes, &state.q), r);
+                let forces = one_by_one.forces(&state.q);
                 for (column, force) in columns.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
                     let out = &mut column[k * r..(k + 1) * r];
                     out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
@@ -80,18 +77,18 @@ impl Forces {
             pairs.for_each(|(column, out)| sketch.apply(column, out));
             sketched
         };
-        let cells = cells.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
+        let pieces = pieces.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
         let forces = states.iter().zip(&units);
         let forces: Vec<f64> =
             forces.flat_map(|(s, unit)| s.force.iter().map(move |f| unit * f)).collect();
         let mut body = vec![0.0; sketch.rows()];
         sketch.apply(&forces, &mut body);
-        Forces { rows: sketch.rows(), cells, body }
+        Forces { rows: sketch.rows(), pieces, body }
     }
 
-    /// The norm of each cell's forces.
+    /// The norm of each piece's forces.
     pub fn sizes(&self) -> Vec<f64> {
-        self.cells.chunks_exact(self.rows).map(norm).collect()
+        self.pieces.chunks_exact(self.rows).map(norm).collect()
     }
 }
 

@@ -4,18 +4,18 @@ use super::forces::{Forces, State, systematic};
 use super::hold::Hold;
 use super::lessons::Lessons;
 use super::nnls::{Columns, greedy, norm};
-use super::sample::Sample;
+use super::origin::Origin;
+use super::sampled::Sampled;
 use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
 use super::training::Training;
-use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use std::sync::Arc;
 
-/// States of training that show which cells come into question.
+/// States of training that show which pieces come into question.
 const FIRST_STATES: usize = 4;
-/// Cells that come into question.
+/// Pieces that come into question.
 const CANDIDATES: usize = 2000;
 
 /// An equilibrium of the reduced energy, or how near it came.
@@ -234,27 +234,25 @@ impl Grasp {
 /// The search for equilibrium in a span, on cells and weights that training finds; the first so many states of it are
 /// equilibria.
 fn solver(Hold { owner, subspace, .. }: &Hold, training: &[State], known: usize) -> Solver {
-    let sample = sample(&owner.rest.body, subspace, training, owner.sampling.tolerance);
+    let sampled = sampled(&owner.origin, subspace, training, owner.sampling.tolerance);
     let squares: f64 = training.iter().map(State::square).sum();
     let unit = (squares / training.len() as f64).sqrt();
     let means = subspace.means.clone();
-    Solver::new(sample, &subspace.basis.modes, means, unit, &training[..known])
+    Solver::new(sampled, subspace.len(), means, unit, &training[..known])
 }
 
-/// Cells and weights that give the forces of the whole body in training: those of all states together to the tolerance,
+/// Pieces and weights that give the forces of the whole body in training: those of all states together to the tolerance,
 /// and those of weighty states better than others.
-fn sample(body: &Body, subspace: &Subspace, training: &[State], tolerance: f64) -> Sample {
-    let all: Vec<usize> = (0..body.cells().len()).collect();
-    let sizes = Forces::new(body, &all, subspace, &training[..FIRST_STATES]).sizes();
+fn sampled(origin: &Origin, subspace: &Subspace, training: &[State], tolerance: f64) -> Sampled {
+    let all: Vec<usize> = (0..origin.body.n_pieces()).collect();
+    let sizes = Forces::new(origin, &all, subspace, &training[..FIRST_STATES]).sizes();
     let candidates = systematic(&sizes, CANDIDATES);
-    let forces = Forces::new(body, &candidates, subspace, training);
-    let columns = Columns { rows: forces.rows, values: &forces.cells };
+    let forces = Forces::new(origin, &candidates, subspace, training);
+    let columns = Columns { rows: forces.rows, values: &forces.pieces };
     let weight = training.iter().map(|state| state.weight.powi(2)).sum::<f64>().sqrt();
     let tolerance = tolerance * (training.len() as f64).sqrt() / weight;
     let chosen = greedy(&columns, &forces.body, tolerance);
-    let (cells, weights): (Vec<usize>, Vec<f64>) =
+    let (pieces, weights): (Vec<usize>, Vec<f64>) =
         chosen.into_iter().map(|(place, weight)| (candidates[place], weight)).unzip();
-    let mut sample = Sample::new(body.points(), body.cells(), body.material(), &cells);
-    sample.weigh(&weights);
-    sample
+    Sampled::new(origin, &pieces, &weights, &subspace.basis.modes)
 }

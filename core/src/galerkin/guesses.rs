@@ -1,8 +1,9 @@
 //! Guesses at what contacts may do to an organ: displacements spread over a ball, and the superposed series under them.
 
 use super::nnls::norm;
+use super::origin::Origin;
 use super::solver::{Search, Solver, Status};
-use super::subspace::{Rest, Subspace};
+use super::subspace::Subspace;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -34,7 +35,7 @@ impl Guess {
 
 /// Superposed series under displacements spread over the ball of radius `depth` [m].
 pub(super) fn guesses(
-    rest: &Rest,
+    origin: &Origin,
     subspace: &Subspace,
     depth: f64,
     numbers: Range<usize>,
@@ -47,9 +48,8 @@ pub(super) fn guesses(
                 .flat_map(|c| spread(contacts * number + c).map(|x| depth * x))
                 .collect();
             let mut q = subspace.superposed(&d);
-            let is_sound = |q: &[f64]| {
-                rest.body.smallest_jacobian(&subspace.basis.field(q)).0 > SMALLEST_RATIO
-            };
+            let is_sound =
+                |q: &[f64]| origin.smallest_jacobian(&subspace.basis.field(q)) > SMALLEST_RATIO;
             while !is_sound(&q) {
                 d.iter_mut().for_each(|x| *x *= 0.7);
                 q = subspace.superposed(&d);

@@ -53,7 +53,7 @@ pub struct Hold {
 impl Hold {
     /// In the span of the series.
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
-        let subspace = Subspace::new(&owner.model, &owner.rest, &contacts, owner.sampling.order)?;
+        let subspace = Subspace::new(&owner.model, &owner.origin, &contacts, owner.sampling.order)?;
         Ok(Hold { owner, subspace, contacts })
     }
 

@@ -6,8 +6,8 @@
 //!   W(q) = sum_e w_e V_e psi(F_e(q))   under   A q = d
 //! is minimised by Newton's method: forces are its gradient, tangents symmetric, whatever the weights.
 
-mod assembly;
 mod basis;
+mod cells;
 mod coupling;
 mod factor;
 mod forces;
@@ -17,8 +17,11 @@ mod hold;
 mod lessons;
 mod model;
 mod nnls;
+mod origin;
 mod panels;
+mod pieces;
 mod sample;
+mod sampled;
 mod secants;
 mod sketch;
 mod snapshots;

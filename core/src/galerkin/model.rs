@@ -2,15 +2,11 @@
 
 use super::grasp::Grasp;
 use super::hold::Hold;
+use super::origin::Origin;
 use super::snapshots::Solvers;
-use super::subspace::Rest;
 use super::training::train;
-use crate::body::Body;
 use crate::clock::Instant;
-use crate::element::Element;
-use crate::equilibrium::System;
 use crate::error::Error;
-use crate::law::Material;
 use crate::reduced::{Contact, ReducedModel};
 use std::sync::Arc;
 
@@ -33,20 +29,20 @@ pub struct Sampling {
 /// The series model of an organ with what it takes to let several contacts act at once.
 pub struct Galerkin {
     pub(super) model: ReducedModel,
-    pub(super) rest: Rest,
+    pub(super) origin: Origin,
     pub(super) sampling: Sampling,
     pub(super) solvers: Solvers,
 }
 
 impl Galerkin {
-    /// Factorises the tangent at rest.
+    /// Factorises the tangent in the state that touches start from.
     ///
     /// # Errors
-    /// Settings out of range; an element other than linear tetrahedra; touches that start from a preload.
+    /// Settings out of range.
     pub fn new(model: ReducedModel, sampling: Sampling) -> Result<Self, Error> {
         check(&model, &sampling)?;
-        let rest = rest_of(&model)?;
-        Ok(Galerkin { model, rest, sampling, solvers: Solvers::default() })
+        let origin = Origin::new(&model)?;
+        Ok(Galerkin { model, origin, sampling, solvers: Solvers::default() })
     }
 
     /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second without
@@ -110,17 +106,6 @@ impl Galerkin {
 
 fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
     let metadata = model.metadata();
-    if metadata.element != Element::P1.name() {
-        return Err(Error::input(format!(
-            "the model is of element {:?}; cells can be sampled one by one only with \"P1\"",
-            metadata.element
-        )));
-    }
-    if !model.arrays().preload.is_empty() {
-        return Err(Error::input(
-            "the touches of this model start from a preload; several at once need one that starts from rest",
-        ));
-    }
     if !(1..=metadata.order).contains(&sampling.order) {
         return Err(Error::input(format!(
             "order {}; it must be between 1 and {}, the order of the series",
@@ -146,22 +131,4 @@ fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
         )));
     }
     Ok(())
-}
-
-/// The body that the model was reduced from, with its tangent at rest factorised.
-fn rest_of(model: &ReducedModel) -> Result<Rest, Error> {
-    let (metadata, arrays) = (model.metadata(), model.arrays());
-    let points = arrays.points.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect();
-    let cells = arrays.cells.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect();
-    let rows = arrays.law_parameters.chunks_exact(metadata.law_parameter_names.len());
-    let material = Material::new(&metadata.law, rows.map(<[f64]>::to_vec).collect())?;
-    let body = Body::new(points, cells, material)?;
-    let mut stiffness = body.zero_tangent();
-    let zero = vec![0.0; body.n_dofs()];
-    body.internal_force_and_tangent(&zero, &mut zero.clone(), &mut stiffness);
-    let fixed: Vec<u32> =
-        arrays.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
-    let mut system = System::new(&stiffness, body.n_dofs(), fixed.iter().copied())?;
-    system.factorize(&stiffness, 0.0)?;
-    Ok(Rest { body, stiffness, system, fixed })
 }

@@ -60,11 +60,14 @@ pub(super) struct Work {
 pub(super) struct Panel {
     rows: usize,
     columns: Vec<f32>,
+    /// The same of the displacement in the origin.
+    start: Vec<f64>,
 }
 
 impl Panel {
-    /// Of all batches of a sample, in their order, [`BATCHES`] at a time; `modes` are runs of all degrees of freedom.
-    pub fn all(sample: &Sample, modes: &[Vec<f64>]) -> Vec<Self> {
+    /// Of all batches of a sample, in their order, [`BATCHES`] at a time; the displacement in the origin and the `modes`
+    /// are runs of all degrees of freedom.
+    pub fn all(sample: &Sample, displacement: &[f64], modes: &[Vec<f64>]) -> Vec<Self> {
         let panel = |batches: &[_]| {
             let rows = batches.len().div_ceil(TWO) * BLOCK;
             let mut columns = vec![0.0; rows * modes.len()];
@@ -73,7 +76,11 @@ impl Panel {
                     column[place(batch, edge) + lane] = value as f32;
                 });
             }
-            Panel { rows, columns }
+            let mut start = vec![0.0; rows];
+            Sample::restrict(batches, displacement, |batch, edge, lane, value| {
+                start[place(batch, edge) + lane] = value;
+            });
+            Panel { rows, columns, start }
         };
         sample.batches.chunks(BATCHES).map(panel).collect()
     }
@@ -91,7 +98,7 @@ impl Panel {
         }
     }
 
-    /// `y = E q`; where there is no cell, nothing is left of what was answered before.
+    /// `y = y_0 + E q`; where there is no cell, nothing is left of what was answered before.
     pub fn combine(&self, q: &[f64], work: &mut Work) {
         work.flux.fill(0.0);
         work.curvature.fill(0.0);
@@ -145,8 +152,8 @@ impl WideKernel for Combine<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Combine { panel: Panel { rows, columns }, q, out } = self;
-        out.fill(0.0);
+        let Combine { panel: Panel { rows, columns, start }, q, out } = self;
+        out.copy_from_slice(start);
         let together = columns.chunks_exact(ABREAST * rows).zip(q.chunks_exact(ABREAST));
         for (columns, q) in together {
             let [a, b, c, d]: [&[f32]; ABREAST] =
@@ -177,7 +184,7 @@ impl WideKernel for Project<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Project { panel: Panel { rows, columns }, flux, out } = self;
+        let Project { panel: Panel { rows, columns, .. }, flux, out } = self;
         for (column, out) in columns.chunks_exact(*rows).zip(out) {
             // Four vectors side by side: one alone waits for itself.
             let mut sums = [0.0; 4 * SIDE];
@@ -206,7 +213,7 @@ impl WideKernel for Stress<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Stress { panel: Panel { rows, columns }, curvature, out } = self;
+        let Stress { panel: Panel { rows, columns, .. }, curvature, out } = self;
         let r = columns.len() / rows;
         for (block, curvature) in curvature.chunks_exact(CURVATURE).enumerate() {
             let at = |mode: usize| mode * rows + block * BLOCK;
@@ -260,7 +267,8 @@ mod tests {
         let some: Vec<usize> = (0..(BATCHES + 3) * LANES).collect();
         let sample = Sample::new(body.points(), body.cells(), body.material(), &some);
         let modes: [Vec<f64>; R] = std::array::from_fn(|k| noise(body.n_dofs(), k as u64));
-        let mut panels = Panel::all(&sample, &modes);
+        let start = noise(body.n_dofs(), 8);
+        let mut panels = Panel::all(&sample, &start, &modes);
         assert_eq!(panels.len(), 2);
         let panel = panels.pop().unwrap();
         let mut rows = vec![[0.0; R]; panel.rows];
@@ -279,7 +287,8 @@ mod tests {
         work.flux.fill(f64::NAN);
         panel.combine(&q, &mut work);
         assert!(work.flux.iter().all(|&s| s == 0.0), "what failed before is gone");
-        let edges: Vec<f64> = rows.iter().map(|row| dot(row, &q)).collect();
+        let sums = rows.iter().zip(&panel.start).map(|(row, start)| start + dot(row, &q));
+        let edges: Vec<f64> = sums.collect();
         let gap: Vec<f64> = edges.iter().zip(&work.edges).map(|(a, b)| a - b).collect();
         assert!(norm(&gap) < 1e-6 * norm(&edges));
 

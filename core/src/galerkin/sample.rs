@@ -79,12 +79,6 @@ impl Sample {
         }
     }
 
-    /// Volume of each cell times its weight.
-    #[cfg(test)]
-    pub fn weights(&self) -> Vec<f64> {
-        self.slots.iter().map(|&(batch, lane)| self.batches[batch].weight[lane]).collect()
-    }
-
     /// The edge displacements of the cells of some batches under a mode, a run of all degrees of freedom:
     /// `out(batch, edge, lane, value)`.
     pub fn restrict(

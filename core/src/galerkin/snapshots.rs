@@ -7,8 +7,8 @@
 
 use super::model::Galerkin;
 use super::nnls::norm;
-use super::subspace::Rest;
-use crate::body::{Body, Curvature};
+use super::origin::Origin;
+use crate::body::Curvature;
 use crate::equilibrium::{Method, Solver, Tangent};
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -43,7 +43,7 @@ pub(super) struct Solvers {
 impl Solvers {
     fn lend<T>(
         &self,
-        rest: &Rest,
+        origin: &Origin,
         patches: &[Patch],
         work: impl FnOnce(&mut Solver) -> T,
     ) -> Result<T, Error> {
@@ -52,8 +52,8 @@ impl Solvers {
         let mut solver = match waiting {
             Some(solver) => solver,
             None => {
-                let fixed = rest.fixed.iter().copied();
-                Solver::new(Method::Cholesky, &rest.body, fixed, Vec::new())?
+                let fixed = origin.fixed.iter().copied();
+                Solver::new(Method::Cholesky, &origin.body, fixed, Vec::new())?
             }
         };
         solver.hold(&[], patches.to_vec());
@@ -74,8 +74,8 @@ impl Galerkin {
         u: &[f64],
         patience: &Patience,
     ) -> Result<Option<Vec<f64>>, Error> {
-        let (rest, n_means) = (&self.rest, 3 * patches.len());
-        self.solvers.lend(rest, patches, |solver| settle(rest, solver, n_means, u, patience))
+        let (origin, n_means) = (&self.origin, 3 * patches.len());
+        self.solvers.lend(origin, patches, |solver| settle(origin, solver, n_means, u, patience))
     }
 
     /// Newton's step from a field on the whole body, with the means of the patches kept; none where there is none.
@@ -83,8 +83,9 @@ impl Galerkin {
     /// # Errors
     /// No memory for a solver.
     pub(super) fn newton_step(&self, patches: &[Patch], u: &[f64]) -> Result<Option<Step>, Error> {
-        let rest = &self.rest;
-        self.solvers.lend(rest, patches, |solver| newton_step(rest, solver, 3 * patches.len(), u))
+        let origin = &self.origin;
+        self.solvers
+            .lend(origin, patches, |solver| newton_step(origin, solver, 3 * patches.len(), u))
     }
 }
 
@@ -97,10 +98,10 @@ pub(super) struct Step {
 
 /// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none where it is
 /// not finite.
-fn newton_step(rest: &Rest, solver: &mut Solver, n_means: usize, u: &[f64]) -> Option<Step> {
-    let body = &rest.body;
+fn newton_step(origin: &Origin, solver: &mut Solver, n_means: usize, u: &[f64]) -> Option<Step> {
     let (mut force, mut way) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let is_stable = prepare(body, solver, &mut Tangent::matrix(body), u, &mut force)?;
+    let tangent = &mut Tangent::matrix(&origin.body);
+    let is_stable = prepare(origin, solver, tangent, u, &mut force)?;
     force.iter_mut().for_each(|f| *f = -*f);
     let stay = vec![0.0; n_means];
     solver.solve(&mut force, &stay, &mut way, &mut Vec::new(), None).ok()?;
@@ -110,42 +111,41 @@ fn newton_step(rest: &Rest, solver: &mut Solver, n_means: usize, u: &[f64]) -> O
 /// Readies the solver for the tangent at `u`, made convex where it is not positive definite, and says whether it is;
 /// none where that does not help. `force` is then the internal one.
 fn prepare(
-    body: &Body,
+    origin: &Origin,
     solver: &mut Solver,
     tangent: &mut Tangent,
     u: &[f64],
     force: &mut [f64],
 ) -> Option<bool> {
-    tangent.linearize(body, u, Curvature::Exact, force);
+    origin.linearize(u, Curvature::Exact, force, tangent);
     if solver.prepare(tangent, 0.0).is_ok() {
         return Some(true);
     }
-    tangent.linearize(body, u, Curvature::Convex, force);
+    origin.linearize(u, Curvature::Convex, force, tangent);
     solver.prepare(tangent, 0.0).is_ok().then_some(false)
 }
 
 /// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
 fn settle(
-    rest: &Rest,
+    origin: &Origin,
     solver: &mut Solver,
     n_means: usize,
     guess: &[f64],
     patience: &Patience,
 ) -> Option<Vec<f64>> {
-    let body = &rest.body;
     let (mut u, mut trial) = (guess.to_vec(), guess.to_vec());
     let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let (mut tangent, stay) = (Tangent::matrix(body), vec![0.0; n_means]);
-    let mut energy = body.internal_force(&u, &mut force);
+    let (mut tangent, stay) = (Tangent::matrix(&origin.body), vec![0.0; n_means]);
+    let mut energy = origin.internal_force(&u, &mut force);
     for _ in 0..patience.tangents {
-        prepare(body, solver, &mut tangent, &u, &mut force)?;
+        prepare(origin, solver, &mut tangent, &u, &mut force)?;
         let mut last = f64::INFINITY;
         loop {
             force.iter_mut().for_each(|f| *f = -*f);
             solver.solve(&mut force, &stay, &mut step, &mut Vec::new(), None).ok()?;
             let way = norm(&step);
             let from = (u.as_slice(), energy);
-            let lower = descend(body, from, &step, &mut trial, &mut force, patience.cuts)?;
+            let lower = descend(origin, from, &step, &mut trial, &mut force, patience.cuts)?;
             std::mem::swap(&mut u, &mut trial);
             energy = lower.energy;
             if lower.is_whole && way < SMALLEST_STEP * norm(&u) {
@@ -169,7 +169,7 @@ struct Lower {
 /// Goes along a step, half as far again and again until the energy is not higher; `trial` and `force` are then those
 /// of that place. None where it leads nowhere.
 fn descend(
-    body: &Body,
+    origin: &Origin,
     (u, energy): (&[f64], f64),
     step: &[f64],
     trial: &mut [f64],
@@ -179,8 +179,8 @@ fn descend(
     for cut in 0..cuts {
         let length = 0.5f64.powi(cut);
         trial.iter_mut().zip(u).zip(step).for_each(|((t, u), s)| *t = u + length * s);
-        let there = body.internal_force(trial, force);
-        if there <= energy + 1e-9 * energy.abs() {
+        let there = origin.internal_force(trial, force);
+        if origin.is_no_higher(there, energy) {
             return Some(Lower { energy: there, is_whole: cut == 0 });
         }
     }

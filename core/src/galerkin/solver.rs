@@ -5,12 +5,10 @@
 //! F the contact forces; the tangent is renewed when steps shrink too slowly, and learns from them meanwhile, so most
 //! iterations cost a force only.
 
-use super::assembly::Reduced;
 use super::factor::Factor;
 use super::forces::State;
 use super::nnls::{dot, norm};
-use super::panels::Panel;
-use super::sample::Sample;
+use super::sampled::{Reduced, Sampled};
 use super::secants::Secants;
 use super::starts::Starts;
 
@@ -44,14 +42,12 @@ pub(super) struct Search {
     pub residual: f64,
 }
 
-/// Modes, sampled cells and constraints, with the last iterate.
+/// Modes on sampled cells, and constraints, with the last iterate.
 #[derive(Clone)]
 pub(super) struct Solver {
     pub reduced: Reduced,
     pub q: Vec<f64>,
-    sample: Sample,
-    /// The modes on the sampled cells.
-    modes: Vec<Panel>,
+    sampled: Sampled,
     /// `A`: three rows for each contact.
     means: Vec<Vec<f64>>,
     factor: Factor,
@@ -69,24 +65,22 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    /// At rest; `modes` are runs of all degrees of freedom, `known` coordinates of equilibria to start from.
+    /// At rest; `r` modes with these `means`, `known` coordinates of equilibria to start from.
     pub fn new(
-        sample: Sample,
-        modes: &[Vec<f64>],
+        sampled: Sampled,
+        r: usize,
         means: Vec<Vec<f64>>,
         unit: f64,
         known: &[State],
     ) -> Self {
-        let (r, n) = (modes.len(), means.len());
-        let modes = Panel::all(&sample, modes);
+        let n = means.len();
         let mut solver = Solver {
-            reduced: Reduced::new(&modes, r),
+            reduced: Reduced::new(r),
             q: vec![0.0; r],
-            modes,
             factor: Factor::new(r, n),
             secants: Secants::new(r),
             starts: Starts::new(known, &means, r),
-            sample,
+            sampled,
             means,
             unit,
             forces: vec![0.0; n],
@@ -101,13 +95,7 @@ impl Solver {
 
     /// Number of sampled cells.
     pub fn n_cells(&self) -> usize {
-        self.sample.len()
-    }
-
-    /// Volumes of the sampled cells times their weights.
-    #[cfg(test)]
-    pub fn weights(&self) -> Vec<f64> {
-        self.sample.weights()
+        self.sampled.n_cells()
     }
 
     /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
@@ -143,7 +131,7 @@ impl Solver {
 
     /// Energy and force at `q`, and the tangent where asked for.
     pub fn evaluate(&mut self, with_tangent: bool) {
-        self.reduced.evaluate(&self.sample, &self.modes, &self.q, with_tangent);
+        self.sampled.evaluate(&self.q, with_tangent, &mut self.reduced);
     }
 
     /// Derivative of the contact forces by `d`, with a new tangent at `q`.
@@ -220,7 +208,8 @@ impl Solver {
                 *q = from + length * along;
             }
             self.evaluate(false);
-            let is_lower = self.reduced.energy <= energy + 1e-9 * energy.abs();
+            let slack = 1e-9 * energy.abs() + self.reduced.rounding;
+            let is_lower = self.reduced.energy <= energy + slack;
             if self.reduced.jacobian > 0.0 && (!is_feasible || is_lower) {
                 return Some(length);
             }

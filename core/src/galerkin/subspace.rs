@@ -3,8 +3,7 @@
 
 use super::basis::Basis;
 use super::coupling::coupling_fields;
-use crate::body::{Body, SymmetricBlocks};
-use crate::equilibrium::System;
+use super::origin::Origin;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{degree_of, evaluate_monomials};
@@ -14,15 +13,6 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 
 /// Contacts whose means follow from each other to within this part have no forces of their own.
 const DEPENDENT: f64 = 1e-3;
-
-/// A body at rest: what fields are made orthonormal by, and coupled with.
-pub(super) struct Rest {
-    pub body: Body,
-    pub stiffness: SymmetricBlocks,
-    pub system: System,
-    /// Degrees of freedom that never move.
-    pub fixed: Vec<u32>,
-}
 
 /// Where a raw field comes from.
 #[derive(Clone, Copy)]
@@ -63,7 +53,7 @@ impl Subspace {
     /// Contacts so close that the displacement of one follows from the others.
     pub fn new(
         model: &ReducedModel,
-        rest: &Rest,
+        origin: &Origin,
         contacts: &[Contact],
         order: usize,
     ) -> Result<Self, Error> {
@@ -83,12 +73,12 @@ impl Subspace {
         }
         for b in 1..contacts.len() {
             for a in 0..b {
-                fields.extend(coupling_fields(&rest.body, &rest.system, &first[a], &first[b])?);
+                fields.extend(coupling_fields(origin, &first[a], &first[b])?);
                 let pairs = (0..9).map(|k| Source::Coupling([[a, k / 3], [b, k % 3]]));
                 sources.extend(pairs);
             }
         }
-        let basis = Basis::new(&fields, &rest.stiffness);
+        let basis = Basis::new(&fields, &origin.stiffness);
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let means = means(&patches, &basis);
         let unmixed = unmixed(&means, &basis, &sources)?;
@@ -96,8 +86,14 @@ impl Subspace {
     }
 
     /// Takes in what these fields have beyond the span, but for parts below `smallest` of the largest field.
-    pub fn enrich(&mut self, fields: &[Vec<f64>], smallest: f64, patches: &[Patch], rest: &Rest) {
-        self.basis.enrich(fields, smallest, &rest.stiffness);
+    pub fn enrich(
+        &mut self,
+        fields: &[Vec<f64>],
+        smallest: f64,
+        patches: &[Patch],
+        origin: &Origin,
+    ) {
+        self.basis.enrich(fields, smallest, &origin.stiffness);
         self.means = means(patches, &self.basis);
     }
 

@@ -54,7 +54,7 @@ impl Training {
         let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
         let tried = most.min(FIRST);
         let numbers = 0..STATES.max(tried);
-        let mut guesses = guesses(&owner.rest, subspace, owner.sampling.depth, numbers);
+        let mut guesses = guesses(&owner.origin, subspace, owner.sampling.depth, numbers);
         let predicted = guesses.split_off(tried).into_iter().map(|guess| guess.q).collect();
         let solve = |guess: &Guess| {
             go_on(is_wanted)?;
@@ -71,7 +71,7 @@ impl Training {
             }
         }
         training.predicted.extend(missed);
-        subspace.enrich(&training.solved, SMALLEST_PART, &patches, &owner.rest);
+        subspace.enrich(&training.solved, SMALLEST_PART, &patches, &owner.origin);
         Ok(training)
     }
 
@@ -87,14 +87,14 @@ impl Training {
 
     /// The states in the span as it is.
     pub fn states(&self, Hold { owner, subspace, .. }: &Hold) -> Vec<State> {
-        let rest = &owner.rest;
-        let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &rest.stiffness);
+        let origin = &owner.origin;
+        let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &origin.stiffness);
         let mut states: Vec<Vec<f64>> = self.solved.par_iter().map(nearest).collect();
         states.extend(self.predicted.iter().cloned().map(|mut q| {
             q.resize(subspace.len(), 0.0);
             q
         }));
-        let mut states = with_forces(&rest.body, subspace, states);
+        let mut states = with_forces(origin, subspace, states);
         let rounds = self.solved.len() - self.places;
         states[rounds..self.solved.len()].iter_mut().for_each(|state| state.weight = OF_PLACES);
         states
@@ -114,7 +114,7 @@ impl Training {
         let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
         let numbers = self.tried..self.most.min(self.tried + ROUND);
         self.tried = numbers.end;
-        let guesses = guesses(&owner.rest, subspace, owner.sampling.depth, numbers);
+        let guesses = guesses(&owner.origin, subspace, owner.sampling.depth, numbers);
         let ask = |model: &mut Solver, guess: &Guess| -> Result<Option<Vec<f64>>, Error> {
             go_on(is_wanted)?;
             let answer = subspace.basis.field(&guess.answer(subspace, model));
@@ -126,7 +126,7 @@ impl Training {
         let found: Vec<Option<Vec<f64>>> =
             guesses.par_iter().map_init(|| model.clone(), ask).collect::<Result<_, _>>()?;
         let wrong: Vec<Vec<f64>> = found.into_iter().flatten().collect();
-        subspace.enrich(&wrong, SMALLEST_PART, &patches, &owner.rest);
+        subspace.enrich(&wrong, SMALLEST_PART, &patches, &owner.origin);
         let has_passed = wrong.is_empty();
         self.solved.extend(wrong);
         Ok(has_passed)
@@ -147,7 +147,7 @@ impl Training {
             return Ok(false);
         };
         let there = [there];
-        subspace.enrich(&there, SMALLEST_PART, &patches, &owner.rest);
+        subspace.enrich(&there, SMALLEST_PART, &patches, &owner.origin);
         self.solved.extend(there);
         self.places += 1;
         Ok(true)

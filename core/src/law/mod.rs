@@ -252,6 +252,15 @@ impl Material {
         self.visit(Moduli(parameters))
     }
 
+    /// The law of some of the cells, in this order.
+    pub fn of_cells(&self, cells: &[usize]) -> Self {
+        if self.parameters.len() == 1 {
+            return self.clone();
+        }
+        let parameters = cells.iter().map(|&cell| self.parameters[cell].clone()).collect();
+        Material { name: self.name.clone(), parameters }
+    }
+
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
         if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }

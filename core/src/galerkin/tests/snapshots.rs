@@ -2,7 +2,6 @@
 
 use super::super::snapshots::Patience;
 use super::*;
-use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -29,7 +28,7 @@ fn snapshots_are_equilibria_with_the_means_of_the_series() {
 fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
     let patches = two().hold().patches();
     // Pressed evenly, as no equilibrium is.
-    let points = MODEL.rest.body.points();
+    let points = MODEL.origin.body.points();
     let pressed = |share: f64| -> Vec<f64> {
         points.iter().flat_map(|p| [0.0, 0.0, -share * p[2]]).collect()
     };
@@ -41,7 +40,7 @@ fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
         .expect("a minimum of the energy");
     let kept: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &snapshot)).collect();
     assert!(relative(kept.as_flattened(), means.as_flattened()) < 1e-9);
-    let body = &MODEL.rest.body;
+    let body = &MODEL.origin.body;
     assert!(body.energy(&snapshot) < 0.5 * body.energy(&guess));
     assert!(
         MODEL.snapshot(&patches, &pressed(1.5), &Patience::OF_MANY).unwrap().is_none(),
@@ -174,19 +173,19 @@ fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
     let fields: Vec<Vec<f64>> = [0.3, 0.6, 0.9]
         .map(|share| newton(&patches, &pushes(share * DEPTH)).0)
         .into_iter()
-        .chain([vec![0.0; MODEL.rest.body.n_dofs()]])
+        .chain([vec![0.0; MODEL.origin.body.n_dofs()]])
         .collect();
     let series = MODEL.model.series_fields(&grasp.hold().contacts()[0], 1);
-    let mut basis = Basis::new(&series, &MODEL.rest.stiffness);
-    basis.enrich(&fields, 1e-3, &MODEL.rest.stiffness);
+    let mut basis = Basis::new(&series, &MODEL.origin.stiffness);
+    basis.enrich(&fields, 1e-3, &MODEL.origin.stiffness);
     assert_eq!(basis.len(), 6);
     for (i, mode) in basis.modes.iter().enumerate() {
-        for (j, product) in basis.nearest(mode, &MODEL.rest.stiffness).into_iter().enumerate() {
+        for (j, product) in basis.nearest(mode, &MODEL.origin.stiffness).into_iter().enumerate() {
             assert!((product - f64::from(u8::from(i == j))).abs() < 1e-9);
         }
     }
     for field in &fields[..3] {
-        let nearest = basis.field(&basis.nearest(field, &MODEL.rest.stiffness));
+        let nearest = basis.field(&basis.nearest(field, &MODEL.origin.stiffness));
         assert!(relative(&nearest, field) < 2e-3);
     }
 }

@@ -1,7 +1,9 @@
-//! Energy, force and tangent of sampled cells in the coordinates of the modes: the loops of the on-line solver.
+//! Sampled linear cells: energy, force and tangent in the coordinates of the modes, the loops of the on-line solver.
 
+use super::origin::Origin;
 use super::panels::{BATCHES, Panel, Work, curvature_place, place};
 use super::sample::{Batch, EDGES, Sample};
+use super::sampled::Reduced;
 use crate::body::{LANES, Lane};
 use crate::law::{Law, LawVisitor, TangentBlocks};
 use crate::simd::{Kernel, dispatch_here};
@@ -11,34 +13,32 @@ use rayon::prelude::*;
 
 dispatch_here!();
 
-/// What the cells say at some coordinates.
+/// Linear cells with weights, and the modes on them, in panels.
 #[derive(Clone)]
-pub(super) struct Reduced {
-    /// `W(q)` [J].
-    pub energy: f64,
-    /// `dW/dq`.
-    pub force: Vec<f64>,
-    /// `d2W/dq2`, full and row by row; last computed where it was asked for.
-    pub tangent: Vec<f64>,
-    /// Smallest volume ratio of a cell that counts.
-    pub jacobian: f64,
+pub(super) struct Cells {
+    sample: Sample,
+    panels: Vec<Panel>,
     works: Vec<Work>,
 }
 
-impl Reduced {
-    /// Room for what `r` modes in these panels say.
-    pub fn new(modes: &[Panel], r: usize) -> Self {
-        Reduced {
-            energy: 0.0,
-            force: vec![0.0; r],
-            tangent: vec![0.0; r * r],
-            jacobian: 1.0,
-            works: modes.iter().map(Panel::work).collect(),
-        }
+impl Cells {
+    /// Some cells of a body, each counting `weights` times; `modes` are runs of all degrees of freedom.
+    pub fn new(origin: &Origin, cells: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
+        let body = &origin.body;
+        let mut sample = Sample::new(body.points(), body.cells(), body.material(), cells);
+        sample.weigh(weights);
+        let panels = Panel::all(&sample, &origin.displacement, modes);
+        Cells { sample, works: panels.iter().map(Panel::work).collect(), panels }
     }
 
-    /// Evaluates at `q`; `modes` are all panels of the sample. Threads share the work for a tangent.
-    pub fn evaluate(&mut self, sample: &Sample, modes: &[Panel], q: &[f64], with_tangent: bool) {
+    /// Number of cells.
+    pub fn len(&self) -> usize {
+        self.sample.len()
+    }
+
+    /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
+    pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+        let Cells { sample, panels, works } = self;
         let ask = |((panel, batches), work): ((&Panel, &[Batch]), &mut Work)| {
             panel.combine(q, work);
             let said = sample.material.visit(Ask { batches, work, with_tangent });
@@ -48,58 +48,47 @@ impl Reduced {
             }
             said
         };
-        let Reduced { works, .. } = self;
-        let is_shared = with_tangent && modes.len() > 1 && rayon::current_num_threads() > 1;
+        let is_shared = with_tangent && panels.len() > 1 && rayon::current_num_threads() > 1;
         let said: Vec<Said> = if is_shared {
-            let panels = modes.par_iter().zip(sample.batches.par_chunks(BATCHES));
+            let panels = panels.par_iter().zip(sample.batches.par_chunks(BATCHES));
             panels.zip(works).map(ask).collect()
         } else {
-            let panels = modes.iter().zip(sample.batches.chunks(BATCHES));
+            let panels = panels.iter().zip(sample.batches.chunks(BATCHES));
             panels.zip(works).map(ask).collect()
         };
-        self.add(&said, with_tangent);
+        self.add(&said, with_tangent, reduced);
     }
 
     /// What all panels say together, always in the same order.
-    fn add(&mut self, said: &[Said], with_tangent: bool) {
-        let Reduced { force, tangent, works, .. } = self;
+    fn add(&self, said: &[Said], with_tangent: bool, reduced: &mut Reduced) {
+        let Reduced { force, tangent, .. } = reduced;
         force.fill(0.0);
-        for work in works.iter() {
+        for work in &self.works {
             force.iter_mut().zip(&work.force).for_each(|(f, part)| *f += part);
         }
         if with_tangent {
             tangent.fill(0.0);
-            for work in works.iter() {
+            for work in &self.works {
                 tangent.iter_mut().zip(&work.tangent).for_each(|(k, &part)| *k += f64::from(part));
             }
-            mirror(tangent, force.len());
+            reduced.mirror();
         }
-        self.jacobian = said.iter().fold(f64::INFINITY, |least, s| least.min(s.jacobian));
-        self.energy = said.iter().map(|s| s.energy).sum();
+        reduced.jacobian = said.iter().fold(f64::INFINITY, |least, s| least.min(s.jacobian));
+        reduced.energy = said.iter().map(|s| s.energy).sum();
     }
-}
 
-/// Fills the upper triangle from the lower one.
-fn mirror(tangent: &mut [f64], r: usize) {
-    for k in 0..r {
-        for l in 0..k {
-            tangent[l * r + k] = tangent[k * r + l];
+    /// The force of each cell along each mode at `q`: runs of all modes, cell by cell.
+    pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
+        let (r, Cells { sample, panels, works }) = (q.len(), self);
+        let mut forces = vec![0.0; sample.batches.len() * LANES * r];
+        let panels = panels.iter().zip(sample.batches.chunks(BATCHES)).zip(works);
+        for (((panel, batches), work), out) in panels.zip(forces.chunks_mut(BATCHES * LANES * r)) {
+            panel.combine(q, work);
+            sample.material.visit(Ask { batches, work, with_tangent: false });
+            panel.each(work, batches.len(), |cell, mode, force| out[cell * r + mode] = force);
         }
+        sample.by_cell(&forces, r)
     }
-}
-
-/// The force of each cell along each mode at `q`: runs of all modes, lane by lane and batch by batch.
-pub(super) fn cell_forces(sample: &Sample, modes: &[Panel], q: &[f64]) -> Vec<f64> {
-    let r = q.len();
-    let mut forces = vec![0.0; sample.batches.len() * LANES * r];
-    let panels = modes.iter().zip(sample.batches.chunks(BATCHES));
-    for ((panel, batches), out) in panels.zip(forces.chunks_mut(BATCHES * LANES * r)) {
-        let mut work = panel.work();
-        panel.combine(q, &mut work);
-        sample.material.visit(Ask { batches, work: &mut work, with_tangent: false });
-        panel.each(&work, batches.len(), |cell, mode, force| out[cell * r + mode] = force);
-    }
-    forces
 }
 
 /// What some cells say together.

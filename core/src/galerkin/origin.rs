@@ -1,0 +1,114 @@
+//! The whole body in the state that touches start from: rest, or an equilibrium under a load that stays.
+//!
+//! Displacements `u` count from there. The load is dead and keeps the internal force `f_0` of that state `u_0` in balance,
+//! so touches work against the energy
+//!   V(u) = W(u_0 + u) - W(u_0) - f_0 . u,
+//! whose derivative is `f(u_0 + u) - f_0`, and whose second one is the tangent.
+
+use crate::body::{Body, Curvature, SymmetricBlocks};
+use crate::element::Element;
+use crate::equilibrium::{System, Tangent};
+use crate::error::Error;
+use crate::law::Material;
+use crate::reduced::ReducedModel;
+
+/// Part of the energy in the origin by which rounding may have differences of energies wrong.
+pub(super) const ROUNDING: f64 = 1e-13;
+
+/// A body, and the state that touches start from.
+pub(super) struct Origin {
+    pub body: Body,
+    /// `u_0`: zero at rest.
+    pub displacement: Vec<f64>,
+    /// The tangent there: what fields are made orthonormal by.
+    pub stiffness: SymmetricBlocks,
+    /// The same, factorised.
+    pub system: System,
+    /// Degrees of freedom that never move.
+    pub fixed: Vec<u32>,
+    /// `W(u_0)` and `f_0`.
+    energy: f64,
+    pub force: Vec<f64>,
+}
+
+impl Origin {
+    /// Of the touches of a series model.
+    ///
+    /// # Errors
+    /// Points that are not those of its cells; a tangent that is not positive definite.
+    pub fn new(model: &ReducedModel) -> Result<Self, Error> {
+        let body = body(model)?;
+        let mut displacement = model.arrays().preload.clone();
+        displacement.resize(body.n_dofs(), 0.0);
+        let (mut stiffness, mut force) = (body.zero_tangent(), vec![0.0; body.n_dofs()]);
+        body.internal_force_and_tangent(&displacement, &mut force, &mut stiffness);
+        let fixed = model.arrays().fixed.iter();
+        let fixed: Vec<u32> = fixed.flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
+        let mut system = System::new(&stiffness, body.n_dofs(), fixed.iter().copied())?;
+        system.factorize(&stiffness, 0.0)?;
+        let energy = body.energy(&displacement);
+        Ok(Origin { body, displacement, stiffness, system, fixed, energy, force })
+    }
+
+    /// `f(u_0 + u) - f_0`, in place, and with it `V(u)`; where that is infinite, the force means nothing.
+    pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
+        let energy = self.body.internal_force(&self.moved(u), force);
+        self.balance(force);
+        let work: f64 = self.force.iter().zip(u).map(|(f, u)| f * u).sum();
+        energy - self.energy - work
+    }
+
+    /// The same force, and the tangent.
+    pub fn linearize(
+        &self,
+        u: &[f64],
+        curvature: Curvature,
+        force: &mut [f64],
+        tangent: &mut Tangent,
+    ) {
+        tangent.linearize(&self.body, &self.moved(u), curvature, force);
+        self.balance(force);
+    }
+
+    /// Whether an energy is not higher than another, as far as rounding lets them be compared.
+    pub fn is_no_higher(&self, energy: f64, than: f64) -> bool {
+        energy <= than + 1e-9 * than.abs() + ROUNDING * self.energy.abs()
+    }
+
+    /// The smallest volume ratio.
+    pub fn smallest_jacobian(&self, u: &[f64]) -> f64 {
+        self.body.smallest_jacobian(&self.moved(u)).0
+    }
+
+    fn moved(&self, u: &[f64]) -> Vec<f64> {
+        self.displacement.iter().zip(u).map(|(start, u)| start + u).collect()
+    }
+
+    fn balance(&self, force: &mut [f64]) {
+        force.iter_mut().zip(&self.force).for_each(|(f, start)| *f -= start);
+    }
+}
+
+/// The body that a model was reduced from, at rest.
+fn body(model: &ReducedModel) -> Result<Body, Error> {
+    let (metadata, arrays) = (model.metadata(), model.arrays());
+    let cells: Vec<[u32; 4]> = arrays.cells.as_chunks().0.to_vec();
+    let mut points = arrays.points.clone();
+    points.iter_mut().zip(&arrays.preload).for_each(|(x, u)| *x -= u);
+    // The midpoints of quadratic cells come after all corners.
+    let n_corners = arrays.cells.iter().max().map_or(0, |&last| last as usize + 1);
+    let points = points.as_chunks().0[..n_corners].to_vec();
+    let rows = arrays.law_parameters.chunks_exact(metadata.law_parameter_names.len());
+    let material = Material::new(&metadata.law, rows.map(<[f64]>::to_vec).collect())?;
+    let element = Element::named(&metadata.element)?;
+    let body = Body::with_element(element, points, cells, material)?;
+    if body.points().len() != model.n_points() {
+        return Err(Error::input(format!(
+            "the model has {} points, but its cells of element {:?} have {}; reduce the organ anew",
+            model.n_points(),
+            metadata.element,
+            body.points().len()
+        )));
+    }
+    Ok(body)
+}

@@ -1,0 +1,260 @@
+//! Sampled pieces that are more than a linear cell: clusters that share their change of volume, quadratic cells. They are
+//! a body of their own ([`Cut`]), whose kernels are those of every body; here is what lies between its nodes and the modes.
+//!
+//! With the modes `E` on its nodes, a row for each degree of freedom, force and tangent of `W(u_0 + E q)` are `E^T f` and
+//! `E^T K E`. The modes are held in single precision, as they are for [linear cells](super::panels).
+
+use super::sampled::Reduced;
+use crate::body::{Body, Cut, SymmetricBlocks};
+use crate::linear::Precision;
+use crate::simd::{WideKernel, dispatch_wide};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::{Accum, MatMut, MatRef, Par};
+use std::sync::Arc;
+
+/// Numbers of a row come in runs of so many, with zeros after the last mode.
+const RUN: usize = 8;
+/// Rows that go through the modes together.
+const ABREAST: usize = 3;
+
+/// Pieces and the modes on their nodes.
+#[derive(Clone)]
+pub(super) struct Pieces {
+    cut: Arc<Cut>,
+    modes: Arc<Rows>,
+    /// `u_0 + E q`, and the force there.
+    u: Vec<f64>,
+    f: Vec<f64>,
+    tangent: SymmetricBlocks,
+    /// `K E`, and `E^T K E` up to its diagonal.
+    stresses: Vec<f32>,
+    products: Vec<f32>,
+}
+
+impl Pieces {
+    /// The displacement in the origin and the `modes` are runs of all degrees of freedom of the whole body.
+    pub fn new(cut: Cut, displacement: &[f64], modes: &[Vec<f64>]) -> Self {
+        let (n, tangent) = (cut.body.n_dofs(), cut.body.zero_tangent());
+        let modes = Rows::new(&cut.nodes, displacement, modes);
+        Pieces {
+            u: vec![0.0; n],
+            f: vec![0.0; n],
+            tangent,
+            stresses: Vec::new(),
+            products: Vec::new(),
+            modes: Arc::new(modes),
+            cut: Arc::new(cut),
+        }
+    }
+
+    /// Number of cells.
+    pub fn n_cells(&self) -> usize {
+        self.cut.body.cells().len()
+    }
+
+    /// Energy and force at `q`, and the tangent where asked for.
+    pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+        let Pieces { cut, modes, u, f, .. } = self;
+        modes.combine(q, u);
+        reduced.energy = cut.body.internal_force(u, f);
+        reduced.jacobian = smallest_jacobian(&cut.body, u);
+        modes.project(f, &mut reduced.force);
+        if with_tangent {
+            self.curve(reduced);
+        }
+    }
+
+    /// `E^T K E` at `u`.
+    fn curve(&mut self, reduced: &mut Reduced) {
+        let Pieces { cut, modes, u, f, tangent, stresses, products } = self;
+        cut.body.internal_force_and_tangent(u, f, tangent);
+        stresses.clear();
+        stresses.resize(modes.values.len(), 0.0);
+        dispatch_wide(Stress { tangent, modes, out: stresses });
+        let r = modes.r;
+        products.resize(r * r, 0.0);
+        let is_shared = rayon::current_num_threads() > 1;
+        triangular::matmul(
+            MatMut::from_row_major_slice_mut(products, r, r),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            modes.matrix(&modes.values).transpose(),
+            BlockStructure::Rectangular,
+            modes.matrix(stresses),
+            BlockStructure::Rectangular,
+            1.0,
+            if is_shared { Par::rayon(0) } else { Par::Seq },
+        );
+        reduced.tangent.iter_mut().zip(&*products).for_each(|(k, &x)| *k = f64::from(x));
+        reduced.mirror();
+    }
+
+    /// The force of each piece along each mode at `q`, of pieces that have no node in common.
+    pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
+        let Pieces { cut, modes, u, f, .. } = self;
+        modes.combine(q, u);
+        cut.body.internal_force(u, f);
+        let (r, count) = (modes.r, cut.body.n_pieces());
+        let mut forces = vec![0.0; count * r];
+        for (dof, &f) in f.iter().enumerate() {
+            let piece = cut.pieces[dof / 3] as usize;
+            let (out, row) = (&mut forces[piece * r..(piece + 1) * r], modes.row(dof));
+            out.iter_mut().zip(row).for_each(|(out, &x)| *out += f * f64::from(x));
+        }
+        forces
+    }
+}
+
+/// Minus infinity where a displacement is not a number.
+fn smallest_jacobian(body: &Body, u: &[f64]) -> f64 {
+    let is_known = u.iter().all(|u| u.is_finite());
+    if is_known { body.smallest_jacobian(u).0 } else { f64::NEG_INFINITY }
+}
+
+/// `E`, row by row.
+struct Rows {
+    r: usize,
+    /// Numbers from one row to the next.
+    stride: usize,
+    values: Vec<f32>,
+    /// `u_0`.
+    start: Vec<f64>,
+}
+
+impl Rows {
+    /// The rows of the degrees of freedom of these nodes.
+    fn new(nodes: &[u32], displacement: &[f64], modes: &[Vec<f64>]) -> Self {
+        let r = modes.len();
+        let stride = r.next_multiple_of(RUN);
+        let mut values = vec![0.0; 3 * nodes.len() * stride];
+        let dof = |row: usize| 3 * nodes[row / 3] as usize + row % 3;
+        for (row, out) in values.chunks_exact_mut(stride).enumerate() {
+            let dof = dof(row);
+            out.iter_mut().zip(modes).for_each(|(out, mode)| *out = mode[dof] as f32);
+        }
+        let start = (0..3 * nodes.len()).map(|row| displacement[dof(row)]).collect();
+        Rows { r, stride, values, start }
+    }
+
+    fn row(&self, row: usize) -> &[f32] {
+        &self.values[row * self.stride..row * self.stride + self.r]
+    }
+
+    /// `E`, or what has its shape.
+    fn matrix<'a>(&self, values: &'a [f32]) -> MatRef<'a, f32> {
+        let rows = values.len() / self.stride;
+        MatRef::from_row_major_slice_with_stride(values, rows, self.r, self.stride)
+    }
+
+    /// `u_0 + E q`.
+    fn combine(&self, q: &[f64], out: &mut [f64]) {
+        dispatch_wide(Combine { rows: self, q: &self.padded(q), out });
+    }
+
+    /// `E^T f`.
+    fn project(&self, f: &[f64], out: &mut [f64]) {
+        let mut sums = vec![0.0; self.stride];
+        dispatch_wide(Project { rows: self, f, sums: &mut sums });
+        out.copy_from_slice(&sums[..self.r]);
+    }
+
+    fn padded(&self, q: &[f64]) -> Vec<f64> {
+        let mut padded = q.to_vec();
+        padded.resize(self.stride, 0.0);
+        padded
+    }
+}
+
+struct Combine<'a> {
+    rows: &'a Rows,
+    q: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl WideKernel for Combine<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Combine { rows: Rows { stride, values, start, .. }, q, out } = self;
+        out.copy_from_slice(start);
+        let nodes = values.chunks_exact(ABREAST * stride);
+        for (rows, out) in nodes.zip(out.as_chunks_mut::<ABREAST>().0) {
+            let mut sums = [[0.0; RUN]; ABREAST];
+            for run in (0..*stride).step_by(RUN) {
+                let q = &q[run..run + RUN];
+                for (row, sums) in sums.iter_mut().enumerate() {
+                    let e = &rows[row * stride + run..row * stride + run + RUN];
+                    for k in 0..RUN {
+                        sums[k] = q[k].times_plus::<BITS>(f64::from(e[k]), sums[k]);
+                    }
+                }
+            }
+            out.iter_mut().zip(sums).for_each(|(out, sums)| *out += sums.iter().sum::<f64>());
+        }
+    }
+}
+
+struct Project<'a> {
+    rows: &'a Rows,
+    f: &'a [f64],
+    sums: &'a mut [f64],
+}
+
+impl WideKernel for Project<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Project { rows: Rows { stride, values, .. }, f, sums } = self;
+        for (rows, f) in values.chunks_exact(ABREAST * stride).zip(f.as_chunks::<ABREAST>().0) {
+            for (run, sums) in sums.as_chunks_mut::<RUN>().0.iter_mut().enumerate() {
+                for (row, f) in f.iter().enumerate() {
+                    let e = &rows[row * stride + run * RUN..row * stride + (run + 1) * RUN];
+                    for k in 0..RUN {
+                        sums[k] = f.times_plus::<BITS>(f64::from(e[k]), sums[k]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// `K E`, added to what is there.
+struct Stress<'a> {
+    tangent: &'a SymmetricBlocks,
+    modes: &'a Rows,
+    out: &'a mut [f32],
+}
+
+impl WideKernel for Stress<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Stress { tangent, modes: Rows { stride, values, .. }, out } = self;
+        let node = |n: u32| 3 * n as usize * stride..3 * (n as usize + 1) * stride;
+        let blocks = tangent.values().as_chunks::<9>().0;
+        for ((row, column), block) in tangent.pattern().pairs().zip(blocks) {
+            let block = block.map(|x| x as f32);
+            add_product::<BITS>(block, &values[node(column)], &mut out[node(row)]);
+            if row != column {
+                let [a, b, c, d, e, f, g, h, i] = block;
+                let transposed = [a, d, g, b, e, h, c, f, i];
+                add_product::<BITS>(transposed, &values[node(row)], &mut out[node(column)]);
+            }
+        }
+    }
+}
+
+/// Adds a block times the three rows of a node to those of another.
+#[inline(always)]
+fn add_product<const BITS: usize>(block: [f32; 9], e: &[f32], out: &mut [f32]) {
+    let (first, rest) = e.split_at(e.len() / 3);
+    let (second, third) = rest.split_at(rest.len() / 2);
+    let rows = out.chunks_exact_mut(first.len());
+    for (out, b) in rows.zip(block.as_chunks::<3>().0) {
+        for (k, out) in out.iter_mut().enumerate() {
+            let sum = b[0].times_plus::<BITS>(first[k], *out);
+            let sum = b[1].times_plus::<BITS>(second[k], sum);
+            *out = b[2].times_plus::<BITS>(third[k], sum);
+        }
+    }
+}

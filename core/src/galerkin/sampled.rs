@@ -1,0 +1,142 @@
+//! What the reduced energy is summed over: linear cells one by one, in panels that are made for them; of other elements,
+//! pieces that are a body of their own.
+
+use super::cells::Cells;
+use super::nnls::dot;
+use super::origin::{Origin, ROUNDING};
+use super::pieces::Pieces;
+use crate::body::Seams;
+use crate::element::Element;
+
+/// What is summed up says at some coordinates.
+#[derive(Clone)]
+pub(super) struct Reduced {
+    /// `W(q)` [J].
+    pub energy: f64,
+    /// By how much rounding may have it wrong, where it is the small difference of large ones.
+    pub rounding: f64,
+    /// `dW/dq`.
+    pub force: Vec<f64>,
+    /// `d2W/dq2`, full and row by row; last computed where it was asked for.
+    pub tangent: Vec<f64>,
+    /// Smallest volume ratio of a cell that counts.
+    pub jacobian: f64,
+}
+
+impl Reduced {
+    /// Room for what `r` modes say.
+    pub fn new(r: usize) -> Self {
+        let (force, tangent) = (vec![0.0; r], vec![0.0; r * r]);
+        Reduced { energy: 0.0, rounding: 0.0, force, tangent, jacobian: 1.0 }
+    }
+
+    /// Fills the upper triangle of the tangent from the lower one.
+    pub fn mirror(&mut self) {
+        let r = self.force.len();
+        for k in 0..r {
+            for l in 0..k {
+                self.tangent[l * r + k] = self.tangent[k * r + l];
+            }
+        }
+    }
+}
+
+/// Pieces of a body ([`crate::body::Cut`]), and the modes on them. Energies and forces are those of the law alone.
+#[derive(Clone)]
+enum Sum {
+    /// Linear cells.
+    Cells(Cells),
+    /// Cells of other elements, or clusters of them.
+    Pieces(Pieces),
+}
+
+impl Sum {
+    fn new(
+        origin: &Origin,
+        pieces: &[usize],
+        weights: &[f64],
+        seams: Seams,
+        modes: &[Vec<f64>],
+    ) -> Self {
+        match origin.body.element() {
+            Element::P1 => Sum::Cells(Cells::new(origin, pieces, weights, modes)),
+            Element::P1MeanVolume | Element::P2 => {
+                let cut = origin.body.cut(pieces, weights, seams);
+                Sum::Pieces(Pieces::new(cut, &origin.displacement, modes))
+            }
+        }
+    }
+
+    fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+        match self {
+            Sum::Cells(cells) => cells.evaluate(q, with_tangent, reduced),
+            Sum::Pieces(pieces) => pieces.evaluate(q, with_tangent, reduced),
+        }
+    }
+
+    fn forces(&mut self, q: &[f64]) -> Vec<f64> {
+        match self {
+            Sum::Cells(cells) => cells.forces(q),
+            Sum::Pieces(pieces) => pieces.forces(q),
+        }
+    }
+}
+
+/// Some pieces with weights: the energy of a body in the coordinates of the modes.
+#[derive(Clone)]
+pub(super) struct Sampled {
+    sum: Sum,
+    /// Energy and force in the origin, where a load that stays is in balance with them.
+    energy: f64,
+    force: Vec<f64>,
+}
+
+impl Sampled {
+    /// Some pieces, each counting `weights` times; `modes` are runs of all degrees of freedom.
+    pub fn new(origin: &Origin, pieces: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
+        let mut sum = Sum::new(origin, pieces, weights, Seams::Kept, modes);
+        let mut there = Reduced::new(modes.len());
+        sum.evaluate(&vec![0.0; modes.len()], false, &mut there);
+        Sampled { sum, energy: there.energy, force: there.force }
+    }
+
+    /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
+    pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+        self.sum.evaluate(q, with_tangent, reduced);
+        reduced.energy -= self.energy + dot(&self.force, q);
+        reduced.rounding = ROUNDING * self.energy.abs();
+        reduced.force.iter_mut().zip(&self.force).for_each(|(f, there)| *f -= there);
+    }
+
+    /// Number of cells.
+    pub fn n_cells(&self) -> usize {
+        match &self.sum {
+            Sum::Cells(cells) => cells.len(),
+            Sum::Pieces(pieces) => pieces.n_cells(),
+        }
+    }
+}
+
+/// Some pieces without a node in common, for the force of each of them.
+pub(super) struct OneByOne {
+    sum: Sum,
+    /// Their forces in the origin.
+    there: Vec<f64>,
+}
+
+impl OneByOne {
+    /// Of these pieces; `modes` are runs of all degrees of freedom.
+    pub fn new(origin: &Origin, pieces: &[usize], modes: &[Vec<f64>]) -> Self {
+        let ones = vec![1.0; pieces.len()];
+        let mut sum = Sum::new(origin, pieces, &ones, Seams::Opened, modes);
+        let there = sum.forces(&vec![0.0; modes.len()]);
+        OneByOne { sum, there }
+    }
+
+    /// The force of each along each mode at `q`: runs of all modes, piece by piece.
+    pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
+        let mut forces = self.sum.forces(q);
+        forces.iter_mut().zip(&self.there).for_each(|(f, there)| *f -= there);
+        forces
+    }
+}
