@@ -108,7 +108,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn cbrt(&self) -> Self {
-        self.map(f64::cbrt)
+        if self.is_plain() { self.map(elementary::cbrt) } else { self.map(f64::cbrt) }
     }
     #[inline(always)]
     fn heaviside(&self) -> Self {
