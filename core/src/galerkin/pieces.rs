@@ -13,8 +13,8 @@ use faer::{Accum, MatMut, MatRef, Par};
 use std::sync::Arc;
 
 /// Numbers of a row come in runs of so many, with zeros after the last mode.
-const RUN: usize = 8;
-/// Rows that go through the modes together.
+const RUN: usize = 16;
+/// Rows that go through the modes together: those of a node.
 const ABREAST: usize = 3;
 
 /// Pieces and the modes on their nodes.
@@ -26,6 +26,8 @@ pub(super) struct Pieces {
     u: Vec<f64>,
     f: Vec<f64>,
     tangent: SymmetricBlocks,
+    /// Row and column node of each of its blocks.
+    pairs: Arc<Vec<(u32, u32)>>,
     /// `K E`, and `E^T K E` up to its diagonal.
     stresses: Vec<f32>,
     products: Vec<f32>,
@@ -39,6 +41,7 @@ impl Pieces {
         Pieces {
             u: vec![0.0; n],
             f: vec![0.0; n],
+            pairs: Arc::new(tangent.pattern().pairs().collect()),
             tangent,
             stresses: Vec::new(),
             products: Vec::new(),
@@ -66,11 +69,11 @@ impl Pieces {
 
     /// `E^T K E` at `u`.
     fn curve(&mut self, reduced: &mut Reduced) {
-        let Pieces { cut, modes, u, f, tangent, stresses, products } = self;
+        let Pieces { cut, modes, u, f, tangent, pairs, stresses, products } = self;
         cut.body.internal_force_and_tangent(u, f, tangent);
         stresses.clear();
         stresses.resize(modes.values.len(), 0.0);
-        dispatch_wide(Stress { tangent, modes, out: stresses });
+        dispatch_wide(Stress { tangent, pairs, modes, out: stresses });
         let r = modes.r;
         products.resize(r * r, 0.0);
         let is_shared = rayon::current_num_threads() > 1;
@@ -218,43 +221,74 @@ impl WideKernel for Project<'_> {
     }
 }
 
-/// `K E`, added to what is there.
+/// `K E`, added to what is there: a run of modes after the other, so that what a node needs stays in registers.
 struct Stress<'a> {
     tangent: &'a SymmetricBlocks,
+    /// Row and column of each block.
+    pairs: &'a [(u32, u32)],
     modes: &'a Rows,
     out: &'a mut [f32],
 }
+
+/// Three rows of a node, along a run of modes.
+type Node = [[f32; RUN]; ABREAST];
 
 impl WideKernel for Stress<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Stress { tangent, modes: Rows { stride, values, .. }, out } = self;
-        let node = |n: u32| 3 * n as usize * stride..3 * (n as usize + 1) * stride;
+        let Stress { tangent, pairs, modes: Rows { stride, values, .. }, out } = self;
         let blocks = tangent.values().as_chunks::<9>().0;
-        for ((row, column), block) in tangent.pattern().pairs().zip(blocks) {
-            let block = block.map(|x| x as f32);
-            add_product::<BITS>(block, &values[node(column)], &mut out[node(row)]);
-            if row != column {
-                let [a, b, c, d, e, f, g, h, i] = block;
-                let transposed = [a, d, g, b, e, h, c, f, i];
-                add_product::<BITS>(transposed, &values[node(row)], &mut out[node(column)]);
+        for run in (0..*stride).step_by(RUN) {
+            let place = |node: u32, row: usize| (ABREAST * node as usize + row) * stride + run;
+            // Of the column, from the blocks above its diagonal, which comes last.
+            let mut below: Node = [[0.0; RUN]; ABREAST];
+            for (&(row, column), block) in pairs.iter().zip(blocks) {
+                let block = block.map(|x| x as f32);
+                let mut sum = load(out, |k| place(row, k));
+                add_product::<BITS>(&block, &load(values, |k| place(column, k)), &mut sum);
+                if row == column {
+                    add(&below, &mut sum);
+                    below = [[0.0; RUN]; ABREAST];
+                } else {
+                    let [a, b, c, d, e, f, g, h, i] = block;
+                    let transposed = [a, d, g, b, e, h, c, f, i];
+                    add_product::<BITS>(&transposed, &load(values, |k| place(row, k)), &mut below);
+                }
+                for (k, sum) in sum.iter().enumerate() {
+                    out[place(row, k)..place(row, k) + RUN].copy_from_slice(sum);
+                }
             }
         }
     }
 }
 
-/// Adds a block times the three rows of a node to those of another.
 #[inline(always)]
-fn add_product<const BITS: usize>(block: [f32; 9], e: &[f32], out: &mut [f32]) {
-    let (first, rest) = e.split_at(e.len() / 3);
-    let (second, third) = rest.split_at(rest.len() / 2);
-    let rows = out.chunks_exact_mut(first.len());
-    for (out, b) in rows.zip(block.as_chunks::<3>().0) {
-        for (k, out) in out.iter_mut().enumerate() {
-            let sum = b[0].times_plus::<BITS>(first[k], *out);
-            let sum = b[1].times_plus::<BITS>(second[k], sum);
-            *out = b[2].times_plus::<BITS>(third[k], sum);
+fn load(values: &[f32], place: impl Fn(usize) -> usize) -> Node {
+    let mut node = [[0.0; RUN]; ABREAST];
+    for (k, row) in node.iter_mut().enumerate() {
+        row.copy_from_slice(&values[place(k)..place(k) + RUN]);
+    }
+    node
+}
+
+#[inline(always)]
+fn add(node: &Node, sum: &mut Node) {
+    for (sum, row) in sum.iter_mut().zip(node) {
+        for k in 0..RUN {
+            sum[k] += row[k];
+        }
+    }
+}
+
+/// Adds a block times the rows of a node.
+#[inline(always)]
+fn add_product<const BITS: usize>(block: &[f32; 9], e: &Node, sum: &mut Node) {
+    for (i, sum) in sum.iter_mut().enumerate() {
+        for (j, e) in e.iter().enumerate() {
+            for k in 0..RUN {
+                sum[k] = block[3 * i + j].times_plus::<BITS>(e[k], sum[k]);
+            }
         }
     }
 }
