@@ -12,8 +12,8 @@ use super::sampled::{Reduced, Sampled};
 use super::secants::Secants;
 use super::starts::Starts;
 
-/// A step is small enough when it is below this part of the coordinates.
-const TOLERANCE: f64 = 1e-5;
+/// A step is small enough when it is below this part of the coordinates: a hundredth of what modes and cells leave.
+const TOLERANCE: f64 = 1e-4;
 /// Coordinates below this part of the usual ones count as this.
 const SMALLEST: f64 = 1e-6;
 /// Steps that shrink by less than this ask for a new tangent.
@@ -55,6 +55,8 @@ pub(super) struct Solver {
     starts: Starts,
     /// Usual norm of the coordinates.
     unit: f64,
+    /// The step below which it is done, relative to the coordinates.
+    pub tolerance: f64,
     /// Contact forces of the last step, three for each.
     pub forces: Vec<f64>,
     /// The step, the last before it, where it started, and what the means of the patches lacked there.
@@ -83,6 +85,7 @@ impl Solver {
             sampled,
             means,
             unit,
+            tolerance: TOLERANCE,
             forces: vec![0.0; n],
             step: vec![0.0; r],
             last: vec![0.0; r],
@@ -152,7 +155,7 @@ impl Solver {
             let is_feasible = self.find_step(d, last < f64::INFINITY) <= 1e-9 * size;
             let way = norm(&self.step);
             search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
-            if search.residual <= TOLERANCE {
+            if search.residual <= self.tolerance {
                 return Status::Converged;
             }
             if way > SLOW * last {
