@@ -130,6 +130,32 @@ fn two_fingers_of_every_element_are_near_newton() {
 }
 
 #[test]
+fn snapshots_and_trust_are_those_of_the_element_and_the_load() {
+    let d = pushes(0.9 * DEPTH);
+    for (model, body, grasp) in grasps() {
+        let (element, hold) = (body.element(), grasp.hold());
+        let points: Vec<[f64; 3]> = hold.contacts().iter().map(|contact| contact.point).collect();
+        let (field, _) = newton_of(model, &hold.patches(), &d);
+        let [without, with] = [0, 24].map(|snapshots| {
+            // Cells that give the forces to many digits: what is left is the modes' fault.
+            let sampling = Sampling { snapshots, tolerance: 1e-3, ..model.sampling };
+            let model = Arc::new(Galerkin::new(model.model.clone(), sampling).unwrap());
+            let mut grasp = model.grasp(&points).unwrap();
+            assert!(grasp.n_snapshots() >= snapshots * 9 / 10, "{element:?}");
+            let solution = grasp.solve(&d, false, false).unwrap();
+            let error = relative(&grasp.hold().displacement(&solution), &field);
+            let expected = grasp.hold().assess(&solution).unwrap().error;
+            assert!(
+                (expected / error - 1.0).abs() < 0.3,
+                "{element:?}: {error}, {expected} expected"
+            );
+            error
+        });
+        assert!(1.3 * with < without, "{element:?}: {without} without, {with} with");
+    }
+}
+
+#[test]
 fn what_is_not_a_number_is_no_sound_state() {
     for (model, body, grasp) in grasps() {
         let modes = &grasp.hold().subspace.basis.modes;
