@@ -34,6 +34,7 @@ PAIR_DEPTHS, TOUCH_DEPTHS = (0.05, 0.10), (0.05, 0.10, 0.15)
 BANDS = (1.0, 2.0, 3.0, 4.5, np.inf)  # distances of two fingers, in patch radii
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)  # of sampling
 SNAPSHOTS = 160  # at most
+BUDGET = 0.8e-3  # of the searches of a hand that must not be late [s]
 TICKS = 400  # of a moving hand, a millisecond each
 SPEED = 0.1  # of the hand [m/s]
 
@@ -208,6 +209,7 @@ def times(touch: vs.Touch, grasps: list[Grasp], name: str) -> None:
         report(f"anew, {100 * depth:.0f} % of the diagonal, forces", cold)
     for name, stiffness in (("forces", False), ("forces and stiffness", True)):
         report(f"a tick of a moving hand, {name}", moving(touch, grasps, random, stiffness))
+    report(f"the same, forces, budget of {1e3 * BUDGET:g} ms", moving(touch, grasps, random, False, BUDGET))
 
 
 def report(name: str, seconds: list[float]) -> None:
@@ -216,11 +218,17 @@ def report(name: str, seconds: list[float]) -> None:
     print(f"  {name:46s} {p50:8.3f} {p99:8.3f} {worst:8.3f} {within:10.1f} %", flush=True)
 
 
-def moving(touch: vs.Touch, grasps: list[Grasp], random: np.random.Generator, stiffness: bool) -> list[float]:
+def moving(
+    touch: vs.Touch,
+    grasps: list[Grasp],
+    random: np.random.Generator,
+    stiffness: bool,
+    budget: float | None = None,
+) -> list[float]:
     """Seconds of every tick of a hand."""
     hands = (hand(touch, random) for _ in grasps)
     return [
-        grasp.solve(at, from_last=True, stiffness=stiffness).seconds
+        grasp.solve(at, from_last=True, stiffness=stiffness, budget=budget).seconds
         for grasp, places in zip(grasps, hands, strict=True)
         for at in islice(places, TICKS)
     ]

@@ -271,8 +271,8 @@ class Grasp:
     def learn(self) -> bool:
         """Takes in the equilibrium next to the last answer, where that is wrong; whether it was."""
     def patches(self) -> list[Patch]: ...
-    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool) -> Held:
-        """Equilibrium under mean displacements (k, 3) [m]."""
+    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool, budget: float | None) -> Held:
+        """Equilibrium under mean displacements (k, 3) [m], searched for `budget` seconds and a step at most."""
     def superposed(self, displacements: Floats) -> Floats:
         """Field (n, 3) [m] of the superposed series with their coupling."""
 

@@ -122,14 +122,23 @@ class Grasp:
         """
         return self._grasp.learn()
 
-    def solve(self, displacements: ArrayLike, *, from_last: bool = False, stiffness: bool = True) -> Held:
+    def solve(
+        self,
+        displacements: ArrayLike,
+        *,
+        from_last: bool = False,
+        stiffness: bool = True,
+        budget: float | None = None,
+    ) -> Held:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
 
         displacements (k, 3) [m]. from_last: start from the last solution, as a moving hand does, instead of the
         superposed series: quicker, but where there is more than one equilibrium the answer depends on the way there.
-        stiffness: costs one more tangent.
+        stiffness: costs one more tangent. budget: time for the search [s], for loops that must not be late. When it is
+        over the status is "out of time", and the next search `from_last` goes on from there; one step is always taken,
+        with its tangent where it needs one.
         """
-        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness))
+        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget))
 
     def superposed(self, displacements: ArrayLike) -> Floats:
         """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""

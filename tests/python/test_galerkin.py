@@ -164,6 +164,22 @@ def test_bad_touches_are_refused_in_a_sentence(fingers: Galerkin, touches: Any, 
         fingers.solve(touches)
 
 
+def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -> None:
+    grasp = fingers.grasp([LEFT, RIGHT])
+    whole = grasp.solve(PUSHES)
+    late = grasp.solve(PUSHES, budget=0.0)
+    assert (late.status, late.iterations, late.is_converged) == ("out of time", 1, False)
+    assert not late.is_trusted
+    assert "time" in late.reason
+    steps = [grasp.solve(PUSHES, from_last=True, budget=0.0) for _ in range(20)]
+    assert steps[-1].is_converged
+    assert relative(steps[-1].force, whole.force) < 1e-4
+    assert grasp.solve(PUSHES, budget=10.0).is_converged
+    for budget in (-1.0, float("nan")):
+        with pytest.raises(vs.VisceraError, match="budget"):
+            grasp.solve(PUSHES, budget=budget)
+
+
 def test_bad_settings_are_refused_in_a_sentence(touch: vs.Touch, fingers: Galerkin) -> None:
     with pytest.raises(vs.VisceraError, match="order 9"):
         touch.galerkin(order=9)

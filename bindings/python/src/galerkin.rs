@@ -8,6 +8,8 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use viscera_core::Error;
 use viscera_core::galerkin::{self, Hold, Sampling, Solution, Status, Trust};
 
 /// The series model of an organ and its body.
@@ -106,10 +108,12 @@ impl Grasp {
         displacements: PyReadonlyArray2<f64>,
         from_last: bool,
         with_stiffness: bool,
+        budget: Option<f64>,
     ) -> PyResult<Held> {
         let d = convert::points("displacements", &displacements)?;
+        let budget = budget.map(duration).transpose().map_err(convert::error)?;
         let solve = |grasp: &mut galerkin::Grasp| {
-            let solution = grasp.solve(&d, from_last, with_stiffness)?;
+            let solution = grasp.solve_within(&d, from_last, with_stiffness, budget)?;
             Ok(Held { hold: Arc::clone(grasp.hold()), solution })
         };
         self.ask(py, solve)?.map_err(convert::error)
@@ -168,11 +172,17 @@ impl Held {
     }
 }
 
+fn duration(budget: f64) -> Result<Duration, Error> {
+    let refused = |_| Error::input(format!("a budget of {budget} s; it must be 0 or above"));
+    Duration::try_from_secs_f64(budget).map_err(refused)
+}
+
 fn status(status: Status) -> &'static str {
     match status {
         Status::Converged => "converged",
         Status::StepTooSmall => "step too small",
         Status::TooManyIterations => "too many iterations",
+        Status::OutOfTime => "out of time",
     }
 }
 
@@ -180,6 +190,7 @@ fn reason(trust: Trust) -> &'static str {
     match trust {
         Trust::Trusted => "",
         Trust::NotConverged => "no equilibrium was found",
+        Trust::OutOfTime => "the time for the search was over before there was an equilibrium",
         Trust::Inverted => "a sampled cell is inside out",
         Trust::BeyondDepth => "a contact is displaced by more than in training",
         Trust::Unstable => "the whole organ would not stay there",

@@ -12,6 +12,7 @@ use super::training::Training;
 use crate::clock::Instant;
 use crate::error::Error;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// States of training that show which pieces come into question.
 const FIRST_STATES: usize = 4;
@@ -46,14 +47,24 @@ pub struct Solution {
     pub seconds: f64,
 }
 
+/// Where the last search has left the coordinates.
+#[derive(Clone, Copy, PartialEq)]
+enum Place {
+    /// Where none should start.
+    Nowhere,
+    /// On the way to an equilibrium.
+    UnderWay,
+    /// At an equilibrium of this depth [m].
+    At(f64),
+}
+
 /// Some contacts of an organ, ready to be displaced.
 pub struct Grasp {
     hold: Arc<Hold>,
     solver: Solver,
     training: Training,
     seconds: f64,
-    /// Depth of the equilibrium that it is at [m], to start the next from; none where it is at none.
-    settled: Option<f64>,
+    place: Place,
     /// Where better ones come from, if it learns in the background.
     lessons: Option<Lessons>,
 }
@@ -67,7 +78,7 @@ impl Grasp {
             hold: Arc::new(hold),
             training,
             seconds: since.elapsed().as_secs_f64(),
-            settled: None,
+            place: Place::Nowhere,
             lessons: None,
         }
     }
@@ -101,7 +112,7 @@ impl Grasp {
                 "this grasp learns by itself, in the background; wait for it",
             ));
         }
-        let (Some(depth), since) = (self.settled, Instant::now()) else { return Ok(false) };
+        let (Place::At(depth), since) = (self.place, Instant::now()) else { return Ok(false) };
         let (mut hold, mut training) = (Hold::clone(&self.hold), self.training.clone());
         let is_wrong = training.correct(&mut hold, &self.field(), depth)?;
         if is_wrong {
@@ -126,9 +137,9 @@ impl Grasp {
     fn give_way(&mut self, better: Grasp) {
         let mut q = self.solver.q.clone();
         q.resize(better.hold.n_modes(), 0.0);
-        let (lessons, settled) = (self.lessons.take(), self.settled);
-        let old = std::mem::replace(self, Grasp { lessons, settled, ..better });
-        if settled.is_some() {
+        let (lessons, place) = (self.lessons.take(), self.place);
+        let old = std::mem::replace(self, Grasp { lessons, place, ..better });
+        if place != Place::Nowhere {
             self.solver.start(|share| q.iter().map(|q| share * q).collect());
         }
         rayon::spawn(|| drop(old));
@@ -190,22 +201,43 @@ impl Grasp {
         from_last: bool,
         with_stiffness: bool,
     ) -> Result<Solution, Error> {
+        self.solve_within(displacements, from_last, with_stiffness, None)
+    }
+
+    /// As [`Grasp::solve`], with a `budget` for the search: when it is over, the status is [`Status::OutOfTime`], and
+    /// the next search from the last goes on. One step is always taken, with its tangent where it needs one.
+    ///
+    /// # Errors
+    /// As [`Grasp::solve`].
+    pub fn solve_within(
+        &mut self,
+        displacements: &[[f64; 3]],
+        from_last: bool,
+        with_stiffness: bool,
+        budget: Option<Duration>,
+    ) -> Result<Solution, Error> {
         let clock = Instant::now();
         self.hold.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
-        if !(from_last && self.settled.is_some()) {
+        if !from_last || self.place == Place::Nowhere {
             self.solver.start_at(d, self.hold.subspace.guess(d));
         }
-        let mut search = Search::default();
+        let deadline = budget.map(|budget| clock + budget);
+        let mut search = Search { deadline, ..Search::default() };
         let status = self.solver.solve(d, &mut search);
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
-        self.settled = (status == Status::Converged).then_some(depth);
+        self.place = match status {
+            Status::Converged => Place::At(depth),
+            Status::OutOfTime => Place::UnderWay,
+            Status::StepTooSmall | Status::TooManyIterations => Place::Nowhere,
+        };
+        let is_settled = status == Status::Converged;
         let mut stiffness = Vec::new();
-        if with_stiffness && self.settled.is_some() {
+        if with_stiffness && is_settled {
             stiffness = self.solver.stiffness(&mut search);
         }
-        if self.settled.is_some()
+        if is_settled
             && self.hold.is_within(depth)
             && let Some(lessons) = &mut self.lessons
         {

@@ -23,6 +23,8 @@ pub enum Trust {
     Trusted,
     /// No equilibrium was found.
     NotConverged,
+    /// The time for the search was over before.
+    OutOfTime,
     /// A sampled cell is inside out.
     Inverted,
     /// A contact is displaced by more than it was in training.
@@ -95,7 +97,9 @@ impl Hold {
     pub fn assess(&self, solution: &Solution) -> Result<Assessment, Error> {
         let model = &self.owner.model;
         let (error, is_stable) = self.expected_error(solution)?;
-        let trust = if solution.status != Status::Converged {
+        let trust = if solution.status == Status::OutOfTime {
+            Trust::OutOfTime
+        } else if solution.status != Status::Converged {
             Trust::NotConverged
         } else if !(solution.smallest_jacobian > 0.0) {
             Trust::Inverted

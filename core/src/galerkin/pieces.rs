@@ -8,8 +8,9 @@ use super::sampled::Reduced;
 use crate::body::{Body, Cut, SymmetricBlocks};
 use crate::linear::Precision;
 use crate::simd::{WideKernel, dispatch_wide};
+use crate::threads::all_threads;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, MatMut, MatRef, Par};
+use faer::{Accum, MatMut, MatRef};
 use std::sync::Arc;
 
 /// Numbers of a row come in runs of so many, with zeros after the last mode.
@@ -76,7 +77,6 @@ impl Pieces {
         dispatch_wide(Stress { tangent, pairs, modes, out: stresses });
         let r = modes.r;
         products.resize(r * r, 0.0);
-        let is_shared = rayon::current_num_threads() > 1;
         triangular::matmul(
             MatMut::from_row_major_slice_mut(products, r, r),
             BlockStructure::TriangularLower,
@@ -86,7 +86,7 @@ impl Pieces {
             modes.matrix(stresses),
             BlockStructure::Rectangular,
             1.0,
-            if is_shared { Par::rayon(0) } else { Par::Seq },
+            all_threads(),
         );
         reduced.tangent.iter_mut().zip(&*products).for_each(|(k, &x)| *k = f64::from(x));
         reduced.mirror();

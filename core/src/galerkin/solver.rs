@@ -11,6 +11,8 @@ use super::nnls::{dot, norm};
 use super::sampled::{Reduced, Sampled};
 use super::secants::Secants;
 use super::starts::Starts;
+use crate::clock::Instant;
+use std::time::Duration;
 
 /// A step is small enough when it is below this part of the coordinates: a hundredth of what modes and cells leave.
 const TOLERANCE: f64 = 1e-4;
@@ -31,11 +33,15 @@ pub enum Status {
     StepTooSmall,
     /// The iterations did not suffice.
     TooManyIterations,
+    /// Its time was over; the next search from the last may go on.
+    OutOfTime,
 }
 
 /// How a search for equilibrium went.
 #[derive(Default)]
 pub(super) struct Search {
+    /// When it must be over, but for one step that is always taken.
+    pub deadline: Option<Instant>,
     pub iterations: usize,
     pub tangents: usize,
     /// Last step, relative to the coordinates.
@@ -57,6 +63,8 @@ pub(super) struct Solver {
     unit: f64,
     /// The step below which it is done, relative to the coordinates.
     pub tolerance: f64,
+    /// How long the last new tangent took.
+    renewal: Duration,
     /// Contact forces of the last step, three for each.
     pub forces: Vec<f64>,
     /// The step, the last before it, where it started, and what the means of the patches lacked there.
@@ -86,6 +94,7 @@ impl Solver {
             means,
             unit,
             tolerance: TOLERANCE,
+            renewal: Duration::ZERO,
             forces: vec![0.0; n],
             step: vec![0.0; r],
             last: vec![0.0; r],
@@ -148,6 +157,9 @@ impl Solver {
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (mut last, mut is_fresh) = (f64::INFINITY, false);
         while search.iterations <= MAX_ITERATIONS {
+            if search.iterations > 0 && self.would_be_late(search) {
+                return Status::OutOfTime;
+            }
             if !self.factor.is_ready() {
                 self.renew(search);
                 (last, is_fresh) = (f64::INFINITY, true);
@@ -193,11 +205,19 @@ impl Solver {
         norm(missing)
     }
 
+    /// Whether the time is over, or would be with the tangent that is asked for next.
+    fn would_be_late(&self, search: &Search) -> bool {
+        let ahead = if self.factor.is_ready() { Duration::ZERO } else { self.renewal };
+        search.deadline.is_some_and(|deadline| Instant::now() + ahead >= deadline)
+    }
+
     fn renew(&mut self, search: &mut Search) {
+        let clock = Instant::now();
         self.evaluate(true);
         self.factor.factorize(&self.reduced.tangent, &self.means);
         self.secants.forget();
         search.tangents += 1;
+        self.renewal = clock.elapsed();
     }
 
     /// Goes along the step, half as far again and again until no sampled cell is inside out and, on the constraint,

@@ -18,6 +18,7 @@ use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface};
 use crate::reduced::{Metadata, ReducedModel, Reduction, allowance};
 use std::sync::{Arc, LazyLock};
+use std::time::Duration;
 
 mod elements;
 mod snapshots;
@@ -326,6 +327,28 @@ fn the_whole_body_knows_the_error_of_an_answer() {
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
         assert_eq!(trust == Trust::Trusted, expected <= allowed);
     }
+}
+
+#[test]
+fn a_search_that_runs_out_of_time_goes_on_in_the_next() {
+    let (mut grasp, d) = (two(), pushes(0.8 * DEPTH));
+    let whole = grasp.solve(&d, false, false).unwrap();
+    let mut step = |from_last| {
+        let solution = grasp.solve_within(&d, from_last, true, Some(Duration::ZERO)).unwrap();
+        assert!(solution.iterations <= 1, "one step and no more");
+        assert_eq!(solution.stiffness.is_empty(), solution.status != Status::Converged);
+        solution
+    };
+    let mut solution = step(false);
+    assert_eq!(solution.status, Status::OutOfTime);
+    for _ in 0..whole.iterations + 2 {
+        solution = step(true);
+    }
+    assert_eq!(solution.status, Status::Converged);
+    assert!(relative(solution.forces.as_flattened(), whole.forces.as_flattened()) < 1e-4);
+    let late = grasp.solve_within(&d, false, false, Some(Duration::ZERO)).unwrap();
+    assert_eq!(grasp.hold().assess(&late).unwrap().trust, Trust::OutOfTime);
+    assert!(!grasp.learn().unwrap(), "there is no answer to learn from");
 }
 
 #[test]

@@ -15,6 +15,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 
 use super::substitution::{Panel, zeros};
 use super::{FactorError, Pattern, Precision, ordering};
+use crate::threads::all_threads;
 
 /// Right-hand sides solved together; the time for each falls steeply up to 32 and hardly beyond 64.
 const PANEL: usize = 64;
@@ -22,14 +23,6 @@ const PANEL: usize = 64;
 /// Entries of a large factor, for which threads share the dense kernels: on two cores that takes a quarter off the
 /// time for 2e7 entries and adds to it for 4e6.
 const LARGE_FROM: usize = 10_000_000;
-
-/// Dense kernels on all threads; a page has one.
-fn shared() -> Par {
-    #[cfg(target_family = "wasm")]
-    return Par::Seq;
-    #[cfg(not(target_family = "wasm"))]
-    Par::rayon(0)
-}
 
 /// Symbolic factorisation of a pattern, with buffers for the permuted values.
 pub(super) struct Analysis<T> {
@@ -54,7 +47,7 @@ impl<T: Precision> Analysis<T> {
         let (lower, target) = permuted_lower(pattern, &ordering::inverse(&order));
         let supernodes = supernodes_of(&lower)?;
         let is_large = supernodes.len_val() >= LARGE_FROM;
-        let parallelism = if is_large { shared() } else { Par::Seq };
+        let parallelism = if is_large { all_threads() } else { Par::Seq };
         let values = zeros(pattern.len())?;
         Ok(Self { order, supernodes, is_large, parallelism, lower, values, target })
     }
