@@ -1,4 +1,4 @@
-//! The basis of a grasp: fields made orthonormal in the energy of the rest state, `phi_i . K phi_j = delta_ij`.
+//! The basis of a grasp: fields made orthonormal in the energy of the origin, `phi_i . K phi_j = delta_ij`.
 
 use super::nnls::dot;
 use crate::body::SymmetricBlocks;
@@ -80,7 +80,7 @@ impl Basis {
         }
     }
 
-    /// Coordinates of the field of the span that is nearest to this one in the energy at rest.
+    /// Coordinates of the field of the span that is nearest to this one in the energy in the origin.
     pub fn nearest(&self, field: &[f64], stiffness: &SymmetricBlocks) -> Vec<f64> {
         self.project(&force_of(field, stiffness))
     }

@@ -43,8 +43,8 @@ impl Factor {
         }
     }
 
-    /// Of the tangent at rest, where `r` orthonormal modes have the identity.
-    pub fn at_rest(means: &[Vec<f64>], r: usize) -> Self {
+    /// Of the tangent in the origin, where `r` orthonormal modes have the identity.
+    pub fn in_origin(means: &[Vec<f64>], r: usize) -> Self {
         let mut factor = Factor::new(r, means.len());
         let mut identity = vec![0.0; r * r];
         (0..r).for_each(|k| identity[k * r + k] = 1.0);

@@ -19,8 +19,8 @@ struct Known {
 #[derive(Clone)]
 pub(super) struct Starts {
     known: Vec<Known>,
-    /// The tangent at rest, in which the modes are orthonormal.
-    at_rest: Factor,
+    /// The tangent in the origin, in which the modes are orthonormal.
+    in_origin: Factor,
 }
 
 impl Starts {
@@ -30,10 +30,10 @@ impl Starts {
             let d = means.iter().map(|row| dot(row, q)).collect();
             Known { q: q.clone(), d }
         });
-        Starts { known: known.collect(), at_rest: Factor::at_rest(means, r) }
+        Starts { known: known.collect(), in_origin: Factor::in_origin(means, r) }
     }
 
-    /// The `guess` and the known equilibria nearest to `d`, moved by the tangent at rest to where the means are `d`.
+    /// The `guess` and the known equilibria nearest to `d`, moved by the tangent in the origin to where the means are `d`.
     pub fn at(&self, d: &[f64], guess: Vec<f64>, means: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let gap = |known: &Known| known.d.iter().zip(d).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         let mut nearest: Vec<(f64, &Known)> = self.known.iter().map(|k| (gap(k), k)).collect();
@@ -45,7 +45,7 @@ impl Starts {
     fn moved(&self, mut q: Vec<f64>, d: &[f64], means: &[Vec<f64>]) -> Vec<f64> {
         let missing: Vec<f64> = d.iter().zip(means).map(|(d, row)| d - dot(row, &q)).collect();
         let (mut step, mut forces) = (vec![0.0; q.len()], vec![0.0; d.len()]);
-        self.at_rest.step(&vec![0.0; q.len()], &missing, means, &mut step, &mut forces);
+        self.in_origin.step(&vec![0.0; q.len()], &missing, means, &mut step, &mut forces);
         q.iter_mut().zip(step).for_each(|(q, s)| *q += s);
         q
     }
