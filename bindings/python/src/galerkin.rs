@@ -173,7 +173,9 @@ impl Held {
 }
 
 fn duration(budget: f64) -> Result<Duration, Error> {
-    let refused = |_| Error::input(format!("a budget of {budget} s; it must be 0 or above"));
+    let refused = |_| {
+        Error::input(format!("a budget of {budget} s; give a number of seconds from 0 on, or None"))
+    };
     Duration::try_from_secs_f64(budget).map_err(refused)
 }
 

@@ -172,15 +172,15 @@ mod tests {
         for body in bodies() {
             let pieces: Vec<usize> = (0..body.n_pieces()).step_by(2).collect();
             let cut = body.cut(&pieces, &vec![1.0; pieces.len()], Seams::Opened);
-            let mut energy = vec![0.0; cut.body.n_dofs()];
+            let mut forces = vec![0.0; cut.body.n_dofs()];
             let u: Vec<f64> = noise(body.n_dofs(), 4).iter().map(|x| 5e-4 * x).collect();
-            cut.body.internal_force(&there(&cut, &u), &mut energy);
+            cut.body.internal_force(&there(&cut, &u), &mut forces);
             for (number, &piece) in (0u32..).zip(&pieces) {
                 let alone = body.cut(&[piece], &[1.0], Seams::Opened);
                 let mut force = vec![0.0; alone.body.n_dofs()];
                 alone.body.internal_force(&there(&alone, &u), &mut force);
                 let norm = |force: &mut dyn Iterator<Item = f64>| force.map(|f| f * f).sum::<f64>();
-                let own = &mut energy
+                let own = &mut forces
                     .iter()
                     .enumerate()
                     .filter(|(dof, _)| cut.pieces[dof / 3] == number)

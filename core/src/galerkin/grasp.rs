@@ -223,8 +223,8 @@ impl Grasp {
         if !from_last || self.place == Place::Nowhere {
             self.solver.start_at(d, self.hold.subspace.guess(d));
         }
-        let deadline = budget.map(|budget| clock + budget);
-        let mut search = Search { deadline, ..Search::default() };
+        let limit = budget.map(|budget| (clock, budget));
+        let mut search = Search { limit, ..Search::default() };
         let status = self.solver.solve(d, &mut search);
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         self.place = match status {

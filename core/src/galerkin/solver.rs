@@ -40,8 +40,8 @@ pub enum Status {
 /// How a search for equilibrium went.
 #[derive(Default)]
 pub(super) struct Search {
-    /// When it must be over, but for one step that is always taken.
-    pub deadline: Option<Instant>,
+    /// When it began and how long it may take, but for one step that is always taken.
+    pub limit: Option<(Instant, Duration)>,
     pub iterations: usize,
     pub tangents: usize,
     /// Last step, relative to the coordinates.
@@ -208,7 +208,7 @@ impl Solver {
     /// Whether the time is over, or would be with the tangent that is asked for next.
     fn would_be_late(&self, search: &Search) -> bool {
         let ahead = if self.factor.is_ready() { Duration::ZERO } else { self.renewal };
-        search.deadline.is_some_and(|deadline| Instant::now() + ahead >= deadline)
+        search.limit.is_some_and(|(since, budget)| since.elapsed() + ahead >= budget)
     }
 
     fn renew(&mut self, search: &mut Search) {
