@@ -175,7 +175,8 @@ def test_a_search_that_runs_out_of_time_goes_on_in_the_next(fingers: Galerkin) -
     assert steps[-1].is_converged
     assert relative(steps[-1].force, whole.force) < 1e-4
     assert grasp.solve(PUSHES, budget=10.0).is_converged
-    for budget in (-1.0, float("nan")):
+    assert grasp.solve(PUSHES, budget=1e19).is_converged, "more seconds than the clock can count"
+    for budget in (-1.0, float("nan"), float("inf")):
         with pytest.raises(vs.VisceraError, match="budget"):
             grasp.solve(PUSHES, budget=budget)
 
