@@ -1,0 +1,157 @@
+"""A law from material tests: the nearest of a family, or of all, with intervals, error and stability.
+
+A curve is a CSV file with a line of names: columns `stretch` and `stress` [Pa], or `displacement` [m] and `force` [N]
+with the specimen's --length and --area or --diameter. A name may end in a unit: `displacement_mm`, `stress_kPa`.
+Fails (exit 1) where the best law is not stable over the range fitted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from viscera.cli.options import metres
+from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.curves import MODES
+from viscera.errors import VisceraError
+from viscera.fitting import Fit, MaterialTest, fit
+from viscera.fitting.families import FAMILIES
+from viscera.fitting.materialtest import read_columns
+from viscera.mesh import Floats
+
+UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "N": 1.0, "mN": 1e-3, "kN": 1e3, "Pa": 1.0, "kPa": 1e3, "MPa": 1e6}
+CANDIDATES = (
+    ("NeoHookean", 1),
+    ("MooneyRivlin", 1),
+    ("Yeoh", 2),
+    ("Yeoh", 3),
+    ("Ogden", 1),
+    ("Ogden", 2),
+    ("Ogden", 3),
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera fit`."""
+    parser.add_argument("curves", metavar="TEST.csv", nargs="+")
+    laws = ", ".join(FAMILIES)
+    parser.add_argument("--law", default="all", help=f"{laws}; or all of them, the best by AIC first (default)")
+    parser.add_argument("--terms", type=int, help="of Yeoh's or Ogden's sum, 1 to 3")
+    parser.add_argument("--mode", default="uniaxial", help=f"deformation: {', '.join(MODES)} (default uniaxial)")
+    parser.add_argument(
+        "--length", type=metres, metavar="LENGTH", help="of the specimen between the grips, such as '30 mm'"
+    )
+    parser.add_argument("--area", type=float, metavar="M2", help="rest cross-section of the specimen [m^2]")
+    parser.add_argument(
+        "--diameter", type=metres, metavar="LENGTH", help="of a cylindrical specimen, instead of --area"
+    )
+    parser.add_argument("--compression", action="store_true", help="displacement and force are positive in compression")
+    parser.add_argument("--poisson", type=float, default=0.499, help="Poisson's ratio of the law (default 0.499)")
+    parser.add_argument("--plot", metavar="PNG", help="draw the points and the best law")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Read the curves, fit, rank, print."""
+    tests = [_test(Path(path), args) for path in args.curves]
+    wanted = CANDIDATES if args.law == "all" else ((args.law, args.terms),)
+    if args.law == "all" and args.terms is not None:
+        raise VisceraError("--terms belongs to one law; name it with --law")
+    fits = sorted((fit(law, tests, terms=terms, poisson=args.poisson) for law, terms in wanted), key=lambda f: f.aic)
+    output.say("\n".join(map(repr, tests)))
+    output.say(_table(fits))
+    best = fits[0]
+    output.say(f"best by AIC: {best.law!r}")
+    output.say("\n".join(_intervals(best)))
+    for test, error in best.errors().items():
+        output.say(f"root-mean-square error of {test}: {error:.4g} Pa")
+    if args.plot:
+        best.plot(args.plot)
+        output.say(f"picture: {args.plot}")
+    if not best.is_stable:
+        output.say(f"{best.name} is not stable over the range fitted; take another law, or fewer terms")
+    return Outcome(
+        "fitted" if best.is_stable else "not stable",
+        DONE if best.is_stable else FAILED,
+        {"fits": [_json(f) for f in fits]},
+    )
+
+
+def _test(path: Path, args: argparse.Namespace) -> MaterialTest:
+    columns = read_columns(path)
+    if _find(columns, "stretch") is not None:
+        return MaterialTest(args.mode, _column(path, columns, "stretch"), _column(path, columns, "stress"), path.stem)
+    displacement = "displacement" if _find(columns, "displacement") else "compression"
+    force = "force" if _find(columns, "force") else "load"
+    moved, pulled = _column(path, columns, displacement), _column(path, columns, force)
+    area = math.pi * args.diameter**2 / 4.0 if args.diameter is not None else args.area
+    if args.length is None or area is None or (args.diameter is not None and args.area is not None):
+        raise VisceraError(
+            f"{path}: force and displacement need the specimen's --length and one of --area and --diameter"
+        )
+    return MaterialTest.from_force(
+        args.mode, moved, pulled, length=args.length, area=area, name=path.stem,
+        compression=args.compression or displacement == "compression",
+    )  # fmt: skip
+
+
+def _find(columns: dict[str, Floats], name: str) -> str | None:
+    return next((column for column in columns if column.lower().partition("_")[0] == name), None)
+
+
+def _column(path: Path, columns: dict[str, Floats], name: str) -> Floats:
+    found = _find(columns, name)
+    if found is None:
+        raise VisceraError(
+            f"{path}: no column {name!r}; it has {', '.join(columns)}. "
+            "Give stretch and stress, or displacement and force"
+        )
+    unit = found.partition("_")[2].strip()
+    scale = UNITS.get(unit)
+    if scale is None or (name == "stretch" and unit):
+        known = ", ".join(filter(None, UNITS))
+        raise VisceraError(f"{path}: column {found!r} has a unit that is not known, {unit!r}; known: {known}")
+    return columns[found] * scale
+
+
+def _table(fits: list[Fit]) -> str:
+    lines = ["law              parameters  standard error         AIC  stable"]
+    for found in fits:
+        stable = "yes" if found.is_stable else "no"
+        name = f"{found.name} {_terms(found)}".rstrip()
+        lines.append(
+            f"{name:16s} {len(found.parameters):10d} {found.standard_error:12.4g} Pa {found.aic:11.1f}  {stable}"
+        )
+    return "\n".join(lines)
+
+
+def _terms(found: Fit) -> str:
+    sums = {"Yeoh": "c", "Ogden": "mu"}
+    return f"({sum(name.startswith(sums[found.name]) for name in found.parameters)})" if found.name in sums else ""
+
+
+def _intervals(found: Fit) -> list[str]:
+    lines = []
+    for name, value in found.parameters.items():
+        interval = found.intervals[name]
+        band = (
+            "no interval: at its bound, or undetermined"
+            if interval is None
+            else f"95 %: {interval[0]:.6g} to {interval[1]:.6g}"
+        )
+        lines.append(f"  {name} = {value:.6g}   ({band})")
+    return lines
+
+
+def _json(found: Fit) -> dict[str, Any]:
+    return {
+        "law": found.name,
+        "parameters": found.parameters,
+        "intervals": found.intervals,
+        "standard_error": found.standard_error,
+        "aic": found.aic,
+        "stable": found.is_stable,
+        "stable_range": found.stable,
+        "errors": found.errors(),
+    }

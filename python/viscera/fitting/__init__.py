@@ -1,0 +1,6 @@
+"""From a testing machine to a law: measured curves, families of laws, the fit and what it is worth."""
+
+from viscera.fitting.fit import Fit, fit
+from viscera.fitting.materialtest import MaterialTest
+
+__all__ = ["Fit", "MaterialTest", "fit"]

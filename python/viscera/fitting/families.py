@@ -1,0 +1,131 @@
+"""The laws as families to fit: coefficients that the energy is linear in, exponents that it is not, and their bounds.
+
+For given exponents a fit of the coefficients is a linear least-squares problem with bounds, solved exactly; only the
+exponents are searched (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from viscera.errors import VisceraError, did_you_mean
+from viscera.law import (
+    Law,
+    MooneyRivlin,
+    NeoHookean,
+    Ogden,
+    SaintVenantKirchhoff,
+    Yeoh,
+)
+from viscera.mesh import Floats
+
+INFINITE = float("inf")
+
+Make = Callable[[Floats, Floats, float], Law]
+"""Coefficients, exponents and Poisson's ratio to a law."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """A law with parameters to be found."""
+
+    name: str
+    coefficients: tuple[str, ...]
+    """Parameters that the energy is linear in [Pa]."""
+    make: Make
+    coefficient_bounds: tuple[tuple[float, float], ...]
+    exponents: tuple[str, ...] = ()
+    """The other parameters."""
+    exponent_bounds: tuple[tuple[float, float], ...] = ()
+    starts: Sequence[Sequence[float]] = field(default_factory=lambda: [[]])
+    """Exponents to begin the search with."""
+    signs: Callable[[Floats], Floats] = lambda exponents: np.ones(1)
+    """Sign of each coefficient for these exponents, where the bounds are those of its size."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All parameters."""
+        return (*self.coefficients, *self.exponents)
+
+    def basis(self, exponents: Floats, poisson: float) -> list[tuple[Law, Law | None]]:
+        """Laws whose stresses, the second's taken from the first's, are those of unit coefficients."""
+        n, sign = len(self.coefficients), self.sign(exponents)
+        first = np.eye(n)[0] * sign
+        base = self.make(first, exponents, poisson)
+        rest = [self.make(first + np.eye(n)[k] * sign, exponents, poisson) for k in range(1, n)]
+        return [(base, None), *((law, base) for law in rest)]
+
+    def sign(self, exponents: Floats) -> Floats:
+        """Sign (n,) of each coefficient."""
+        return np.broadcast_to(self.signs(exponents), len(self.coefficients)).astype(float)
+
+
+def family(law: type[Law] | str, terms: int | None = None) -> Family:
+    """The family of a law by its class or name; `terms` of Yeoh's cubic (1 to 3) or of Ogden's sum (1 to 3)."""
+    name = law if isinstance(law, str) else getattr(law, "__name__", repr(law))
+    if name not in FAMILIES:
+        raise VisceraError(f"no law {name!r} to fit; {did_you_mean(name, FAMILIES)}")
+    largest, default, build = FAMILIES[name]
+    if terms is not None and largest == 1 and terms != 1:
+        raise VisceraError(f"{name} has no terms to choose; leave terms={terms} out")
+    if terms is not None and (isinstance(terms, bool) or terms not in range(1, largest + 1)):
+        raise VisceraError(f"{name} has 1 to {largest} terms, got {terms}")
+    return build(terms or default)
+
+
+def _shear_and_bulk(mu: float, poisson: float) -> dict[str, float]:
+    return {"mu": mu, "lam": 2.0 * mu * poisson / (1.0 - 2.0 * poisson)}
+
+
+def _neo_hookean(_: int) -> Family:
+    make: Make = lambda c, _, nu: NeoHookean(**_shear_and_bulk(c[0], nu))  # noqa: E731
+    return Family("NeoHookean", ("mu",), make, ((0.0, INFINITE),))
+
+
+def _saint_venant_kirchhoff(_: int) -> Family:
+    make: Make = lambda c, _, nu: SaintVenantKirchhoff(**_shear_and_bulk(c[0], nu))  # noqa: E731
+    return Family("SaintVenantKirchhoff", ("mu",), make, ((0.0, INFINITE),))
+
+
+def _mooney_rivlin(_: int) -> Family:
+    def make(c: Floats, _: Floats, nu: float) -> Law:
+        shear = 2.0 * (c[0] + c[1])
+        return MooneyRivlin(c[0], c[1], kappa=2.0 / 3.0 * shear * (1.0 + nu) / (1.0 - 2.0 * nu), volumetric="J-1")
+
+    # The core takes no c1 of zero; a millipascal is none in any tissue.
+    return Family("MooneyRivlin", ("c1", "c2"), make, ((1e-3, INFINITE), (0.0, INFINITE)))
+
+
+def _yeoh(terms: int) -> Family:
+    names = ("c10", "c20", "c30")[:terms]
+    bounds = ((0.0, INFINITE), (-INFINITE, INFINITE), (0.0, INFINITE))[:terms]
+    return Family("Yeoh", names, lambda c, _, nu: Yeoh(*c, poisson=nu), bounds)
+
+
+def _ogden(terms: int) -> Family:
+    """Every mu_p alpha_p positive: sufficient for stability (Hill 1978)."""
+    grid = (-8.0, -3.0, 2.0, 5.0, 12.0)
+    alphas = tuple(f"alpha{p + 1}" for p in range(terms))
+    return Family(
+        "Ogden",
+        tuple(f"mu{p + 1}" for p in range(terms)),
+        lambda c, alpha, nu: Ogden(list(c), list(alpha), poisson=nu),
+        ((0.0, INFINITE),) * terms,
+        alphas,
+        ((-30.0, 30.0),) * terms,
+        [list(alpha) for alpha in combinations(grid, terms)],
+        np.sign,
+    )
+
+
+FAMILIES: dict[str, tuple[int, int, Callable[[int], Family]]] = {
+    "NeoHookean": (1, 1, _neo_hookean),
+    "SaintVenantKirchhoff": (1, 1, _saint_venant_kirchhoff),
+    "MooneyRivlin": (1, 1, _mooney_rivlin),
+    "Yeoh": (3, 3, _yeoh),
+    "Ogden": (3, 2, _ogden),
+}

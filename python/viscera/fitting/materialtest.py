@@ -1,0 +1,123 @@
+"""A material test: a homogeneous deformation and the nominal stress measured in it."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera.curves import MODES
+from viscera.errors import VisceraError, did_you_mean
+from viscera.mesh import Floats
+
+SMALLEST_STRETCH = 0.05
+
+
+@dataclass(frozen=True, init=False)
+class MaterialTest:
+    """One measured curve.
+
+    mode: "uniaxial" (tension and compression), "equibiaxial", "pure shear" or "simple shear".
+    stretch (k,): the stretch, 1 at rest; in simple shear the amount of shear, 0 at rest.
+    stress (k,): the nominal stress [Pa], force over rest area; negative in compression.
+
+    Raises `VisceraError` for a mode that is not known, curves of different lengths, values that are not finite, and
+    stretches that are not positive.
+    """
+
+    mode: str
+    stretch: Floats
+    stress: Floats
+    name: str
+
+    def __init__(self, mode: str, stretch: ArrayLike, stress: ArrayLike, name: str = "test") -> None:
+        if mode not in MODES:
+            raise VisceraError(f"{name}: no deformation is called {mode!r}; {did_you_mean(mode, MODES)}")
+        values = {"mode": mode, "name": name}
+        curves = {"stretch": _curve(name, "stretch", stretch), "stress": _curve(name, "stress", stress)}
+        for what, value in {**values, **curves}.items():
+            object.__setattr__(self, what, value)
+        if len(self.stretch) != len(self.stress):
+            raise VisceraError(f"{self.name}: {len(self.stretch)} stretches but {len(self.stress)} stresses")
+        if len(self.stretch) < 2:
+            raise VisceraError(f"{self.name}: a curve needs at least two points, got {len(self.stretch)}")
+        if self.mode != "simple shear" and self.stretch.min() < SMALLEST_STRETCH:
+            row = int(self.stretch.argmin())
+            raise VisceraError(
+                f"{self.name}: stretch {self.stretch[row]:g} in row {row}; stretches are lengths over rest lengths, "
+                f"1 at rest and at least {SMALLEST_STRETCH}"
+            )
+
+    @classmethod
+    def from_force(
+        cls,
+        mode: str,
+        displacement: ArrayLike,
+        force: ArrayLike,
+        *,
+        length: float,
+        area: float,
+        compression: bool = False,
+        name: str = "test",
+    ) -> MaterialTest:
+        """A test from what the machine recorded.
+
+        displacement (k,) [m] of the grips and force (k,) [N]; length [m]: rest length between the grips (in simple
+        shear the thickness sheared); area [m^2]: rest cross-section. With `compression` both are counted positive in
+        compression, as most machines do: stretch = 1 - displacement / length, stress = -force / area.
+        """
+        for what, value in (("length", length), ("area", area)):
+            if isinstance(value, bool) or not np.isfinite(value) or not value > 0.0:
+                raise VisceraError(f"{name}: the specimen's {what} is {value}; it must be positive")
+        sign = -1.0 if compression else 1.0
+        strain = sign * _curve(name, "displacement", displacement) / length
+        return cls(
+            mode, strain if mode == "simple shear" else 1.0 + strain, sign * _curve(name, "force", force) / area, name
+        )
+
+    @property
+    def n_points(self) -> int:
+        """Number of measured points."""
+        return len(self.stretch)
+
+    def __repr__(self) -> str:
+        low, high = self.stretch.min(), self.stretch.max()
+        parameter = MODES[self.mode].parameter
+        return f"MaterialTest({self.name!r}: {self.mode}, {self.n_points} points, {parameter} {low:.3g} to {high:.3g})"
+
+
+def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
+    """The columns of a CSV file by the names in its first line."""
+    path = Path(path)
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
+    if len(rows) < 3:
+        raise VisceraError(f"{path}: a curve needs a line of names and at least two lines of numbers")
+    names = [cell.strip() for cell in rows[0]]
+    values = np.empty((len(rows) - 1, len(names)))
+    for line, row in enumerate(rows[1:], start=2):
+        if len(row) != len(names):
+            raise VisceraError(f"{path}, line {line}: {len(row)} values under {len(names)} names")
+        for column, cell in enumerate(row):
+            try:
+                values[line - 2, column] = float(cell)
+            except ValueError:
+                raise VisceraError(f"{path}, line {line}: {names[column]} is {cell!r}; give a number") from None
+    return dict(zip(names, values.T, strict=True))
+
+
+def _curve(name: str, what: str, values: ArrayLike) -> Floats:
+    try:
+        curve = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise VisceraError(f"{name}: {what} is no list of numbers") from None
+    if curve.ndim != 1:
+        raise VisceraError(f"{name}: {what} has shape {curve.shape}; give one value for each point, (k,)")
+    if not np.isfinite(curve).all():
+        row = int(np.argmin(np.isfinite(curve)))
+        raise VisceraError(f"{name}: {what} is {curve[row]} in row {row}; it must be finite")
+    return curve
