@@ -31,7 +31,7 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: bench bench-haptic studies pages pictures clean
+.PHONY: bench bench-haptic studies pages check-pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -95,12 +95,13 @@ install-c: c-library ## header, libraries and pkg-config file of the C library i
 
 bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
-	$(CARGO) bench --quiet --package viscera-core --bench assembly
+	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
 
 bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
 	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
-	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) > out/haptic.txt; status=$$?; \
+	$(BIN)/python benchmarks/machine.py 1 > out/haptic.txt
+	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) >> out/haptic.txt; status=$$?; \
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
 		exit $$status
 
@@ -109,11 +110,16 @@ out/liver.viscera: | $(extension)
 
 studies: $(extension) ## the full studies of the papers; their tables go where the pages quote them
 	for name in beam liver; do \
-		$(BIN)/viscera study $$name -o out/$$name && mkdir -p benchmarks/results/$$name && \
-		cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
+		mkdir -p benchmarks/results/$$name && \
+		$(BIN)/python benchmarks/machine.py > benchmarks/results/$$name/printed.txt && \
+		$(BIN)/viscera study $$name -o out/$$name && cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
+	$(BIN)/python scripts/case_page.py
 	$(BIN)/python scripts/pages.py
+
+check-pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
+	$(BIN)/python scripts/pages.py --check
 
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera

@@ -1,7 +1,8 @@
-"""What each element costs: internal force and tangent of a cell, the matrix, a frame in real time; ratios to P1.
+"""What each element costs: assembly of a Newton iteration per cell, a frame in real time; ratios to P1.
 
-One thread; neo-Hookean, nu = 0.48; force and tangent as the best of some solves, which leaves out what else the machine
-does; frames of a hand that wanders, median. It does not show accuracy: docs/elements.md does.
+One thread; neo-Hookean, nu = 0.48; assembly (force, tangent and all that goes with them) as the best of some solves,
+which leaves out what else the machine does; frames of a hand that wanders, median. It does not show accuracy:
+docs/elements.md does.
 """
 
 import os
@@ -20,7 +21,7 @@ SOLVES, FRAMES = 5, 60
 
 
 def assembly(organ: vs.Organ) -> float:
-    """Seconds of one evaluation of force and tangent."""
+    """Seconds of the assembly of one iteration."""
     states = [organ.solve(gravity=(0, 0, -9.81), density=1060, throw=True) for _ in range(SOLVES)]
     return min(state.timings["assembly"] / (state.iterations + len(state.residuals)) for state in states)
 
@@ -37,7 +38,7 @@ def frame(organ: vs.Organ, grasped: str) -> float:
 
 
 print(describe())
-print("organ   element           nodes   cells   force + tangent of a cell              frame")
+print("organ   element           nodes   cells   assembly per cell, in a solve          frame")
 for name, held, grasped in (("artery", "top", "bottom"), ("liver", "hilum", "tip")):
     mesh, first = getattr(vs.organs, name)(), None
     for element in ELEMENTS:

@@ -46,7 +46,7 @@ def solution(solver: str) -> None:
 if len(sys.argv) == 2:
     solution(sys.argv[1])
     sys.exit()
-print(describe() + ", 1 thread")
+print(describe())
 first = None
 for solver in SOLVERS:
     run = subprocess.run([sys.executable, __file__, solver], check=True, capture_output=True, text=True)

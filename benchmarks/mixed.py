@@ -172,7 +172,7 @@ def report(case: Case) -> None:
 
 if __name__ == "__main__":
     beam, artery, liver = vs.organs.beam(), vs.organs.artery(), vs.organs.liver()
-    print(f"{describe()}, {os.environ['RAYON_NUM_THREADS']} thread; ms, least of {RUNS} runs")
+    print(f"{describe()}\nms, least of {RUNS} runs")
     print("case    solver     unknowns   entries      fill  negative  analysis    factor     solve  iterations")
     report(case("beam", beam, "clamp", {"tip": (None, None, 0.2 * beam.diagonal)}))
     report(case("artery", artery, "top", {"middle": (ACROSS, None, None), "bottom": (None, None, -ALONG)}))

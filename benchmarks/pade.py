@@ -10,9 +10,9 @@ Neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells; a part of the anterior face.
 from __future__ import annotations
 
 import sys
-from time import perf_counter
 
 import numpy as np
+from machine import describe
 
 import viscera as vs
 from viscera._core import vector_pade
@@ -38,11 +38,11 @@ def orders_along(touch: vs.Touch, point: Floats, direction: Floats, depth: float
 def main(touches: int, order: int) -> None:
     liver = vs.organs.liver()
     organ = vs.Organ(liver, vs.NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")
+    print(describe())
     face = organ.touchable("anterior")
     near = np.intersect1d(face, liver.near(liver.points[middle(liver, face)], 0.2 * liver.diagonal))
-    began = perf_counter()
     touch = organ.reduce(near, depth=max(DEPTHS) * liver.diagonal, order=order, tolerance=5e-4)
-    print(f"order {order}, {touch.summary()['positions']} positions, reduced in {perf_counter() - began:.0f} s")
+    print(f"order {order}, {touch.summary()['positions']} positions")
     random = np.random.default_rng(0)
     points, directions = surface_points(touch, touches, random), unit_vectors(touches, random)
     errors: dict[float, list[list[float]]] = {depth: [] for depth in DEPTHS}

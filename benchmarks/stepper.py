@@ -67,7 +67,7 @@ for name, mesh, limits in (("liver, small", small, (5.0, 2.0)), ("liver, large",
     cases.append((name, mesh, neo_hookean, "cholesky", limits[0]))
     cases += [(name, mesh, neo_hookean, solver, limits[1]) for solver in cg.values()]
 
-print(describe() + f", {os.environ['RAYON_NUM_THREADS']} thread")
+print(describe())
 print(f"{FRAMES} frames, least of {RUNS} runs")
 print(
     "organ          cells  law           solver                busy [ms]     wall  iterations  limit  ratio  residual"

@@ -222,7 +222,7 @@ def main() -> None:
     print("depth   method                       displacement           force       ms")
     for depth, asked in questions.items():
         compare(depth, "reduced touch model", reduced, asked)
-        trusted = [(point, push, truth) for point, push, truth in asked if touch(point, push).is_trusted]
+        trusted = [(point, push, truth) for point, push, truth in asked if touch(point, push).is_shape_trusted]
         compare(depth, f"  the {len(trusted)} it trusts", reduced, trusted)
         print(f"        {len(asked)} of {TOUCHES} full solutions converged")
     for factor in factors:

@@ -2,6 +2,7 @@
 
 import json
 import struct
+import zlib
 
 import numpy as np
 
@@ -12,8 +13,14 @@ def read(path):
     with open(path, "rb") as file:
         header = json.loads(file.read(struct.unpack("<Q", file.read(8))[0]))
         data = file.read()
-    about = json.loads(header.pop("__metadata__")["viscera"])
-    arrays = {name: np.frombuffer(data[slice(*h["data_offsets"])], TYPES[h["dtype"]]) for name, h in header.items()}
+    text = header.pop("__metadata__")["viscera"]
+    about, parts = json.loads(text), {name: data[slice(*h["data_offsets"])] for name, h in header.items()}
+    if about["format_version"] > 1:  # the first had no checksums
+        found = {name: zlib.crc32(part) for name, part in parts.items()}
+        metadata = zlib.crc32(text.rpartition(',"crc32":')[0].encode())
+        if (metadata, found) != (about["crc32"], about["array_crc32"]):
+            raise ValueError("the model file is damaged: a checksum differs")
+    arrays = {name: np.frombuffer(part, TYPES[header[name]["dtype"]]) for name, part in parts.items()}
     return about, {name: array.reshape(header[name]["shape"]) for name, array in arrays.items()}
 
 

@@ -74,8 +74,13 @@ def whole(header: dict[str, Any] | bytes, data: bytes = b"") -> bytes:
 
 
 def damaged(file: bytes) -> dict[str, bytes]:
+    """Damage that checksums would hide, so to files of the format before them."""
     header, data = parts(file)
     metadata = json.loads(header["__metadata__"]["viscera"])
+    for checksum in ("array_crc32", "crc32"):
+        del metadata[checksum]
+    metadata["format_version"] = 1
+    header["__metadata__"] = {"viscera": json.dumps(metadata)}
     tensors = {name: tensor for name, tensor in header.items() if name != "__metadata__"}
 
     def with_metadata(**changes: object) -> bytes:
@@ -114,7 +119,9 @@ def damaged(file: bytes) -> dict[str, bytes]:
         "edge_order_zero": with_metadata(edge_order=0),
         "depth_overflows": with_metadata(depth=1e308),
         "diagonal_tiny": with_metadata(diagonal=5e-324),
-        "version_next": with_metadata(format_version=metadata["format_version"] + 1),
+        "block_without_checksums.viscera": whole(header, data),
+        "checksums_missing": with_metadata(format_version=2),
+        "version_next": with_metadata(format_version=3),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import hypothesis
@@ -25,6 +26,9 @@ hypothesis.settings.load_profile("viscera")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+Block = Callable[[tuple[int, int, int], tuple[float, float, float]], tuple[NDArray[np.float64], NDArray[np.uint32]]]
+
+
 def block(
     counts: tuple[int, int, int], size: tuple[float, float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
@@ -40,6 +44,12 @@ def block(
         odd = np.linalg.det(np.eye(3)[list(path)]) < 0
         cells.append(corners[:, None] + (tet[[0, 2, 1, 3]] if odd else tet))
     return points, np.concatenate(cells).astype(np.uint32)
+
+
+@pytest.fixture(scope="session", name="block")
+def block_fixture() -> Block:
+    """Points and cells of a box of any size: `block(counts, size)`."""
+    return block
 
 
 @pytest.fixture(scope="session")
@@ -69,6 +79,14 @@ def bar() -> vs.Mesh:
     """A bar 0.4 x 0.1 x 0.1 m along x: 81 points, 192 cells, sets `root` (x = 0) and `tip` (x = 0.4)."""
     points, cells = block((8, 2, 2), (0.4, 0.1, 0.1))
     ends = {"root": np.flatnonzero(points[:, 0] == 0), "tip": np.flatnonzero(np.isclose(points[:, 0], 0.4))}
+    return vs.mesh(points, cells, ends)
+
+
+@pytest.fixture(scope="session")
+def wire() -> vs.Mesh:
+    """A rod 240 times as long as thick, along x from `root` to `tip`: 964 points, 1440 cells."""
+    points, cells = block((240, 1, 1), (0.6, 0.0025, 0.0025))
+    ends = {"root": np.flatnonzero(points[:, 0] == 0), "tip": np.flatnonzero(points[:, 0] == 0.6)}
     return vs.mesh(points, cells, ends)
 
 

@@ -53,6 +53,13 @@ def test_inspect(folder: Path) -> None:
     assert set(run(folder, "inspect", "organ:artery")) == documented("inspect")
 
 
+def test_fit(folder: Path) -> None:
+    (folder / "test.csv").write_text("stretch,stress\n0.8,-70\n0.9,-33\n1.1,28\n1.2,53\n", encoding="utf-8")
+    result = run(folder, "fit", str(folder / "test.csv"), "--law", "NeoHookean")
+    fit = result["fits"][0]  # type: ignore[index]
+    assert {"status", "seconds", "fits", *fit} == documented("fit")
+
+
 def test_solve(folder: Path) -> None:
     assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
 

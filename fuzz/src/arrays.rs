@@ -13,7 +13,7 @@ pub(crate) enum Field<'a> {
 
 impl<'a> Field<'a> {
     pub(crate) fn of(a: &'a mut Arrays, which: u8) -> Self {
-        match which % 39 {
+        match which % 41 {
             0 => Field::Double(&mut a.points),
             1 => Field::Index(&mut a.cells),
             2 => Field::Index(&mut a.fixed),
@@ -52,7 +52,9 @@ impl<'a> Field<'a> {
             35 => Field::Single(&mut a.family.position_coefficients),
             36 => Field::Single(&mut a.family.edge_coefficients),
             37 => Field::Single(&mut a.answers.sketch),
-            _ => Field::Single(&mut a.family.sketch),
+            38 => Field::Single(&mut a.family.sketch),
+            39 => Field::Single(&mut a.answers.linear_compression),
+            _ => Field::Single(&mut a.family.linear_compression),
         }
     }
 

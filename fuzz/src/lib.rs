@@ -12,7 +12,8 @@ use std::sync::LazyLock;
 use viscera_core::reduced::{Metadata, ReducedModel, Trust};
 use viscera_live::Live;
 
-/// A valid model of a small block, that edits begin with.
+/// A valid model of a small block, that edits begin with. Changed bytes of it are refused by its checksums; a file of the
+/// format before them lies beside it, so that what is behind the checksums is looked into too.
 pub const BLOCK: &[u8] = include_bytes!("../corpus/file/block.viscera");
 
 /// A valid case of a cube.
@@ -47,7 +48,9 @@ pub fn edits(bytes: &[u8]) -> bool {
     let Ok(model) = ReducedModel::new(metadata, arrays) else { return false };
     let written = model.to_bytes().expect("a model that is accepted can be written");
     let again = ReducedModel::from_bytes(&written).expect("what was written can be read");
-    assert!(again.arrays() == model.arrays() && again.metadata() == model.metadata());
+    let format_version = again.metadata().format_version;
+    let expected = Metadata { format_version, ..model.metadata().clone() };
+    assert!(again.arrays() == model.arrays() && *again.metadata() == expected);
     while !script.0.is_empty() {
         let point = std::array::from_fn(|_| script.coordinate(0.05));
         let d = std::array::from_fn(|_| script.coordinate(0.01));

@@ -2,8 +2,9 @@
 //!
 //! The page sends one JSON object for each frame it wants, and gets the frame as little-endian float32: `[bodies, then
 //! for each: force x y z [N], residual, part of the step taken, unstable (0 or 1), milliseconds, relative change of
-//! volume, displacement of the surface nodes (3 s) [m]]`. A request that cannot be read is answered by a sentence, and
-//! nothing changes.
+//! volume, settled (0 or 1), cells at a bound, Newton iterations, displacement of the surface nodes (3 s) [m]]`. A frame
+//! iterates until it has settled or its 8 ms are spent, which two bodies share; a force that has not settled cannot be
+//! relied on. A request that cannot be read is answered by a sentence, and nothing changes.
 //!
 //! ```json
 //! {"laws": ["NeoHookean", "Linear"]}   the laws, one or two; both start from rest

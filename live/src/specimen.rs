@@ -7,8 +7,16 @@ use viscera_core::clock::Instant;
 use viscera_core::equilibrium::{ConjugateGradients, Input, Method, Stepper, StepperSettings};
 use viscera_core::mesh::{Patch, Surface};
 
+/// A page draws a frame every 16 ms; half of that is for the organs in it [s].
+pub const BUDGET: f64 = 8e-3;
+/// Newton iterations that no budget needs to end.
+const MAX_ITERATIONS: usize = 20;
+
 /// Above so many cells a factor of an earlier tangent is worth keeping (docs/solvers.md).
 const DIRECT_CELLS: usize = 5000;
+
+/// Numbers of an organ in a frame before its displacements.
+pub const FACTS: usize = 11;
 
 pub struct Specimen {
     pub law: String,
@@ -18,7 +26,8 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    pub fn new(case: &Case, law: &str) -> Result<Self, Error> {
+    /// An organ that steps until it has settled or a budget [s] is spent.
+    pub fn new(case: &Case, law: &str, budget: f64) -> Result<Self, Error> {
         let body = case.body(law)?;
         let n = body.points().len();
         if let Some(node) = case.fixed.iter().find(|&&node| node as usize >= n) {
@@ -29,8 +38,13 @@ impl Specimen {
         } else {
             Method::ConjugateGradients(ConjugateGradients::default())
         };
-        let settings =
-            StepperSettings { method, density: case.density.clone(), ..Default::default() };
+        let settings = StepperSettings {
+            method,
+            iterations: MAX_ITERATIONS,
+            budget: Some(budget),
+            density: case.density.clone(),
+            ..Default::default()
+        };
         let fixed: Vec<u32> =
             case.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
         let stepper = Stepper::new(&body, &fixed, None, settings)?;
@@ -57,7 +71,7 @@ impl Specimen {
         })
     }
 
-    /// One Newton iteration; appends the numbers of the protocol.
+    /// A frame; appends the numbers of the protocol.
     pub fn step(
         &mut self,
         surface: &Surface,
@@ -74,7 +88,10 @@ impl Specimen {
         let gain = volume(surface, u) / volume(surface, &[]) - 1.0;
         let unstable = f64::from(u8::from(frame.is_unstable));
         let milliseconds = 1e3 * clock.elapsed().as_secs_f64();
-        let facts = [frame.residual, frame.taken, unstable, milliseconds, gain];
+        let settled = f64::from(u8::from(frame.is_settled));
+        let (at_bound, steps) = (frame.cells_at_bound as f64, frame.steps as f64);
+        let facts: [f64; FACTS - 3] =
+            [frame.residual, frame.taken, unstable, milliseconds, gain, settled, at_bound, steps];
         out.extend(force.iter().chain(&facts).map(|&x| x as f32));
         let nodes = surface.nodes().iter();
         out.extend(nodes.flat_map(|&n| &u[3 * n as usize..3 * n as usize + 3]).map(|&x| x as f32));

@@ -2,7 +2,7 @@
 
 use crate::case::Case;
 use crate::request::Request;
-use crate::specimen::Specimen;
+use crate::specimen::{BUDGET, FACTS, Specimen};
 use serde_json::json;
 use viscera_core::Error;
 use viscera_core::mesh::{Patch, Surface};
@@ -28,7 +28,7 @@ impl Live {
     /// What [`Case::read`] and the stepper refuse.
     pub fn open(bytes: &[u8]) -> Result<Self, Error> {
         let case = Case::read(bytes)?;
-        let first = Specimen::new(&case, &case.about.law)?;
+        let first = Specimen::new(&case, &case.about.law, BUDGET)?;
         let body = first.body();
         Ok(Live {
             surface: Surface::new(body.points(), &body.surface()),
@@ -100,7 +100,8 @@ impl Live {
     }
 
     fn set_up(&mut self, laws: &[String]) -> Result<(), Error> {
-        let specimens = laws.iter().map(|law| Specimen::new(&self.case, law));
+        let budget = BUDGET / laws.len() as f64;
+        let specimens = laws.iter().map(|law| Specimen::new(&self.case, law, budget));
         self.specimens = specimens.collect::<Result<_, _>>()?;
         self.displacement = [0.0; 3];
         Ok(())
@@ -121,7 +122,7 @@ impl Live {
     }
 
     fn frame(&mut self) -> Result<Vec<f32>, Error> {
-        let size = 8 + 3 * self.surface.nodes().len();
+        let size = FACTS + 3 * self.surface.nodes().len();
         let mut frame = Vec::with_capacity(1 + size * self.specimens.len());
         frame.push(self.specimens.len() as f32);
         for specimen in &mut self.specimens {

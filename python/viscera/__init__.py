@@ -8,6 +8,9 @@ SI units throughout: metres, newtons, pascals, joules.
 >>> touch = beam.reduce(radius=0.1, depth=0.05, order=2)
 """
 
+from viscera import startup  # noqa: F401 - before whatever takes its time
+
+# isort: split
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
@@ -15,6 +18,7 @@ from viscera.comparison import compare
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
+from viscera.fitting import Fit, MaterialTest, fit
 from viscera.law import (
     Corotated,
     HolzapfelGasserOgden,
@@ -39,10 +43,12 @@ __all__ = [
     "BackwardEuler",
     "ConjugateGradients",
     "Corotated",
+    "Fit",
     "Frame",
     "Hand",
     "HolzapfelGasserOgden",
     "Linear",
+    "MaterialTest",
     "Mesh",
     "MooneyRivlin",
     "NeoHookean",
@@ -61,6 +67,7 @@ __all__ = [
     "Yeoh",
     "__version__",
     "compare",
+    "fit",
     "helical_fibres",
     "laws",
     "load",

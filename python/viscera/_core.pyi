@@ -5,13 +5,21 @@ Every function raises `ValueError` on bad input (one sentence: the place, the va
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
+
+class Batches(Protocol):
+    """Finished positions of a reduction, as bytes that mean something to the core alone."""
+
+    def finished(self) -> list[bytes]:
+        """Those of an earlier run of the same reduction."""
+    def keep(self, batch: bytes) -> None:
+        """One more; may raise to stop."""
 
 __version__: str
 
@@ -26,8 +34,10 @@ def quadratic_surface(points: Floats, cells: Indices) -> Indices:
 
 def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],
-    `inverted`, `degenerate`, `duplicate` (cell indices), `loose_points` (point indices), `part` (n,) label of the
-    connected component of each point, `n_parts`."""
+    `inverted`, `degenerate`, `duplicate`, `overlapping`, `crowded` (cell indices), `loose_points` (point indices),
+    `hanging` (k, 2) points with the cells on whose faces they lie, `body` (n,) of each point, joined by shared points,
+    -1 for a loose one, `part` (m,) of each cell, joined by shared faces, `n_parts`, `pinches` (points where parts
+    meet)."""
 
 def vector_pade(series: Floats, a: float) -> Floats:
     """Value (k,) at `a` of the vector Pade form of a series (order + 1, k)."""
@@ -132,8 +142,8 @@ class Body:
         on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
-        status (str), is_converged, message, load (fraction reached), iterations, load_steps, residuals (list of
-        lists per load step, relative), seconds (dict)."""
+        status (str), is_converged, message, load (fraction reached), iterations, factorizations, load_steps,
+        residuals (list of lists per load step, relative), seconds (dict)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def gravity(self, gravity: Floats, density: Floats) -> Floats:
@@ -169,6 +179,7 @@ class Body:
         family: dict[str, Any] | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"
         on_progress: Callable[[int, int, str], None] | None,  # done, total, stage; may raise to stop
+        batches: Batches | None = None,  # keeps finished positions; None = nobody does
     ) -> Model:
         """The reduced model of all positions of a touchable surface."""
 
@@ -191,7 +202,8 @@ class Stepper:
         *,
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         solver: Solver,
-        iterations: int,  # Newton iterations a frame
+        iterations: int,  # Newton iterations a frame at most
+        settled: float,  # residual at which a frame ends, and counts as settled
         budget: float | None,  # wall time of a frame [s]
         density: Floats,  # (0,), (1,) or (m,) [kg/m^3]
         time_step: float | None,  # [s]
@@ -216,9 +228,9 @@ class Stepper:
         force: Floats | None,  # (n, 3) nodal forces [N]
         gravity: tuple[float, float, float],  # [m/s^2]
     ) -> dict[str, Any]:
-        """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), taken (part of the
-        step), is_unstable, iterations (of the linear solver), is_solved, within_budget, seconds, energy,
-        kinetic_energy."""
+        """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), is_settled, steps
+        (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the linear solver),
+        is_solved, within_budget, seconds, energy, kinetic_energy."""
 
 class Model:
     """A loaded reduced model and its evaluator."""
@@ -235,12 +247,19 @@ class Model:
         The package reads points (n, 3), cells (m, 4), positions (p,), touchable (q, 3) by position, surface_nodes,
         mode_scale, and to rebuild the full organ fixed (f,) and law_parameters (1 or m, parameters)."""
     def evaluate(self, point: Floats, displacement: Floats, field: bool) -> dict[str, Any]:
-        """force (3,) [N], stiffness (3, 3) [N/m], error_estimate, is_trusted, reason (str, empty when trusted),
-        contact_point (3,), and with `field` displacement (n, 3) [m]."""
+        """force (3,) [N], stiffness (3, 3) [N/m], contact_point (3,), and with `field` displacement (n, 3) [m]; of the
+        force error_estimate, is_trusted, reason (str, empty when trusted), of the displacement the same with `shape_`:
+        shape_error_estimate, is_shape_trusted, shape_reason."""
     def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
     def at(self, value: float, law_parameters: list[float]) -> Model:
         """The model at another value of its parameter."""
+    def compressed(self, tolerance: float) -> Model:
+        """With the fewest modes that leave less than the tolerance of the field."""
+    def surface_alone(self) -> Model:
+        """Without what lies inside, and set to its value for good."""
+    def with_user(self, user: str) -> Model:
+        """With other notes (JSON) under `user` in its metadata."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
 

@@ -1,22 +1,50 @@
-"""Files that appear whole or not at all: written beside their place under another name, then renamed."""
+"""Files that appear whole or not at all: written beside their place under another name, then renamed.
+
+What is no regular file (a device, a pipe) is written in place, in one piece; a symbolic link is followed.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+import secrets
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from time import time
 
 from viscera.errors import VisceraError
+
+SCRATCH = re.compile(r"\.viscera-[0-9a-f]{16}\.part(\..*)?")
+"""Names of scratch files: random, since a process number is that of another process in the next container."""
+STALE = 3600.0
+"""Seconds since its last change after which a scratch file belongs to a program that was killed."""
 
 
 def writable(path: str | os.PathLike[str]) -> Path:
     """The path, or an error where no file can be put: worth asking before long work."""
     target = Path(path)
-    if not target.parent.is_dir():
-        raise VisceraError(f"{target}: the folder {str(target.parent)!r} does not exist; create it first")
-    if target.is_dir():
+    try:
+        mode = os.stat(target).st_mode
+    except FileNotFoundError:  # so far; where a link leads counts, not where it lies
+        mode = stat.S_IFREG
+    except OSError as error:
+        raise VisceraError(f"{target}: no file can be written there ({error.strerror})") from error
+    if stat.S_ISDIR(mode):
         raise VisceraError(f"{target} is a folder; name a file in it")
+    if _is_in_place(target):
+        if not os.access(target, os.W_OK):
+            raise VisceraError(f"{target}: you may not write to it")
+        return target
+    folder = Path(os.path.realpath(target)).parent
+    if not folder.is_dir():
+        named = target.parent if not target.is_symlink() else folder
+        raise VisceraError(f"{target}: the folder {str(named)!r} does not exist; create it first")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise VisceraError(f"{target}: you may not write to the folder {str(folder)!r}")
     return target
 
 
@@ -24,12 +52,50 @@ def writable(path: str | os.PathLike[str]) -> Path:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A scratch path to write to; it takes the place of `path` when the block ends well and vanishes when it does not.
 
-    The suffix is kept, since writers choose the format by it.
+    The suffix is kept, since writers choose the format by it. A reader of `path` sees the old file or the new one.
     """
     target = writable(path)
-    scratch = target.with_name(f".{target.stem}.{os.getpid()}.part{target.suffix}")
+    if _is_in_place(target):
+        with tempfile.TemporaryDirectory() as folder:
+            scratch = Path(folder, f"whole{target.suffix}")
+            yield scratch
+            _pour(scratch, target)
+        return
+    target = Path(os.path.realpath(target))
+    _sweep(target.parent)
+    scratch = target.with_name(f".viscera-{secrets.token_hex(8)}.part{target.suffix}")
     try:
         yield scratch
+        if target.exists():
+            shutil.copymode(target, scratch)
         scratch.replace(target)
     finally:
         scratch.unlink(missing_ok=True)
+
+
+def _is_in_place(target: Path) -> bool:
+    """Whether the path is a device, a pipe or a file that the process holds open (`/dev/stdout`)."""
+    parent = os.path.realpath(target.parent)
+    if parent == "/dev" or parent.startswith("/proc/"):
+        return True
+    return target.exists() and not target.is_file()
+
+
+def _pour(scratch: Path, target: Path) -> None:
+    try:
+        # Appended, never cut off: standard output may be a file that holds lines already.
+        descriptor = os.open(target, os.O_WRONLY | os.O_APPEND)
+        with scratch.open("rb") as whole, os.fdopen(descriptor, "wb") as out:
+            shutil.copyfileobj(whole, out)
+    except OSError as error:
+        raise VisceraError(f"{target}: could not be written ({error.strerror})") from error
+
+
+def _sweep(folder: Path) -> None:
+    """Removes what programs that were killed have left behind."""
+    with suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if SCRATCH.fullmatch(entry.name):
+                with suppress(OSError):  # another process may be as quick
+                    if time() - entry.stat(follow_symlinks=False).st_mtime > STALE:
+                        os.unlink(entry.path)

@@ -39,27 +39,27 @@
     low = 10e3
     high = 100e3
 
-Unknown keys are errors that name the nearest known one.
+What each key may be is said in `schema`; whatever is not is refused as the file is read.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from viscera import law, organs
+from viscera import law, organs, schema
+from viscera.checkpoint import Checkpoint
 from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import helical_fibres
 from viscera.mesh import Indices, Mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ, Progress
-from viscera.select import length, select, select_cells
 from viscera.state import State
 from viscera.touch import Touch
 from viscera.vary import Vary
@@ -69,34 +69,14 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-PARAMETERS = (
-    *("young", "poisson", "mu", "lam", "c1", "c2", "kappa", "alpha"),
-    *("c10", "c20", "c30", "c", "k1", "k2", "dispersion"),
-)
-KEYS: dict[str, Collection[str] | None] = {  # of each table; None where the keys are places
-    "": ("mesh", "units", "fixed", "element", "material", "loads", "scan", "settings", "reduce"),
-    "loads": ("displacement", "force", "traction", "pressure", "gravity", "density"),
-    "loads.displacement": None,
-    "loads.force": None,
-    "loads.traction": None,
-    "loads.pressure": None,
-    "scan": ("force", "traction", "pressure", "gravity", "density"),
-    "scan.force": None,
-    "scan.traction": None,
-    "scan.pressure": None,
-    "settings": ("steps", "newton"),
-    "reduce": ("touchable", "radius", "depth", "order", "tolerance", "pade", "start", "vary"),
-    "reduce.vary": ("parameter", "part", "low", "high", "nodes"),
-    "material": ("law", *PARAMETERS, "volumetric", "bear_compression", "fibres"),
-    "material.fibres": ("angle", "axis", "through"),
-}
-STARTS = ("rest", "loads", "scan")  # of the touches of a reduced model
+NAMES = {"reduce": "reduction"}
+"""What the attribute of a case is called where it is not the word of the file."""
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case as read: the words of the file, checked for their names; lengths and places still to be resolved."""
+    """A case as read: the words of the file, as `schema` has them; lengths and places still to be resolved."""
 
     mesh: str
     fixed: Any
@@ -109,6 +89,11 @@ class Case:
     reduction: Mapping[str, Any] = field(default_factory=dict)
     folder: Path = Path()
 
+    def __post_init__(self) -> None:
+        """Raise `VisceraError` naming the first word that is none of a case."""
+        words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
+        schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
+
     def organ(self) -> Organ:
         """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
         plain = load_mesh(self.mesh, self.units, self.folder)
@@ -116,15 +101,14 @@ class Case:
         for kind in ("displacement", "force", "traction", "pressure"):
             places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
-        named = {place: select(plain, place) for place in places if isinstance(place, str)}
-        named_mesh = plain.with_sets(**named)
+        named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
         return Organ(named_mesh, material(self.material, plain), fixed=self.fixed, element=self.element)
 
     def loading(self) -> dict[str, Any]:
         """Loads and settings as `Organ.solve` takes them."""
         moved = self.loads.get("displacement", {})
         return {
-            "displacement": {place: _components(place, values) for place, values in moved.items()},
+            "displacement": {place: _components(values) for place, values in moved.items()},
             "force": self.loads.get("force", {}),
             "traction": self.loads.get("traction", {}),
             "pressure": self.loads.get("pressure", {}),
@@ -159,22 +143,19 @@ class Case:
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
-    def reduce(self, organ: Organ, progress: Progress | None = None) -> Touch:
+    def reduce(self, organ: Organ, progress: Progress | None = None, checkpoint: Checkpoint | None = None) -> Touch:
         """The reduced model of the organ with the case's [reduce] settings, about the equilibrium they start from."""
         options = dict(self.reduction)
         organ, state = self._touched(organ, options.pop("start", None), progress)
-        for name in ("radius", "depth"):
-            if name in options:
-                options[name] = length(options[name], organ.mesh.diagonal, name)
-        vary = _varied(organ.mesh, options.pop("vary")) if "vary" in options else None
-        return organ.reduce(**options, start=state, vary=vary, progress=progress)
+        if "vary" in options:
+            vary = dict(options["vary"])
+            options["vary"] = Vary(vary.pop("parameter"), **vary)
+        return organ.reduce(**options, start=state, checkpoint=checkpoint, progress=progress)
 
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
         if start is None and self.scan:
             raise VisceraError('a [scan] leaves open what is touched: start = "scan", "loads" or "rest" in [reduce]')
-        if start not in {None, *STARTS}:
-            raise VisceraError(f"start in [reduce] is {start!r}; {did_you_mean(str(start), STARTS)}")
         if start == "scan" and not self.scan:
             raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
         scanned = None
@@ -191,18 +172,22 @@ class Case:
 def read_case(path: str | os.PathLike[str]) -> Case:
     """Read a CASE.toml; raises `VisceraError` naming the file and the key that is wrong or missing."""
     source = Path(path)
+    if source.is_dir() or not source.exists():
+        raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
     try:
         words = tomllib.loads(source.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise VisceraError(f"{source}: no such case file") from None
-    except ValueError as error:  # wrong TOML, or bytes that are not UTF-8
+    except (ValueError, RecursionError) as error:  # wrong TOML, or bytes that are not UTF-8; lists in lists in lists
         raise VisceraError(f"{source}: not a TOML file ({error})") from error
-    _require_known(source, words)
-    for name in ("mesh", "fixed", "material"):
-        if name not in words:
-            raise VisceraError(f"{source}: the key {name!r} is missing")
-    words["reduction"] = words.pop("reduce", {})
-    return Case(**words, folder=source.parent)
+    try:
+        return case_of(words, source.parent)
+    except VisceraError as error:
+        raise VisceraError(f"{source}: {error}") from None
+
+
+def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
+    """A case from the words of its file; raises `VisceraError` naming the key that is wrong or missing."""
+    schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
+    return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder)
 
 
 def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Mesh:
@@ -219,41 +204,22 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
 
 def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     """The law that a [material] table describes, its tables naming what differs in a part of the mesh."""
-    parameters = {name: value for name, value in words.items() if not _is_part(name, value)}
-    if "law" not in parameters:
-        raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
+    parameters = {name: value for name, value in words.items() if not schema.is_part(name, value)}
     kind = law.named(parameters.pop("law"))
     if isinstance(parameters.get("fibres"), Mapping):
-        parameters["fibres"] = _called(helical_fibres, "fibres", mesh, **parameters["fibres"])
+        parameters["fibres"] = helical_fibres(mesh, **parameters["fibres"])
     for place, part in words.items():
-        if not _is_part(place, part):
+        if not schema.is_part(place, part):
             continue
-        cells = select_cells(mesh, place)
+        cells = mesh.cells_in(place)
         for name, value in part.items():
             if name not in parameters:
                 raise VisceraError(f"material: {place!r} gives {name!r}, which the rest of the organ has no value for")
             parameters[name] = _in_part(parameters[name], cells, value, mesh, f"{name!r} of {place!r}")
-    made: law.Law = _called(kind, f"material {kind.__name__}", **parameters)
-    return made
-
-
-def _varied(mesh: Mesh, words: Mapping[str, Any]) -> Vary:
-    """The range of a parameter that a [reduce.vary] table describes."""
-    options = dict(words)
-    missing = [name for name in ("parameter", "low", "high") if name not in options]
-    if missing:
-        raise VisceraError(f"[reduce.vary]: the key {missing[0]!r} is missing")
-    name = options.pop("parameter")
-    if name == "radius":
-        options |= {end: length(options[end], mesh.diagonal, f"{end} radius") for end in ("low", "high")}
-    if "part" in options:
-        options["part"] = select_cells(mesh, options["part"])
-    return Vary(name, **options)
-
-
-def _is_part(name: str, value: Any) -> bool:
-    """Whether an entry of [material] is a table about a part of the mesh."""
-    return isinstance(value, Mapping) and name != "fibres"
+    try:
+        return kind(**parameters)
+    except TypeError as error:
+        raise VisceraError(f"material {kind.__name__}: {str(error).split('() ')[-1]}") from error
 
 
 def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
@@ -262,49 +228,12 @@ def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> A
         if not isinstance(value, list) or len(value) != len(whole):
             raise VisceraError(f"material: {name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")
         return [_in_part(*pair, mesh=mesh, name=name) for pair in zip(whole, [cells] * len(whole), value, strict=True)]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise VisceraError(f"material: {name} must be a number, got {value!r}")
+    if isinstance(value, list):
+        raise VisceraError(f"material: {name} must be one number, as elsewhere, got {value!r}")
     values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
     values[cells] = value
     return values
 
 
-def _called(make: Callable[..., Any], what: str, *arguments: Any, **words: Any) -> Any:
-    try:
-        return make(*arguments, **words)
-    except TypeError as error:
-        raise VisceraError(f"{what}: {str(error).split('() ')[-1]}") from error
-
-
-def _components(name: str, values: Any) -> list[float | None]:
-    if not isinstance(values, list) or len(values) != 3:
-        raise VisceraError(f"displacement of {name!r}: give three numbers [m], 'free' for a free one, got {values!r}")
-    for value in values:
-        if isinstance(value, str) and value != "free":
-            raise VisceraError(f"displacement of {name!r}: {value!r} is neither a number [m] nor 'free'")
-    return [None if value == "free" else value for value in values]
-
-
-def _require_known(source: Path, words: Mapping[str, Any]) -> None:
-    for table, keys in KEYS.items():
-        inside: Any = words
-        for name in table.split(".") if table else []:
-            inside = inside.get(name, {})
-        if table == "material.fibres" and isinstance(inside, list):
-            continue
-        if not isinstance(inside, Mapping):
-            raise VisceraError(f"{source}: {table!r} is a table, written as [{table}], got {inside!r}")
-        for key, value in inside.items():
-            if table == "material" and _is_part(key, value):
-                _require_parameters(source, key, value)
-            elif keys is not None and key not in keys:
-                where = f" in [{table}]" if table else ""
-                raise VisceraError(f"{source}: unknown key {key!r}{where}; {did_you_mean(key, keys)}")
-
-
-def _require_parameters(source: Path, place: str, part: Mapping[str, Any]) -> None:
-    for name in part:
-        if name not in PARAMETERS:
-            raise VisceraError(
-                f"{source}: unknown key {name!r} in [material.{place}]; {did_you_mean(name, PARAMETERS)}"
-            )
+def _components(values: list[Any]) -> list[float | None]:
+    return [None if value == schema.FREE else value for value in values]

@@ -22,6 +22,7 @@ from viscera import _core, defaults
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.organ import Progress
+from viscera.progress import shown
 from viscera.state import State
 from viscera.touch import Touch
 
@@ -41,8 +42,9 @@ class Row:
     force_error: float | None
     """|F - F_full| / |F_full|."""
     estimate: float
-    """The error the model itself expects."""
+    """The error the model itself expects, of the field or of the force, whichever is larger."""
     is_trusted: bool
+    """Whether both may be relied on."""
     is_converged: bool
     """Whether the full solution converged, so that there is a truth to compare with."""
     status: str
@@ -87,9 +89,25 @@ class Check:
     seconds: float
 
     @property
+    def trusted_share(self) -> float:
+        """Share of all answers that the model trusts."""
+        return sum(row.is_trusted for row in self.rows) / len(self.rows)
+
+    @property
+    def verdict(self) -> str:
+        """`failed` where a trusted answer is beyond its limit; `passed` where none is, and that says something.
+
+        `nothing could be checked` where no trusted answer could be compared, or most full solutions did not converge.
+        """
+        if not all(row.is_within_limits for row in self.rows):
+            return "failed"
+        is_evidence = self.overall.trusted > 0 and 2 * self.overall.converged >= self.overall.touches
+        return "passed" if is_evidence else "nothing could be checked"
+
+    @property
     def is_passed(self) -> bool:
-        """Every trusted answer is within its limit, and there was a full solution to compare with."""
-        return self.overall.converged > 0 and all(row.is_within_limits for row in self.rows)
+        """Whether the verdict is `passed`."""
+        return self.verdict == "passed"
 
     def to_json(self) -> dict[str, Any]:
         """The keys of `viscera check --json`."""
@@ -98,6 +116,7 @@ class Check:
             "worst": self.overall.worst,
             "median": self.overall.median,
             "depths": [asdict(summary) for summary in self.depths],
+            "trusted_share": self.trusted_share,
             "microseconds_force": self.microseconds_force,
             "microseconds_field": self.microseconds_field,
         }
@@ -118,6 +137,7 @@ where it needs smaller load steps the organ is collapsing, and a truth is dear a
 MEASURES = ("displacement_error", "force_error", "estimate")
 
 
+@shown
 def check(
     touch: Touch,
     *,
@@ -235,8 +255,8 @@ def _rows(touch: Touch, full: Full, point: Floats, pushes: list[Floats], stop: E
                 depth_fraction=float(np.linalg.norm(push)) / touch.mesh.diagonal,
                 displacement_error=_relative(answer.displacement, full.added(state)) if state.is_converged else None,
                 force_error=_relative(answer.force, force) if state.is_converged else None,
-                estimate=answer.error_estimate,
-                is_trusted=answer.is_trusted,
+                estimate=max(answer.error_estimate, answer.shape_error_estimate),
+                is_trusted=answer.is_trusted and answer.is_shape_trusted,
                 is_converged=state.is_converged,
                 status=state.status,
             )

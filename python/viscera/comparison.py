@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from viscera.atomic import replacing
 from viscera.errors import VisceraError, did_you_mean
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
-from viscera.loads import AXES, prescribed
+from viscera.loads import prescribed
 from viscera.mesh import Floats, Mesh
 from viscera.organ import Organ, Progress
+from viscera.progress import shown
+from viscera.select import AXES
 from viscera.state import State
 
 if TYPE_CHECKING:
@@ -212,6 +214,7 @@ def moduli(law: Law) -> tuple[Floats, Floats]:
     return mu, lam
 
 
+@shown
 def compare(
     organ: Organ,
     *,

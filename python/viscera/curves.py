@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from viscera.atomic import replacing
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats
-from viscera.picture import INK, PAPER
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from viscera.law import Law
 
 TOLERANCE = 1e-10
@@ -85,6 +84,11 @@ def draw(
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """The curves of several laws in the four deformations, shear from 0 to the largest elongation."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    from viscera.picture import INK, PAPER
+
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
     FigureCanvasAgg(figure)
     names = Counter(type(law).__name__ for law in laws)
@@ -115,7 +119,7 @@ def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:
     for parameter in parameters:
         for place in kind.driven:
             F[place] = parameter
-        state = _equilibrium(law, F, kind.free, cell)
+        state = equilibrium(law, F, kind.free, cell)
         if state is None:
             break
         F = state
@@ -123,7 +127,7 @@ def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:
     return found
 
 
-def _equilibrium(law: Law, F: Floats, free: Sequence[tuple[int, int]], cell: int) -> Floats | None:
+def equilibrium(law: Law, F: Floats, free: Sequence[tuple[int, int]], cell: int) -> Floats | None:
     """F with no stress in its free components, by Newton's method; none where it does not converge."""
     if not free:
         return F

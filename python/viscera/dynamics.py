@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import numpy as np
+
 from viscera.errors import VisceraError, did_you_mean
+from viscera.quantity import Number, numbers_of, refused
 
 
 @dataclass(frozen=True)
@@ -20,6 +23,8 @@ class Newmark:
     gamma: float = 0.5
 
     def __post_init__(self) -> None:
+        for name, value in (("beta", self.beta), ("gamma", self.gamma)):
+            Number()(value, f"{name} of Newmark")
         if not (self.gamma >= 0.5 and 2.0 * self.beta >= self.gamma):
             raise VisceraError(
                 f"Newmark with beta = {self.beta} and gamma = {self.gamma} is not stable for every time step; choose "
@@ -49,6 +54,10 @@ class Prony:
     tau: Sequence[float]
 
     def __post_init__(self) -> None:
+        for name, values in (("g", self.g), ("tau", self.tau)):
+            given = numbers_of(values)
+            if given is None or given.ndim != 1 or not np.isfinite(given).all():
+                raise refused(f"relaxation {name}", "a list of numbers", values)
         if len(self.g) == 0 or len(self.g) != len(self.tau):
             raise VisceraError(
                 f"relaxation has {len(self.g)} moduli g and {len(self.tau)} times tau; give one time for each modulus"

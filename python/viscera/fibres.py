@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.quantity import Number, numbers_of, refused, vector
 
 
 def helical_fibres(
@@ -23,12 +24,12 @@ def helical_fibres(
     >>> vs.helical_fibres(vs.organs.artery(), 40.0).shape
     (2, 1104, 3)
     """
-    along = np.asarray(axis, dtype=float)
-    length = float(np.linalg.norm(along)) if along.shape == (3,) else 0.0
-    if not 0.0 < length < np.inf:
-        raise VisceraError(f"the axis of helical fibres must be three numbers, not all zero, got {axis!r}")
-    along = along / length
-    around = np.cross(along, mesh.centroids - np.asarray(through, dtype=float))
+    angle = Number()(angle, "the angle of helical fibres")
+    along = vector(axis, "the axis of helical fibres", "")
+    if not along.any():
+        raise VisceraError("the axis of helical fibres has no length; give a direction such as (0, 0, 1)")
+    along /= np.linalg.norm(along / np.abs(along).max()) * np.abs(along).max()
+    around = np.cross(along, mesh.centroids - vector(through, "the point that the axis goes through", "m"))
     radius = np.linalg.norm(around, axis=1, keepdims=True)
     if not (radius > 1e-9 * mesh.diagonal).all():
         raise VisceraError(f"the centroid of cell {int(radius.argmin())} lies on the axis of the helical fibres")
@@ -39,7 +40,9 @@ def helical_fibres(
 
 def directions(fibres: ArrayLike) -> Iterator[tuple[int, str, Floats]]:
     """The components of two families of unit directions, by family and axis."""
-    given = np.asarray(fibres, dtype=float)
+    given = numbers_of(fibres)
+    if given is None:
+        raise refused("fibres", "two directions (2, 3), or (2, m, 3) over cells", fibres)
     if given.ndim not in {2, 3} or given.shape[0] != 2 or given.shape[-1] != 3:
         raise VisceraError(f"fibres are two directions (2, 3), or (2, m, 3) over cells, got shape {given.shape}")
     rows = given.reshape(2, -1, 3)

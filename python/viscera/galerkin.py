@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.loads import vector
 from viscera.mesh import Floats
+from viscera.progress import shown
+from viscera.quantity import vector
 
 if TYPE_CHECKING:
     from viscera.touch import Touch
@@ -202,6 +203,7 @@ class Galerkin:
         return f"Galerkin({self.touch!r})"
 
 
+@shown
 def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, snapshots: int) -> Galerkin:
     """The model of `Touch.galerkin`."""
     if not isinstance(order, int | np.integer):

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.loads import Displacements, name_of, prescribed
+from viscera.loads import name_of, prescribed
 from viscera.mesh import Floats, Indices, Mesh
 
 
 class Grasp:
     """The places of `{where: (x, y, z)}` as degrees of freedom and patches."""
 
-    def __init__(self, mesh: Mesh, fixed: Indices, displacement: Displacements) -> None:
+    def __init__(self, mesh: Mesh, fixed: Indices, displacement: Mapping[Any, Any]) -> None:
         is_fixed = np.zeros(len(mesh.points), dtype=bool)
         is_fixed[fixed] = True
         for where in displacement:
@@ -41,11 +42,11 @@ class Grasp:
         self._is_simple = sum(len(slots) for _, _, (slots, _) in self._slots) == len(held.dofs)
         self._has_fixed = any(not moving.all() for _, _, (_, moving) in self._slots)
 
-    def fits(self, displacement: Displacements) -> bool:
+    def fits(self, displacement: Mapping[Any, Any]) -> bool:
         """Whether the same components of the same places are named."""
         return self._places == _places(displacement)
 
-    def move(self, displacement: Displacements) -> tuple[Floats, Floats]:
+    def move(self, displacement: Mapping[Any, Any]) -> tuple[Floats, Floats]:
         """Values (k,) of the degrees of freedom and means (p, 3) of the patches [m]; refuses contradictions."""
         if not self._is_simple or self._has_fixed:
             moved = prescribed(self._mesh, self._fixed, displacement)
@@ -65,7 +66,7 @@ class Grasp:
         return values, table
 
 
-def _places(displacement: Displacements) -> list[tuple[Any, tuple[int, ...], tuple[int, ...]]]:
+def _places(displacement: Mapping[Any, Any]) -> list[tuple[Any, tuple[int, ...], tuple[int, ...]]]:
     """Each place with the shape of its displacement and its free components."""
     places = []
     for where, target in displacement.items():

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError
 from viscera.fibres import directions
 from viscera.mesh import Floats
 from viscera.parameters import bulk_modulus, columns, compressibility, require, shown
+from viscera.quantity import Choice, Flag, brief, numbers_of, refused
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,6 +44,14 @@ class Law:
 
     stresses: ClassVar[tuple[int, ...]]
     """The columns of `parameters` that are stresses: the energy is proportional to them together."""
+
+    def __init_subclass__(cls) -> None:
+        """Raise `VisceraError` for a law written in Python, which the compiled core could not follow."""
+        if cls.__module__ != __name__ and (Law in cls.__bases__ or {"energy", "stress", "tangent"} & set(vars(cls))):
+            raise VisceraError(
+                f"{cls.__name__}: laws are compiled, so the energy of a subclass of Law would not be used; write it in "
+                "core/src/law, as CONTRIBUTING.md shows in 20 lines"
+            )
 
     def __init__(self, name: str, parameters: Floats) -> None:
         self.name = name
@@ -117,7 +126,7 @@ class TwoModuli(Law):
 
     def __init__(
         self,
-        *,
+        *unnamed: ArrayLike,
         young: ArrayLike | None = None,
         poisson: ArrayLike | None = None,
         mu: ArrayLike | None = None,
@@ -129,6 +138,11 @@ class TwoModuli(Law):
         Raises `VisceraError` unless E > 0 and -1 < nu < 0.5, or mu > 0 and lam > -2 mu / 3.
         """
         law = type(self).__name__
+        if unnamed:
+            raise VisceraError(
+                f"{law} takes its parameters by name, since {brief(unnamed)} could be either pair: "
+                "young= and poisson=, or mu= and lam="
+            )
         if young is not None and poisson is not None and mu is None and lam is None:
             E, nu = columns(law, young=young, poisson=poisson)
             require(law, "young", E, E > 0.0, "must be positive [Pa]")
@@ -222,11 +236,10 @@ class MooneyRivlin(Law):
         alpha: ArrayLike | None = None,
         volumetric: str = "J^2-1",
     ) -> None:
-        if volumetric not in self.bulk_moduli_per_alpha:
-            advice = did_you_mean(volumetric, self.bulk_moduli_per_alpha)
-            raise VisceraError(f"MooneyRivlin: unknown volumetric form {volumetric!r}; {advice}")
+        Choice(self.bulk_moduli_per_alpha)(volumetric, "MooneyRivlin: the volumetric form")
         if alpha is not None and kappa is None:
-            kappa = np.asarray(alpha, dtype=float) * self.bulk_moduli_per_alpha[volumetric]
+            (penalty,) = columns("MooneyRivlin", alpha=alpha)
+            kappa = penalty * self.bulk_moduli_per_alpha[volumetric]
         elif kappa is None or alpha is not None:
             raise VisceraError("MooneyRivlin takes either kappa or alpha")
         first, second, bulk = columns("MooneyRivlin", c1=c1, c2=c2, kappa=kappa)
@@ -353,6 +366,7 @@ class HolzapfelGasserOgden(Law):
         bear_compression: bool = False,
     ) -> None:
         name = "HolzapfelGasserOgden"
+        Flag()(bear_compression, f"{name}: bear_compression")
         bulk, given = compressibility(name, kappa, poisson)
         axes = {f"fibre {family + 1}{axis}": values for family, axis, values in directions(fibres)}
         scalars = {"c": c, "k1": k1, "k2": k2, "dispersion": dispersion, bulk: given}
@@ -404,9 +418,7 @@ LAWS: dict[str, type[Law]] = {
 
 def named(name: str) -> type[Law]:
     """The class of a law by its name in this module, as case files and the command line give it."""
-    if name not in LAWS:
-        raise VisceraError(f"unknown law {name!r}; {did_you_mean(name, LAWS)}")
-    return LAWS[name]
+    return LAWS[Choice(LAWS)(name, "the law")]
 
 
 def from_core(name: str, parameters: ArrayLike) -> Law:
@@ -433,7 +445,9 @@ def from_core(name: str, parameters: ArrayLike) -> Law:
 
 
 def _gradients(F: ArrayLike) -> Floats:
-    gradients = np.ascontiguousarray(F, dtype=float)
+    gradients = numbers_of(F)
+    if gradients is None:
+        raise refused("deformation gradients", "numbers (k, 3, 3)", F)
     if gradients.ndim != 3 or gradients.shape[1:] != (3, 3):
         raise VisceraError(f"deformation gradients have shape (k, 3, 3), got {gradients.shape}")
     return gradients
@@ -441,7 +455,8 @@ def _gradients(F: ArrayLike) -> Floats:
 
 def _terms(name: str, values: ArrayLike | Sequence[ArrayLike]) -> list[Any]:
     """The terms of a sum: a number stands for a single one."""
-    terms: list[Any] = [values] if np.isscalar(values) else list(values)  # type: ignore[arg-type]
+    is_list = isinstance(values, list | tuple | np.ndarray) and np.ndim(values) > 0
+    terms: list[Any] = list(values) if is_list else [values]  # type: ignore[arg-type]
     if not 1 <= len(terms) <= Ogden.terms:
         raise VisceraError(
             f"Ogden: {name} has {len(terms)} terms; give one to {Ogden.terms}, values per cell as one term: [values]"

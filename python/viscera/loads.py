@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import logging
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,16 +15,24 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
+from viscera.quantity import LARGEST, Number, Vector, numbers_of, refused, vector
+from viscera.select import AXES
+
+log = logging.getLogger("viscera")
 
 Where: TypeAlias = Nodes | _core.Patch
 """A place: the name of a node set, a predicate on points, node indices, or a contact patch."""
 
-Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]]
-Forces: TypeAlias = Mapping[Any, ArrayLike] | ArrayLike
-Tractions: TypeAlias = Mapping[Any, ArrayLike]
-Pressures: TypeAlias = Mapping[Any, float]
+Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]] | Sequence[tuple[Any, Any]]
+Forces: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]] | ArrayLike
+Tractions: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]]
+Pressures: TypeAlias = Mapping[Any, float] | Sequence[tuple[Any, float]]
+"""`{where: value}`, or pairs `[(where, value)]`, since an array of indices can be no key."""
 
-AXES = "xyz"
+PRESSURE = Number("Pa")
+DENSITY = Number("kg/m^3", above=0)
+LIGHT = 100.0
+"""Density [kg/m^3] below which it was most likely given in another unit; an inflated lung has 260."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +47,22 @@ class Prescribed:
     """Contact patches with their mean displacement (3,) [m]."""
 
 
+def by_place(given: Any, what: str) -> dict[Any, Any]:
+    """`{where: value}` of a mapping or of pairs, indices as tuples; raises `VisceraError` where it is neither."""
+    pairs = list(given.items()) if isinstance(given, Mapping) else given
+    if not are_pairs(pairs):
+        raise refused(what, "{where: value}, or pairs [(where, value)]", given)
+    found: dict[Any, Any] = {}
+    for where, value in pairs:
+        key = tuple(np.asarray(where).ravel().tolist()) if isinstance(where, np.ndarray | list | range) else where
+        if not isinstance(key, Hashable):
+            raise refused(f"a place of {what}", "a set's name, a condition, indices, a predicate or a patch", where)
+        if key in found:
+            raise VisceraError(f"{what} names {name_of(where)} twice")
+        found[key] = value
+    return found
+
+
 def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Prescribed:
     """Resolve `{where: (x, y, z)}`, `None` leaving a component free; refuses places that contradict each other."""
     values = np.zeros((len(mesh.points), 3))
@@ -44,7 +70,7 @@ def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Presc
     owner[fixed] = 0
     names = ["the fixed set"]
     patches: list[tuple[_core.Patch, Floats]] = []
-    for where, target in displacement.items():
+    for where, target in by_place(displacement, "displacement").items():
         names.append(name_of(where))
         if isinstance(where, _core.Patch):
             patches.append((where, vector(target, "displacement of a patch (all three components)", "m")))
@@ -73,15 +99,19 @@ def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Presc
 
 def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
     """Nodal forces (n, 3) [N] of `{where: total}`, each total spread over its place, or of an (n, 3) array itself."""
-    if not isinstance(force, Mapping):
-        nodal = np.array(force, dtype=float)
-        if nodal.shape != mesh.points.shape:
-            raise VisceraError(f"nodal forces have shape {nodal.shape}; the mesh asks for {mesh.points.shape}")
-        if not np.isfinite(nodal).all():
-            raise VisceraError(f"the force on node {np.argwhere(~np.isfinite(nodal))[0][0]} is not finite")
-        return nodal
+    if not (isinstance(force, Mapping) or are_pairs(force)):
+        given = numbers_of(force)
+        if given is None:
+            raise refused("force", "{where: (x, y, z)} [N], or an array (n, 3) of nodal forces", force)
+        if given.shape != mesh.points.shape:
+            raise VisceraError(f"nodal forces have shape {given.shape}; the mesh asks for {mesh.points.shape}")
+        wrong = np.argwhere(~(np.abs(given) <= LARGEST["N"]))
+        if len(wrong):
+            node = wrong[0][0]
+            raise refused(f"the force on node {node}", Vector("N"), given[node].tolist())
+        return given
     nodal = np.zeros_like(mesh.points)
-    for where, total in force.items():
+    for where, total in by_place(force, "force").items():
         nodes, shares = _shares(mesh, where)
         if np.isin(nodes, fixed).all():
             raise VisceraError(f"all nodes of {name_of(where)} are fixed: a force there would move nothing")
@@ -92,7 +122,7 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
 def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
     """Nodal forces (n, 3) [N] of dead tractions `{where: (x, y, z)}` [Pa] on the surface triangles of each place."""
     nodal = np.zeros_like(mesh.points)
-    for where, value in traction.items():
+    for where, value in by_place(traction, "traction").items():
         faces = _loaded(mesh, fixed, where, "traction")
         pull = vector(value, f"traction on {name_of(where)}", "Pa")
         nodal += _lumped_areas(mesh, faces)[:, None] * pull
@@ -108,39 +138,36 @@ def pressed_faces(
     """
     known = {} if known is None else known
     faces, values = [np.empty((0, 6 if len(mesh.edges) else 3), dtype=np.uint32)], [np.empty(0)]
-    for where, value in pressure.items():
-        if isinstance(value, bool) or not isinstance(value, float | int | np.floating | np.integer):
-            raise VisceraError(f"the pressure on {name_of(where)} must be a number [Pa], got {value!r}")
-        if not np.isfinite(value):
-            raise VisceraError(f"the pressure on {name_of(where)} must be finite [Pa], got {value}")
+    for where, value in by_place(pressure, "pressure").items():
+        push = PRESSURE(value, f"the pressure on {name_of(where)}")
         if where not in known:
             known[where] = _loaded(mesh, fixed, where, "pressure")
         faces.append(known[where])
-        values.append(np.full(len(faces[-1]), float(value)))
+        values.append(np.full(len(faces[-1]), push))
     return np.ascontiguousarray(np.concatenate(faces)), np.concatenate(values)
 
 
 def density_per_cell(mesh: Mesh, density: ArrayLike) -> Floats:
     """Density (1,) or (m,) [kg/m^3], checked."""
-    values = np.atleast_1d(np.asarray(density, dtype=float))
-    if values.shape not in {(1,), (len(mesh.cells),)}:
-        raise VisceraError(f"density has shape {values.shape}; give one number or one per cell ({len(mesh.cells)})")
-    if not (values > 0.0).all():  # refuses NaN as well
-        raise VisceraError(f"density must be positive [kg/m^3], got {values[~(values > 0.0)][0]:g}")
-    return values
+    given = numbers_of(density)
+    if given is None or given.ndim == 0:
+        given = np.array([DENSITY(density, "density")])
+    if given.shape not in {(1,), (len(mesh.cells),)}:
+        raise VisceraError(f"density has shape {given.shape}; give one number or one per cell ({len(mesh.cells)})")
+    for extreme in (given.min(), given.max()):  # NaN is both
+        DENSITY(extreme, "density")
+    if given.min() < LIGHT:
+        _warn_of(float(given.min()))
+    return given
 
 
-def vector(value: ArrayLike | Sequence[float | None], what: str, unit: str) -> Floats:
-    """Three finite numbers, or an error that names what they are."""
-    try:
-        numbers = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.shape != (3,):
-        raise VisceraError(f"the {what} must be three numbers [{unit}], got {value!r}")
-    if not np.isfinite(numbers).all():
-        raise VisceraError(f"the {what} must be finite [{unit}], got {numbers.tolist()}")
-    return numbers
+@cache  # a frame that is given its density asks every time
+def _warn_of(density: float) -> None:
+    log.warning(
+        "a density of %g kg/m^3 is %g g/cm^3, lighter than any tissue; soft tissue has about 1000 kg/m^3",
+        density,
+        density / 1e3,
+    )
 
 
 def name_of(where: Where) -> str:
@@ -152,14 +179,20 @@ def name_of(where: Where) -> str:
     return "a predicate" if callable(where) else f"a set of {np.size(where)} nodes"
 
 
+def are_pairs(given: Any) -> bool:
+    """Whether places and their loads are given as `[(where, value)]`."""
+    return isinstance(given, list | tuple) and all(isinstance(pair, list | tuple) and len(pair) == 2 for pair in given)
+
+
 def _components(target: Any, count: int, name: str) -> list[Floats | None]:
     """The three components of a displacement: None where free, else one value for the set or one per node."""
     if isinstance(target, np.ndarray) and target.ndim == 2:
-        if target.shape != (count, 3) or not np.isfinite(target).all():
+        rows = numbers_of(target)
+        if rows is None or rows.shape != (count, 3) or not (np.abs(rows) <= LARGEST["m"]).all():
             raise VisceraError(f"displacements of {name}: expected finite values of shape ({count}, 3) [m]")
-        return list(np.asarray(target, dtype=float).T)
-    if len(target) != 3:
-        raise VisceraError(f"the displacement of {name} has three components (None = free), got {target!r}")
+        return list(rows.T)
+    if not isinstance(target, np.ndarray | list | tuple) or len(target) != 3:
+        raise refused(f"displacement of {name}", "three numbers [m], None for a free one", target)
     if all(component is None for component in target):
         raise VisceraError(f"the displacement of {name} leaves all components free; remove it")
     filled = vector([0.0 if c is None else c for c in target], f"displacement of {name}", "m")

@@ -18,10 +18,13 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core, meshfile
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import RawMesh
+from viscera.quantity import Number, vector
+from viscera.select import conditional, extent, is_condition, length
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
 Where = str | ArrayLike | Callable[[Floats], ArrayLike]
+"""A set's name, a condition such as "x < 10%", indices, or a predicate on places (k, 3) -> bool (k,)."""
 
 log = logging.getLogger("viscera")
 
@@ -48,11 +51,18 @@ class Mesh:
     sets: Mapping[str, Indices] = field(default_factory=dict)
     """Named node sets, ascending indices."""
     messages: tuple[str, ...] = ()
-    """What was repaired or dropped on the way in."""
+    """What was repaired, dropped or doubtful on the way in."""
     edges: Indices = field(default_factory=lambda: np.empty((0, 2), dtype=np.uint32))
     """Ends (k, 2) of the edges whose midpoints are the last k points; none in a linear mesh."""
     cell_sets: Mapping[str, Indices] = field(default_factory=dict)
     """Named sets of cells, ascending indices: parts of another tissue."""
+
+    def __post_init__(self) -> None:
+        """Check arrays as `mesh` does where they are not ours: those of a mesh that was checked are read-only."""
+        if not (_is_ours(self.points, np.float64) and _is_ours(self.cells, np.uint32)):
+            checked = mesh(self.points, self.cells, self.sets, self.cell_sets)
+            for name in ("points", "cells", "sets", "messages", "cell_sets"):
+                object.__setattr__(self, name, getattr(checked, name))
 
     @cached_property
     def surface(self) -> Indices:
@@ -68,7 +78,12 @@ class Mesh:
     @cached_property
     def volume(self) -> float:
         """Volume [m^3]."""
-        return float(_core.inspect(self.points, self.cells)["volume"])
+        return float(self.facts["volume"])
+
+    @cached_property
+    def facts(self) -> dict[str, Any]:
+        """What the core finds in the mesh: `cell_volumes` (m,) [m^3], `quality` (m,), `body` (n,), `part` (m,), ..."""
+        return _core.inspect(self.points, self.cells)
 
     @cached_property
     def centroids(self) -> Floats:
@@ -92,22 +107,30 @@ class Mesh:
         return float(np.linalg.norm(high - low))
 
     def nodes(self, where: Where) -> Indices:
-        """The nodes of a set, ascending: a set's name, node indices, or a predicate on points (n, 3) -> bool (n,).
+        """The nodes of a place, ascending.
 
+        where: a set's name; a condition, as `viscera.select` reads it; node indices; or a predicate on points
+            (n, 3) -> bool (n,).
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes. In a quadratic mesh, corners given by index bring the midpoint of every edge
-        that they hold both ends of.
+        mesh, and a set without nodes. In a quadratic mesh, corners given by index or by a condition bring the midpoint
+        of every edge that they hold both ends of.
+
+        >>> import viscera as vs
+        >>> len(vs.organs.beam().nodes("x < 1% and z > 12 cm"))
+        10
         """
-        found = _members(where, self.sets, self.points, "node")
-        names_corners_alone = not (isinstance(where, str) or callable(where)) and found[-1] < self.n_corners
+        places = self.points[: self.n_corners] if isinstance(where, str) else self.points
+        found = _members(where, self.sets, places, self.bounding_box, "node")
+        is_chosen = callable(where) or (isinstance(where, str) and where in self.sets)
+        names_corners_alone = not is_chosen and found[-1] < self.n_corners
         return _with_midpoints(found, self.edges, self.n_corners) if names_corners_alone else found
 
     def cells_in(self, where: Where) -> Indices:
-        """The cells of a cell set, ascending: its name, cell indices, or a predicate on centroids (m, 3) -> bool (m,).
+        """The cells of a place, ascending, as in `nodes`: a cell set's name, a condition, indices or a predicate.
 
-        Raises `VisceraError` as `nodes` does.
+        Conditions and predicates look at the centroids (m, 3). Raises `VisceraError` as `nodes` does.
         """
-        return _members(where, self.cell_sets, self.centroids, "cell")
+        return _members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
 
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
         """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
@@ -120,14 +143,15 @@ class Mesh:
         >>> vs.NeoHookean(young=young, poisson=0.45)
         NeoHookean(mu=1034.48..10344.8, lam=9310.34..93103.4)
         """
-        values = np.full(len(self.cells), float(value))
+        values = np.full(len(self.cells), Number()(value, "the value per cell"))
         for where, other in elsewhere.items():
-            values[self.cells_in(where)] = float(other)
+            values[self.cells_in(where)] = Number()(other, "the value per cell of a part")
         return values
 
-    def near(self, point: ArrayLike, radius: float) -> Indices:
+    def near(self, point: ArrayLike, radius: float | str) -> Indices:
         """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""
-        center = np.asarray(point, dtype=np.float64)
+        center = vector(point, "centre", "m")
+        radius = length(radius, self.diagonal, "radius")
         distance = np.linalg.norm(self.points[self.surface_nodes] - center, axis=1)
         if not (distance <= radius).any():
             raise VisceraError(
@@ -190,7 +214,8 @@ def mesh(
     """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets of nodes and of cells by name.
 
     Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
-    coordinates that are not finite, indices out of range, cells of zero volume or given twice, points without a cell.
+    coordinates that are not finite, indices out of range, cells of zero volume or given twice, cells that overlap their
+    neighbours, points that hang on a face of which they are no corner, points without a cell.
     """
     named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
     return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
@@ -224,7 +249,7 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
 
     n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
     regular tetrahedron), problems (sentences), sets {name: number of nodes}, cell_sets {name: number of cells},
-    parts (number of connected parts), messages. Numbers that a broken mesh does not have are None.
+    parts (cells are of one part when they share a face), messages. Numbers that a broken mesh does not have are None.
     """
     result: dict[str, Any] = {
         "n_points": len(raw.points),
@@ -256,16 +281,17 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
 
 def _problems(points: Floats, facts: dict[str, Any]) -> list[str]:
     problems = _faults(facts)
-    if len(facts["inverted"]):
+    if len(facts["inverted"]) and not len(facts["overlapping"]):
         problems.append(f"{_listed('cell', facts['inverted'])} inverted; reading the mesh turns them round")
     if len(facts["loose_points"]):
         problems.append(f"{_listed('point', facts['loose_points'])} in no cell; reading a file drops them")
     if facts["n_parts"] > 1:
-        sizes = np.sort(np.bincount(facts["part"][facts["part"] >= 0]))[::-1]
+        sizes = np.sort(np.bincount(facts["part"]))[::-1]
         problems.append(
             f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
-            f"{', ...' if len(sizes) > 5 else ''} points); each needs its own fixed nodes"
+            f"{', ...' if len(sizes) > 5 else ''} cells); each needs its own fixed nodes"
         )
+    problems += _hinges(facts)
     return problems + _implausible_size(points)
 
 
@@ -276,7 +302,29 @@ def _faults(facts: dict[str, Any]) -> list[str]:
         faults.append(f"{_listed('cell', facts['degenerate'])} of zero volume; remove or remesh them")
     if len(facts["duplicate"]):
         faults.append(f"{_listed('cell', facts['duplicate'])} on the same four points as an earlier cell; remove them")
+    if len(over := facts["overlapping"]):
+        volumes = np.abs(facts["cell_volumes"])
+        faults.append(
+            f"{_listed('cell', over)} pushed through neighbouring cells: the volumes of all cells add up to "
+            f"{1e6 * volumes.sum():.6g} ml, {2e6 * volumes[over].sum():.3g} ml more than the surface encloses; move "
+            "their points back, or remesh"
+        )
+    if len(facts["crowded"]):
+        faults.append(f"{_listed('cell', facts['crowded'])} on a face that two other cells share already; remove them")
+    if len(hanging := facts["hanging"]):
+        faults.append(
+            f"{_listed('point', hanging[:, 0])} hanging on a face of another cell (the first on one of cell "
+            f"{hanging[0, 1]}) without being a corner of it: the two sides would part there; remesh"
+        )
     return faults
+
+
+def _hinges(facts: dict[str, Any]) -> list[str]:
+    """Where parts share points but no face."""
+    if (count := len(at := facts["pinches"])) == 0:
+        return []
+    where = f"point {at[0]}" if count == 1 else f"{count} points (first: {', '.join(map(str, at[:5]))})"
+    return [f"parts meet at {where} only, without a common face: they turn there as on a hinge"]
 
 
 def _implausible_size(points: Floats) -> list[str]:
@@ -300,6 +348,9 @@ def _checked(raw: RawMesh) -> Mesh:
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
         log.info(messages[-1])
+    for hinge in _hinges(facts):
+        messages.append(hinge)
+        log.warning(hinge)
     sets = {name: _read_only(_indices(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
     parts = {
         name: _read_only(_indices(chosen, len(cells), f"cell set {name!r}", "cell"))
@@ -348,12 +399,17 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message))
 
 
-def _members(where: Where, sets: Mapping[str, Indices], places: Floats, noun: str) -> Indices:
-    """The nodes or cells that a set's name, indices or a predicate on their places (k, 3) select."""
-    if isinstance(where, str):
-        if where not in sets:
-            raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
+def _members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floats, noun: str) -> Indices:
+    """The nodes or cells that a set's name, a condition, indices or a predicate on their places (k, 3) select."""
+    if isinstance(where, str) and where in sets:
         return sets[where]
+    if isinstance(where, str):
+        if not is_condition(where):
+            raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
+        found = np.flatnonzero(conditional(places, where, box))
+        if len(found) == 0:
+            raise VisceraError(f"{where!r} selects no {noun}; {extent(box)}")
+        return found.astype(np.uint32)
     if callable(where):
         mask = np.asarray(where(places))
         if mask.shape != (len(places),) or mask.dtype != np.bool_:
@@ -398,6 +454,10 @@ def _listed(noun: str, indices: Indices) -> str:
     if len(indices) == 1:
         return f"{noun} {indices[0]} is"
     return f"{len(indices)} {noun}s (first: {', '.join(map(str, indices[:5]))}) are"
+
+
+def _is_ours(array: Any, kind: type) -> bool:
+    return isinstance(array, np.ndarray) and array.dtype == kind and not array.flags.writeable
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -7,7 +7,6 @@ found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and
 from __future__ import annotations
 
 import importlib
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import febio
+from viscera.atomic import replacing
 from viscera.errors import VisceraError, did_you_mean
+from viscera.quantity import Number
 
 if TYPE_CHECKING:
     import meshio
@@ -79,10 +80,9 @@ def write(
 ) -> None:
     """Writes points, cells and the sets of both in the format of the file's ending."""
     ending = _known_ending(path)
-    if not path.parent.is_dir():
-        raise VisceraError(f"{path}: there is no folder {path.parent}")
     if ending == ".feb":
-        path.write_bytes(febio.write(points, cells, sets, cell_sets))
+        with replacing(path) as scratch:
+            scratch.write_bytes(febio.write(points, cells, sets, cell_sets))
         return
     import meshio
 
@@ -110,7 +110,8 @@ def write(
         ".vtk": {"fmt_version": "4.2"},
     }
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
-    module.write(str(path), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+    with replacing(path) as scratch:
+        module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
 
 
 def metres_per_unit(units: str | float) -> float:
@@ -119,9 +120,7 @@ def metres_per_unit(units: str | float) -> float:
         if units not in METRES:
             raise VisceraError(f"unknown unit {units!r}; {did_you_mean(units, METRES)}, or give metres per unit")
         return METRES[units]
-    if not (math.isfinite(units) and units > 0):
-        raise VisceraError(f"units = {units!r}: metres per unit must be a positive number")
-    return float(units)
+    return Number("m", above=0)(units, "units, if they are metres per unit,")
 
 
 def _known_ending(path: Path) -> str:
@@ -136,6 +135,13 @@ Arrays = dict[str, NDArray[Any]]
 
 def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
     """Points, node indices of the cells by kind, node sets and cell sets."""
+    with path.open("rb") as file:
+        is_first_gmsh = ending == ".msh" and file.read(1000).lstrip().startswith(b"$NOD")
+    if is_first_gmsh:
+        raise VisceraError(
+            "Gmsh's format of version 1 ($NOD, $ELM) is not read; save it anew as version 4.1: "
+            f"gmsh {path.name} -save -format msh41 -o new.msh"
+        )
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     found = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}").read(str(path))
     declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None

@@ -18,6 +18,7 @@ import numpy as np
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.quantity import Number, Whole
 from viscera.state import State
 
 if TYPE_CHECKING:
@@ -76,8 +77,8 @@ def unloaded(
     Sellier, C. R. Mécanique 339 (2011) 103. The whole load is tried first; where that fails it is approached in steps.
     """
     _require_loads(loads)
-    if not (tolerance > 0.0 and max_iterations > 0):
-        raise VisceraError(f"tolerance {tolerance!r} and max_iterations {max_iterations!r} must be positive")
+    tolerance = Number(above=0, below=1)(tolerance, "tolerance")
+    max_iterations = Whole(1, 100_000)(max_iterations, "max_iterations")
     search = _Search(organ, dict(loads), tolerance, max_iterations)
     began = perf_counter()
     reached, step, message = 0.0, 1.0, ""

@@ -4,36 +4,42 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, defaults, navigation
+from viscera.checkpoint import Batches, Checkpoint, fingerprint
 from viscera.dynamics import Integration, Prony
-from viscera.errors import NotConverged, VisceraError, did_you_mean
+from viscera.errors import NotConverged, VisceraError
 from viscera.law import Law
 from viscera.loads import (
     Displacements,
     Forces,
     Pressures,
     Tractions,
+    are_pairs,
+    by_place,
     density_per_cell,
     nodal_forces,
     prescribed,
     pressed_faces,
     traction_forces,
-    vector,
 )
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
 from viscera.preload import preload_of
-from viscera.solver import Solver, core_solver
+from viscera.progress import shown
+from viscera.quantity import Choice, Flag, Number, Whole, numbers_of, refused, vector
+from viscera.select import length
+from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
-from viscera.stepper import Stepper, settings_of
+from viscera.stepper import Frame, Stepper, settings_of
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 from viscera.vary import Vary
@@ -42,6 +48,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ELEMENTS = ("P1", "P1 mean volume", "P2")
+STEPS = Whole(1, 10_000)
+ORDER = Whole(2, 8)
+TOLERANCE = Number(above=0, below=1)
+
+NOTHING_ACTS = "nothing acts on the organ: no load, no prescribed displacement other than zero"
 
 Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
@@ -50,7 +61,8 @@ Progress = Callable[[int, int, str], None]
 class Organ:
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
-    mesh: `viscera.Mesh`; law: one of `viscera.laws`; fixed: a node set's name, indices or a predicate on points (n, 3).
+    mesh: `viscera.Mesh`; law: one of `viscera.laws`.
+    fixed: a node set's name, a condition such as "x < 10%", indices or a predicate on points (n, 3): see `Mesh.nodes`.
     element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
         (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and
         "P1" below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
@@ -64,6 +76,8 @@ class Organ:
     """
 
     def __init__(self, mesh: Mesh, law: Law, fixed: Where, *, element: str | None = None) -> None:
+        if not isinstance(mesh, Mesh):
+            raise refused("the mesh", "a viscera.Mesh, as read(path) or mesh(points, cells) gives it", mesh)
         if not isinstance(law, Law):
             raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
         rows = len(law.parameters)
@@ -87,6 +101,7 @@ class Organ:
         """The same law, fixed nodes and element on another mesh of as many nodes and cells."""
         return Organ(mesh, self.law, fixed=self.fixed, element=self.element)
 
+    @shown
     def solve(
         self,
         *,
@@ -97,7 +112,7 @@ class Organ:
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
         steps: int = 1,
-        start: State | Floats | None = None,
+        start: State | Frame | Floats | None = None,
         settings: Mapping[str, float] | None = None,
         solver: Solver = "cholesky",
         throw: bool = False,
@@ -114,18 +129,14 @@ class Organ:
             on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
-        start: a state to continue from, or its displacement (n, 3) [m]; rest otherwise.
+        start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
         solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
         """
         if gravity is not None and density is None:
             raise VisceraError("gravity needs a density [kg/m^3]")
-        if not isinstance(steps, int | np.integer) or steps < 1:
-            raise VisceraError(f"steps must be a whole number of at least 1, got {steps!r}")
-        begin = start.displacement if isinstance(start, State) else start
-        if begin is not None and np.shape(begin) != self.mesh.points.shape:
-            raise VisceraError("the state to start from belongs to another mesh")
+        steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
@@ -135,6 +146,7 @@ class Organ:
         if gravity is not None and density is not None:
             acceleration = vector(gravity, "gravity", "m/s^2")
             weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
+        means = [mean for _, mean in moved.patches]
         began = perf_counter()
         result = self._body.solve(
             prescribed=moved.dofs,
@@ -145,13 +157,15 @@ class Organ:
             pressure=pressures,
             patches=moved.patches,
             start=begin,
-            steps=int(steps),
-            settings=dict(settings or {}),
+            steps=steps,
+            settings=newton_settings(settings),
             solver=core_solver(solver),
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
         state = State(self.mesh, result, patches, seconds, has_pressure=bool(pressure))
+        if state.is_converged and not any(np.any(each) for each in (moved.values, means, applied, weight, pressures)):
+            state.message = NOTHING_ACTS
         if throw and not state.is_converged:
             raise NotConverged(state)
         return state
@@ -160,9 +174,10 @@ class Organ:
         self,
         grasped: Displacements | None = None,
         *,
-        start: State | None = None,
+        start: State | Frame | Floats | None = None,
         solver: Solver = "cholesky",
         iterations: int = 1,
+        settled: float = 1e-3,
         budget: float | None = None,
         density: ArrayLike | None = None,
         time_step: float | None = None,
@@ -174,10 +189,10 @@ class Organ:
         """The organ in real time: one Newton iteration a frame from the last state, quasi-static or with inertia.
 
         grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold to begin with; every frame may change it.
-        start: a state to start from; rest otherwise.
+        start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
-        iterations: Newton iterations a frame.
-        budget: wall time [s] after which conjugate gradients stop with what they have.
+        iterations: Newton iterations a frame at most; the first that leaves a residual of `settled` ends it.
+        budget: wall time [s] after which conjugate gradients stop with what they have, and no iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.
         time_step [s] between frames: for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static where None.
@@ -188,6 +203,7 @@ class Organ:
             self.mesh,
             solver=solver,
             iterations=iterations,
+            settled=settled,
             budget=budget,
             density=density,
             time_step=time_step,
@@ -196,8 +212,9 @@ class Organ:
             damping=damping,
             relaxation=relaxation,
         )
-        return Stepper(self, grasped or {}, start, settings)
+        return Stepper(self, grasped or {}, displacement_of(start, self.mesh), settings)
 
+    @shown
     def path(
         self,
         *,
@@ -217,10 +234,11 @@ class Organ:
         force, traction, pressure: as in `solve`, at load 1; the pressure follows the surface.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
         """
-        if parameter not in {"load", "arc length"}:
-            raise VisceraError(f"the path parameter is 'load' or 'arc length', got {parameter!r}")
-        if order < 2:
-            raise VisceraError(f"a path needs at least order 2, got {order}")
+        Choice(("load", "arc length"))(parameter, "the path parameter")
+        order = Whole(2, 100)(order, "order")
+        until = Number(above=0)(until, "until")
+        tolerance = TOLERANCE(tolerance, "tolerance")
+        max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
         applied += traction_forces(self.mesh, self.fixed, traction or {})
@@ -236,6 +254,7 @@ class Organ:
         )
         return Path([Expansion(**expansion) for expansion in expansions])
 
+    @shown
     def unloaded(
         self,
         *,
@@ -261,20 +280,22 @@ class Organ:
         From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
         displacement from the scan.
         """
-        loads = {"gravity": gravity, "density": density, "force": force, "traction": traction, "pressure": pressure}
+        placed = {"force": force, "traction": traction, "pressure": pressure}
+        placed = {name: by_place(load, name) if are_pairs(load) else load for name, load in placed.items()}
+        loads = {"gravity": gravity, "density": density, **placed}
         result = navigation.unloaded(self, loads, tolerance, max_iterations, progress)
         if throw and not result.is_converged:
             raise VisceraError(result.message)
         return result
 
-    def patch(self, point: ArrayLike, radius: float) -> _core.Patch:
+    def patch(self, point: ArrayLike, radius: float | str) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
         A place for `solve`: its mean displacement may be prescribed, a force spread over it.
         """
         return self._body.patch(vector(point, "contact point", "m"), self._length("radius", radius))
 
-    def touchable(self, where: Where | None = None, radius: float | None = None) -> Indices:
+    def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
         """The free surface nodes of a place; without one, all those farther than `radius` [m] from fixed nodes."""
         surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
         if where is not None:
@@ -288,25 +309,27 @@ class Organ:
             raise VisceraError(advice)
         return nodes
 
+    @shown
     def reduce(
         self,
         touchable: Where | None = None,
         *,
-        radius: float | None = None,
-        depth: float | None = None,
+        radius: float | str | None = None,
+        depth: float | str | None = None,
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
         pade: bool = True,
         start: State | None = None,
         vary: Vary | None = None,
+        checkpoint: Checkpoint | str | os.PathLike[str] | None = None,
         progress: Progress | None = None,
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
 
         touchable: where the organ may be touched, its free surface nodes being taken; by default all surface nodes
             farther than `radius` from fixed ones.
-        radius [m] of the contact patch and largest `depth` [m] of a touch: by default a tenth of the bounding-box
-            diagonal each.
+        radius [m] of the contact patch and largest `depth` [m] of a touch, or in words such as "12 mm" or "5%" of the
+            bounding-box diagonal; by default a tenth of it each.
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
@@ -314,11 +337,17 @@ class Organ:
         start: a stable equilibrium under dead loads, which stay; rest otherwise. Contact points, patches and lengths
             are then of the loaded shape, displacements and forces what the touch adds.
         vary: a parameter that the model is to cover for a range of values; `Touch.at` sets it.
+        checkpoint: a file that keeps finished batches of positions until the model is complete: a reduction that was
+            interrupted or killed goes on from there when the same call is made again. Of another case it starts anew,
+            with a warning.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
-        if not isinstance(order, int | np.integer):
-            raise VisceraError(f"order must be a whole number, got {order!r}")
+        order, tolerance, pade = ORDER(order, "order"), TOLERANCE(tolerance, "tolerance"), Flag()(pade, "pade")
+        if vary is not None and not isinstance(vary, Vary):
+            raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
+        if start is not None and not isinstance(start, State):
+            raise refused("the state to reduce about", "a State, as solve returns it", start)
         if not self.law.is_analytic:
             raise VisceraError(
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
@@ -326,20 +355,46 @@ class Organ:
             )
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
-        organ, family = (self, None) if vary is None else vary.family(self, radius)
-        model = organ._body.reduce(
-            touchable=nodes,
-            radius=radius,
-            depth=depth,
-            order=int(order),
-            tolerance=float(tolerance),
-            pade=bool(pade),
-            preload=None if start is None else preload_of(self, start),
-            family=family,
-            metadata="{}",
-            on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
-        )
+        organ, family = (self, None) if vary is None else vary.on(self.mesh).family(self, radius)
+        preload = None if start is None else preload_of(self, start)
+        numbers: dict[str, Any] = {
+            "radius": radius,
+            "depth": depth,
+            "order": order,
+            "tolerance": tolerance,
+            "pade": pade,
+        }
+        with (
+            nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, numbers, family) as kept
+        ):
+            model = organ._body.reduce(
+                touchable=nodes,
+                **numbers,
+                preload=preload,
+                family=family,
+                metadata="{}",
+                on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
+                batches=kept,
+            )
         return Touch(model)
+
+    def _batches(
+        self,
+        checkpoint: Checkpoint | str | os.PathLike[str],
+        nodes: Indices,
+        preload: Floats | None,
+        numbers: dict[str, Any],
+        family: dict[str, Any] | None,
+    ) -> AbstractContextManager[Batches]:
+        """The batches kept of this reduction."""
+        keeper = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
+        words = {"law": self.law.name, "element": self.element, **numbers}
+        if family is not None:
+            members = [[value, radius] for value, _, radius in family["members"]]
+            words["family"] = [family["name"], family["value"], family["cells"], members]
+        rest = np.empty(0) if preload is None else preload
+        arrays = (self.mesh.points, self.mesh.cells, self.law.parameters, self.fixed, nodes, rest)
+        return keeper.batches(fingerprint(arrays, words))
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
         """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
@@ -349,13 +404,14 @@ class Organ:
         parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
         return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
 
+    @shown
     def pgd(
         self,
         touchable: Where | None = None,
         *,
         load: float,
         order: int = 4,
-        radius: float = 0.0,
+        radius: float | str = 0.0,
         tolerance: float | None = 0.05,
         max_terms: int = 100,
         stagnation: float = 0.05,
@@ -372,36 +428,53 @@ class Organ:
             turns by less.
         Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
         """
-        for name, value in (("order", order), ("max_terms", max_terms), ("max_iterations", max_iterations)):
-            if not isinstance(value, int | np.integer) or value < 1:
-                raise VisceraError(f"{name} must be a whole number of at least 1, got {value!r}")
+        order = Whole(1, 15)(order, "order")
+        max_terms = Whole(1, 10_000)(max_terms, "max_terms")
+        max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
+        load, stagnation = Number("N")(load, "load"), TOLERANCE(stagnation, "stagnation")
+        radius = length(radius, self.mesh.diagonal, "radius")
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
         rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
         return separate(
             self,
             self.touchable(touchable),
-            load=float(load),
-            radius=float(radius),
-            order=int(order),
-            enrichment=None if tolerance is None else {"tolerance": tolerance, **rules},
+            load=load,
+            radius=radius,
+            order=order,
+            enrichment=None if tolerance is None else {"tolerance": TOLERANCE(tolerance, "tolerance"), **rules},
             progress=progress,
         )
 
-    def _length(self, name: str, value: float) -> float:
-        if not 0.0 < value <= self.mesh.diagonal:
+    def _length(self, name: str, value: float | str) -> float:
+        metres = length(value, self.mesh.diagonal, name)
+        if not 0.0 < metres <= self.mesh.diagonal:
             raise VisceraError(
-                f"{name} is {value:g} m; it must be positive and at most the organ's diagonal, {self.mesh.diagonal:g} m"
+                f"{name} is {metres:g} m; it must be positive and at most the organ's diagonal, "
+                f"{self.mesh.diagonal:g} m"
             )
-        return float(value)
+        return metres
 
 
 def _element(name: str | None, law: Law) -> str:
     """The element asked for, or the one that is right for the law."""
     if name is None:
         return defaults.LOCKING_FREE_ELEMENT if law.poisson.max() > defaults.LOCKING_POISSON else defaults.ELEMENT
-    if name not in ELEMENTS:
-        raise VisceraError(f"unknown element {name!r}; {did_you_mean(str(name), ELEMENTS)}")
-    return name
+    return Choice(ELEMENTS)(name, "the element")
+
+
+def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:
+    """The displacement (n, 3) [m] of what to start from; None at rest."""
+    if start is None:
+        return None
+    given = numbers_of(start.displacement if isinstance(start, State | Frame) else start)
+    if given is None or not np.isfinite(given).all():
+        raise refused("start", "a State, a Frame or a finite displacement (n, 3) [m]", start)
+    if given.shape != mesh.points.shape:
+        raise VisceraError(
+            f"the state to start from belongs to another mesh: its displacement has shape {given.shape}, "
+            f"this mesh asks for {mesh.points.shape}"
+        )
+    return given
 
 
 def _distances(points: Floats, others: Floats) -> Floats:

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
+from viscera.quantity import LARGEST, numbers_of, refused
 
 
 def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
@@ -16,6 +17,7 @@ def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
         if values.ndim != 1 or values.size == 0:
             raise VisceraError(f"{law}: {name} is one number or an array (m,), got shape {values.shape}")
         require(law, name, values, np.isfinite(values), "must be finite")
+        require(law, name, values, np.abs(values) <= LARGEST["Pa"], f"must not exceed {LARGEST['Pa']:g} in size")
     lengths = {name: len(values) for name, values in given.items() if len(values) > 1}
     if len(set(lengths.values())) > 1:
         raise VisceraError(f"{law}: per-cell parameters have different lengths: {lengths}")
@@ -23,10 +25,10 @@ def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
 
 
 def _numbers(law: str, name: str, values: ArrayLike) -> Floats:
-    try:
-        return np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        raise VisceraError(f"{law}: {name} is one number or an array (m,), got {values!r}") from None
+    numbers = numbers_of(values)
+    if numbers is None:
+        raise refused(f"{law}: {name}", "one number or an array (m,)", values)
+    return np.atleast_1d(numbers)
 
 
 def compressibility(law: str, kappa: ArrayLike | None, poisson: ArrayLike | None) -> tuple[str, ArrayLike]:

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.loads import vector
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.quantity import vector
 
 if TYPE_CHECKING:
     from viscera.organ import Organ

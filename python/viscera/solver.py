@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from viscera import _core
 from viscera.errors import VisceraError, did_you_mean
+from viscera.quantity import Flag, Number, Whole, refused
+
+NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
+    "tolerance": (Number(above=0, below=1), "residual, relative to the norm of all nodal forces", "1e-9"),
+    "max_iterations": (Whole(1, 10_000), "in one load step before it is cut", "30"),
+    "max_backtracks": (Whole(0, 1_000), "halvings of a step in the line search", "12"),
+    "smallest_step": (Number(above=0, high=1), "of the load before the solver gives up", "1/1024"),
+}
+"""Settings of Newton's iteration: what each must be, what it is, and the default in core/src/equilibrium/newton.rs."""
 
 PRECONDITIONERS = ("block_jacobi", "incomplete_cholesky", "lagged_cholesky")
 
@@ -35,10 +45,9 @@ class ConjugateGradients:
         if self.preconditioner not in PRECONDITIONERS:
             hint = did_you_mean(str(self.preconditioner), PRECONDITIONERS)
             raise VisceraError(f"no preconditioner is called {self.preconditioner!r}; {hint}")
-        if not 0.0 < self.tolerance < 1.0:
-            raise VisceraError(f"the tolerance of conjugate gradients lies between 0 and 1, got {self.tolerance}")
-        if self.max_iterations < 1:
-            raise VisceraError(f"conjugate gradients need at least one iteration, got {self.max_iterations}")
+        Number(above=0, below=1)(self.tolerance, "the tolerance of conjugate gradients")
+        Whole(1, 1_000_000)(self.max_iterations, "max_iterations of conjugate gradients")
+        Flag()(self.matrix_free, "matrix_free")
         if self.matrix_free and self.preconditioner != "block_jacobi":
             raise VisceraError(
                 f"{self.preconditioner!r} is made from the matrix, and matrix_free=True leaves none; "
@@ -61,3 +70,13 @@ def core_solver(solver: Solver) -> _core.Solver:
         return "cholesky", 0.0, 0, False
     hint = did_you_mean(str(solver), ("cholesky", "cg"))
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
+
+
+def newton_settings(given: Mapping[str, Any] | None) -> dict[str, float]:
+    """Settings of Newton's iteration as the core takes them; raises `VisceraError` naming one that is wrong."""
+    if not isinstance(given or {}, Mapping):
+        raise refused("settings", "a mapping, such as {'tolerance': 1e-10}", given)
+    for name in given or {}:
+        if name not in NEWTON:
+            raise VisceraError(f"Newton's iteration has no setting {name!r}; {did_you_mean(str(name), NEWTON)}")
+    return {name: float(NEWTON[name][0](value, f"{name} in settings")) for name, value in (given or {}).items()}

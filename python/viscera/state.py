@@ -6,11 +6,9 @@ import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import meshio
 import numpy as np
 
-from viscera import _core
-from viscera.atomic import replacing
+from viscera import _core, statefile
 from viscera.errors import VisceraError
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
@@ -45,6 +43,8 @@ class State:
         self.load: float = result["load"]
         """Fraction of the load reached, 1 where converged."""
         self.iterations: int = result["iterations"]
+        self.factorizations: int = result["factorizations"]
+        """Tangents factorised (with "cg": taken over), those rejected and those of failed load steps included."""
         self.residuals: list[list[float]] = result["residuals"]
         """Relative force residual of each iteration, one list per load step."""
         self.seconds = seconds
@@ -80,17 +80,12 @@ class State:
         return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write rest points [m], cells, `displacement` [m] and `reaction` [N] to a file; VTU by its suffix `.vtu`."""
-        fields = {"displacement": self.displacement, "reaction": self._held}
-        mesh = self.mesh
-        is_quadratic = len(mesh.edges) > 0
-        cells = _core.quadratic(mesh.n_corners, mesh.cells)[1] if is_quadratic else mesh.cells
-        grid = meshio.Mesh(mesh.points, [("tetra10" if is_quadratic else "tetra", cells)], point_data=fields)
-        with replacing(path) as scratch:
-            try:
-                grid.write(scratch)
-            except (meshio.ReadError, meshio.WriteError) as error:
-                raise VisceraError(f"{os.fspath(path)}: cannot write this format ({error}); use .vtu") from error
+        """Write the solution; the ending chooses the format, which is checked first.
+
+        `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, `displacement` [m] and `reaction` [N]. `.ply`, `.glb`,
+        `.gltf`: the deformed surface with both fields on its vertices. `.obj`, `.stl`: the deformed surface alone.
+        """
+        statefile.write(path, self.mesh, self.displacement, {"displacement": self.displacement, "reaction": self._held})
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """The deformed organ over its rest shape, coloured by displacement; a PNG where a path is given."""

@@ -18,23 +18,23 @@ from viscera.loads import (
     Pressures,
     Tractions,
     Where,
+    by_place,
     density_per_cell,
     name_of,
     nodal_forces,
     pressed_faces,
     traction_forces,
-    vector,
 )
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
 from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
-    from viscera.state import State
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Frame:
     """The organ after one frame, and what the frame did."""
 
@@ -42,6 +42,13 @@ class Frame:
     """Displacement (n, 3) [m]."""
     residual: float
     """Out-of-balance force that the frame left, relative to all nodal forces."""
+    is_settled: bool
+    """Whether its forces can be relied on: the residual is at most the stepper's `settled`, hands are where they are to
+    be, and no cell is at a bound."""
+    steps: int
+    """Newton iterations done."""
+    cells_at_bound: int
+    """Cells next to a bound of the volume ratio, 0.05 and 4, which no frame passes: not the law alone holds them."""
     taken: float
     """Part of the step taken: below 1 where a cell would have been crushed or torn; hands then moved only so far."""
     is_unstable: bool
@@ -63,19 +70,32 @@ class Frame:
     _patch_forces: Floats
     _organ: Organ
 
+    def __repr__(self) -> str:
+        flags = {
+            "settled": self.is_settled,
+            "not settled": not self.is_settled,
+            "unstable": self.is_unstable,
+            f"{self.cells_at_bound} cells at a bound": self.cells_at_bound > 0,
+            "linear system not solved": not self.is_solved,
+            "over budget": not self.within_budget,
+        }
+        said = ", ".join(word for word, is_true in flags.items() if is_true)
+        return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
+
     @property
     def positions(self) -> Floats:
         """Positions of the nodes (n, 3) [m]."""
         return self._organ.mesh.points + self.displacement
 
-    def reaction(self, where: Where) -> Floats:
-        """Force (3,) [N] with which a place is held: of a grasped patch, or summed over nodes."""
-        if isinstance(where, _core.Patch):
+    def reaction(self, where: Where | Hand) -> Floats:
+        """Force (3,) [N] with which a place is held: by a hand, of a grasped patch, or summed over nodes."""
+        place = where._where if isinstance(where, Hand) else where
+        if isinstance(place, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):
-                if patch is where:
+                if patch is place:
                     return np.asarray(force)
             raise VisceraError("this contact patch is not held by the stepper")
-        return np.asarray(self._reactions[self._organ.mesh.nodes(where)].sum(axis=0))
+        return np.asarray(self._reactions[self._organ.mesh.nodes(place)].sum(axis=0))
 
 
 class Hand:
@@ -99,7 +119,8 @@ class Hand:
 class Stepper:
     """An organ in real time, made by `Organ.stepper`. Paper B: one Newton iteration a frame from the last state."""
 
-    def __init__(self, organ: Organ, grasped: Displacements, start: State | None, settings: dict[str, Any]) -> None:
+    def __init__(self, organ: Organ, grasped: Displacements, start: Floats | None, settings: dict[str, Any]) -> None:
+        grasped = by_place(grasped, "grasped")
         self._organ = organ
         self._hands: list[Hand] = []
         self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
@@ -108,10 +129,7 @@ class Stepper:
         self._faces: dict[Any, Indices] = {}
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
-        if start is not None and start.displacement.shape != organ.mesh.points.shape:
-            raise VisceraError("the state to start from belongs to another mesh")
-        origin = None if start is None else start.displacement
-        self._core = _core.Stepper(organ._body, start=origin, **settings)
+        self._core = _core.Stepper(organ._body, start=start, **settings)
         self._hold(self._grasp)
 
     @property
@@ -163,7 +181,7 @@ class Stepper:
             may change with every frame, and what is not named acts no longer.
         gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
         """
-        named = self._named if displacement is None else displacement
+        named = self._named if displacement is None else by_place(displacement, "displacement")
         targets: dict[Any, Any] = dict(named)
         for hand in self._hands:
             if hand._where in targets:
@@ -175,12 +193,15 @@ class Stepper:
             self._grasp = grasp
         values, means = self._grasp.move(targets)
         applied, acceleration = self._loads(force, traction, gravity, density)
-        self._press(pressure or {})
+        self._press(by_place(pressure or {}, "pressure"))
         result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         self._named = named
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
+            is_settled=result["is_settled"],
+            steps=result["steps"],
+            cells_at_bound=result["cells_at_bound"],
             taken=result["taken"],
             is_unstable=result["is_unstable"],
             iterations=result["iterations"],
@@ -238,6 +259,7 @@ def settings_of(
     *,
     solver: Solver,
     iterations: int,
+    settled: float,
     budget: float | None,
     density: ArrayLike | None,
     time_step: float | None,
@@ -247,14 +269,19 @@ def settings_of(
     relaxation: Prony | None,
 ) -> dict[str, Any]:
     """A stepper's settings as the core knows them; raises `VisceraError` where one is wrong or another is missing."""
-    if iterations < 1:
-        raise VisceraError(f"a frame needs at least one Newton iteration, got {iterations}")
-    for name, value in (("time_step", time_step), ("budget", budget)):
-        if value is not None and not 0.0 < value < np.inf:
-            raise VisceraError(f"{name} must be positive [s], got {value}")
-    if mass not in {"lumped", "consistent"}:
-        raise VisceraError(f"the mass is 'lumped' or 'consistent', got {mass!r}")
-    if dynamics is None and tuple(damping) != (0.0, 0.0):
+    iterations = Whole(1, 1_000)(iterations, "iterations")
+    settled = Number(above=0, below=1)(settled, "settled, a relative residual,")
+    if time_step is not None:
+        Number("s", above=0)(time_step, "time_step")
+    if budget is not None:
+        Number("s", above=0, high=1e300)(budget, "budget")
+    Choice(("lumped", "consistent"))(mass, "the mass")
+    rates = numbers_of(damping)
+    if rates is None or rates.shape != (2,):
+        raise refused("damping", "a pair (alpha [1/s], beta [s]) of Rayleigh's numbers", damping)
+    if relaxation is not None and not isinstance(relaxation, Prony):
+        raise refused("relaxation", "a viscera.Prony, such as Prony(g=[0.3], tau=[0.5])", relaxation)
+    if dynamics is None and rates.any():
         raise VisceraError("damping means nothing without dynamics; choose dynamics='newmark' or 'backward_euler'")
     if time_step is not None and dynamics is None and relaxation is None:
         raise VisceraError("a time_step means nothing without dynamics or relaxation; add one, or leave it out")
@@ -264,11 +291,12 @@ def settings_of(
         raise VisceraError("dynamics needs a density [kg/m^3]")
     inertia = None
     if dynamics is not None:
-        alpha, beta = damping
-        inertia = (core_integration(dynamics), mass == "lumped", (float(alpha), float(beta)))
+        alpha, beta = rates.tolist()
+        inertia = (core_integration(dynamics), mass == "lumped", (alpha, beta))
     return {
         "solver": core_solver(solver),
-        "iterations": int(iterations),
+        "iterations": iterations,
+        "settled": settled,
         "budget": budget,
         "density": np.empty(0) if density is None else density_per_cell(mesh, density),
         "time_step": time_step,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,8 +18,8 @@ from numpy.typing import ArrayLike
 from viscera import _core, defaults, law
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
-from viscera.loads import vector
 from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.quantity import vector
 from viscera.vary import law_at
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from viscera.check import Check
     from viscera.galerkin import Galerkin
     from viscera.organ import Organ
+
+
+log = logging.getLogger("viscera")
 
 
 class Answer:
@@ -39,10 +43,20 @@ class Answer:
         self.stiffness: Floats = result["stiffness"]
         """Derivative of the force by the contact displacement (3, 3) [N/m]."""
         self.error_estimate: float = result["error_estimate"]
-        """Estimated error of the field, relative to its norm."""
+        """Estimated error of the force, relative to its norm; at most 1."""
         self.is_trusted: bool = result["is_trusted"]
+        """Whether force and stiffness may be relied on."""
         self.reason: str = result["reason"]
-        """Why the answer is not trusted; empty where it is."""
+        """Why they are not to be trusted; empty where they are."""
+        self.shape_error_estimate: float = result["shape_error_estimate"]
+        """Estimated error of the displacement field, relative to its norm; at most 1.
+
+        It is that of the force and what the compression of the field loses, which the force does not.
+        """
+        self.is_shape_trusted: bool = result["is_shape_trusted"]
+        """Whether the displacement may be relied on."""
+        self.shape_reason: str = result["shape_reason"]
+        """Why it is not to be trusted; empty where it is."""
         self.contact_point: Floats = result["contact_point"]
         """The point (3,) [m] of the touchable surface that is touched."""
 
@@ -57,7 +71,10 @@ class Answer:
         return float(np.linalg.norm(self.displacement, axis=1).max())
 
     def __repr__(self) -> str:
-        trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
+        if self.is_trusted and not self.is_shape_trusted:
+            trust = f"trusted; its shape is not: {self.shape_reason}"
+        else:
+            trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
         return f"Answer(force={np.round(self.force, 4).tolist()} N, {trust})"
 
 
@@ -100,6 +117,16 @@ class Touch:
             cells = self._model.array("parameter_cells")
             full = law_at(full, name, value, cells, len(self._model.array("cells")))
         return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
+
+    def compressed(self, tolerance: float) -> Touch:
+        """The model with fewer modes: a smaller file, faster fields, forces and their trust as they are.
+
+        tolerance: of the field at full depth, relative to it, at the worst position, root mean square over directions;
+        between 0 and 1. What is lost is added to the estimated error of the shape (`Answer.shape_error_estimate`).
+        The fewest principal directions are kept, as off-line: region by region, of the stored fields, each order
+        weighted by the depth to its degree.
+        """
+        return Touch(self._model.compressed(float(tolerance)))
 
     def check(
         self,
@@ -186,7 +213,11 @@ class Touch:
     @cached_property
     def mesh(self) -> Mesh:
         """The mesh in the shape before a touch, without its named sets; with midpoints where the element has them."""
-        return self.rest if self.preload is None else replace(self.rest, points=self._model.array("points"))
+        if self.preload is None:
+            return self.rest
+        points = self._model.array("points")
+        points.flags.writeable = False
+        return replace(self.rest, points=points)
 
     @cached_property
     def rest(self) -> Mesh:
@@ -246,16 +277,22 @@ class Touch:
 
 
 def load(path: str | os.PathLike[str]) -> Touch:
-    """Read a model file written by `Touch.save`; raises `VisceraError` where it is cut short or inconsistent."""
+    """Read a model file written by `Touch.save`; raises `VisceraError` where it is damaged or inconsistent.
+
+    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning says so.
+    """
     name = os.fspath(path)
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:
-        return load_bytes(Path(name).read_bytes())
+        touch = load_bytes(Path(name).read_bytes())
     except ValueError as error:
         raise VisceraError(f"{name}: {error}") from error
+    if touch.metadata["format_version"] == 1:
+        log.warning("%s is of format version 1, which has no checksums: damage may go unnoticed; save it anew", name)
+    return touch
 
 
 def load_bytes(data: bytes) -> Touch:
-    """Read the bytes of a model file; raises `VisceraError` where they are cut short or inconsistent."""
+    """Read the bytes of a model file; raises `VisceraError` where they are damaged or inconsistent."""
     return Touch(_core.Model.from_bytes(data))

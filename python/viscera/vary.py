@@ -5,19 +5,22 @@ The model is solved at Chebyshev's nodes of the range, and its answers are inter
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError
 from viscera.law import Law, TwoModuli, from_core
-from viscera.mesh import Floats, Indices, Where
+from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.quantity import Choice, Number, Whole
+from viscera.select import length
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
 PARAMETERS = ("young", "poisson", "radius")
+NODES = Whole(2, 12)
 
 
 @dataclass(frozen=True)
@@ -31,25 +34,40 @@ class Vary:
     """
 
     name: str
-    low: float
-    high: float
+    low: float | str
+    """Where the range begins; of the radius also in words such as "5 mm" or "2%"."""
+    high: float | str
+    """Where it ends."""
     part: Where | None = None
-    """Cells whose law it is: a cell set's name, indices, or a predicate on centroids; all of them without."""
+    """Cells whose law it is: a cell set's name, a condition, indices, or a predicate on centroids; all without."""
     nodes: int = 5
     """Values that are solved; the error falls by a factor with each."""
 
     def __post_init__(self) -> None:
         """Raise `VisceraError` for an unknown parameter, an empty range, too few or too many nodes."""
-        if self.name not in PARAMETERS:
-            raise VisceraError(f"cannot vary {self.name!r}; {did_you_mean(str(self.name), PARAMETERS)}")
-        if not (np.isfinite([self.low, self.high]).all() and self.low < self.high):
-            raise VisceraError(f"the range of {self.name} runs from {self.low} to {self.high}; it must ascend")
-        if self.name != "poisson" and self.low <= 0.0:
-            raise VisceraError(f"the range of {self.name} begins at {self.low}; it must be positive")
-        if not 2 <= self.nodes <= 12:
-            raise VisceraError(f"{self.nodes} nodes of {self.name}; take 2 to 12")
+        Choice(PARAMETERS)(self.name, "the varied parameter")
+        NODES(self.nodes, f"the number of nodes of {self.name}")
         if self.name == "radius" and self.part is not None:
             raise VisceraError("the contact radius belongs to no part of the organ; leave `part` out")
+        if self.name == "radius" and isinstance(self.low, str) | isinstance(self.high, str):
+            return  # in words: numbers on an organ
+        low, high = self._ends
+        if not low < high:
+            raise VisceraError(f"the range of {self.name} runs from {low:g} to {high:g}; it must ascend")
+        if self.name != "poisson" and low <= 0.0:
+            raise VisceraError(f"the range of {self.name} begins at {low:g}; it must be positive")
+
+    def on(self, mesh: Mesh) -> Vary:
+        """The range in numbers, as an organ of this mesh takes it."""
+        if self.name != "radius":
+            return self
+        low, high = (length(end, mesh.diagonal, "the range of radius") for end in (self.low, self.high))
+        return replace(self, low=low, high=high)
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        low, high = (Number()(end, f"the range of {self.name}") for end in (self.low, self.high))
+        return low, high
 
     @property
     def is_logarithmic(self) -> bool:
@@ -69,15 +87,17 @@ class Vary:
 
     def _at(self, x: Floats) -> Floats:
         """Values from places in [-1, 1]."""
-        low, high = np.log([self.low, self.high]) if self.is_logarithmic else (self.low, self.high)
+        ends = self._ends
+        low, high = np.log(ends) if self.is_logarithmic else ends
         value = 0.5 * (low + high) + 0.5 * (high - low) * x
-        return np.clip(np.exp(value) if self.is_logarithmic else value, self.low, self.high)
+        return np.clip(np.exp(value) if self.is_logarithmic else value, *ends)
 
     def family(self, organ: Organ, radius: float) -> tuple[Organ, dict[str, Any]]:
         """The organ at the value it has, or where that is outside the range at the middle, and the core's arguments."""
         cells = np.empty(0, dtype=np.uint32) if self.part is None else organ.mesh.cells_in(self.part)
         own = self.own_value(organ.law, cells, radius)
-        value = own if own is not None and self.low <= own <= self.high else float(self._at(np.zeros(1))[0])
+        low, high = self._ends
+        value = own if own is not None and low <= own <= high else float(self._at(np.zeros(1))[0])
 
         def at(value: float) -> Organ:
             if self.name == "radius":
@@ -89,7 +109,7 @@ class Vary:
 
         return at(value), {
             "name": self.name,
-            "range": [float(self.low), float(self.high)],
+            "range": [low, high],
             "is_logarithmic": self.is_logarithmic,
             "value": float(value),
             "cells": cells.tolist(),

@@ -37,14 +37,16 @@ def write_answers(touch: vs.Touch, path: Path) -> None:
             way = random.normal(size=3) * (1, 1, 0.3) - (0, 0, 1)
             push = depth * way / np.linalg.norm(way)
             answer = touch(point, push)
-            status = next(code for start, code in STATUS.items() if answer.reason.startswith(start))
-            statuses.add(status)
+            reasons = (answer.reason, answer.shape_reason)
+            status, shape = (next(c for start, c in STATUS.items() if why.startswith(start)) for why in reasons)
+            statuses.add((status, shape))
             moved = touch.mesh.points[nodes] + touch.surface_displacement(point, push)
             np.savetxt(file, [[*point, *push]], fmt="%.17g", newline=" ")
-            file.write(f"{status} ")
-            numbers = [answer.force, answer.stiffness.ravel(), np.array([answer.error_estimate]), moved.ravel()]
+            file.write(f"{status} {shape} ")
+            estimates = np.array([answer.error_estimate, answer.shape_error_estimate])
+            numbers = [answer.force, answer.stiffness.ravel(), estimates, moved.ravel()]
             np.savetxt(file, [np.concatenate(numbers)], fmt="%.17g")
-    assert {0, 1} <= statuses, "some touches are trusted and some too deep"
+    assert {(0, 0), (1, 1)} <= statuses, "some touches are trusted and some too deep"
 
 
 @pytest.mark.parametrize("linkage", ["shared", "static"])
@@ -61,8 +63,8 @@ def test_the_comparison_sees_a_wrong_answer(touch: vs.Touch, model: Path, build:
     answers = tmp_path / "answers.txt"
     write_answers(touch, answers)
     words = answers.read_text().split(" ")
-    force = np.array(words[7:10], dtype=float)  # the first, after six numbers and a status
-    words[7] = str(force[0] + 3e-6 * np.abs(force).max())
+    force = np.array(words[8:11], dtype=float)  # the first, after six numbers and two statuses
+    words[8] = str(force[0] + 3e-6 * np.abs(force).max())
     answers.write_text(" ".join(words))
     program = build("examples/haptic.c", linkage="shared")
     assert subprocess.run([program, model, answers], capture_output=True).returncode == 1

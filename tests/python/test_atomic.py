@@ -1,13 +1,25 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, wherever they go."""
 
 from __future__ import annotations
 
+import os
+import stat
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from time import time
 
 import pytest
 
 import viscera as vs
-from viscera.atomic import replacing
+from viscera.atomic import STALE, replacing, writable
+
+
+def put(target: Path, text: str) -> None:
+    with replacing(target) as scratch:
+        scratch.write_text(text)
 
 
 def interrupted(target: Path) -> None:
@@ -22,14 +34,149 @@ def test_a_file_replaces_the_old_one_only_when_it_is_whole(tmp_path: Path) -> No
     with pytest.raises(KeyboardInterrupt):
         interrupted(target)
     assert target.read_text() == "old"
-    with replacing(target) as scratch:
-        scratch.write_text("new")
+    put(target, "new")
     assert target.read_text() == "new"
     assert list(tmp_path.iterdir()) == [target]
 
 
 def test_a_missing_folder_and_a_folder_in_the_way_are_named(tmp_path: Path) -> None:
-    with pytest.raises(vs.VisceraError, match="does not exist"), replacing(tmp_path / "no" / "file"):
-        pass
-    with pytest.raises(vs.VisceraError, match="is a folder"), replacing(tmp_path):
-        pass
+    with pytest.raises(vs.VisceraError, match="does not exist"):
+        put(tmp_path / "no" / "file", "")
+    with pytest.raises(vs.VisceraError, match="is a folder"):
+        put(tmp_path, "")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(vs.VisceraError, match="no file can be written there"):
+        put(tmp_path / "file" / "under", "")
+
+
+def test_a_link_is_followed(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    link, target = tmp_path / "link.json", tmp_path / "folder" / "target.json"
+    link.symlink_to(target)
+    for text in ("first", "second"):  # the target is made, then replaced
+        put(link, text)
+        assert link.is_symlink()
+        assert target.read_text() == text
+    (tmp_path / "astray").symlink_to(tmp_path / "no" / "where")
+    with pytest.raises(vs.VisceraError, match="no' does not exist"):
+        put(tmp_path / "astray", "")
+    (tmp_path / "round").symlink_to(tmp_path / "round")
+    with pytest.raises(vs.VisceraError, match="no file can be written there"):
+        put(tmp_path / "round", "")
+
+
+def test_a_pipe_stays_a_pipe(tmp_path: Path) -> None:
+    pipe, read = tmp_path / "pipe.json", list[str]()
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: read.append(pipe.read_text()), daemon=True)
+    reader.start()
+    put(pipe, "through\n")
+    reader.join(timeout=20.0)
+    assert read == ["through\n"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert list(tmp_path.iterdir()) == [pipe]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
+def test_a_device_stays_a_device() -> None:
+    put(Path("/dev/null"), "gone")
+    with pytest.raises(vs.VisceraError, match=r"/dev/full: could not be written \(No space left on device\)"):
+        put(Path("/dev/full"), "too much")
+    assert all(stat.S_ISCHR(os.stat(device).st_mode) for device in ("/dev/null", "/dev/full"))
+
+
+COMMAND = "import sys; from viscera.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["bash", "-c", line, "bash", sys.executable, "-c", COMMAND],
+        cwd=folder, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+def test_json_goes_where_the_shell_says(tmp_path: Path) -> None:
+    done = shell('"$@" inspect organ:beam --quiet --json >(cat > seen.json); sleep 1', tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert '"status": "sound"' in (tmp_path / "seen.json").read_text()
+    done = shell('"$@" inspect organ:beam --json /dev/stdout > all.txt', tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = (tmp_path / "all.txt").read_text()
+    assert lines.index("organ:beam: ") < lines.index('"status": "sound"'), "what was printed before is still there"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
+def test_json_to_a_full_device_is_one_sentence(tmp_path: Path) -> None:
+    done = shell('"$@" inspect organ:beam --quiet --json /dev/full', tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == "viscera inspect: /dev/full: could not be written (No space left on device)\n"
+
+
+def test_many_writers_of_one_file_never_tear_it(tmp_path: Path) -> None:
+    target, pages = tmp_path / "model.viscera", [digit * 200_000 for digit in "0123"]
+    put(target, pages[0])
+    torn, is_done = list[int](), threading.Event()
+
+    def watch() -> None:
+        while not is_done.is_set():
+            text = target.read_text()
+            if text not in pages:
+                torn.append(len(text))
+
+    reader = threading.Thread(target=watch)
+    reader.start()
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            list(pool.map(lambda k: put(target, pages[k % 4]), range(120)))
+    finally:
+        is_done.set()
+        reader.join()
+    assert torn == []
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_scratch_names_do_not_depend_on_the_process_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Containers on one volume all have the number 1."""
+    monkeypatch.setattr(os, "getpid", lambda: 1)
+    with replacing(tmp_path / "a.json") as first, replacing(tmp_path / "a.json") as second:
+        assert first != second
+        first.write_text("first")
+        second.write_text("second")
+    assert (tmp_path / "a.json").read_text() == "first"
+
+
+def aged(path: Path, seconds: float) -> Path:
+    path.write_text("left behind")
+    os.utime(path, (time() - seconds,) * 2)
+    return path
+
+
+def test_what_a_killed_program_left_is_swept_and_nothing_else(tmp_path: Path) -> None:
+    old = aged(tmp_path / ".viscera-0123456789abcdef.part.viscera", STALE + 60)
+    kept = [
+        aged(tmp_path / ".viscera-fedcba9876543210.part.json", STALE - 60),
+        aged(tmp_path / ".notes.part.json", 10 * STALE),
+        aged(tmp_path / "viscera-0123456789abcdef.part", 10 * STALE),
+    ]
+    put(tmp_path / "model.viscera", "new")
+    assert not old.exists()
+    assert sorted(tmp_path.iterdir()) == sorted([*kept, tmp_path / "model.viscera"])
+
+
+def mode(path: Path) -> int:
+    return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_a_file_keeps_its_permissions_and_a_new_one_has_the_usual(tmp_path: Path) -> None:
+    usual = tmp_path / "usual"
+    usual.write_text("")
+    put(tmp_path / "new", "")
+    assert mode(tmp_path / "new") == mode(usual)
+    usual.chmod(0o640)
+    put(usual, "")
+    assert mode(usual) == 0o640
+
+
+def test_where_a_file_can_go_is_asked_before_the_work(tmp_path: Path) -> None:
+    assert writable(tmp_path / "model.viscera") == tmp_path / "model.viscera"
+    assert list(tmp_path.iterdir()) == []

@@ -82,6 +82,14 @@ def test_a_built_in_organ_needs_no_file(tmp_path: Path) -> None:
         ('mesh = "bar.vtu"', 'mesh = "bar.vtu', "not a TOML file"),
         ("[settings]\nsteps = 2\nnewton.tolerance = 1e-10", "[settings.newton]\nsteps", "not a TOML file"),
         ('displacement."x >= 100%" = [0.02, "free", -0.01]', "displacement = 1", "'loads.displacement' is a table"),
+        ('"NeoHookean"', '"NeoHokean"', "law 'NeoHokean' is unknown; did you mean 'NeoHookean'"),
+        ("poisson = 0.3", "c1 = 0.3", "material NeoHookean: it has no parameter 'c1'"),
+        ("poisson = 0.3", "poisson = 0.5", r"poisson in \[material\] must be a number above -1 and below 0.5, got 0.5"),
+        ('law = "NeoHookean"', "", "the material names no law"),
+        ('units = "m"', 'units = "mn"', "units 'mn' is unknown; did you mean"),
+        ('[0.02, "free", -0.01]', '[0.02, "fre", -0.01]', "displacement of 'x >= 100%' must be three numbers"),
+        ('[0.02, "free", -0.01]', "[0.02]", "displacement of 'x >= 100%' must be three numbers"),
+        ("tolerance = 1e-10", "tolerence = 1e-10", r"'tolerence' in \[settings.newton\]; did you mean 'tolerance'"),
     ],
 )
 def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, words: str) -> None:
@@ -92,17 +100,9 @@ def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, word
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('"NeoHookean"', '"NeoHokean"', "unknown law 'NeoHokean'; did you mean 'NeoHookean'"),
-        ("poisson = 0.3", "c1 = 0.3", "material NeoHookean: .*c1"),
-        ("poisson = 0.3", "poisson = 0.5", "poisson is 0.5"),
-        ('law = "NeoHookean"', "", "the material names no law"),
         ('fixed = "x <= 0%"', 'fixed = "rot"', "no node set 'rot'"),
         ('units = "m"', "", "needs its units"),
-        ('units = "m"', 'units = "mn"', "mn"),
         ('mesh = "bar.vtu"', 'mesh = "car.vtu"', "car.vtu: no such file"),
-        ('[0.02, "free", -0.01]', '[0.02, "fre", -0.01]', "'fre' is neither a number"),
-        ('[0.02, "free", -0.01]', "[0.02]", "give three numbers"),
-        ("tolerance = 1e-10", "tolerence = 1e-10", "tolerence"),
     ],
 )
 def test_wrong_values_are_named_on_solving(folder: Path, old: str, new: str, words: str) -> None:
@@ -154,8 +154,8 @@ def test_laws_with_lists_and_fibres(tmp_path: Path) -> None:
     with pytest.raises(vs.VisceraError, match=r"unknown key 'angel' in \[material.fibres\]; did you mean 'angle'"):
         read_case(path)
     path.write_text(head + wall + "fibres = {axis = [0, 0, 1]}")
-    with pytest.raises(vs.VisceraError, match=r"fibres: .*'angle'"):
-        read_case(path).organ()
+    with pytest.raises(vs.VisceraError, match=r"the key 'angle' is missing in \[material.fibres\]"):
+        read_case(path)
 
 
 @pytest.mark.parametrize(
@@ -164,8 +164,8 @@ def test_laws_with_lists_and_fibres(tmp_path: Path) -> None:
         ("[material.nodule]\nyuong = 1e6", r"unknown key 'yuong' in \[material.nodule\]; did you mean 'young'"),
         ("[material.nodul]\nyoung = 1e6", "no cell set 'nodul'; did you mean 'nodule'"),
         ("[material.nodule]\nmu = 1e6", "'nodule' gives 'mu', which the rest of the organ has no value for"),
-        ('[material.nodule]\nyoung = "hard"', "'young' of 'nodule' must be a number, got 'hard'"),
-        ("[material.nodule]\nyoung = -1", "young of cell .* is -1"),
+        ('[material.nodule]\nyoung = "hard"', r"young in \[material.nodule\] must be a number above 0 .*, got 'hard'"),
+        ("[material.nodule]\nyoung = -1", r"young in \[material.nodule\] must be a number above 0"),
         ('[material."x > 110%"]\nyoung = 1', "'x > 110%' selects no cell"),
     ],
 )
@@ -188,6 +188,5 @@ def test_surface_loads_in_a_case(folder: Path, bar: vs.Mesh) -> None:
         density=100,
     )
     assert case.solve(organ).displacement == pytest.approx(by_hand.displacement, abs=1e-9)
-    wrong = read_case(case_with(folder, "force.", 'pressure."z >= 100%" = "40"\nforce.'))
-    with pytest.raises(vs.VisceraError, match="pressure on 'z >= 100%' must be a number"):
-        wrong.solve(organ)
+    with pytest.raises(vs.VisceraError, match="pressure of 'z >= 100%' must be a number"):
+        read_case(case_with(folder, "force.", 'pressure."z >= 100%" = "40"\nforce.'))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.check import Check, Row, allowed_error, check, surface_points, unit_vectors
+from viscera.check import Check, Row, _summary, allowed_error, check, surface_points, unit_vectors
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +108,27 @@ def test_a_truth_that_newton_cannot_find_is_reported_not_dropped(
     assert [row.is_converged for row in result.rows] == [False, False]
     assert result.rows[0].displacement_error is None
     assert (result.overall.touches, result.overall.converged) == (2, 0)
-    assert not result.is_passed, "nothing was compared"
+    assert result.verdict == "nothing could be checked"
+    assert not result.is_passed
+
+
+def test_no_trusted_answer_is_nothing_to_pass_by(result: Check) -> None:
+    def judged(*answers: tuple[float | None, bool]) -> str:
+        rows = [row(error, 0.04, is_trusted=is_trusted) for error, is_trusted in answers]
+        return replace(result, rows=rows, overall=_summary(rows, None)).verdict
+
+    right, wrong, doubted, unknown = (0.001, True), (0.5, True), (0.001, False), (None, True)
+    assert judged(right, doubted, doubted) == "passed"
+    assert judged(doubted, doubted) == "nothing could be checked"
+    assert judged(right, unknown) == "passed"
+    assert judged(right, unknown, unknown) == "nothing could be checked", "most full solutions did not converge"
+    assert judged(doubted, unknown) == "nothing could be checked", "the trusted one has no truth beside it"
+    assert judged(wrong, unknown, unknown) == "failed"
+
+
+def test_the_share_of_trusted_answers_is_of_all(result: Check) -> None:
+    rows = [row(0.001, 0.04, is_trusted=True), row(None, 0.04, is_trusted=True), row(0.1, 0.04, is_trusted=False)]
+    assert replace(result, rows=rows).to_json()["trusted_share"] == pytest.approx(2 / 3)
 
 
 def test_what_the_progress_callback_raises_stops_the_check(touch: vs.Touch) -> None:

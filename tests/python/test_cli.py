@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 
@@ -81,6 +82,31 @@ def test_inspect_names_what_is_wrong(bar: vs.Mesh, folder: Path, capsys: pytest.
     assert err.startswith("viscera inspect: bar.vtu")
 
 
+@pytest.mark.parametrize(
+    ("spoil", "problem"),
+    [
+        ("points", "point 3 has a coordinate that is not finite"),
+        ("cells", "cell 5 [0, 4, 9, 1000] names a point that is not one of 81"),
+        ("turned", "cell 5 is inverted"),
+    ],
+)
+def test_a_script_can_stop_at_a_bad_mesh(
+    bar: vs.Mesh, folder: Path, spoil: str, problem: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points, cells = bar.points.copy(), bar.cells.astype(int)
+    if spoil == "points":
+        points[3, 1] = np.nan
+    else:
+        cells[5] = [0, 4, 9, 1000] if spoil == "cells" else cells[5][[1, 0, 2, 3]]
+    meshio.vtu.write("bad.vtu", meshio.Mesh(points, [("tetra", cells)]))
+    code, facts = run_json("inspect", "bad.vtu", capsys=capsys)
+    assert (code, facts["status"], facts["n_cells"]) == (1, "problems", 192)
+    assert facts["problems"][0].startswith(problem)
+    code, out, err = run("inspect", "bad.vtu", capsys=capsys)
+    assert (code, err) == (1, "")
+    assert f"problem       {problem}" in out
+
+
 def test_solve_gives_what_the_api_gives(bar: vs.Mesh, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, facts = run_json("solve", "case.toml", "-o", "out.vtu", capsys=capsys)
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
@@ -92,6 +118,44 @@ def test_solve_gives_what_the_api_gives(bar: vs.Mesh, folder: Path, capsys: pyte
     assert facts["reactions"]["tip"] == pytest.approx(state.reaction("tip"), rel=1e-6, abs=1e-8)
     assert set(facts) >= {"status", "seconds", "iterations", "residuals", "volume_ratio", "reactions"}
     assert (folder / "out.vtu").is_file()
+
+
+@pytest.mark.parametrize("name", ["out.docx", "out.inp", "out"])
+def test_a_format_that_no_solution_fits_is_refused_before_the_work(
+    folder: Path, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("it was solved first"))
+    code, out, err = run("solve", "case.toml", "-o", name, capsys=capsys)
+    assert (code, out) == (2, "")
+    assert f"{name}: a solution cannot be written as" in err
+    assert ".glb" in err
+    assert not (folder / name).exists()
+
+
+def test_a_package_that_xdmf_needs_is_named_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("viscera.statefile.find_spec", lambda name: None)
+    monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("it was solved first"))
+    code, out, err = run("solve", "case.toml", "-o", "out.xdmf", capsys=capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith("viscera solve: out.xdmf: writing .xdmf needs the package h5py, which is not installed")
+
+
+def test_solve_says_what_a_surface_file_leaves_out(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = run("solve", "case.toml", "-o", "out.stl", capsys=capsys)
+    assert code == 0
+    assert "written to out.stl: the deformed surface without its fields" in out
+    assert len(meshio.read(folder / "out.stl").cells_dict["triangle"]) == 144
+
+
+def test_where_the_json_cannot_go_is_said_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(vs.Organ, "solve", lambda *_, **__: pytest.fail("it was solved first"))
+    code, out, err = run("solve", "case.toml", "--json", "no/where.json", capsys=capsys)
+    assert (code, out) == (2, "")
+    assert err == "viscera solve: no/where.json: the folder 'no' does not exist; create it first\n"
 
 
 def test_a_solve_that_does_not_converge_exits_1(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -133,6 +197,18 @@ def test_a_check_that_fails_exits_1(
     assert "FAILED" in out
 
 
+def test_a_check_that_says_nothing_exits_1(bar: vs.Mesh, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    organ.reduce("tip", radius=0.07, depth=0.08, order=2).save("doubtful.viscera")
+    words = ("check", "doubtful.viscera", "--touches", "1", "--depths", "80 mm")
+    code, facts = run_json(*words, capsys=capsys)
+    assert (code, facts["status"], facts["trusted_share"]) == (1, "nothing could be checked", 0.0)
+    code, out, _ = run(*words, capsys=capsys)
+    assert code == 1
+    assert "the model trusts 0 of 1 answers (0 %)" in out
+    assert "nothing could be checked: 1 of 1 full solutions converged, 0 of their answers trusted" in out
+
+
 def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["touch", str(model), "--at", "0.3", "50mm", "0.1", "--push", "1e-3", "0", "-1e-2", "--picture", "p.png"]
     code, facts = run_json(*words, capsys=capsys)
@@ -155,16 +231,19 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         (["touch", "bar.vtu", "--at", "0", "0", "0", "--push", "0", "0", "0"], "viscera touch: bar.vtu: "),
         (["reduce", "bar.vtu"], "it needs --fixed as well"),
         (["reduce", *MESH[:1], *MESH[3:]], "needs its units"),
-        (["reduce", *MESH, "--poisson", "0.5"], "poisson is 0.5"),
-        (["reduce", *MESH, "--young", "-1"], "young is -1"),
+        (
+            ["reduce", *MESH, "--poisson", "0.5"],
+            "poisson in [material] must be a number above -1 and below 0.5, got 0.5",
+        ),
+        (["reduce", *MESH, "--young", "-1"], "young in [material] must be a number above 0"),
         (["reduce", *MESH, "--law", "Hookean"], "did you mean 'NeoHookean'"),
         (["reduce", *MESH, "--law", "MooneyRivlin"], "material MooneyRivlin: "),
         (["reduce", *MESH, "--fixed", "rot"], "did you mean 'root'"),
         (["reduce", *MESH, "--fixed", "x < 3"], "3 has no unit"),
-        (["reduce", *MESH, "--depth", "0"], "depth is 0 m"),
-        (["reduce", *MESH, "--depth", "-5%"], "depth is -0.0212132 m"),
+        (["reduce", *MESH, "--depth", "0"], "depth in [reduce] must be a number above 0"),
+        (["reduce", *MESH, "--depth", "-5%"], "depth in [reduce] must be a number above 0"),
         (["reduce", *MESH, "--depth", "101%"], "at most the organ's diagonal"),
-        (["reduce", *MESH, "--radius", "wide"], "radius 'wide' is not a length"),
+        (["reduce", *MESH, "--radius", "wide"], "radius in [reduce] 'wide' is not a length"),
         (["reduce", "case.toml", "--young", "1"], "change it there instead of by --young"),
         (["reduce", *MESH, *REDUCTION, "-o", "no/where.viscera"], "create it first"),
     ],
@@ -221,5 +300,24 @@ def test_ctrl_c_leaves_nothing_half_written(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert err == "viscera reduce: interrupted; nothing was left half-written\n"
+    *before, last = err.splitlines()
+    assert last == "viscera reduce: interrupted; nothing was left half-written"
+    assert all(line.startswith("solve ") for line in before), "progress, where the work was slow to stop"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_case_without_loads_says_that_nothing_acts(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = 'mesh = "bar.vtu"\nunits = "m"\nfixed = "root"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'
+    (folder / "still.toml").write_text(words, encoding="utf-8")
+    code, out, _ = run("solve", "still.toml", capsys=capsys)
+    assert code == 0
+    assert "nothing acts on the organ" in out
+
+
+def test_a_push_of_no_size_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It ended well, with a force that was no number."""
+    assert run("reduce", *MESH, *REDUCTION, "-o", "pushed.viscera", capsys=capsys)[0] == 0
+    at, push = ("--at", "0.4", "0.05", "0.1"), ("--push", "0", "0", "-1e100")
+    with pytest.raises(SystemExit, match="2"):
+        run("touch", "pushed.viscera", *at, *push, capsys=capsys)
+    assert "length must be a number from -1000 to 1000 [m], got -1e+100" in capsys.readouterr().err

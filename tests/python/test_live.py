@@ -65,7 +65,7 @@ def ask(socket: ClientConnection, **request: Any) -> NDArray[np.float32]:
 def bodies(frame: NDArray[np.float32]) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
     """Facts and surface displacement of each organ of a frame."""
     parts = np.split(frame[1:], int(frame[0]))
-    return [(part[:8], part[8:].reshape(-1, 3)) for part in parts]
+    return [(part[:11], part[11:].reshape(-1, 3)) for part in parts]
 
 
 def test_the_stepper_introduces_itself(server: Server, bar: vs.Mesh) -> None:
@@ -91,6 +91,9 @@ def test_a_hand_finds_the_full_solution(socket: ClientConnection, case: Case) ->
     assert surface == pytest.approx(exact.displacement[organ.mesh.surface_nodes], abs=1e-7)
     assert facts[3] < 1e-6  # residual
     assert facts[4] == 1.0  # the whole step was taken
+    assert facts[8] == 1.0  # settled
+    assert facts[9] == 0.0  # no cell is at a bound
+    assert facts[10] >= 1.0  # Newton iterations
     assert facts[7] == pytest.approx(exact.volume_ratio - 1, abs=1e-5)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
+import struct
 from pathlib import Path
 from types import ModuleType
 
@@ -11,8 +13,10 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.touch import load_bytes
 
 ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "tests" / "data"
 TOLERANCE = 1e-5  # the package adds up fields in single precision; a wrong sum is wrong by a percent and more
 
 
@@ -38,7 +42,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_metadata_and_the_organ_are_there(reader: ModuleType, file: Path) -> None:
     about, arrays = reader.read(file)
     beam = vs.organs.beam()
-    assert about["format_version"] == 1
+    assert about["format_version"] == 2
     assert (about["units"], about["order"], about["edge_order"]) == ("SI", 4, 3)
     assert np.array_equal(arrays["points"], beam.points)
     assert np.array_equal(arrays["cells"], beam.cells)
@@ -72,3 +76,42 @@ def test_force_and_field_are_those_of_the_package(reader: ModuleType, file: Path
         force, field = reader.touch(about, arrays, point, push)
         assert np.linalg.norm(force - answer.force) <= TOLERANCE * np.linalg.norm(answer.force)
         assert np.abs(field - answer.displacement).max() <= TOLERANCE * np.abs(answer.displacement).max()
+
+
+def flipped(data: bytes, bit: int) -> bytes:
+    return data[: bit // 8] + bytes([data[bit // 8] ^ 1 << bit % 8]) + data[bit // 8 + 1 :]
+
+
+def test_every_flipped_bit_is_refused(reader: ModuleType, tmp_path: Path, bar: vs.Mesh) -> None:
+    """400 bits anywhere and 400 of the header: by the package, and by the reader of the page."""
+    organ, path = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root"), tmp_path / "bar.viscera"
+    organ.reduce("tip", order=2).save(path)
+    data = path.read_bytes()
+    rng = np.random.default_rng(8)
+    header = 8 * (8 + int.from_bytes(data[:8], "little"))
+    for bit in [*rng.integers(8 * len(data), size=400).tolist(), *rng.integers(header, size=400).tolist()]:
+        with pytest.raises(vs.VisceraError, match="not a usable model file"):
+            load_bytes(flipped(data, bit))
+        path.write_bytes(flipped(data, bit))
+        with pytest.raises((ValueError, KeyError, TypeError, MemoryError, OverflowError, struct.error)):
+            reader.read(path)
+
+
+def test_a_file_without_checksums_is_read_with_a_word(
+    reader: ModuleType, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A file of format version 1, with the answers of the version that wrote it."""
+    old = vs.load(DATA / "format-1.viscera")
+    assert "format-1.viscera is of format version 1" in caplog.text
+    assert "save it anew" in caplog.text
+    for known in json.loads((DATA / "format-1.json").read_text(encoding="utf-8")):
+        answer = old(known["point"], known["displacement"])
+        assert answer.force == pytest.approx(known["force"], rel=1e-12)
+        assert np.linalg.norm(answer.displacement) == pytest.approx(known["field"], rel=1e-6)
+        force, field = reader.touch(*reader.read(DATA / "format-1.viscera"), known["point"], known["displacement"])
+        assert force == pytest.approx(known["force"], rel=1e-10)
+        assert np.linalg.norm(field) == pytest.approx(known["field"], rel=TOLERANCE)
+    caplog.clear()
+    old.save(tmp_path / "new.viscera")
+    assert vs.load(tmp_path / "new.viscera").metadata["format_version"] == 2
+    assert not caplog.text

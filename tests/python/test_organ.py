@@ -176,6 +176,25 @@ def test_a_loose_part_is_refused(cube: vs.Mesh) -> None:
     assert Organ(pair, SOFT, fixed=lambda x: x[:, 2] % 1.0 == 0).solve().is_converged
 
 
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_parts_on_a_hinge_are_held_each_by_itself_or_named(bar: vs.Mesh, element: str) -> None:
+    """A bar and its mirror image about its last point, 80, held on one side only: the other turns about that point."""
+    number = np.append(np.arange(81, 161), 80)
+    points = np.vstack([bar.points, 2.0 * bar.points[80] - bar.points[:80]])
+    both = vs.mesh(points, np.vstack([bar.cells, number[bar.cells]]), {"root": bar.nodes("root")})
+    law, load = vs.NeoHookean(young=1e5, poisson=0.3), {(160,): (0.0, 0.0, 0.01)}
+    organ = vs.Organ(both, law, fixed="root", element=element)
+    words = (
+        r"part with node 81 can still move rigidly \(3 of its 6 .*; it shares node 80 with another part, but no face"
+    )
+    with pytest.raises(vs.VisceraError, match=words):
+        organ.solve(force=load)
+    one_more = vs.Organ(both, law, fixed=[*bar.nodes("root"), 81], element=element)
+    with pytest.raises(vs.VisceraError, match=r"1 of its 6 rigid motions"):  # about the line of the two points
+        one_more.solve(force=load)
+    assert vs.Organ(both, law, fixed=[*bar.nodes("root"), 81, 83], element=element).solve(force=load).is_converged
+
+
 def test_a_hinge_is_refused_until_something_holds_it(cube: vs.Mesh) -> None:
     hinge = Organ(cube, SOFT, fixed=lambda x: (x[:, 0] == 0) & (x[:, 2] == 0))
     with pytest.raises(vs.VisceraError, match="can still move rigidly"):
@@ -189,23 +208,23 @@ def test_a_hinge_is_refused_until_something_holds_it(cube: vs.Mesh) -> None:
 @pytest.mark.parametrize(
     ("loads", "words"),
     [
-        ({"displacement": {"tip": (0, 0, np.nan)}}, "displacement of 'tip' must be finite"),
-        ({"displacement": {"tip": (0, 0)}}, "three components"),
+        ({"displacement": {"tip": (0, 0, np.nan)}}, "displacement of 'tip' must be three finite numbers"),
+        ({"displacement": {"tip": (0, 0)}}, "displacement of 'tip' must be three numbers"),
         ({"displacement": {"tip": (None, None, None)}}, "leaves all components free"),
         ({"displacement": {"tip": np.zeros((2, 3))}}, r"shape \(9, 3\)"),
         ({"displacement": {"tipp": (0, 0, 0)}}, "did you mean 'tip'"),
         ({"displacement": {"root": (0, 0, 0.1)}}, "0 m along z by the fixed set and 0.1 m by 'root'"),
         ({"displacement": {"tip": (0, 0, 0.1), (80,): (0, 0, 0.2)}}, "node 80 .* 0.1 m along z by 'tip' and 0.2 m"),
         ({"force": {"root": (0, 0, 1)}}, "all nodes of 'root' are fixed"),
-        ({"force": {"tip": (0, 0)}}, "force on 'tip' must be three numbers"),
-        ({"force": {"tip": (0, 0, np.inf)}}, "force on 'tip' must be finite"),
+        ({"force": {"tip": (0, 0)}}, "force on 'tip' must be three finite numbers"),
+        ({"force": {"tip": (0, 0, np.inf)}}, "force on 'tip' must be three finite numbers"),
         ({"force": {(): (0, 0, 1)}}, "no nodes"),
         ({"force": {lambda x: x[:, 0] > 9: (0, 0, 1)}}, "selects no node"),
         ({"force": np.zeros((3, 3))}, "nodal forces have shape"),
         ({"gravity": (0, 0, -9.81)}, "gravity needs a density"),
-        ({"gravity": (0, 0, -9.81), "density": -1.0}, "density must be positive"),
+        ({"gravity": (0, 0, -9.81), "density": -1.0}, "density must be a number above 0"),
         ({"gravity": (0, 0, -9.81), "density": np.ones(3)}, "one number or one per cell"),
-        ({"steps": 0}, "steps must be a whole number of at least 1, got 0"),
+        ({"steps": 0}, "steps must be a whole number from 1 to 10000, got 0"),
         ({"settings": {"tolerence": 1e-9}}, "tolerence"),
     ],
 )
@@ -249,11 +268,11 @@ def test_the_touchable_surface_keeps_clear_of_the_fixed_nodes(clamped: Organ) ->
         ({"depth": 0.0}, "depth is 0 m"),
         ({"depth": -0.01}, "depth is -0.01 m"),
         ({"depth": 1.0}, "depth is 1 m; it must be positive and at most the organ's diagonal, 0.424264 m"),
-        ({"depth": np.nan}, "depth is nan m"),
+        ({"depth": np.nan}, "depth must be a number"),
         ({"radius": 0.0}, "radius is 0 m"),
-        ({"order": 0}, "order 0; it must be between 2 and 8"),
+        ({"order": 0}, "order must be a whole number from 2 to 8, got 0"),
         ({"order": 2.5}, "order must be a whole number"),
-        ({"tolerance": 0.0}, "tolerance = 0; it must be above 0 and below 1"),
+        ({"tolerance": 0.0}, "tolerance must be a number above 0 and below 1, got 0.0"),
         ({"touchable": "tipp"}, "did you mean 'tip'"),
         ({"touchable": [80]}, "no whole free triangle"),
     ],

@@ -15,6 +15,7 @@ import pytest
 import viscera as vs
 from viscera.check import allowed_error
 from viscera.cli import main
+from viscera.mesh import inspect
 
 
 class Specimen(NamedTuple):
@@ -82,6 +83,22 @@ def test_the_mesh_is_sound(specimen: Specimen, mesh_file: str, tmp_path: Path) -
     assert facts["problems"] == []
     assert facts["parts"] == 1
     assert facts["volume_ml"] == pytest.approx(1e3 * specimen.litres, rel=1e-3)
+
+
+EVERY_MESH = (
+    "artery.vtu", "artery_vmtk_400.vtu", "beam.vtu", "kidney_openhelp_676.vtu", "liver_181.vtu", "liver_2663.vtu",
+    "liver_mor_4293.vtu", "liver_sofa_1441.vtu", "liver_sofa_181.vtu", "liver_sofa_4497.vtu", "pdms_cylinder.vtk",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("file", EVERY_MESH)
+def test_the_cells_of_real_meshes_fit_together(shared: Path, file: str) -> None:
+    path = shared / "meshes" / file
+    if not path.is_file():
+        pytest.skip(f"no mesh {path}; name the folder of meshes/ in VISCERA_SHARED")
+    facts = inspect(path)
+    assert [problem for problem in facts["problems"] if "implausible" not in problem] == []
+    assert facts["parts"] == 1
 
 
 def test_a_patch_is_reduced(model: Model) -> None:

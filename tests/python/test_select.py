@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.select import length, select
+from viscera.select import length
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ from viscera.select import length, select
 )
 def test_conditions(bar: vs.Mesh, words: str, holds: Any) -> None:
     expected: NDArray[np.bool_] = holds(bar.points)
-    assert select(bar, words).tolist() == np.flatnonzero(expected).tolist()
+    assert bar.nodes(words).tolist() == np.flatnonzero(expected).tolist()
 
 
 @pytest.mark.parametrize(
@@ -46,13 +46,13 @@ def test_conditions(bar: vs.Mesh, words: str, holds: Any) -> None:
 )
 def test_words_that_mean_nothing(bar: vs.Mesh, words: str, message: str) -> None:
     with pytest.raises(vs.VisceraError, match=message):
-        select(bar, words)
+        bar.nodes(words)
 
 
 def test_a_set_with_a_strange_name_is_still_a_set(bar: vs.Mesh) -> None:
     named = bar.with_sets(**{"x < 10": [1, 2]})
-    assert select(named, "x < 10").tolist() == [1, 2]
-    assert select(bar, [3, 1]).tolist() == [1, 3]
+    assert named.nodes("x < 10").tolist() == [1, 2]
+    assert bar.nodes([3, 1]).tolist() == [1, 3]
 
 
 def test_lengths() -> None:

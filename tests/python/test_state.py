@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import struct
+import sys
+from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import meshio
 import numpy as np
@@ -55,11 +62,116 @@ def test_the_vtu_file_holds_the_solution(state: vs.State, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["state.vtu"]
 
 
+VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
+SURFACES = (".ply", ".glb", ".gltf", ".obj", ".stl")
+
+
+@pytest.fixture(scope="module")
+def quadratic(bar: vs.Mesh) -> vs.State:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root", element="P2")
+    return organ.solve(force={"tip": (5.0, 0.0, -1.0)})
+
+
+def moved_surface(state: vs.State) -> np.ndarray:
+    """Corners (t, 3, 3) of the deformed boundary."""
+    return np.asarray((state.mesh.points + state.displacement)[state.mesh.surface])
+
+
+@pytest.mark.parametrize("ending", VOLUMES)
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_volume_holds_every_field(
+    state: vs.State,
+    quadratic: vs.State,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    element: str,
+    ending: str,
+) -> None:
+    chosen = quadratic if element == "P2" else state
+    if (
+        ending == ".xdmf" and find_spec("h5py") is None
+    ):  # meshio imports it, and for numbers in the file uses nothing of it
+        monkeypatch.setitem(sys.modules, "h5py", ModuleType("h5py"))
+        monkeypatch.setattr("viscera.statefile.find_spec", lambda name: True)
+    chosen.write(tmp_path / f"state{ending}")
+    assert [path.name for path in tmp_path.iterdir()] == [f"state{ending}"], "one file, whole"
+    grid = meshio.read(tmp_path / f"state{ending}")
+    assert len(grid.cells_dict["tetra10" if element == "P2" else "tetra"]) == len(chosen.mesh.cells)
+    assert grid.points == pytest.approx(chosen.mesh.points, abs=1e-12)
+    assert grid.point_data["displacement"] == pytest.approx(chosen.displacement, rel=1e-6, abs=1e-12)
+    assert grid.point_data["reaction"] == pytest.approx(chosen._held, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".obj", ".stl"])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_surface_file_holds_the_deformed_surface(
+    state: vs.State, quadratic: vs.State, tmp_path: Path, element: str, ending: str
+) -> None:
+    chosen = quadratic if element == "P2" else state
+    chosen.write(tmp_path / f"state{ending}")
+    found = meshio.read(tmp_path / f"state{ending}")
+    corners = found.points[found.cells_dict["triangle"]]
+    expected = moved_surface(chosen)
+    assert corners.shape == expected.shape
+    assert corners == pytest.approx(expected, abs=1e-7), "single precision is all that STL has"
+    if ending == ".ply":
+        nodes = chosen.mesh.surface_nodes
+        fields = {"displacement": chosen.displacement, "reaction": chosen._held}
+        for name, field in fields.items():
+            held = np.stack([found.point_data[f"{name}_{axis}"] for axis in "xyz"], axis=-1)
+            assert held == pytest.approx(field[nodes])
+
+
+def gltf_arrays(data: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The scene of a glTF file and the arrays of its one mesh, read as the specification says."""
+    if data[:4] == b"glTF":
+        version, size = struct.unpack("<II", data[4:12])
+        length, kind = struct.unpack("<I4s", data[12:20])
+        scene = json.loads(data[20 : 20 + length])
+        held, mark = struct.unpack("<I4s", data[20 + length : 28 + length])
+        buffer = data[28 + length :]
+        assert (version, size, kind, mark, held) == (2, len(data), b"JSON", b"BIN\0", len(buffer))
+        assert length % 4 == held % 4 == 0
+    else:
+        scene = json.loads(data)
+        buffer = base64.b64decode(scene["buffers"][0]["uri"].partition(",")[2])
+    assert scene["buffers"][0]["byteLength"] == len(buffer)
+
+    def array(index: int) -> np.ndarray:
+        accessor = scene["accessors"][index]
+        view = scene["bufferViews"][accessor["bufferView"]]
+        part = buffer[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        values = np.frombuffer(part, {5126: "<f4", 5125: "<u4"}[accessor["componentType"]])
+        width = {"VEC3": 3, "SCALAR": 1}[accessor["type"]]
+        assert len(values) == width * accessor["count"]
+        return values.reshape(-1, width)
+
+    primitive = scene["meshes"][0]["primitives"][0]
+    names = {**primitive["attributes"], "indices": primitive["indices"]}
+    return scene, {name: array(index) for name, index in names.items()}
+
+
+@pytest.mark.parametrize("ending", [".glb", ".gltf"])
+def test_a_gltf_file_holds_the_deformed_surface_and_its_fields(state: vs.State, tmp_path: Path, ending: str) -> None:
+    state.write(tmp_path / f"state{ending}")
+    scene, arrays = gltf_arrays((tmp_path / f"state{ending}").read_bytes())
+    assert scene["asset"]["version"] == "2.0"
+    position, nodes = arrays["POSITION"], state.mesh.surface_nodes
+    assert position[arrays["indices"].reshape(-1, 3)] == pytest.approx(moved_surface(state), abs=1e-7)
+    assert arrays["_DISPLACEMENT"] == pytest.approx(state.displacement[nodes], rel=1e-6, abs=1e-12)
+    assert arrays["_REACTION"] == pytest.approx(state._held[nodes], rel=1e-6, abs=1e-9)
+    bounds = scene["accessors"][scene["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    assert (bounds["min"], bounds["max"]) == (position.min(axis=0).tolist(), position.max(axis=0).tolist())
+    x, y, z, w = scene["nodes"][0]["rotation"]
+    assert [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)] == pytest.approx([0, 1, 0]), "z is up"
+
+
 def test_writing_where_nothing_can_be_written(state: vs.State, tmp_path: Path) -> None:
     with pytest.raises(vs.VisceraError, match="does not exist; create it first"):
         state.write(tmp_path / "nowhere" / "state.vtu")
-    with pytest.raises(vs.VisceraError, match=r"use \.vtu"):
-        state.write(tmp_path / "state.nonsense")
+    for name in ("state.nonsense", "state.inp", "state"):
+        with pytest.raises(vs.VisceraError, match=r"a solution cannot be written as .*; use \.vtu, \.vtk, .*\.stl"):
+            state.write(tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 

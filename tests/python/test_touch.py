@@ -60,9 +60,9 @@ def test_too_deep_is_not_trusted(touch: vs.Touch) -> None:
     [
         ((0.3, 0.05, 0.2), (0, 0, 0), "100.0 mm from the touchable surface"),
         ((0.0, 0.05, 0.1), (0, 0, 0), "150.0 mm from the touchable surface"),
-        ((0.3, 0.05), (0, 0, 0), "contact point must be three numbers"),
-        ((0.3, 0.05, np.nan), (0, 0, 0), "contact point must be finite"),
-        (POINT, (0, 0, np.inf), "contact displacement must be finite"),
+        ((0.3, 0.05), (0, 0, 0), "contact point must be three finite numbers"),
+        ((0.3, 0.05, np.nan), (0, 0, 0), "contact point must be three finite numbers"),
+        (POINT, (0, 0, np.inf), "contact displacement must be three finite numbers"),
     ],
 )
 def test_touches_that_are_refused(touch: vs.Touch, point: Any, push: Any, words: str) -> None:

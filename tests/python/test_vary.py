@@ -113,10 +113,10 @@ def test_laws_with_another_parameter(bar: vs.Mesh) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("yuong", 1e3, 1e4), "cannot vary 'yuong'; did you mean 'young'"),
+        (("yuong", 1e3, 1e4), "the varied parameter 'yuong' is unknown; did you mean 'young'"),
         (("young", 1e4, 1e3), "must ascend"),
         (("radius", 0.0, 0.1), "must be positive"),
-        (("young", 1e3, 1e4, None, 1), "1 nodes of young; take 2 to 12"),
+        (("young", 1e3, 1e4, None, 1), "nodes of young must be a whole number from 2 to 12, got 1"),
         (("radius", 0.01, 0.1, waist), "belongs to no part"),
     ],
 )

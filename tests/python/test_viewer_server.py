@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.parse
 import urllib.request
@@ -16,9 +17,11 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from websockets.sync.server import ServerConnection
 
 import viscera as vs
 from viscera.viewer import Server, page
+from viscera.viewer.server import MOST_CONNECTIONS
 
 FILES = {"index.html": b"<p>an organ</p>", "viewer.js": b"let organ", "organ.viscera": b"\0\1\2"}
 
@@ -67,10 +70,21 @@ def test_headers_keep_the_page_to_itself(server: Server) -> None:
     assert "default-src 'none'" in headers["Content-Security-Policy"]
 
 
-@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "127.0.0.1:1", "evil.example:{port}", ""])
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:{port}", "", "localhost.evil.example", "127.0.0.1:", "x@localhost:1"],
+)
 def test_another_host_is_refused(server: Server, host: str) -> None:
     """A name that an attacker lets point to this machine does not reach the page."""
     assert get(server.url, Host=host.format(port=server.port))[0] == 421
+
+
+@pytest.mark.parametrize("host", ["localhost:{port}", "localhost:8080", "LocalHost", "127.0.0.1:1", "[::1]:2222"])
+def test_a_forwarded_port_reaches_the_page(server: Server, host: str) -> None:
+    """Through a tunnel the page has another port, perhaps another name; the token is still asked for."""
+    named = host.format(port=server.port)
+    assert get(server.url, Host=named, Origin=f"http://{named}") == (200, FILES["index.html"])
+    assert get(f"http://127.0.0.1:{server.port}/", Host=named)[0] == 403
 
 
 def test_two_hosts_are_refused(server: Server) -> None:
@@ -79,7 +93,18 @@ def test_two_hosts_are_refused(server: Server) -> None:
     assert b" 421 " in send(server, lines.encode()).split(b"\r\n")[0]
 
 
-@pytest.mark.parametrize("origin", ["https://evil.example", "null", "http://127.0.0.1:1", "https://127.0.0.1:{port}"])
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "https://evil.example",
+        "null",
+        "http://127.0.0.1:1",
+        "https://127.0.0.1:{port}",
+        "127.0.0.1:{port}",
+        "",
+        "http://",
+    ],
+)
 def test_another_origin_is_refused(server: Server, origin: str) -> None:
     assert get(server.url, Origin=origin.format(port=server.port))[0] == 403
 
@@ -146,6 +171,46 @@ def test_a_web_socket_is_refused(server: Server) -> None:
 def test_a_stranger_who_says_nothing_blocks_nobody(server: Server) -> None:
     with socket.create_connection(("127.0.0.1", server.port)):
         assert get(server.url)[0] == 200
+
+
+def crowd(server: Server, count: int) -> list[socket.socket]:
+    """So many strangers who connect and say nothing."""
+    return [socket.create_connection(("127.0.0.1", server.port), timeout=10) for _ in range(count)]
+
+
+def test_a_crowd_takes_few_threads_and_blocks_nobody() -> None:
+    """The silent make room for whoever speaks, newcomers for what is open."""
+    before = threading.active_count()
+    with Server(FILES) as busy:
+        strangers = crowd(busy, 300)
+        assert get(busy.url)[0] == 200
+        assert threading.active_count() - before <= 4 * MOST_CONNECTIONS
+        for stranger in strangers:
+            stranger.close()
+
+
+def listen_for_ever(connection: ServerConnection) -> None:
+    for _ in connection:
+        pass
+
+
+@pytest.mark.parametrize("strangers", [0, 20])
+def test_closing_waits_for_nobody(strangers: int) -> None:
+    """Neither a stranger who says nothing nor a page that does not answer the farewell holds it up for seconds."""
+    with Server(FILES, live=listen_for_ever) as short:
+        silent = crowd(short, strangers)
+        path = short.url.partition(f":{short.port}")[2]
+        page = socket.create_connection(("127.0.0.1", short.port), timeout=10)
+        page.sendall(
+            f"GET {path}live HTTP/1.1\r\nHost: 127.0.0.1:{short.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+            f"Origin: http://127.0.0.1:{short.port}\r\n"
+            "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n".encode()
+        )
+        assert b" 101 " in page.recv(1000)
+        began = time.perf_counter()
+    assert time.perf_counter() - began < 5.0  # 10 s and more where it waits for them
+    for stranger in (*silent, page):
+        stranger.close()
 
 
 def test_a_port_that_is_taken_is_a_sentence(server: Server) -> None:

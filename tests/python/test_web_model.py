@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.check import surface_points
+from viscera.mesh import Floats
 from viscera.touch import load_bytes
 from viscera.viewer import export, page
 from viscera.viewer.surface import surface_model
@@ -59,12 +61,62 @@ def test_a_web_version_keeps_forces_and_states_its_error(touch: vs.Touch) -> Non
     assert web.worst_error < 0.05
 
 
-def test_the_error_estimate_knows_of_the_loss(touch: vs.Touch) -> None:
-    full = len(surface_model(touch, "Bar"))
-    small = load_bytes(web_model(touch, "Bar", limit=int(0.7 * full)).data)
+def touches(touch: vs.Touch, count: int) -> list[tuple[Floats, Floats]]:
+    """Points anywhere on the surface, pushed and pulled in any direction, to any depth."""
+    rng = np.random.default_rng(5)
+    ways = rng.normal(size=(count, 3))
+    ways *= (touch.depth * rng.uniform(0.02, 1.0, count) / np.linalg.norm(ways, axis=1))[:, None]
+    return list(zip(surface_points(touch, count, rng), ways, strict=True))
+
+
+def test_an_exported_model_trusts_the_forces_that_the_model_trusts(touch: vs.Touch) -> None:
+    """The share of answers whose trust differs is none: forces are not compressed."""
+    small = load_bytes(web_model(touch, "Bar", limit=int(0.6 * len(surface_model(touch, "Bar")))).data)
+    trusts = []
+    for point, push in touches(touch, 300):
+        exported, full = small(point, push), touch(point, push)
+        assert np.array_equal(exported.force, full.force)
+        assert exported.error_estimate == full.error_estimate
+        assert (exported.is_trusted, exported.reason) == (full.is_trusted, full.reason)
+        trusts.append(exported.is_trusted)
+    assert 0.2 < np.mean(trusts) < 1.0, "some are trusted, some are not"
+
+
+def test_the_estimate_of_the_shape_covers_what_is_lost(touch: vs.Touch) -> None:
+    """Against the full model at touches that compression has not seen; the surface is where a page shows it."""
+    small = load_bytes(web_model(touch, "Bar", limit=int(0.6 * len(surface_model(touch, "Bar")))).data)
     assert small.metadata["errors"]["compression"] > touch.metadata["errors"]["compression"]
-    push = (0.0, 0.0, -touch.depth)
-    assert small(POINT, push).error_estimate > touch(POINT, push).error_estimate
+    for point, push in touches(touch, 300):
+        full = touch.surface_displacement(point, push)
+        lost = np.linalg.norm(small.surface_displacement(point, push) - full) / np.linalg.norm(full)
+        exported = small(point, push)
+        admitted = exported.shape_error_estimate - touch(point, push).shape_error_estimate
+        assert lost <= admitted + 1e-4 or exported.shape_error_estimate == 1.0
+        assert not exported.is_shape_trusted or exported.is_trusted
+
+
+def test_a_model_may_be_compressed_whole(touch: vs.Touch, tmp_path: Path) -> None:
+    small = touch.compressed(0.02)
+    small.save(tmp_path / "small.viscera")
+    touch.save(tmp_path / "full.viscera")
+    assert (tmp_path / "small.viscera").stat().st_size < (tmp_path / "full.viscera").stat().st_size
+    assert small.summary()["modes"] < touch.summary()["modes"]
+    push = (2e-3, 1e-3, -5e-3)
+    exact, answer = touch(POINT, push), small(POINT, push)
+    lost = np.linalg.norm(answer.displacement - exact.displacement) / np.linalg.norm(exact.displacement)
+    assert 0.0 < lost < answer.shape_error_estimate - exact.shape_error_estimate
+    assert np.array_equal(answer.force, exact.force)
+    assert len(small.organ().mesh.points) == len(touch.organ().mesh.points)
+    with pytest.raises(vs.VisceraError, match="tolerance = 0; it must be above 0 and below 1"):
+        touch.compressed(0.0)
+
+
+def test_an_answer_says_that_only_its_shape_is_doubtful(touch: vs.Touch) -> None:
+    small = touch.compressed(0.2)
+    answer = next(a for a in (small(*t) for t in touches(touch, 300)) if a.is_trusted and not a.is_shape_trusted)
+    assert answer.reason == ""
+    assert answer.shape_reason.startswith("the estimated error of the shape is ")
+    assert f"trusted; its shape is not: {answer.shape_reason}" in repr(answer)
 
 
 def test_a_limit_that_cannot_be_kept_is_a_sentence(touch: vs.Touch) -> None:

@@ -86,7 +86,7 @@ class Viewer:
         self.complaints: list[str] = []
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._listen)
-        self.page.set_default_timeout(20_000)
+        self.page.set_default_timeout(60_000)  # a busy machine draws in software for a while
         for script in scripts:
             self.page.add_init_script(script)
         self.page.goto(url)

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 import viscera as vs
-from viscera.viewer import Server, export, page
+from viscera.viewer import Server, export, page, serve
+from viscera.viewer.surface import surface_model
 
 if TYPE_CHECKING:
     from tests.web.conftest import Viewer
@@ -60,6 +62,36 @@ def test_the_exported_page_works_from_any_server(
     viewer.shoot("dark")
     assert viewer.complaints == []
     viewer.close()
+
+
+def test_the_page_of_a_coarse_shape_trusts_the_force(look_at: Look, server: Server, touch: vs.Touch) -> None:
+    """Few modes: force and its trust are those of the model; of the shape the page says that it is doubtful."""
+    coarse, push = touch.compressed(0.2), (0.0, 0.002, -0.004)
+    answer = coarse(TOP, push)
+    assert answer.is_trusted
+    assert not answer.is_shape_trusted
+    with serve(coarse, "Bar") as running:
+        viewer = look_at(running.url)
+        viewer.call("touch", TOP, push)
+        state = viewer.state
+        assert (state["is_trusted"], state["is_shape_trusted"]) == (True, False)
+        assert state["error_estimate"] == pytest.approx(touch(TOP, push).error_estimate, rel=1e-5)
+        assert state["shape_error_estimate"] == pytest.approx(answer.shape_error_estimate, rel=1e-5)
+        warning = viewer.page.locator(".warning.is-shown").inner_text()
+        assert warning.startswith("The force is sound, the shape is not to be trusted: its estimated error is ")
+        assert viewer.page.locator(".is-doubtful").count() == 0
+        viewer.close()
+
+
+@pytest.mark.parametrize("place", [0, 3, 2000, -1])
+def test_a_flipped_bit_of_a_model_is_a_sentence(browser: Any, server: Server, touch: vs.Touch, place: int) -> None:
+    data = bytearray(surface_model(touch, "Bar"))
+    data[place] ^= 1
+    with Server({**page.files(), page.MODEL: bytes(data)}) as damaged:
+        tab = browser.new_page()
+        tab.goto(damaged.url)
+        tab.get_by_text("The organ cannot be shown: not a usable model file").wait_for()
+        tab.close()
 
 
 def test_a_damaged_model_is_a_sentence(browser: Any, server: Server) -> None:

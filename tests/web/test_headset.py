@@ -72,7 +72,7 @@ def frames(viewer: Viewer, count: int = 4) -> None:
 def headset(viewer: Viewer) -> Iterator[Viewer]:
     """The page with its headset on."""
     # Once taken off, the emulator leaves its canvas above the button, out of reach of a pointer.
-    viewer.page.get_by_role("button", name="touch the organ in a headset").dispatch_event("click")
+    viewer.page.get_by_role("button", name="VR").dispatch_event("click")
     viewer.page.wait_for_function("() => window.viscera.stage.renderer.xr.isPresenting")
     yield viewer
     viewer.page.evaluate("() => window.viscera.stage.renderer.xr.getSession().end()")

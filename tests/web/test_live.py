@@ -27,7 +27,7 @@ fixed = "root"
 material = {law = "NeoHookean", young = 1e5, poisson = 0.45}
 """
 TIP = (0.35, 0.05, 0.1)
-FACTS = 8
+FACTS = 11
 # Talks to a worker of its own as the page does, one request after the other.
 CONVERSATION = """async (requests) => {
     const worker = new Worker("stepper.js", { type: "module" });
@@ -83,12 +83,52 @@ def organ(bar: vs.Mesh) -> vs.Organ:
     return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.45), fixed="root")
 
 
+# Drags the hand sideways, 60 times a second, and keeps the displacement that every frame was asked for, with its facts.
+DRAG = """async ([point, step, moves]) => {
+    const { link } = viscera;
+    const [send, receive, record] = [link.send.bind(link), link.onMessage, []];
+    let displacement = null;
+    link.send = (request) => {
+        displacement = JSON.parse(request).move ?? displacement;
+        send(request);
+    };
+    link.onMessage = (data) => {
+        const held = displacement;
+        receive(data);
+        const [{ facts }] = viscera.specimens;
+        record.push([held, facts.force, facts.isSettled, facts.residual]);
+    };
+    viscera.touch(point, [0, 0, 0]);
+    for (let k = 1; k <= moves; k++) {
+        viscera.move(step.map((x) => k * x));
+        await new Promise((next) => setTimeout(next, 16));
+    }
+    await new Promise((next) => setTimeout(next, 300));
+    [link.send, link.onMessage] = [send, receive];
+    return [viscera.held.point, record];
+}"""
+# Shows a frame whose forces have not settled, and lets no other one come.
+UNSETTLED = """() => {
+    const { link, specimens: [{ facts, field }] } = viscera;
+    const numbers = [1, ...facts.force, 0.3, 1, 0, 1, 0, 0, 0, 1, ...field];
+    window.sending = link.send;
+    link.send = () => {};
+    viscera.receive(new Float32Array(numbers).buffer);
+}"""
+GO_ON = """() => {
+    viscera.link.send = window.sending;
+    viscera.isWaiting = false;
+}"""
+
+
 def settle(live: Viewer) -> None:
     """Wait until the organ stands still."""
     live.page.wait_for_function(
         """() => {
-            const { specimens, frames } = window.viscera.state();
-            return frames > 3 && specimens.every(({ residual }) => residual < 1e-8);
+            const { isWaiting, wanted } = viscera;
+            const { specimens, frames } = viscera.state();
+            const isAnswered = frames > 0 && !isWaiting && Object.keys(wanted).length === 0;
+            return isAnswered && specimens.every(({ residual }) => residual < 1e-8);
         }"""
     )
 
@@ -122,7 +162,11 @@ def test_a_drag_steps_the_organ(live: Viewer, bar: vs.Mesh, organ: vs.Organ) -> 
 
 
 def test_two_laws_side_by_side(live: Viewer) -> None:
-    live.page.get_by_role("button", name="one organ, or two laws in the same hand").click()
+    live.page.get_by_role("button", name="Compare two laws").click()
+    # The button has another name now, and is still the one that keys go to.
+    live.page.keyboard.press("?")
+    assert live.page.locator(".help").is_visible()
+    live.page.keyboard.press("Escape")
     live.call("setGravity", [0, 0, -9.81])
     live.call("touch", TIP, [0.0, 0.0, -0.05])
     live.page.wait_for_timeout(200)
@@ -133,8 +177,10 @@ def test_two_laws_side_by_side(live: Viewer) -> None:
     neo, linear = (np.reshape(specimen["field"], (-1, 3)) for specimen in state["specimens"])
     apart = np.linalg.norm(neo - linear, axis=1).max()
     assert apart > 0.01 * np.abs(neo).max()
-    # Both hold the same hand: each has an arrow with its own force.
-    shown = live.page.locator(".force-label:visible").all_inner_texts()
+    # Both hold the same hand: each has an arrow with its own force, and says which organ it is.
+    labels = live.page.locator(".force-label:visible")
+    assert labels.evaluate_all("(labels) => labels.map(({ dataset }) => dataset.side)") == ["left", "right"]
+    shown = labels.all_inner_texts()
     forces = [float(np.linalg.norm(specimen["force"])) for specimen in state["specimens"]]
     assert [float(text.removesuffix(" N")) for text in shown] == pytest.approx(forces, rel=1e-2)
     assert f"{1000 * apart:.1f} mm" in live.page.locator(".contrast").inner_text()
@@ -144,7 +190,7 @@ def test_two_laws_side_by_side(live: Viewer) -> None:
     assert live.state["held"] == state["held"]
     assert np.linalg.norm(live.state["specimens"][0]["force"]) > 0
     live.call("rest")
-    live.page.get_by_role("button", name="one organ, or two laws in the same hand").click()
+    live.page.get_by_role("button", name="One organ").click()
     live.call("setGravity", [0, 0, 0])
     settle(live)
 
@@ -169,7 +215,7 @@ def test_the_keyboard_takes_hold(live: Viewer) -> None:
 
 
 def test_frames_in_the_page_are_those_of_python(steps: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
-    """Frame by frame, on the way to equilibrium, not only there."""
+    """Iteration by iteration, as many as the page says that each of its frames took."""
     hand = organ.patch(TIP, 0.1 * bar.diagonal)
     pushes = [(0.0, 0.0, -0.02), (0.0, 0.0, -0.02), (0.01, 0.02, -0.04), (0.01, 0.02, -0.04)]
     gravity = (0.0, 0.0, -5.0)
@@ -178,14 +224,16 @@ def test_frames_in_the_page_are_those_of_python(steps: Viewer, bar: vs.Mesh, org
     hello, *frames = steps.page.evaluate(CONVERSATION, [json.dumps(request) for request in requests])
     assert json.loads(hello)["name"] == "Bar"
     stepper = organ.stepper(density=1000.0)
-    exact = [stepper.frame(gravity=gravity), *(stepper.frame({hand: push}, gravity=gravity) for push in pushes)]
-    for numbers, frame in zip(frames, exact, strict=True):
+    held: list[dict[Any, Any]] = [{}, *({hand: push} for push in pushes)]
+    for numbers, places in zip(frames, held, strict=True):
         assert numbers[0] == 1
+        for _ in range(int(numbers[FACTS])):
+            frame = stepper.frame(places, gravity=gravity)
         shown = np.reshape(numbers[1 + FACTS :], (-1, 3))
         size = np.abs(frame.displacement).max()
         assert shown == pytest.approx(frame.displacement[bar.surface_nodes], abs=1e-5 * size)
         assert numbers[5] == frame.taken
-    force = exact[-1].reaction(hand)
+    force = frame.reaction(hand)
     assert frames[-1][1:4] == pytest.approx(force, abs=1e-5 * np.linalg.norm(force))
 
 
@@ -211,3 +259,105 @@ def test_a_damaged_case_is_a_sentence(browser: Any, case: Case) -> None:
         tab.goto(damaged.url)
         tab.get_by_text("The organ cannot be shown: not a usable case").wait_for()
         tab.close()
+
+
+def test_steps_do_not_wait_for_the_drawing(steps: Viewer) -> None:
+    steps.call("rest")
+    settle(steps)
+    before = steps.state["frames"]
+    steps.page.evaluate("() => viscera.stage.renderer.setAnimationLoop(null)")
+    steps.call("touch", TIP, [0.01, 0.0, -0.03])
+    steps.page.wait_for_function(
+        """(before) => {
+            const { frames, specimens: [{ isSettled, force }] } = viscera.state();
+            return frames > before && isSettled && Math.hypot(...force) > 0;
+        }""",
+        arg=before,
+    )
+    steps.page.evaluate("() => viscera.stage.renderer.setAnimationLoop((time) => viscera.stage.frame(time))")
+
+
+def test_what_has_not_settled_is_grey(steps: Viewer) -> None:
+    steps.call("touch", TIP, [0.0, 0.0, -0.03])
+    settle(steps)
+    arrow = "() => viscera.specimens[0].arrow.material.color.getHex()"
+    label = steps.page.locator(".force-label:visible")
+    label.wait_for()
+    settled = steps.page.evaluate(arrow), label.evaluate("(label) => getComputedStyle(label).backgroundColor")
+    steps.page.evaluate(UNSETTLED)
+    steps.page.wait_for_selector(".specimen.is-unsettled .force")
+    steps.page.wait_for_selector(".force-label.is-unsettled")
+    unsettled = steps.page.evaluate(arrow), label.evaluate("(label) => getComputedStyle(label).backgroundColor")
+    assert all(before != after for before, after in zip(settled, unsettled, strict=True))
+    steps.page.evaluate(GO_ON)
+    settle(steps)
+    steps.page.wait_for_selector(".specimen:not(.is-unsettled) .force")
+    steps.page.wait_for_selector(".force-label:not(.is-unsettled)")
+    assert steps.page.evaluate(arrow) == settled[0]
+
+
+def test_no_force_under_a_fast_hand_is_wrong_and_unmarked(steps: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
+    steps.call("rest")
+    settle(steps)
+    point, record = steps.page.evaluate(DRAG, [TIP, [0.0, 1.5e-3, 0.0], 40])  # 90 mm/s
+    patch = organ.patch(point, 0.1 * bar.diagonal)
+    settled = [(move, force) for move, force, is_settled, _ in record if move and any(move) and is_settled]
+    assert len({tuple(move) for move, _ in settled}) > 5
+    for move, force in settled:
+        exact = organ.solve(displacement={patch: move}).reaction(patch)
+        assert np.linalg.norm(force - exact) <= 0.02 * np.linalg.norm(exact)
+    # At the end the hand stands still, and so does the organ.
+    assert record[-1][2]
+
+
+BOX = """(found) => {
+    const { left, top, right, bottom } = found.getBoundingClientRect();
+    return [left, top, right, bottom];
+}"""
+# The boxes around the organs at rest, from left to right.
+ORGANS = """() => viscera.specimens.map(({ place, body }) => {
+    const { rest } = viscera.surface;
+    const points = [];
+    for (let n = 0; n < rest.length; n += 3) {
+        const at = place.position.clone().fromArray(rest, n).add(place.position);
+        points.push(viscera.stage.project(at));
+    }
+    const [x, y] = ["x", "y"].map((axis) => points.map((point) => point[axis]));
+    return [Math.min(...x), Math.min(...y), Math.max(...x), Math.max(...y)];
+})"""
+
+
+@pytest.mark.parametrize("size", [(760, 560), (390, 780)], ids=["cell", "telephone"])
+def test_two_laws_on_a_small_surface(steps: Viewer, size: tuple[int, int]) -> None:
+    width, height = size
+    steps.call("rest")
+    steps.page.get_by_role("button", name="Compare two laws").click()
+    steps.page.set_viewport_size({"width": width, "height": height})
+    steps.page.wait_for_function("(width) => viscera.stage.canvas.clientWidth === width", arg=width)
+    steps.page.evaluate("async () => { for (let k = 0; k < 4; k++) await new Promise(requestAnimationFrame) }")
+    steps.shoot(f"laws-{width}")
+    readings = steps.page.locator(".readings")
+    panel, organs = readings.evaluate(BOX), steps.page.evaluate(ORGANS)
+    assert readings.evaluate("(panel) => panel.scrollWidth <= panel.clientWidth")
+    for left, top, right, bottom in organs:
+        assert 0 <= left < right <= width
+        assert 0 <= top < bottom <= height
+        assert right <= panel[0] or bottom <= panel[1]
+    sections = [section.evaluate(BOX) for section in steps.page.locator(".specimen").all()]
+    words = [section.inner_text() for section in steps.page.locator(".specimen .standing").all()]
+    assert words == ["left", "right"]
+    if height > width:
+        # What belongs to the left organ stands at the left.
+        assert sections[0][2] <= sections[1][0]
+        assert organs[0][2] <= organs[1][2]
+    else:
+        assert sections[0][3] <= sections[1][1]
+    steps.page.get_by_role("button", name="One organ").click()
+    steps.page.set_viewport_size({"width": 1100, "height": 720})
+    settle(steps)
+
+
+def test_a_case_speaks_in_one_place(steps: Viewer) -> None:
+    root = "document.querySelector('div[style]').shadowRoot"
+    spoken = "[aria-live], [role=status], [role=alert], output"
+    assert steps.page.evaluate(f"() => {root}.querySelectorAll({spoken!r}).length") == 1

@@ -54,7 +54,7 @@ def test_a_drag_moves_the_organ_by_the_numbers_of_python(viewer: Viewer, touch: 
     mouse.down()
     mouse.move(x, y + 25, steps=4)
     held = viewer.state
-    shown = viewer.page.locator("output.force").inner_text()
+    shown = viewer.page.locator(".force").inner_text()
     viewer.shoot("drag")
     mouse.up()
     assert held["activity"] == "held"
@@ -205,7 +205,7 @@ def test_the_keyboard_can_do_it_all(viewer: Viewer) -> None:
     press("2")
     assert viewer.state["order"] == 2
     press("c")
-    assert viewer.page.locator(".legend").is_visible()
+    assert viewer.page.locator(".legend:visible").is_visible()
     press("w")
     press("w")
     press("?")
@@ -219,7 +219,7 @@ def test_the_keyboard_can_do_it_all(viewer: Viewer) -> None:
 def test_colours_have_a_legend(viewer: Viewer, colouring: str) -> None:
     viewer.call("setColouring", colouring)
     viewer.call("touch", TOP, (0.0, 0.003, -0.015))
-    assert colouring[:4] in viewer.page.locator(".legend").inner_text()
+    assert colouring[:4] in viewer.page.locator(".legend:visible").inner_text()
     viewer.shoot(colouring)
 
 

@@ -2,6 +2,10 @@
 import * as THREE from "three";
 import type { Vec3 } from "./evaluator";
 
+/** What a force is worth: it stands, it is doubtful, or the organ is still on its way. */
+export type Standing = "sound" | "doubtful" | "unsettled";
+
+const COLOURS: Record<Standing, number> = { sound: 0x2f7cf6, doubtful: 0xe5352b, unsettled: 0x8b94a3 };
 const UP = new THREE.Vector3(0, 1, 0);
 
 export class Arrow {
@@ -29,7 +33,7 @@ export class Arrow {
   }
 
   /** A force at a point: its length is the share of the reference force; a push ends at the surface, a pull starts there. */
-  show(at: Vec3, force: Vec3, outward: Vec3, reference: number, isTrusted: boolean): void {
+  show(at: Vec3, force: Vec3, outward: Vec3, reference: number, standing: Standing): void {
     const F = new THREE.Vector3(...force);
     const size = F.length();
     const direction = size > 0 ? F.clone().divideScalar(size) : new THREE.Vector3(...outward).negate();
@@ -47,7 +51,7 @@ export class Arrow {
     this.foot.copy(point);
     this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
     this.shaft.visible = this.head.visible = size > 1e-3 * reference;
-    this.material.color.set(isTrusted ? 0x2f7cf6 : 0xe5352b);
+    this.material.color.set(COLOURS[standing]);
     this.mark(at, outward);
   }
 

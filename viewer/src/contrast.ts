@@ -1,15 +1,14 @@
 // How two organs differ in the same hand.
-import { digits, element, fixed } from "./dom";
+import { digits, element, fact, fixed } from "./dom";
 import type { Specimen } from "./specimen";
 
 export class Contrast {
-  private readonly apart = element("output");
-  private readonly shape = element("output");
-  private readonly force = element("output");
+  private readonly apart = element("span");
+  private readonly shape = element("span");
+  private readonly force = element("span");
   readonly root: HTMLElement;
 
   constructor() {
-    const fact = (name: string, value: HTMLElement) => element("div", {}, element("dt", {}, name), element("dd", {}, value));
     const facts = [fact("apart", this.apart), fact("shape off", this.shape), fact("force off", this.force)];
     this.root = element("dl", { class: "contrast", "aria-label": "how the two differ" }, ...facts);
   }

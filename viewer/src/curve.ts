@@ -1,8 +1,12 @@
 // The force against the depth along the direction of the moment, one line for each order.
 import type { Evaluator, Vec3 } from "./evaluator";
+import { scale, type Tick } from "./scale";
 
 const SAMPLES = 48;
 const MARGIN = { left: 34, right: 10, top: 10, bottom: 24 };
+/** Steps between ticks at the most: of the force, and of the depth. */
+const FORCE_STEPS = 3;
+const DEPTH_STEPS = 4;
 
 /** What is drawn: depths [m], the force [N] of every order there, and whether it is to be trusted. */
 export interface Curves {
@@ -22,47 +26,85 @@ export function sample(evaluator: Evaluator, direction: Vec3): Curves {
   return { depths, forces, isTrusted };
 }
 
+/** What a plot shows: the curves, the chosen order, the model's depth [m], and the state of the moment. */
+interface Drawing {
+  curves: Curves | null;
+  order: number;
+  depth: number;
+  now: { depth: number; force: number } | null;
+}
+
+/** From depths [m] and forces [N] to the canvas [px], and its size. */
+interface Plane {
+  width: number;
+  height: number;
+  left: number;
+  x: (depth: number) => number;
+  y: (force: number) => number;
+}
+
 export class CurvePlot {
   private readonly context: CanvasRenderingContext2D;
-  private top = 0;
+  private readonly observer: ResizeObserver;
+  private drawing: Drawing | null = null;
 
   constructor(private readonly canvas: HTMLCanvasElement) {
     this.context = canvas.getContext("2d")!;
+    this.observer = new ResizeObserver(() => this.redraw());
+    this.observer.observe(canvas);
   }
 
   /** Draws the curves, the chosen order in front, and the state of the moment as a point. */
   draw(curves: Curves | null, order: number, depth: number, now: { depth: number; force: number } | null): void {
-    const { canvas, context } = this;
+    this.drawing = { curves, order, depth, now };
+    this.redraw();
+  }
+
+  /** Draws the same again: in another size, or in other colours. */
+  redraw(): void {
+    const { canvas, context, drawing } = this;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    if (!drawing || width === 0 || height === 0) return;
     const ratio = Math.min(window.devicePixelRatio, 3);
-    if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
-      canvas.width = Math.round(width * ratio);
-      canvas.height = Math.round(height * ratio);
-    }
+    const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (canvas.width !== columns || canvas.height !== rows) [canvas.width, canvas.height] = [columns, rows];
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     const style = getComputedStyle(canvas);
     const colour = (name: string) => style.getPropertyValue(name).trim();
-    const best = curves?.forces[curves.forces.length - 1];
-    this.top = nice(Math.max(best ? Math.max(...best) : 1, 1e-6) * 1.15);
-    const x = (t: number) => MARGIN.left + (t / depth) * (width - MARGIN.left - MARGIN.right);
-    const y = (f: number) => height - MARGIN.bottom - (f / this.top) * (height - MARGIN.top - MARGIN.bottom);
     context.font = `11px ${style.fontFamily}`;
-    this.axes(width, height, depth, x, y, colour);
-    if (!curves) return;
+    const { curves, order, depth, now } = drawing;
+    const best = curves?.forces.at(-1);
+    const forces = scale(1.1 * Math.max(best ? Math.max(...best) : 1, 1e-6), FORCE_STEPS);
+    const left = Math.max(MARGIN.left, 10 + Math.max(...forces.map(({ text }) => context.measureText(text).width)));
+    const top = forces.at(-1)!.value;
+    const x = (t: number) => left + (t / depth) * (width - left - MARGIN.right);
+    const y = (f: number) => height - MARGIN.bottom - (f / top) * (height - MARGIN.top - MARGIN.bottom);
+    const plane = { width, height, left, x, y };
+    this.axes(plane, forces, depth, colour);
+    if (curves) this.lines(plane, curves, order, colour);
+    if (now) this.point(x(Math.min(now.depth, depth)), y(Math.min(now.force, top)), colour);
+  }
+
+  dispose(): void {
+    this.observer.disconnect();
+  }
+
+  private lines({ width, height, left, x, y }: Plane, curves: Curves, order: number, colour: (name: string) => string): void {
+    const { context } = this;
     context.save();
     context.beginPath();
-    context.rect(MARGIN.left, MARGIN.top - 4, width - MARGIN.left - MARGIN.right + 4, height - MARGIN.top - MARGIN.bottom + 4);
+    context.rect(left, MARGIN.top - 4, width - left - MARGIN.right + 4, height - MARGIN.top - MARGIN.bottom + 4);
     context.clip();
     context.fillStyle = colour("--doubt");
-    const step = depth / SAMPLES;
+    const half = 0.5 * (curves.depths[1]! - curves.depths[0]!);
     curves.isTrusted.forEach((trusted, k) => {
-      const from = x(curves.depths[k]! - 0.5 * step);
-      if (!trusted) context.fillRect(from, 0, x(curves.depths[k]! + 0.5 * step) - from, height);
+      const from = x(curves.depths[k]! - half);
+      if (!trusted) context.fillRect(from, 0, x(curves.depths[k]! + half) - from, height);
     });
     const inFront = (p: number) => p === order - 1;
-    const lines = curves.forces.map((_, p) => p).sort((a, b) => Number(inFront(a)) - Number(inFront(b)));
-    for (const p of lines) {
+    const orders = curves.forces.map((_, p) => p).sort((a, b) => Number(inFront(a)) - Number(inFront(b)));
+    for (const p of orders) {
       context.beginPath();
       curves.forces[p]!.forEach((f, k) => context.lineTo(x(curves.depths[k]!), y(f)));
       context.lineWidth = inFront(p) ? 2.5 : 1.25;
@@ -70,43 +112,40 @@ export class CurvePlot {
       context.stroke();
     }
     context.restore();
-    if (now) {
-      context.beginPath();
-      context.arc(x(Math.min(now.depth, depth)), y(Math.min(now.force, this.top)), 4.5, 0, 2 * Math.PI);
-      context.fillStyle = colour("--accent");
-      context.fill();
-      context.lineWidth = 2;
-      context.strokeStyle = colour("--panel-solid");
-      context.stroke();
-    }
   }
 
-  private axes(
-    width: number,
-    height: number,
-    depth: number,
-    x: (t: number) => number,
-    y: (f: number) => number,
-    colour: (name: string) => string,
-  ): void {
+  private point(x: number, y: number, colour: (name: string) => string): void {
+    const { context } = this;
+    context.beginPath();
+    context.arc(x, y, 4.5, 0, 2 * Math.PI);
+    context.fillStyle = colour("--accent");
+    context.fill();
+    context.lineWidth = 2;
+    context.strokeStyle = colour("--panel");
+    context.stroke();
+  }
+
+  private axes({ width, height, left, x, y }: Plane, forces: Tick[], depth: number, colour: (name: string) => string): void {
     const { context } = this;
     context.strokeStyle = colour("--grid");
     context.fillStyle = colour("--muted");
     context.lineWidth = 1;
     context.textBaseline = "middle";
     context.textAlign = "right";
-    for (let k = 0; k <= 2; k++) {
-      const f = (k / 2) * this.top;
-      line(context, x(0), y(f), width - MARGIN.right, y(f));
-      context.fillText(short(f), MARGIN.left - 6, y(f));
+    for (const { value, text } of forces) {
+      line(context, x(0), y(value), width - MARGIN.right, y(value));
+      context.fillText(text, left - 6, y(value));
     }
+    const below = height - MARGIN.bottom + 13;
+    const unit = context.measureText("mm").width;
+    context.fillText("mm", width - 2, below);
     context.textAlign = "center";
-    const step = nice(depth / 3) * 1000;
-    for (let t = 0; t < 1000 * depth - 0.3 * step; t += step) context.fillText(short(t), x(t / 1000), height - MARGIN.bottom + 13);
-    context.textAlign = "right";
-    context.fillText("mm", width - 2, height - MARGIN.bottom + 13);
+    for (const { value, text } of scale(1000 * depth, DEPTH_STEPS)) {
+      const right = x(value / 1000) + 0.5 * context.measureText(text).width;
+      if (right < width - unit - 6) context.fillText(text, x(value / 1000), below);
+    }
     context.textAlign = "left";
-    context.fillText("N", MARGIN.left + 4, MARGIN.top + 2);
+    context.fillText("N", left + 4, MARGIN.top + 2);
   }
 }
 
@@ -115,14 +154,4 @@ function line(context: CanvasRenderingContext2D, x0: number, y0: number, x1: num
   context.moveTo(x0, y0);
   context.lineTo(x1, y1);
   context.stroke();
-}
-
-/** The next round number. */
-function nice(value: number): number {
-  const power = 10 ** Math.floor(Math.log10(value));
-  return ([1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find((m) => m * power >= value * (1 - 1e-9)) ?? 10) * power;
-}
-
-function short(value: number): string {
-  return String(Number(value.toPrecision(2)));
 }

@@ -13,37 +13,56 @@ export function element<K extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
-/** A button that says what it does, and whether it is on. */
+/** A button with a hint. What is written on it is its name; a sign alone has the hint for a name. */
 export function button(label: string, title: string, press: () => void, key = ""): HTMLButtonElement {
   const hint = key ? `${title} (${key})` : title;
-  const made = element("button", { type: "button", title: hint, "aria-label": hint }, label);
+  const made = element("button", { type: "button", title: hint }, label);
+  if (!/\p{Letter}/u.test(label)) made.setAttribute("aria-label", title);
   if (key) made.setAttribute("aria-keyshortcuts", key);
   made.addEventListener("click", press);
   return made;
 }
 
-/** A drop-down list. */
+/** A drop-down list; without a label of its own where it stands inside of one. */
 export function choice(label: string, options: readonly [string, string][], choose: (value: string) => void): HTMLSelectElement {
-  const made = element("select", { "aria-label": label, title: label });
+  const made = element("select", label ? { "aria-label": label, title: label } : {});
   for (const [value, text] of options) made.append(element("option", { value }, text));
   made.addEventListener("change", () => choose(made.value));
   return made;
 }
 
-/** Turns a view from light to dark or back; it begins as the system has it. */
-export function toggleTheme(root: HTMLElement): void {
-  const { theme } = root.dataset;
-  const isDark = theme ? theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-  root.dataset.theme = isDark ? "light" : "dark";
+/** Gives a view the system's theme, and follows it until one is chosen; returns what ends that. */
+export function followTheme(root: HTMLElement, changed: () => void): () => void {
+  const system = matchMedia("(prefers-color-scheme: dark)");
+  const follow = () => {
+    if (root.dataset.isChosen) return;
+    root.dataset.theme = system.matches ? "dark" : "light";
+    changed();
+  };
+  follow();
+  system.addEventListener("change", follow);
+  return () => system.removeEventListener("change", follow);
 }
 
-/** The dialog that lists keys and gestures. */
+/** Turns a view from light to dark or back. */
+export function toggleTheme(root: HTMLElement): void {
+  root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+  root.dataset.isChosen = "true";
+}
+
+/** The dialog that lists keys and gestures; a press beside it closes it. */
 export function helpDialog(title: string, keys: readonly [string, string][]): HTMLDialogElement {
   const list = element("dl");
   for (const [key, meaning] of keys) list.append(element("dt", {}, key), element("dd", {}, meaning));
-  const dialog = element("dialog", { class: "panel help", "aria-label": "keys and gestures" });
-  dialog.append(element("h2", {}, title), list, button("Close", "close", () => dialog.close()));
+  const dialog = element("dialog", { class: "help", "aria-label": "keys and gestures" });
+  dialog.append(element("h2", {}, title), list, button("Close", "close", () => dialog.close(), "Esc"));
+  dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
   return dialog;
+}
+
+/** A number under its name. */
+export function fact(name: string, value: HTMLElement): HTMLElement {
+  return element("div", {}, element("dt", {}, name), element("dd", {}, value));
 }
 
 /** A few exclusive choices side by side. */

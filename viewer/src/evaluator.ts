@@ -1,5 +1,6 @@
 // The Rust evaluator (bindings/wasm) as an object: names for its numbers, nothing computed here.
 import wasmUrl from "../wasm/evaluator.wasm?url";
+import { requireRoom, withinMemory } from "./memory";
 
 export type Vec3 = [number, number, number];
 export type Trust = "trusted" | "beyond-depth" | "error-too-large" | "no-number";
@@ -10,8 +11,12 @@ export interface Answer {
   point: Vec3;
   force: Vec3;
   stiffness: number[];
+  /** Estimated relative error of the force, and whether it may be relied on. */
   error: number;
   trust: Trust;
+  /** The same of the shape, which a compressed model knows less well. */
+  shapeError: number;
+  shapeTrust: Trust;
 }
 
 /** What a model file says about itself (docs/model-file.md), and its sizes. */
@@ -48,6 +53,7 @@ interface Exports {
   organ_rest(organ: number): number;
   organ_touch(organ: number, x: number, y: number, z: number): number;
   organ_evaluate(organ: number, x: number, y: number, z: number): number;
+  organ_shape_trust(organ: number): number;
   organ_answer(organ: number): number;
   organ_force(organ: number, x: number, y: number, z: number, order: number): number;
   organ_surface(organ: number, x: number, y: number, z: number, order: number, slot: number): number;
@@ -87,16 +93,19 @@ export class Evaluator {
     this.rest = this.singles(wasm.organ_rest(organ), 3 * n.n_surface).slice();
   }
 
-  /** Reads the bytes of a model file; throws a sentence where they are none. */
+  /** Reads the bytes of a model file; throws a sentence where they are none, or too many for the page's memory. */
   static async load(model: Uint8Array): Promise<Evaluator> {
+    requireRoom(model.length);
     const { instance } = await WebAssembly.instantiate(decode(wasmUrl), {});
     const wasm = instance.exports as unknown as Exports;
-    const bytes = wasm.page_allocate(model.length);
-    new Uint8Array(wasm.memory.buffer, bytes, model.length).set(model);
-    const organ = wasm.organ_open(bytes, model.length);
-    wasm.page_release(bytes, model.length);
-    if (organ === 0) throw new Error(text(wasm));
-    return new Evaluator(wasm, organ);
+    return withinMemory(model.length, () => {
+      const bytes = wasm.page_allocate(model.length);
+      new Uint8Array(wasm.memory.buffer, bytes, model.length).set(model);
+      const organ = wasm.organ_open(bytes, model.length);
+      wasm.page_release(bytes, model.length);
+      if (organ === 0) throw new Error(text(wasm));
+      return new Evaluator(wasm, organ);
+    });
   }
 
   /** Length of the bounding box's diagonal [m]. */
@@ -117,13 +126,15 @@ export class Evaluator {
   /** The answer to the contact displaced by d [m]. */
   evaluate(d: Vec3): Answer {
     const trust = TRUST[this.wasm.organ_evaluate(this.organ, ...d)] ?? "no-number";
-    const numbers = [...this.doubles(this.wasm.organ_answer(this.organ), 16)];
+    const numbers = [...this.doubles(this.wasm.organ_answer(this.organ), 17)];
     return {
       point: numbers.slice(0, 3) as Vec3,
       force: numbers.slice(3, 6) as Vec3,
       stiffness: numbers.slice(6, 15),
       error: numbers[15] ?? 1,
       trust,
+      shapeError: numbers[16] ?? 1,
+      shapeTrust: TRUST[this.wasm.organ_shape_trust(this.organ)] ?? "no-number",
     };
   }
 

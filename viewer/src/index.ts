@@ -2,9 +2,12 @@
 import { element } from "./dom";
 import { SocketLink, WorkerLink, type Link } from "./link";
 import { connect, type LiveView } from "./live";
+import { requireRoom, withinMemory } from "./memory";
+import { inWords, Notice } from "./notice";
 import { View } from "./view";
 
 export { Evaluator } from "./evaluator";
+export { scale } from "./scale";
 export { View } from "./view";
 
 declare global {
@@ -16,7 +19,7 @@ declare global {
 
 /** Fetches a model file and fills the place with its view. */
 export async function open(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => View.mount(place, await load(url, say)));
+  await show(place, async (say) => View.mount(place, await load(url, say), isFramed()));
 }
 
 /** Connects to the stepper of a case on this machine and fills the place with its view. */
@@ -29,26 +32,29 @@ export async function openCase(place: HTMLElement, url: string): Promise<void> {
   await show(place, async (say) => linked(place, new WorkerLink((await load(url, say)).buffer)));
 }
 
+/** Whether the page is a part of another one, which wants the wheel for itself. */
+function isFramed(): boolean {
+  return window !== window.top;
+}
+
 /** Fills the page with a view, or with the sentence that says why not. */
 async function show(place: HTMLElement, make: (say: (words: string) => void) => Promise<View | LiveView>): Promise<void> {
-  const status = element("p", { role: "status" }, "Loading the organ …");
-  status.style.cssText = "position:fixed;inset:0;display:grid;place-content:center;margin:0;padding:2rem;font:16px system-ui;color:#808895";
-  place.append(status);
+  const notice = new Notice(place, "Loading the organ …");
   try {
-    const view = await make((words) => (status.textContent = words));
+    const view = await make((words) => notice.say(words));
     window.viscera = view;
-    view.focus();
+    if (!isFramed()) view.focus();
     document.title = `${view.title} · Viscera`;
-    status.remove();
+    notice.remove();
   } catch (error) {
-    status.textContent = `The organ cannot be shown: ${error instanceof Error ? error.message : String(error)}`;
+    notice.say(inWords(error));
     throw error;
   }
 }
 
 async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
   try {
-    return await connect(place, link);
+    return await connect(place, link, isFramed());
   } catch (error) {
     link.close();
     throw error;
@@ -60,6 +66,7 @@ async function load(url: string, say: (words: string) => void): Promise<Uint8Arr
   const response = await fetch(url);
   if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
   const total = Number(response.headers.get("content-length"));
+  requireRoom(total);
   const reader = response.body?.getReader();
   if (!reader || !total) return new Uint8Array(await response.arrayBuffer());
   const chunks: Uint8Array[] = [];
@@ -69,7 +76,7 @@ async function load(url: string, say: (words: string) => void): Promise<Uint8Arr
     length += part.value.length;
     say(`Loading the organ … ${Math.min(100, Math.round((100 * length) / total))} %`);
   }
-  const all = new Uint8Array(length);
+  const all = withinMemory(length, () => new Uint8Array(length));
   chunks.reduce((at, chunk) => (all.set(chunk, at), at + chunk.length), 0);
   return all;
 }
@@ -86,7 +93,12 @@ export default {
     place.style.cssText = `position:relative;height:${model.get("height")}px;border-radius:10px;overflow:hidden`;
     el.append(place);
     const data = model.get("model");
-    const view = await View.mount(place, new Uint8Array(data.buffer, data.byteOffset, data.byteLength));
-    return () => view.dispose();
+    try {
+      const view = await View.mount(place, new Uint8Array(data.buffer, data.byteOffset, data.byteLength), true);
+      return () => view.dispose();
+    } catch (error) {
+      const notice = new Notice(place, inWords(error));
+      return () => notice.remove();
+    }
   },
 };

@@ -11,7 +11,7 @@ export interface Keyed {
   toggleTheme(): void;
   /** Lets go and looks from where it looked first. */
   reset(): void;
-  toggleHelp(): void;
+  readonly help: HTMLDialogElement;
   setOrder?(order: number): void;
   toggleKeeping?(): void;
   togglePath?(): void;
@@ -23,11 +23,11 @@ export interface Keyed {
 export const KEYS: readonly [string, string][] = [
   ["drag on the organ", "push it in (down) or pull it out (up); Shift switches push and drag"],
   ["wheel while holding", "push in or pull out along the normal"],
-  ["drag beside it", "turn the view; wheel or two fingers zoom"],
+  ["drag beside it", "turn the view; two fingers anywhere, or the wheel, zoom"],
   ["Enter", "touch the middle"],
   ["↑ ↓ ← →", "move the contact; Shift for small steps"],
   ["+ −", "push in, pull out"],
-  ["Esc", "let go"],
+  ["Esc", "let go, close this help"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
   ["P  M", "play a load path, show the modes ([ ] to step)"],
@@ -38,11 +38,11 @@ export const KEYS: readonly [string, string][] = [
 export const LIVE_KEYS: readonly [string, string][] = [
   ["drag on the organ", "take hold and drag in the plane of the screen; Shift switches to push and pull"],
   ["wheel while holding", "push in or pull out along the normal"],
-  ["drag beside it", "turn the view; wheel or two fingers zoom"],
+  ["drag beside it", "turn the view; two fingers anywhere, or the wheel, zoom"],
   ["Enter", "take hold of the middle"],
   ["↑ ↓ ← →", "move the hand; Shift for small steps"],
   ["+ −", "push in, pull out"],
-  ["Esc", "let go"],
+  ["Esc", "let go, close this help"],
   ["C  W", "colour by displacement, wireframe at rest"],
   ["T  R  ?", "light or dark, reset, this help"],
 ];
@@ -53,6 +53,11 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     const step = event.shiftKey ? 0.01 : 0.05;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
+    // Over the help keys mean nothing else than to close it.
+    if (view.help.open) {
+      if (key === "Escape" || key === "?") view.help.close();
+      return key === "Escape" || key === "?";
+    }
     if (/^[1-8]$/.test(key)) view.setOrder?.(Number(key));
     else if (key === "Enter") view.touchMiddle();
     else if (key === "ArrowLeft") view.nudge(-step, 0, 0);
@@ -71,7 +76,7 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     else if (key === "]") view.stepMode?.(1);
     else if (key === "t") view.toggleTheme();
     else if (key === "r") view.reset();
-    else if (key === "?") view.toggleHelp();
+    else if (key === "?") view.help.showModal();
     else return false;
     return true;
   };

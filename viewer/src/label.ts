@@ -1,5 +1,5 @@
 // The force in newtons beside its arrow.
-import type { Arrow } from "./arrow";
+import type { Arrow, Standing } from "./arrow";
 import { element, newtons } from "./dom";
 import type { Stage } from "./stage";
 
@@ -10,7 +10,7 @@ const WIDE = 52;
 const HIGH = 24;
 
 export class ForceLabel {
-  readonly root = element("div", { class: "force-label", "aria-hidden": "true" });
+  readonly root = element("div", { class: "force-label", "aria-hidden": "true", "data-side": "" });
 
   constructor(
     private readonly stage: Stage,
@@ -20,7 +20,7 @@ export class ForceLabel {
   }
 
   /** Follows the arrow's far end; nothing is shown where there is no arrow. */
-  follow(force: number, isTrusted: boolean): void {
+  follow(force: number, standing: Standing): void {
     this.root.hidden = !this.arrow.hasForce;
     if (this.root.hidden) return;
     const [foot, tail] = this.arrow.endsInScene().map((point) => this.stage.onCanvas(point)) as [Place, Place];
@@ -28,15 +28,15 @@ export class ForceLabel {
     const [dx, dy] = [tail.x - foot.x, tail.y - foot.y];
     const size = Math.hypot(dx, dy);
     const [x, y] = size > 1 ? [tail.x + (WIDE * dx) / size, tail.y + (HIGH * dy) / size] : [tail.x, tail.y - HIGH];
-    const { clientWidth, clientHeight } = this.stage.canvas;
-    const [left, top] = [within(x, WIDE, clientWidth), within(y, HIGH, clientHeight)];
+    const { offsetLeft, offsetTop, clientWidth, clientHeight } = this.stage.clearing;
+    const [left, top] = [within(x, WIDE, offsetLeft, clientWidth), within(y, HIGH, offsetTop, clientHeight)];
     this.root.style.transform = `translate(${left}px, ${top}px) translate(-50%, -50%)`;
     this.root.textContent = newtons(force);
-    this.root.classList.toggle("is-doubtful", !isTrusted);
+    for (const name of ["doubtful", "unsettled"]) this.root.classList.toggle(`is-${name}`, standing === name);
   }
 }
 
-/** Moved so far that a margin remains at both ends. */
-function within(place: number, margin: number, size: number): number {
-  return Math.max(margin, Math.min(place, size - margin));
+/** Moved so far that a margin remains at both ends of an interval. */
+function within(place: number, margin: number, start: number, size: number): number {
+  return Math.max(start + margin, Math.min(place, start + size - margin));
 }

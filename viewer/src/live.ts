@@ -3,7 +3,7 @@ import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
 import { VIRIDIS } from "./colour";
 import { Contrast } from "./contrast";
-import { button, choice, element, helpDialog, Segments, toggleTheme } from "./dom";
+import { button, choice, element, followTheme, helpDialog, newtons, Segments, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS, listen, type Keyed } from "./keys";
 import { Legend } from "./legend";
@@ -11,8 +11,9 @@ import type { Link } from "./link";
 import { Mean, paceInWords } from "./pace";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { FACTS, Specimen, type Hand } from "./specimen";
-import { Stage } from "./stage";
+import { CONTEXT_LOST, Stage } from "./stage";
 import style from "./style.css?inline";
+import { Summary } from "./summary";
 import { headsetButton } from "./xr";
 
 /** What the stepper says first (live/src/stage.rs). */
@@ -30,7 +31,7 @@ interface Hello {
 type Request = { laws?: string[]; grab?: Vec3; move?: Vec3; release?: true; gravity?: Vec3 };
 
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
-const SETTLED = 1e-8;
+const AT_REST = 1e-8;
 const GRAVITIES: readonly [string, string][] = [
   ["0,0,0", "no gravity"],
   ["0,0,-9.81", "gravity −z"],
@@ -49,10 +50,16 @@ export class LiveView implements Touched, Keyed {
   frames = 0;
   private wanted: Request = {};
   private isWaiting = false;
+  /** Whether a frame has come that has not been drawn. */
+  private isFresh = false;
   private held: Hand | null = null;
   /** The largest force since the hand took hold [N]: the longest arrow. */
   private peak = 0;
   private isColoured = false;
+  /** Whether the graphics processor was taken away. */
+  private isBlind = false;
+  /** What the stepper refused, or why it has gone; it stands until a frame comes. */
+  private complaint = "";
   private laws: string[];
   private specimens: Specimen[] = [];
   private readonly surface: Surface;
@@ -62,10 +69,12 @@ export class LiveView implements Touched, Keyed {
   private readonly root: HTMLElement;
   private readonly readings = element("section", { class: "panel readings live", "aria-label": "readings" });
   private readonly contrast = new Contrast();
-  private readonly warning = element("div", { class: "warning", role: "alert" });
+  private readonly labels = element("div");
+  private readonly warning = element("div", { class: "warning" });
+  private readonly summary = new Summary();
   private readonly clock = element("div", { class: "clock" });
   private readonly legend = new Legend();
-  private readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
+  readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
   private readonly colouring = button("Displacement", "colour by displacement", () => this.nextColouring(), "C");
   private readonly outline = button("Wireframe", "the shape at rest as a wireframe", () => this.toggleOutline(), "W");
 
@@ -73,6 +82,7 @@ export class LiveView implements Touched, Keyed {
     place: HTMLElement,
     private readonly link: Link,
     private readonly hello: Hello,
+    private readonly isEmbedded: boolean,
   ) {
     this.surface = {
       rest: Float32Array.from(hello.rest),
@@ -83,22 +93,40 @@ export class LiveView implements Touched, Keyed {
     this.depth = 0.1 * hello.diagonal;
     this.laws = [hello.law];
     this.title = hello.name;
-    const canvas = element("canvas", { class: "stage", tabindex: "0" });
+    const canvas = element("canvas", { class: "stage", tabindex: "0", role: "application" });
     canvas.setAttribute("aria-label", `${hello.name}: press on it to take hold of it; ? lists the keys`);
-    this.root = element("div", { class: "view" }, canvas);
+    this.stage = new Stage(canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
+    this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, canvas);
     const host = element("div", { style: "position:absolute;inset:0" });
     host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
-    place.append(host);
-    this.stage = new Stage(canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
     const body = { hit: (ray: THREE.Raycaster) => this.hit(ray) };
-    const header = this.header(headsetButton(this.stage, body, this));
-    this.root.append(header, this.readings, this.legend.root, this.warning, this.tools(), this.help, this.clock);
+    this.root.append(
+      this.labels,
+      element(
+        "div",
+        { class: "plan" },
+        this.stage.clearing,
+        this.header(headsetButton(this.stage, body, this)),
+        this.warning,
+        this.legend.root,
+        element("div", { class: "side" }, this.readings, this.clock),
+        this.tools(),
+      ),
+      this.help,
+      this.summary.root,
+    );
+    place.append(host);
     this.arrange();
     this.pointer = new Pointer(this.stage, body, this);
     listen(this.root, this);
+    followTheme(this.root, () => {});
     this.stage.onFrame = () => this.frame();
+    this.stage.onContext = (isLost) => {
+      this.isBlind = isLost;
+      this.warn();
+    };
     link.onMessage = (data) => this.receive(data);
-    link.onClose = (sentence) => this.say(sentence);
+    link.onClose = (sentence) => this.complain(sentence);
   }
 
   // What a hand does.
@@ -115,6 +143,7 @@ export class LiveView implements Touched, Keyed {
     if (!this.held) return;
     this.held.displacement = displacement;
     this.wanted.move = displacement;
+    this.ask();
   }
 
   release(): void {
@@ -165,6 +194,11 @@ export class LiveView implements Touched, Keyed {
     this.tool = tool;
   }
 
+  /** Whether the wheel is meant for the view. */
+  get isInUse(): boolean {
+    return !this.isEmbedded || (document.hasFocus() && this.root.matches(":focus-within"));
+  }
+
   /** Takes hold of the surface near a point and displaces it [m]. */
   touch(point: Vec3, displacement: Vec3): void {
     this.grab({ rest: point, moved: new THREE.Vector3(...point) });
@@ -191,8 +225,7 @@ export class LiveView implements Touched, Keyed {
   nextColouring(): void {
     this.isColoured = !this.isColoured;
     this.colouring.setAttribute("aria-pressed", String(this.isColoured));
-    if (this.isColoured) this.legend.show("displacement", VIRIDIS, this.depth);
-    else {
+    if (!this.isColoured) {
       this.legend.hide();
       this.specimens.forEach(({ body }) => body.paintTissue());
     }
@@ -208,11 +241,6 @@ export class LiveView implements Touched, Keyed {
 
   toggleTheme(): void {
     toggleTheme(this.root);
-  }
-
-  toggleHelp(): void {
-    if (this.help.open) this.help.close();
-    else this.help.show();
   }
 
   /** Makes the keys work. */
@@ -247,7 +275,8 @@ export class LiveView implements Touched, Keyed {
 
   private frame(): void {
     this.ask();
-    this.specimens.forEach((specimen) => specimen.label.follow(specimen.size, specimen.isSound));
+    if (this.isFresh) this.stage.shape(() => this.show());
+    this.specimens.forEach((specimen) => specimen.label.follow(specimen.size, specimen.standing));
     const { pace, drawing } = this.stage;
     this.clock.textContent = paceInWords(pace.rate, [
       ["step", this.step.value],
@@ -255,8 +284,9 @@ export class LiveView implements Touched, Keyed {
     ]);
   }
 
+  /** Asks for a frame where something is wanted or moves; one at a time. */
   private ask(): void {
-    const isMoving = this.specimens.some(({ facts }) => facts.residual > SETTLED || facts.taken < 1);
+    const isMoving = this.specimens.some(({ facts }) => facts.residual > AT_REST || facts.taken < 1 || !facts.isSettled);
     if (this.isWaiting || !this.link.isOpen) return;
     if (!isMoving && Object.keys(this.wanted).length === 0) return;
     this.link.send(JSON.stringify(this.wanted));
@@ -266,47 +296,71 @@ export class LiveView implements Touched, Keyed {
 
   private receive(data: string | ArrayBuffer): void {
     this.isWaiting = false;
-    if (typeof data === "string") return this.say((JSON.parse(data) as { error: string }).error);
+    if (typeof data === "string") return this.complain((JSON.parse(data) as { error: string }).error);
     const numbers = new Float32Array(data);
     const size = FACTS + this.surface.rest.length;
     // A frame that was under way when the laws changed is of another number of organs.
     if (numbers[0] !== this.specimens.length) return;
     this.frames += 1;
-    this.stage.shape(() => {
-      this.specimens.forEach((specimen, k) => specimen.take(numbers.subarray(1 + k * size, 1 + (k + 1) * size)));
-      this.show();
-    });
+    this.specimens.forEach((specimen, k) => specimen.take(numbers.subarray(1 + k * size, 1 + (k + 1) * size)));
     this.step.add(this.specimens.reduce((sum, { facts }) => sum + facts.milliseconds, 0));
-    this.warn();
+    this.complaint = "";
+    this.isFresh = true;
+    this.stage.invalidate();
+    // An organ on its way, or a hand that has moved, does not wait for the drawing.
+    if (this.specimens.some(({ facts }) => !facts.isSettled) || Object.keys(this.wanted).length > 0) this.ask();
   }
 
   private show(): void {
+    this.isFresh = false;
     const { held, specimens } = this;
+    specimens.forEach((specimen) => specimen.present());
     if (held) {
-      this.peak = Math.max(this.peak, ...specimens.map(({ size }) => size));
-      specimens.forEach((specimen) => specimen.hold(held, this.peak));
+      // A force on its way may be of any size: it does not set the scale.
+      const settled = specimens.filter(({ facts }) => facts.isSettled);
+      this.peak = Math.max(this.peak, ...settled.map(({ size }) => size));
+      const reference = this.peak || Math.max(...specimens.map(({ size }) => size));
+      specimens.forEach((specimen) => specimen.hold(held, reference));
     }
-    if (this.isColoured) specimens.forEach((specimen) => specimen.colour(this.depth));
+    if (this.isColoured) {
+      const largest = Math.max(...specimens.map(({ reach }) => reach));
+      const high = this.legend.show("displacement", VIRIDIS, this.depth, largest);
+      specimens.forEach((specimen) => specimen.colour(high));
+    }
     const [one, other] = specimens;
     if (one && other) this.contrast.show(one, other);
+    this.warn();
   }
 
   private warn(): void {
-    const named = ({ law }: Specimen) => (this.specimens.length > 1 ? ` (${spaced(law)})` : "");
-    const cut = this.specimens.find(({ facts }) => facts.taken < 1);
-    const unstable = this.specimens.find(({ facts }) => facts.isUnstable);
-    if (cut) this.say(`The hand is faster than the organ${named(cut)}: a cell would turn inside out, the step is cut.`);
-    else this.say(unstable ? `The organ is about to buckle here${named(unstable)}.` : "");
-  }
-
-  private say(sentence: string): void {
+    const sentence = this.isBlind ? CONTEXT_LOST : this.complaint || this.trouble();
     this.warning.classList.toggle("is-shown", sentence !== "");
     if (sentence) this.warning.textContent = sentence;
+    const forces = this.specimens.map(
+      ({ law, size, standing }) => `${spaced(law)}: ${newtons(size)}${standing === "unsettled" ? ", not settled" : ""}.`,
+    );
+    this.summary.say([...(this.held ? forces : []), sentence].filter(Boolean).join(" "));
+  }
+
+  /** What is the matter with the last frame, in words; empty where nothing is. */
+  private trouble(): string {
+    const named = ({ law }: Specimen) => (this.specimens.length > 1 ? ` (${spaced(law)})` : "");
+    const cut = this.specimens.find(({ facts }) => facts.taken < 1);
+    if (cut) return `The hand is faster than the organ${named(cut)}: a cell would turn inside out, the step is cut.`;
+    const flat = this.specimens.find(({ facts }) => facts.cellsAtBound > 0);
+    if (flat) return `A cell is squeezed or stretched as far as a cell may be${named(flat)}.`;
+    const unstable = this.specimens.find(({ facts }) => facts.isUnstable);
+    return unstable ? `The organ is about to buckle here${named(unstable)}.` : "";
+  }
+
+  private complain(sentence: string): void {
+    this.complaint = sentence;
+    this.warn();
   }
 
   /** Makes the organs anew, one for each law, side by side. */
   private arrange(): void {
-    const isRoomier = this.laws.length !== this.specimens.length;
+    const isOther = this.laws.length !== this.specimens.length;
     for (const specimen of this.specimens) {
       this.stage.world.remove(specimen.place);
       specimen.dispose();
@@ -318,19 +372,31 @@ export class LiveView implements Touched, Keyed {
     );
     const extent = Math.max(...along) - Math.min(...along);
     const width = 1.15 * extent;
-    if (isRoomier) this.stage.widen((this.laws.length - 1) * width + extent);
+    const places = this.laws.map((_, k) => right.map((r) => r * (k - 0.5 * (this.laws.length - 1)) * width) as Vec3);
     this.specimens = this.laws.map((law, k) => {
       const choose = (chosen: string) => this.setLaws(this.laws.map((old, j) => (j === k ? chosen : old)));
-      const specimen = new Specimen(this.surface, this.hello.radius, this.stage, names, law, choose);
-      specimen.place.position.set(...right).multiplyScalar((k - 0.5 * (this.laws.length - 1)) * width);
+      const side = this.laws.length > 1 ? (["left", "right"][k] ?? "") : "";
+      const specimen = new Specimen(this.surface, this.hello.radius, this.stage, names, law, side, choose);
+      specimen.place.position.set(...places[k]!);
       specimen.body.outline.visible = this.outline.getAttribute("aria-pressed") === "true";
       this.stage.world.add(specimen.place);
-      this.root.append(specimen.label.root);
+      this.labels.append(specimen.label.root);
       return specimen;
     });
     const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
+    const focused = this.controls().indexOf((this.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
+    const isLast = focused === this.controls().length - 1;
     this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, this.pairing());
+    // Whoever has chosen a law, or a second one, by key goes on from there.
+    if (focused >= 0) this.controls().at(isLast ? -1 : focused)!.focus({ preventScroll: true });
+    this.readings.classList.toggle("is-pair", this.laws.length > 1);
+    if (isOther) this.stage.enclose(places.map((at) => ({ rest: this.surface.rest, at })));
     this.stage.invalidate();
+  }
+
+  /** The lists of laws and the button below them. */
+  private controls(): HTMLElement[] {
+    return [...this.readings.querySelectorAll<HTMLElement>("select, button")];
   }
 
   /** From one organ to two and back. */
@@ -354,9 +420,9 @@ export class LiveView implements Touched, Keyed {
   }
 
   private header(headset: HTMLButtonElement): HTMLElement {
-    const facts = `${this.hello.rest.length / 3} surface nodes · one Newton iteration a frame, ${this.link.place}`;
+    const facts = `${this.hello.rest.length / 3} surface nodes · stepped ${this.link.place}`;
     const theme = button("◐", "light or dark", () => this.toggleTheme(), "T");
-    const help = button("?", "keys and gestures", () => this.toggleHelp(), "?");
+    const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, theme, help);
     return element("header", {}, element("h1", {}, this.hello.name), element("p", {}, facts), corner);
   }
@@ -379,13 +445,13 @@ export class LiveView implements Touched, Keyed {
 }
 
 /** Fills the place with the view of a case, once its stepper has introduced it; rejects with a sentence. */
-export function connect(place: HTMLElement, link: Link): Promise<LiveView> {
+export function connect(place: HTMLElement, link: Link, isEmbedded: boolean): Promise<LiveView> {
   return new Promise((resolve, reject) => {
     link.onClose = (sentence) => reject(new Error(sentence));
     link.onMessage = (data) => {
       const hello = JSON.parse(data as string) as Hello | { error: string };
       if ("error" in hello) reject(new Error(hello.error));
-      else resolve(new LiveView(place, link, hello));
+      else resolve(new LiveView(place, link, hello, isEmbedded));
     };
   });
 }

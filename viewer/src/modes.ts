@@ -1,11 +1,14 @@
 // The separated form made visible: a spatial mode F_i as a movement, its function G_i over the load positions as colour.
 import type { Body } from "./body";
 import { DIVERGING } from "./colour";
-import { button, choice, digits, element } from "./dom";
+import { button, choice, element } from "./dom";
 import type { Evaluator, Vec3 } from "./evaluator";
+import { Legend } from "./legend";
 
 /** Largest displacement of a mode on the stage, as a part of the organ's diagonal. */
 const SIZE = 0.07;
+
+const CAPTION = "The movement is the mode F; the colour is its weight G over the positions of this region.";
 
 export class Modes {
   readonly root: HTMLElement;
@@ -14,8 +17,9 @@ export class Modes {
   private term = 0;
   private phase = 0;
   private field: Float32Array;
-  private readonly number = element("output", { class: "mode-number" });
-  private readonly caption = element("p", { class: "mode-caption" });
+  private readonly number = element("span", { class: "mode-number" });
+  private readonly caption = element("p", { class: "mode-caption" }, CAPTION);
+  private readonly legend = new Legend();
   private readonly regions: HTMLSelectElement;
   private readonly slider = element("input", { type: "range", min: "0", step: "1", "aria-label": "mode" });
   /** Whether the movement swings; without it the mode stands still at its largest. */
@@ -44,8 +48,9 @@ export class Modes {
         this.slider,
         button("›", "next mode", () => this.step(1)),
       ),
-      element("label", { class: "row" }, "G in the term ", choice("term of the series", terms, (t) => this.selectTerm(Number(t)))),
+      element("label", { class: "row" }, "G in the term ", choice("", terms, (t) => this.selectTerm(Number(t)))),
       this.caption,
+      this.legend.root,
     );
     this.root.hidden = true;
     this.field = new Float32Array(evaluator.rest.length);
@@ -99,9 +104,8 @@ export class Modes {
       values[row] = amplitude[p]!;
       largest = Math.max(largest, Math.abs(amplitude[p]!));
     });
-    this.body.paint(values, -largest, largest, DIVERGING);
-    const range = `±${digits(1000 * largest, 2)} mm`;
-    this.caption.textContent = `The movement is the mode; the colour is its weight G over the positions of this region, ${range} at full depth.`;
+    const high = this.legend.show("G at full depth", DIVERGING, largest, largest, true);
+    this.body.paint(values, -high, high, DIVERGING);
     this.repaint();
   }
 }

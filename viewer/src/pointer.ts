@@ -17,11 +17,15 @@ export interface Touched {
   contact(): { normal: Vec3; displacement: Vec3 } | null;
   readonly tool: Tool;
   readonly depth: number;
+  /** Whether the wheel is meant for the view, not for what it is embedded in. */
+  readonly isInUse: boolean;
 }
 
 export class Pointer {
   private readonly ray = new THREE.Raycaster();
   private held: { id: number; start: THREE.Vector3; base: Vec3; wheel: number; last: PointerEvent } | null = null;
+  /** Fingers on the canvas, with where they came down; two are the camera's. */
+  private readonly fingers = new Map<number, PointerEvent>();
   private readonly abort = new AbortController();
 
   constructor(
@@ -67,6 +71,12 @@ export class Pointer {
   }
 
   private press(event: PointerEvent): void {
+    // What is handed on comes by here again.
+    if (!event.isTrusted) return;
+    if (event.pointerType === "touch") {
+      this.fingers.set(event.pointerId, event);
+      if (this.fingers.size > 1) return this.handOn();
+    }
     if (event.button !== 0 || this.held) return;
     const hit = this.under(event.offsetX, event.offsetY);
     if (!hit) return;
@@ -96,14 +106,30 @@ export class Pointer {
   }
 
   private lift(event: PointerEvent): void {
-    if (event.pointerId !== this.held?.id) return;
+    this.fingers.delete(event.pointerId);
+    if (event.pointerId === this.held?.id) this.letGo();
+  }
+
+  private letGo(): void {
     this.held = null;
     this.stage.controls.enabled = true;
     this.stage.canvas.classList.remove("is-holding");
     this.touched.release();
   }
 
+  /** A second finger has come: what the first one did is undone, and the camera gets it. */
+  private handOn(): void {
+    if (!this.held) return;
+    const { id, base } = this.held;
+    this.touched.move(base);
+    this.letGo();
+    const { pointerType, clientX, clientY, screenX, screenY } = this.fingers.get(id)!;
+    const first = { pointerId: id, pointerType, clientX, clientY, screenX, screenY, isPrimary: true, bubbles: true, composed: true };
+    this.stage.canvas.dispatchEvent(new PointerEvent("pointerdown", first));
+  }
+
   private roll(event: WheelEvent): void {
+    if (!this.touched.isInUse) return event.stopImmediatePropagation();
     if (!this.held) return;
     event.preventDefault();
     event.stopImmediatePropagation();
@@ -149,6 +175,7 @@ export class Pointer {
 
   private aim(x: number, y: number): void {
     const { canvas, camera } = this.stage;
+    this.stage.place();
     const place = new THREE.Vector2((2 * x) / canvas.clientWidth - 1, 1 - (2 * y) / canvas.clientHeight);
     this.ray.setFromCamera(place, camera);
   }

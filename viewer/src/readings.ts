@@ -1,6 +1,6 @@
 // What is read off: the force, the curve, and what every order says about the same touch.
 import { CurvePlot, type Curves } from "./curve";
-import { digits, element, fixed, newtons } from "./dom";
+import { button, digits, element, fact, fixed, newtons } from "./dom";
 import type { Answer } from "./evaluator";
 
 /** What one order of the series answers: force [N], relative volume change, relative distance from the highest order. */
@@ -12,10 +12,10 @@ export interface OrderReading {
 
 export class Readings {
   readonly root: HTMLElement;
-  private readonly force = element("output", { class: "force" }, "0.00");
-  private readonly depth = element("output");
-  private readonly error = element("output");
-  private readonly stiffness = element("output");
+  private readonly force = element("span", { class: "force" }, "0.00");
+  private readonly depth = element("span");
+  private readonly error = element("span");
+  private readonly stiffness = element("span");
   private readonly rows: HTMLTableRowElement[] = [];
   private readonly plot: CurvePlot;
 
@@ -23,8 +23,8 @@ export class Readings {
     const canvas = element("canvas", { class: "curve", role: "img", "aria-label": "force against depth, for every order" });
     const body = element("tbody");
     for (let p = 1; p <= order; p++) {
-      const pick = element("button", { type: "button", "aria-label": `order ${p}`, "aria-keyshortcuts": String(p) });
-      pick.append(String(p), element("small", {}, p === 1 ? " linear" : ""));
+      const pick = element("button", { type: "button", "aria-keyshortcuts": String(p) });
+      pick.append(element("span", { class: "unseen" }, "order "), String(p), element("small", {}, p === 1 ? " linear" : ""));
       pick.addEventListener("click", () => chooseOrder(p));
       const row = element("tr", {}, element("th", { scope: "row" }, pick), ...[0, 1, 2].map(() => element("td", {}, "–")));
       row.addEventListener("click", () => chooseOrder(p));
@@ -32,13 +32,18 @@ export class Readings {
       body.append(row);
     }
     const head = ["order", "force [N]", "volume [%]", "off by [%]"].map((name) => element("th", { scope: "col" }, name));
-    const fact = (name: string, value: HTMLElement) => element("div", {}, element("dt", {}, name), element("dd", {}, value));
+    const fold = button("Orders", "what every order of the series says", () => {
+      fold.setAttribute("aria-expanded", String(this.root.classList.toggle("is-unfolded")));
+    });
+    fold.classList.add("fold");
+    fold.setAttribute("aria-expanded", "false");
     this.root = element(
       "section",
       { class: "panel readings", "aria-label": "readings" },
       element("div", { class: "big" }, this.force, element("span", { class: "unit" }, "N")),
       element("dl", {}, fact("depth", this.depth), fact("stiffness", this.stiffness), fact("est. error", this.error)),
       canvas,
+      fold,
       element("table", { class: "orders" }, element("thead", {}, element("tr", {}, ...head)), body),
     );
     this.plot = new CurvePlot(canvas);
@@ -48,7 +53,7 @@ export class Readings {
   show(answer: Answer | null, force: number, depth: number): void {
     this.force.textContent = answer ? newtons(force).slice(0, -2) : "0.00";
     this.depth.textContent = answer ? `${fixed(1000 * depth, 1)} mm` : "–";
-    this.error.textContent = answer ? percent(answer.error) : "–";
+    this.error.textContent = answer ? errors(answer) : "–";
     const K = answer?.stiffness;
     this.stiffness.textContent = K ? `${digits((K[0]! + K[4]! + K[8]!) / 3, 3)} N/m` : "–";
     this.root.classList.toggle("is-doubtful", answer !== null && answer.trust !== "trusted");
@@ -72,9 +77,24 @@ export class Readings {
     });
   }
 
+  /** Draws the curves in the colours of another theme. */
+  redraw(): void {
+    this.plot.redraw();
+  }
+
+  dispose(): void {
+    this.plot.dispose();
+  }
+
   draw(curves: Curves | null, order: number, depth: number, now: { depth: number; force: number } | null): void {
     this.plot.draw(curves, order, depth, now);
   }
+}
+
+/** The estimated error of the force; and that of the shape, where the two differ in what is shown. */
+function errors(answer: Answer): string {
+  const [force, shape] = [percent(answer.error), percent(answer.shapeError)];
+  return force === shape ? force : `${force}, shape ${shape}`;
 }
 
 export function percent(share: number): string {

@@ -1,16 +1,17 @@
 // Where the organ is seen: renderer, camera, light, and a frame only when something has changed.
 import * as THREE from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { element } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Mean, Pace } from "./pace";
 import { studio } from "./studio";
 
-/** Field of view [degrees], and half the width that must be seen at the distance of 1. */
+/** Field of view at the least [degrees]; where one organ is looked at from [diagonals], and how much wider than it is. */
 const FIELD = 32;
-const HALF_WIDTH = 0.27;
-/** From where one organ is looked at, and up to which width [px] the readings lie below it. */
 const DISTANCE = 1.85;
-const NARROW = 820;
+const MARGIN = 1.12;
+/** What is said until the browser gives the drawing back. */
+export const CONTEXT_LOST = "The browser has taken the graphics processor away; the organ comes back with it, or when the page is loaded again.";
 /** Below so many frames a second pixels are saved; the share of them that is left along each side. */
 const SLUGGISH = 20;
 const COARSE = 0.5;
@@ -29,22 +30,33 @@ export class Stage {
   /** Milliseconds of a frame for shaping and drawing what is seen. */
   readonly drawing = new Mean();
 
+  /** The part of the view that no panel takes: there the organ stands. */
+  readonly clearing = element("div", { class: "clearing" });
+  /** The drawing is gone, as the graphics processor was taken away, or is back. */
+  onContext: (isLost: boolean) => void = () => {};
+
   private isStale = true;
+  /** The clearing, or the canvas itself, is of another size than when the organ was fitted to it. */
+  private isMisfit = true;
+  private isStretched = true;
   private last = 0;
   private shaping = 0;
   /** Whether it is drawn with fewer pixels than the screen has. */
   private isCoarse = false;
   private room = 1;
+  private shapes: readonly Placed[] = [];
   private readonly home = new THREE.Vector3();
   private readonly observer: ResizeObserver;
+  private readonly abort = new AbortController();
 
+  /** Throws a sentence where the browser cannot draw. */
   constructor(
     readonly canvas: HTMLCanvasElement,
     readonly centre: Vec3,
     readonly diagonal: number,
     facing: Vec3,
   ) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, context: drawingContext(canvas) });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.toneMapping = THREE.NeutralToneMapping;
     this.renderer.toneMappingExposure = 1;
@@ -60,10 +72,16 @@ export class Stage {
     this.controls.minDistance = 0.5;
     this.controls.maxDistance = 8;
     this.controls.addEventListener("change", () => this.invalidate());
-    this.observer = new ResizeObserver(() => this.resize());
-    this.observer.observe(canvas.parentElement ?? canvas);
+    this.observer = new ResizeObserver((changes) => {
+      this.isMisfit = true;
+      this.isStretched ||= changes.some(({ target }) => target === canvas);
+    });
+    this.observer.observe(canvas);
+    this.observer.observe(this.clearing);
+    const { signal } = this.abort;
+    canvas.addEventListener("webglcontextlost", () => this.onContext(true), { signal });
+    canvas.addEventListener("webglcontextrestored", () => this.relight(), { signal });
     this.goHome();
-    this.resize();
     this.renderer.setAnimationLoop((time) => this.frame(time));
   }
 
@@ -85,13 +103,37 @@ export class Stage {
     return new THREE.Vector3().crossVectors(this.camera.up, this.home).normalize().toArray();
   }
 
-  /** Makes room for organs side by side, together of this width [m]. */
-  widen(width: number): void {
-    const { fov, aspect } = this.camera;
-    const free = this.canvas.clientWidth > NARROW ? 0.74 : 0.92;
-    const seen = 2 * DISTANCE * Math.tan(0.5 * fov * THREE.MathUtils.DEG2RAD) * aspect * free;
-    this.room = Math.max(1, width / this.diagonal / seen);
+  /** Takes these shapes into the first view, whole. */
+  enclose(shapes: readonly Placed[]): void {
+    this.shapes = shapes;
+    const right = new THREE.Vector3(...this.right);
+    const along = shapes.flatMap(({ rest, at }) => {
+      const [low, high] = extent(rest, (x, y, z) => right.x * x + right.y * y + right.z * z);
+      const offset = right.dot(new THREE.Vector3(...at));
+      return [low + offset, high + offset];
+    });
+    this.room = Math.max(1, (Math.max(...along) - Math.min(...along)) / this.diagonal);
     this.goHome();
+    this.fit();
+  }
+
+  /** Fits the canvas to its place, and the organ to the clearing. */
+  fit(): void {
+    this.isMisfit = this.isStretched = false;
+    const { canvas, camera, clearing } = this;
+    const [width, height] = [Math.max(canvas.clientWidth, 1), Math.max(canvas.clientHeight, 1)];
+    this.renderer.setSize(width, height, false);
+    const [across, up] = this.slopes();
+    // Pixels for a slope of one: so many that all is seen, and no more than on a wide screen.
+    const fitting = Math.min(clearing.clientWidth / across, clearing.clientHeight / up) / MARGIN;
+    const pixels = Math.max(Math.min(0.5 * fitting, (0.5 * height) / Math.tan(0.5 * FIELD * THREE.MathUtils.DEG2RAD)), 1);
+    camera.aspect = width / height;
+    camera.fov = 2 * THREE.MathUtils.RAD2DEG * Math.atan((0.5 * height) / pixels);
+    const shift = 0.5 * width - (clearing.offsetLeft + 0.5 * clearing.clientWidth);
+    const drop = 0.5 * height - (clearing.offsetTop + 0.5 * clearing.clientHeight);
+    camera.setViewOffset(width, height, shift, drop, width, height);
+    camera.updateProjectionMatrix();
+    this.invalidate();
   }
 
   /** Asks for a frame. */
@@ -107,8 +149,14 @@ export class Stage {
     this.invalidate();
   }
 
+  /** Takes over where things stand since they were last drawn. */
+  place(): void {
+    this.scene.updateMatrixWorld();
+  }
+
   /** A point of the organ [m] on the canvas, in CSS pixels. */
   project(point: THREE.Vector3): { x: number; y: number } {
+    this.place();
     return this.onCanvas(this.world.localToWorld(point.clone()));
   }
 
@@ -121,8 +169,11 @@ export class Stage {
   dispose(): void {
     this.renderer.setAnimationLoop(null);
     this.observer.disconnect();
+    this.abort.abort();
     this.controls.dispose();
     this.renderer.dispose();
+    // A browser allows few contexts; a notebook makes one for each cell that is run.
+    this.renderer.forceContextLoss();
   }
 
   private light(): void {
@@ -139,18 +190,33 @@ export class Stage {
     this.scene.add(this.camera);
   }
 
-  private resize(): void {
-    const frame = this.canvas.parentElement ?? this.canvas;
-    const [width, height] = [Math.max(frame.clientWidth, 1), Math.max(frame.clientHeight, 1)];
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    // On a narrow screen the organ must still fit; beside the readings it stands left of the middle.
-    this.camera.fov = Math.max(FIELD, 2 * THREE.MathUtils.RAD2DEG * Math.atan(HALF_WIDTH / this.camera.aspect));
-    const shift = width > NARROW ? 0.5 * Math.min(330, 0.3 * width) : 0;
-    const drop = width > NARROW ? 0 : 0.13 * height;
-    this.camera.setViewOffset(width, height, shift, drop, width, height);
-    this.camera.updateProjectionMatrix();
+  /** The studio's light was in the memory of the graphics processor: it is painted anew. */
+  private relight(): void {
+    this.scene.environment?.dispose();
+    this.scene.environment = studio(this.renderer);
+    this.onContext(false);
     this.invalidate();
+  }
+
+  /** How steep the rays to the outermost points of the first view are, to either side and up or down. */
+  private slopes(): [number, number] {
+    const place = this.home.clone().multiplyScalar(this.room);
+    const eye = new THREE.PerspectiveCamera();
+    eye.up.copy(this.camera.up);
+    eye.position.copy(place);
+    eye.lookAt(0, 0, 0);
+    eye.updateMatrixWorld();
+    const point = new THREE.Vector3();
+    let [across, up] = [0.1, 0.1];
+    for (const { rest, at } of this.shapes) {
+      for (let n = 0; n < rest.length; n += 3) {
+        point.set(rest[n]! + at[0], rest[n + 1]! + at[1], rest[n + 2]! + at[2]).sub(CENTRE.set(...this.centre));
+        point.divideScalar(this.diagonal).applyMatrix4(eye.matrixWorldInverse);
+        across = Math.max(across, Math.abs(point.x / point.z));
+        up = Math.max(up, Math.abs(point.y / point.z));
+      }
+    }
+    return [across, up];
   }
 
   /** Where drawing is slow, fewer pixels while something moves, and all of them once it rests. */
@@ -166,9 +232,11 @@ export class Stage {
   private frame(time: number): void {
     const interval = time - this.last;
     this.last = time;
+    const { isPresenting } = this.renderer.xr;
+    // A panel that comes or goes waits while a hand holds on: what it holds would jump. A headset has a size of its own.
+    if (!isPresenting && (this.isStretched || (this.isMisfit && this.controls.enabled))) this.fit();
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
-    const { isPresenting } = this.renderer.xr;
     if (!isPresenting) this.sharpen();
     const isDrawn = this.isStale || isPresenting;
     this.pace.tick(time, isDrawn);
@@ -179,6 +247,33 @@ export class Stage {
     this.drawing.add(this.shaping + performance.now() - began);
     this.shaping = 0;
   }
+}
+
+/** A surface (s, 3) [m] and how far from its own place it stands [m]. */
+export interface Placed {
+  rest: Float32Array;
+  at: Vec3;
+}
+
+const CENTRE = new THREE.Vector3();
+
+/** The least and the largest value over points. */
+function extent(points: Float32Array, value: (x: number, y: number, z: number) => number): [number, number] {
+  let [low, high] = [Infinity, -Infinity];
+  for (let n = 0; n < points.length; n += 3) {
+    const at = value(points[n]!, points[n + 1]!, points[n + 2]!);
+    [low, high] = [Math.min(low, at), Math.max(high, at)];
+  }
+  return [low, high];
+}
+
+/** What a canvas is drawn with; throws a sentence where the browser has no WebGL 2. */
+function drawingContext(canvas: HTMLCanvasElement): WebGL2RenderingContext {
+  const context = canvas.getContext("webgl2", { antialias: true, alpha: true, powerPreference: "default" });
+  if (context) return context;
+  throw new Error(
+    "this browser offers no WebGL 2, with which the page draws; switch on hardware acceleration in its settings, or use another browser.",
+  );
 }
 
 /** From where a surface that faces this way is seen best: a little from above and from the side. */

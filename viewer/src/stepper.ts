@@ -31,7 +31,7 @@ class Stepper {
     const clock = { page: { now: () => performance.now() } };
     const { instance } = await WebAssembly.instantiate(await response.arrayBuffer(), clock);
     const wasm = instance.exports as unknown as Exports;
-    const stepped = withBytes(wasm, bytes, (at) => wasm.case_open(at, bytes.length));
+    const stepped = withinMemory(wasm, () => withBytes(wasm, bytes, (at) => wasm.case_open(at, bytes.length)));
     if (stepped === 0) throw new Error(message(wasm));
     return [new Stepper(wasm, stepped), message(wasm)];
   }
@@ -40,7 +40,7 @@ class Stepper {
   answer(request: string): ArrayBuffer {
     const { wasm, stepped } = this;
     const bytes = new TextEncoder().encode(request);
-    const frame = withBytes(wasm, bytes, (at) => wasm.case_answer(stepped, at, bytes.length));
+    const frame = withinMemory(wasm, () => withBytes(wasm, bytes, (at) => wasm.case_answer(stepped, at, bytes.length)));
     if (frame === 0) throw new Refusal(message(wasm));
     return new Float32Array(wasm.memory.buffer, frame, wasm.case_frame_len(stepped)).slice().buffer;
   }
@@ -55,6 +55,21 @@ function withBytes<T>(wasm: Exports, bytes: Uint8Array, use: (at: number) => T):
   const result = use(at);
   wasm.page_release(at, bytes.length);
   return result;
+}
+
+/** What `work` returns; where the module ends, a sentence that says why. */
+function withinMemory<T>(wasm: Exports, work: () => T): T {
+  try {
+    return work();
+  } catch (error) {
+    if (!(error instanceof WebAssembly.RuntimeError)) throw error;
+    // A fault leaves its place in the message (bindings/wasm/src/stepper.rs); an allocation that fails leaves none.
+    const fault = message(wasm);
+    if (fault.includes("panicked")) throw new Error(fault);
+    throw new Error(
+      "the organ needs more memory than this browser gives a page; viscera view without --export steps it on your machine",
+    );
+  }
 }
 
 function message(wasm: Exports): string {

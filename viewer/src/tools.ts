@@ -37,7 +37,7 @@ export class Tools {
         { class: "corner" },
         headset,
         button("◐", "light or dark", () => view.toggleTheme(), "T"),
-        button("?", "keys and gestures", () => view.toggleHelp(), "?"),
+        button("?", "keys and gestures", () => this.help.showModal(), "?"),
       ),
     );
     this.tool = new Segments<Tool>(
@@ -69,9 +69,9 @@ export class Tools {
       { class: "panel tools", "aria-label": "tools" },
       this.tool.root,
       this.switches.keep,
-      this.colouring.root,
       this.switches.outline,
       this.switches.path,
+      this.colouring.root,
       this.switches.modes,
       button("Reset", "reset the view and let go", () => view.reset(), "R"),
     );
@@ -81,11 +81,6 @@ export class Tools {
 
   press(name: Switch, isOn: boolean): void {
     this.switches[name].setAttribute("aria-pressed", String(isOn));
-  }
-
-  toggleHelp(): void {
-    if (this.help.open) this.help.close();
-    else this.help.show();
   }
 }
 

@@ -38,6 +38,15 @@ export class TouchState {
     return Math.hypot(...this.displacement);
   }
 
+  /** What not to rely on, in a sentence: the chosen order's answer, or the shape alone; empty where all is sound. */
+  warning(order: number): string {
+    const { shapeTrust, shapeError } = this.answer;
+    const doubt = this.doubt(order);
+    if (doubt) return `Not to be trusted: ${doubt}.`;
+    if (shapeTrust === "trusted") return "";
+    return `The force is sound, the shape is not to be trusted: its estimated error is ${(100 * shapeError).toPrecision(2)} % here.`;
+  }
+
   /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
   doubt(order: number): string {
     const { metadata } = this.evaluator.about;
@@ -108,7 +117,7 @@ export class TouchState {
       size += best[i]! ** 2;
     }
     // The estimate is of the whole field; over the surface it is spread like the last order.
-    const scale = order < highest ? 1 : difference > 0 ? (this.answer.error * Math.sqrt(size)) / Math.sqrt(difference) : 0;
+    const scale = order < highest ? 1 : difference > 0 ? (this.answer.shapeError * Math.sqrt(size)) / Math.sqrt(difference) : 0;
     for (let n = 0; n < out.length; n++) {
       const at = 3 * n;
       out[n] = scale * Math.hypot(other[at]! - best[at]!, other[at + 1]! - best[at + 1]!, other[at + 2]! - best[at + 2]!);

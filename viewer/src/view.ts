@@ -2,8 +2,8 @@
 import * as THREE from "three";
 import { Arrow } from "./arrow";
 import { Body, lookOver, type Hit } from "./body";
-import { INFERNO, VIRIDIS } from "./colour";
-import { element, toggleTheme } from "./dom";
+import { INFERNO, VIRIDIS, type ColourMap } from "./colour";
+import { element, fixed, followTheme, newtons, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
 import { listen, type Keyed } from "./keys";
 import { ForceLabel } from "./label";
@@ -13,8 +13,9 @@ import { Modes } from "./modes";
 import { Mean, paceInWords } from "./pace";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { Readings } from "./readings";
-import { Stage } from "./stage";
+import { CONTEXT_LOST, Stage } from "./stage";
 import style from "./style.css?inline";
+import { Summary } from "./summary";
 import { Tools, type Colouring } from "./tools";
 import { TouchState } from "./touchstate";
 import { Trail } from "./trail";
@@ -34,14 +35,17 @@ export class View implements Touched, Keyed {
   private activity: Activity = "rest";
   private colouring: Colouring = "tissue";
   private isKeeping = false;
+  /** Whether the graphics processor was taken away. */
+  private isBlind = false;
   private touching: TouchState | null = null;
   private released = { at: 0, displacement: [0, 0, 0] as Vec3 };
   private readonly reference: number;
   private readonly magnitude: Float32Array;
   private readonly host: HTMLElement;
   private readonly root: HTMLElement;
-  private readonly canvas = element("canvas", { class: "stage", tabindex: "0" });
-  private readonly warning = element("div", { class: "warning", role: "alert" });
+  private readonly canvas = element("canvas", { class: "stage", tabindex: "0", role: "application" });
+  private readonly warning = element("div", { class: "warning" });
+  private readonly summary = new Summary();
   private readonly clock = element("div", { class: "clock" });
   private readonly readings: Readings;
   private readonly legend = new Legend();
@@ -53,18 +57,22 @@ export class View implements Touched, Keyed {
   private readonly label: ForceLabel;
   private readonly answering = new Mean();
   private readonly pointer: Pointer;
-  private readonly deaf: () => void;
+  private readonly deaf: (() => void)[];
   private path: LoadPath | null = null;
   private trail: Trail | null = null;
 
-  /** Reads a model file and fills the place with its view; throws a sentence where the file is no model. */
-  static async mount(place: HTMLElement, model: Uint8Array): Promise<View> {
-    return new View(place, await Evaluator.load(model));
+  /**
+   * Reads a model file and fills the place with its view; throws a sentence where the file is no model, or nothing can be
+   * drawn. Embedded in something that scrolls, the view takes the wheel only while it has the focus.
+   */
+  static async mount(place: HTMLElement, model: Uint8Array, isEmbedded = false): Promise<View> {
+    return new View(place, await Evaluator.load(model), isEmbedded);
   }
 
   private constructor(
     place: HTMLElement,
     readonly evaluator: Evaluator,
+    private readonly isEmbedded: boolean,
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
@@ -72,13 +80,12 @@ export class View implements Touched, Keyed {
     this.title = metadata.user?.name ?? "Organ";
     this.magnitude = new Float32Array(evaluator.about.n_surface);
     this.canvas.setAttribute("aria-label", `${this.title}: press on it to touch it; ? lists the keys`);
-    this.root = element("div", { class: "view" }, this.canvas);
-    this.host = element("div", { style: "position:absolute;inset:0" });
-    this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
-    place.append(this.host);
-    this.body = new Body(evaluator);
     const { centre, facing } = lookOver(evaluator);
     this.stage = new Stage(this.canvas, centre, metadata.diagonal, facing);
+    this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, this.canvas);
+    this.host = element("div", { style: "position:absolute;inset:0" });
+    this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
+    this.body = new Body(evaluator);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
     this.label = new ForceLabel(this.stage, this.arrow);
     this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
@@ -87,18 +94,28 @@ export class View implements Touched, Keyed {
     this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
     this.root.append(
       this.label.root,
-      this.tools.header,
-      this.readings.root,
-      this.modes.root,
-      this.legend.root,
-      this.warning,
-      this.tools.root,
-      this.tools.help,
-      this.clock,
+      element(
+        "div",
+        { class: "plan" },
+        this.stage.clearing,
+        this.tools.header,
+        this.warning,
+        this.legend.root,
+        element("div", { class: "side" }, this.readings.root, this.modes.root, this.clock),
+        this.tools.root,
+      ),
+      this.help,
+      this.summary.root,
     );
+    place.append(this.host);
+    this.stage.enclose([{ rest: evaluator.rest, at: [0, 0, 0] }]);
     this.reference = this.referenceForce();
     this.pointer = new Pointer(this.stage, this.body, this);
-    this.deaf = listen(this.root, this);
+    this.deaf = [listen(this.root, this), followTheme(this.root, () => this.readings.redraw())];
+    this.stage.onContext = (isLost) => {
+      this.isBlind = isLost;
+      this.warn();
+    };
     this.stage.onFrame = (seconds) => this.frame(seconds);
     this.setOrder(this.order);
     this.setColouring("tissue");
@@ -199,6 +216,11 @@ export class View implements Touched, Keyed {
     this.setColouring(COLOURINGS[(COLOURINGS.indexOf(this.colouring) + 1) % COLOURINGS.length]!);
   }
 
+  /** Whether the wheel is meant for the view. */
+  get isInUse(): boolean {
+    return !this.isEmbedded || (document.hasFocus() && this.root.matches(":focus-within"));
+  }
+
   setTool(tool: Tool): void {
     this.tool = tool;
     this.tools.tool.value = tool;
@@ -241,6 +263,7 @@ export class View implements Touched, Keyed {
     this.activity = "modes";
     this.tools.press("modes", true);
     this.legend.hide();
+    this.readings.root.hidden = true;
     this.modes.show();
   }
 
@@ -250,7 +273,7 @@ export class View implements Touched, Keyed {
 
   toggleTheme(): void {
     toggleTheme(this.root);
-    this.show();
+    this.readings.redraw();
   }
 
   /** Makes the keys work. */
@@ -258,8 +281,8 @@ export class View implements Touched, Keyed {
     this.canvas.focus({ preventScroll: true });
   }
 
-  toggleHelp(): void {
-    this.tools.toggleHelp();
+  get help(): HTMLDialogElement {
+    return this.tools.help;
   }
 
   reset(): void {
@@ -279,6 +302,8 @@ export class View implements Touched, Keyed {
       stiffness: touching?.answer.stiffness ?? null,
       error_estimate: touching?.answer.error ?? null,
       is_trusted: touching ? touching.answer.trust === "trusted" : null,
+      shape_error_estimate: touching?.answer.shapeError ?? null,
+      is_shape_trusted: touching ? touching.answer.shapeTrust === "trusted" : null,
       field: touching ? Array.from(touching.field) : null,
       orders: touching?.orders ?? null,
       shapes: this.trail?.shapes ?? 0,
@@ -297,7 +322,9 @@ export class View implements Touched, Keyed {
   }
 
   dispose(): void {
-    this.deaf();
+    this.deaf.forEach((end) => end());
+    this.summary.dispose();
+    this.readings.dispose();
     this.pointer.dispose();
     this.arrow.dispose();
     this.trail?.dispose();
@@ -317,7 +344,7 @@ export class View implements Touched, Keyed {
       this.stage.invalidate();
     }
     const { touching } = this;
-    if (touching) this.label.follow(Math.hypot(...touching.force), touching.doubt(this.order) === "");
+    if (touching) this.label.follow(Math.hypot(...touching.force), touching.doubt(this.order) ? "doubtful" : "sound");
     else this.label.root.hidden = true;
     const { pace, drawing } = this.stage;
     this.clock.textContent = paceInWords(pace.rate, [
@@ -355,6 +382,7 @@ export class View implements Touched, Keyed {
   /** Ends what moved the organ by itself. */
   private stop(): void {
     if (this.activity === "modes") this.modes.hide();
+    this.readings.root.hidden = false;
     this.tools?.press("modes", false);
     this.tools?.press("path", false);
     this.trail?.clear();
@@ -374,7 +402,7 @@ export class View implements Touched, Keyed {
     if (touching) {
       this.body.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
-      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.doubt(order) === "");
+      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.doubt(order) ? "doubtful" : "sound");
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
     const force = touching ? Math.hypot(...touching.force) : 0;
@@ -395,20 +423,31 @@ export class View implements Touched, Keyed {
     if (this.colouring === "displacement") {
       const field = touching?.field;
       if (field) for (let n = 0; n < magnitude.length; n++) magnitude[n] = Math.hypot(...field.subarray(3 * n, 3 * n + 3));
-      this.body.paint(magnitude, 0, this.depth, VIRIDIS);
-      return this.legend.show("displacement", VIRIDIS, this.depth);
+      return this.paint("displacement", VIRIDIS, this.depth);
     }
     touching?.localError(this.order, magnitude);
-    const high = 0.05 * this.depth;
-    this.body.paint(magnitude, 0, high, INFERNO);
     const highest = this.evaluator.about.metadata.order;
-    this.legend.show(this.order < highest ? `distance from order ${highest}` : "estimated error", INFERNO, high);
+    this.paint(this.order < highest ? `distance from order ${highest}` : "estimated error", INFERNO, 0.05 * this.depth);
+  }
+
+  /** Colours by what the magnitudes are [m], on a scale that reaches to a length [m] at least. */
+  private paint(name: string, map: ColourMap, length: number): void {
+    const largest = this.magnitude.reduce((most, x) => Math.max(most, x), 0);
+    this.body.paint(this.magnitude, 0, this.legend.show(name, map, length, largest), map);
   }
 
   private warn(): void {
-    const doubt = this.touching?.doubt(this.order) ?? "";
-    this.warning.classList.toggle("is-shown", doubt !== "");
-    if (doubt) this.warning.textContent = `Not to be trusted: ${doubt}.`;
+    const sentence = this.isBlind ? CONTEXT_LOST : (this.touching?.warning(this.order) ?? "");
+    this.warning.classList.toggle("is-shown", sentence !== "");
+    if (sentence) this.warning.textContent = sentence;
+    this.summary.say([this.inShort(), sentence].filter(Boolean).join(" "));
+  }
+
+  /** The touch as one would say it. */
+  private inShort(): string {
+    const { touching } = this;
+    if (!touching || this.activity === "path") return "";
+    return `${newtons(Math.hypot(...touching.force))} at a depth of ${fixed(1000 * touching.depth, 1)} mm.`;
   }
 
   /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */

@@ -49,6 +49,7 @@ namespace Viscera
         public Vector force;
         public Matrix stiffness;
         public double error_estimate;
+        public double shape_error_estimate;
         public Vector contact_point;
     }
 
@@ -80,7 +81,7 @@ namespace Viscera
     /// The functions of viscera.h.
     public static class Native
     {
-        public const uint AbiVersion = 2;
+        public const uint AbiVersion = 3;
         const string Library = "viscera";
 
         [DllImport(Library)]

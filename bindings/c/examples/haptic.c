@@ -113,14 +113,15 @@ static double difference(FILE *file, const double *found, size_t n) {
     return worst / (size > 0 ? size : 1);
 }
 
-/* Each touch: point, displacement, status, force, stiffness, error estimate, positions of the surface nodes. */
+/* Each touch: point, displacement, statuses of force and shape, force, stiffness, error estimates, positions of the
+ * surface nodes. */
 static int check(scene *s, const char *path) {
     FILE *file = fopen(path, "r");
     double point[3], d[3], worst[4] = {0, 0, 0, 0};
     double *positions = malloc(s->positions_len * sizeof(double));
-    int expected, touches = 0, right = file && positions;
-    while (right && fscanf(file, "%lf %lf %lf %lf %lf %lf %d", point, point + 1, point + 2, d, d + 1, d + 2,
-                           &expected) == 7) {
+    int expected, expected_shape, touches = 0, right = file && positions;
+    while (right && fscanf(file, "%lf %lf %lf %lf %lf %lf %d %d", point, point + 1, point + 2, d, d + 1, d + 2,
+                           &expected, &expected_shape) == 8) {
         viscera_answer answer;
         const int status = viscera_evaluate(s->model, point, d, &answer);
         const int drawn = viscera_surface(s->model, point, d, s->workspace, s->workspace_len, s->positions,
@@ -129,8 +130,9 @@ static int check(scene *s, const char *path) {
         worst[0] = fmax(worst[0], difference(file, answer.force, 3));
         worst[1] = fmax(worst[1], difference(file, answer.stiffness, 9));
         worst[2] = fmax(worst[2], difference(file, &answer.error_estimate, 1));
+        worst[2] = fmax(worst[2], difference(file, &answer.shape_error_estimate, 1));
         worst[3] = fmax(worst[3], difference(file, positions, s->positions_len));
-        right = status == expected && drawn == expected;
+        right = status == expected && drawn == expected_shape;
         touches++;
     }
     right = right && feof(file) && touches > 0;

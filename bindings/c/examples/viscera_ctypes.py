@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-ABI_VERSION = 2
+ABI_VERSION = 3
 OK, BEYOND_DEPTH, ERROR_TOO_LARGE, OFF_SURFACE, STALE = 0, 1, 2, 3, 9
 
 Vector = c.c_double * 3
@@ -30,6 +30,7 @@ class Answer(c.Structure):
         ("force", Vector),
         ("stiffness", c.c_double * 9),
         ("error_estimate", c.c_double),
+        ("shape_error_estimate", c.c_double),
         ("contact_point", Vector),
     ]
 

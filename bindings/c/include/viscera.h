@@ -22,7 +22,7 @@ extern "C" {
 #endif
 
 /* Compare with viscera_abi_version() once at the start: they differ where header and library do not belong together. */
-#define VISCERA_ABI_VERSION 2
+#define VISCERA_ABI_VERSION 3
 
 /* What a call came to. The first three come with an answer; only the first answer is to be relied on. */
 enum viscera_status {
@@ -53,7 +53,8 @@ typedef struct viscera_info {
 typedef struct viscera_answer {
     double force[3];         /* of the tool on the organ */
     double stiffness[9];     /* dF_i / dd_j */
-    double error_estimate;   /* of field and force, relative to their norms; at most 1 */
+    double error_estimate;   /* of the force, relative to its norm; at most 1 */
+    double shape_error_estimate; /* of the deformed organ, relative to its displacement; at most 1 */
     double contact_point[3]; /* the touched point of the surface at rest */
 } viscera_answer;
 
@@ -98,7 +99,8 @@ uint32_t viscera_abi_version(void);
 const char *viscera_status_text(int32_t status);
 
 /* Reads a model from the bytes of a *.viscera file (they are copied) or from the file itself. On failure *model is null
- * and `message`, which may be null, says why in one sentence. */
+ * and `message`, which may be null, says why in one sentence; a file that is damaged is refused. After VISCERA_OK it is
+ * empty, or warns of a file of format version 1, which has no checksums to show damage. */
 int32_t viscera_load(const uint8_t *bytes, size_t len, viscera_model **model, char *message, size_t message_len);
 int32_t viscera_load_file(const char *path, viscera_model **model, char *message, size_t message_len);
 
@@ -117,8 +119,8 @@ int32_t viscera_set_frame(viscera_model *model, const viscera_frame *frame);
 /* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. */
 int32_t viscera_locate(const viscera_model *model, const double point[3], double contact_point[3], double *distance);
 
-/* REAL TIME. The answer to a touch: VISCERA_OK, or VISCERA_BEYOND_DEPTH or VISCERA_ERROR_TOO_LARGE with an answer not to
- * be relied on. Any other status gives zero force and stiffness and an error estimate of 1. */
+/* REAL TIME. The answer to a touch: VISCERA_OK, or VISCERA_BEYOND_DEPTH or VISCERA_ERROR_TOO_LARGE with a force not to be
+ * relied on. Any other status gives zero force and stiffness and error estimates of 1. */
 int32_t viscera_evaluate(const viscera_model *model, const double point[3], const double displacement[3],
                          viscera_answer *answer);
 
@@ -126,7 +128,8 @@ int32_t viscera_evaluate(const viscera_model *model, const double point[3], cons
 size_t viscera_workspace_size(const viscera_model *model);
 
 /* REAL TIME. Positions of the deformed surface nodes, three floats each: at least 3 * surface_nodes of them. The status
- * is that of viscera_evaluate; where there is no answer the positions are those at rest. After VISCERA_NULL_POINTER and
+ * is that of the shape, whose estimated error is another than that of the force: a compressed model may answer with a
+ * force that is sound and a shape that is not. Where there is no answer the positions are those at rest. After VISCERA_NULL_POINTER and
  * VISCERA_SHORT_BUFFER nothing has been written. Workspace and positions must not overlap; lengths count floats. */
 int32_t viscera_surface(const viscera_model *model, const double point[3], const double displacement[3],
                         float *workspace, size_t workspace_len, float *positions, size_t positions_len);
@@ -166,7 +169,7 @@ int32_t viscera_guard_step_moved(viscera_guard *guard, const double force_in[3],
 #define VISCERA_ASSERT(claim) _Static_assert(claim, "viscera.h: a struct is not laid out as in the library")
 #endif
 VISCERA_ASSERT(sizeof(viscera_info_t) == 56);
-VISCERA_ASSERT(sizeof(viscera_answer) == 128);
+VISCERA_ASSERT(sizeof(viscera_answer) == 136);
 VISCERA_ASSERT(sizeof(viscera_frame) == 112);
 VISCERA_ASSERT(sizeof(viscera_guard) == 120);
 #undef VISCERA_ASSERT

@@ -13,7 +13,7 @@ mod status;
 mod tests;
 
 /// Version of the interface; it changes when a struct or a function changes its meaning.
-pub const ABI_VERSION: u32 = 2;
+pub const ABI_VERSION: u32 = 3;
 
 /// The interface version of the library that runs.
 #[unsafe(no_mangle)]

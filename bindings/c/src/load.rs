@@ -83,8 +83,9 @@ unsafe fn finish(
     } else {
         match catch_unwind(AssertUnwindSafe(read)) {
             Ok(Ok(model)) => {
+                let warning = model.warning().to_string();
                 unsafe { out.write(Box::into_raw(Box::new(model))) };
-                (status::OK, String::new())
+                (status::OK, warning)
             }
             Ok(Err(sentence)) => (failure, sentence),
             Err(_) => (status::BAD_MODEL, "reading the model failed inside the library".into()),

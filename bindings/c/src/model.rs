@@ -33,10 +33,11 @@ pub struct Answer {
     pub force: [f64; 3],
     pub stiffness: [[f64; 3]; 3],
     pub error_estimate: f64,
+    pub shape_error_estimate: f64,
     pub contact_point: [f64; 3],
 }
 
-const _: () = assert!(size_of::<Info>() == 56 && size_of::<Answer>() == 128);
+const _: () = assert!(size_of::<Info>() == 56 && size_of::<Answer>() == 136);
 
 impl Answer {
     /// No force, and nothing known.
@@ -44,6 +45,7 @@ impl Answer {
         force: [0.0; 3],
         stiffness: [[0.0; 3]; 3],
         error_estimate: 1.0,
+        shape_error_estimate: 1.0,
         contact_point: [0.0; 3],
     };
 }
@@ -61,6 +63,15 @@ impl Model {
         let rows = reduced.arrays().surface.iter().map(row).collect::<Result<Vec<_>, String>>()?;
         let triangles = rows.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         Ok(Model { reduced, triangles, frame: Frame::IDENTITY })
+    }
+
+    /// What a caller should know of the file that was read; mostly nothing.
+    pub fn warning(&self) -> &'static str {
+        if self.reduced.metadata().is_sealed() {
+            ""
+        } else {
+            "the file is of format version 1, which has no checksums: damage may go unnoticed"
+        }
     }
 
     fn n_surface(&self) -> usize {
@@ -102,6 +113,7 @@ impl Model {
             force: frame.force_out(response.force),
             stiffness: frame.stiffness_out(&response.stiffness),
             error_estimate: response.error_estimate,
+            shape_error_estimate: response.shape_error_estimate,
             contact_point: frame.point_out(contact.point),
         };
         Ok((answer, status_of(response.trust)))
@@ -119,7 +131,7 @@ impl Model {
         let mut status = match self.touch(self.frame.point_in(point), d) {
             Ok((contact, response)) => {
                 self.reduced.surface_displacement(&contact, d, workspace, out);
-                status_of(response.trust)
+                status_of(response.shape_trust)
             }
             Err(status) => {
                 out.fill(0.0);
@@ -216,7 +228,7 @@ pub unsafe extern "C" fn viscera_locate(
     status::OK
 }
 
-/// Force, stiffness and error estimate of a touch.
+/// Force, stiffness and error estimates of a touch.
 ///
 /// # Safety
 /// `model` is null or loaded, `point` and `displacement` null or readable, `answer` null or writable.

@@ -63,11 +63,11 @@ static void loading(const char *path) {
     EXPECT(model != NULL && message[0] == 0);
     viscera_free(model);
     uint8_t *version = after(bytes, len, "format_version\\\":");
-    EXPECT(version != NULL && *version == '1');
+    EXPECT(version != NULL && *version == '2');
     if (version) *version = '9';
     EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_BAD_MODEL && model == NULL);
     EXPECT(strstr(message, "format version 9") != NULL);
-    if (version) *version = '1';
+    if (version) *version = '2';
     for (int i = 0; i < 8; i++) bytes[i] = 0xff; /* a header longer than all memory */
     EXPECT(viscera_load(bytes, len, &model, message, sizeof message) == VISCERA_BAD_MODEL && model == NULL);
     viscera_free(NULL);
@@ -92,7 +92,8 @@ static void touching(viscera_model *model) {
     EXPECT(viscera_evaluate(model, contact, push, &answer) == VISCERA_OK && answer.force[2] < 0);
     EXPECT(viscera_evaluate(model, contact, none, &answer) == VISCERA_OK && answer.force[2] == 0);
     EXPECT(viscera_evaluate(model, far, push, &answer) == VISCERA_OFF_SURFACE);
-    EXPECT(answer.force[2] == 0 && answer.stiffness[8] == 0 && answer.error_estimate == 1);
+    EXPECT(answer.force[2] == 0 && answer.stiffness[8] == 0 && answer.error_estimate == 1 &&
+           answer.shape_error_estimate == 1);
     EXPECT(viscera_evaluate(model, nowhere, push, &answer) == VISCERA_NOT_FINITE);
     EXPECT(viscera_evaluate(model, contact, not_a_push, &answer) == VISCERA_NOT_FINITE);
     EXPECT(viscera_evaluate(model, contact, huge, &answer) == VISCERA_NOT_FINITE && answer.force[0] == 0);

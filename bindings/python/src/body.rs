@@ -10,11 +10,11 @@ use crate::{
 };
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem};
-use viscera_core::reduced::{Progress, Reduction};
+use viscera_core::reduced::{Batches, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
 
@@ -177,7 +177,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, preload, family, metadata, on_progress))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, preload, family, metadata, on_progress, batches=None))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -192,6 +192,7 @@ impl Body {
         family: Option<FamilyArguments>,
         metadata: &str,
         on_progress: Option<Py<PyAny>>,
+        batches: Option<Py<PyAny>>,
     ) -> PyResult<Model> {
         let user = serde_json::from_str(metadata)
             .map_err(|e| VisceraError::new_err(format!("metadata is not JSON: {e}")))?;
@@ -200,18 +201,17 @@ impl Body {
         let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
         let reduction =
             Reduction { touchable, radius, depth, order, tolerance, pade, preload, user };
-        let mut watch = Watch::new(on_progress);
+        let (mut watch, mut kept) = (Watch::new(on_progress), Kept { batches, raised: None });
         let result = py.detach(|| {
             let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));
             let (body, surface, fixed) = (&self.body, &self.surface, &self.fixed[..]);
-            match &family {
-                None => reduction.run(body, surface, fixed, &mut report),
-                Some(family) => {
-                    reduction.run_family(body, &family.family(), surface, fixed, &mut report)
-                }
-            }
+            let family = family.as_ref().map(|family| family.family());
+            reduction.run_kept(body, family.as_ref(), surface, fixed, (&mut kept, &mut report))
         });
-        Ok(Model { model: watch.outcome(result)? })
+        match kept.raised {
+            Some(raised) => Err(raised),
+            None => Ok(Model { model: watch.outcome(result)? }),
+        }
     }
 
     fn lumped_areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -258,6 +258,7 @@ fn state_dict<'py>(
     dict.set_item("message", state.message)?;
     dict.set_item("load", state.load)?;
     dict.set_item("iterations", state.iterations)?;
+    dict.set_item("factorizations", state.factorizations)?;
     dict.set_item("load_steps", state.residuals.len())?;
     dict.set_item("residuals", PyList::new(py, state.residuals)?)?;
     let seconds = PyDict::new(py);
@@ -268,6 +269,34 @@ fn state_dict<'py>(
     seconds.set_item("total", state.seconds.total)?;
     dict.set_item("seconds", seconds)?;
     Ok(dict)
+}
+
+/// Python's keeper of finished batches seen from the core: an object with `finished()` and `keep(bytes)`, or nobody.
+struct Kept {
+    batches: Option<Py<PyAny>>,
+    raised: Option<PyErr>,
+}
+
+impl Batches for Kept {
+    fn finished(&mut self) -> Vec<Vec<u8>> {
+        let Some(batches) = &self.batches else { return Vec::new() };
+        let found =
+            Python::attach(|py| batches.call_method0(py, "finished")?.extract::<Vec<Vec<u8>>>(py));
+        found.unwrap_or_else(|error| {
+            self.raised = Some(error);
+            Vec::new()
+        })
+    }
+
+    fn keep(&mut self, batch: &[u8]) -> bool {
+        if let Some(batches) = &self.batches {
+            let kept = Python::attach(|py| {
+                batches.call_method1(py, "keep", (PyBytes::new(py, batch),)).map(drop)
+            });
+            self.raised = self.raised.take().or(kept.err());
+        }
+        self.raised.is_none()
+    }
 }
 
 /// A Python progress callback seen from the core: it may raise, and Ctrl-C counts as raising.
@@ -286,6 +315,9 @@ impl Watch {
     where
         A: for<'py> pyo3::call::PyCallArgs<'py>,
     {
+        if self.raised.is_some() {
+            return false; // what stopped the work is told, not what came after
+        }
         let outcome = Python::attach(|py| {
             py.check_signals()?;
             if let Some(callback) = &self.callback {

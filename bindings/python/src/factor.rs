@@ -1,14 +1,15 @@
 //! The direct solvers of the core on matrices of one's own.
 
 use crate::convert::{self, VisceraError};
+use crate::exclusive::Exclusive;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use viscera_core::linear::{Cholesky, FactorError, Factorization, Ldlt, Pattern};
 
 /// A direct solver with a symbolic analysis done once.
-#[pyclass(module = "viscera._core")]
+#[pyclass(frozen, module = "viscera._core")]
 pub struct Factor {
-    kind: Kind,
+    kind: Exclusive<Kind>,
 }
 
 enum Kind {
@@ -16,16 +17,16 @@ enum Kind {
     Ldlt(Box<Ldlt>),
 }
 
-impl Factor {
+impl Kind {
     fn solver(&self) -> &dyn Factorization {
-        match &self.kind {
+        match self {
             Kind::Cholesky(factor) => factor.as_ref(),
             Kind::Ldlt(factor) => factor.as_ref(),
         }
     }
 
     fn solver_mut(&mut self) -> &mut dyn Factorization {
-        match &mut self.kind {
+        match self {
             Kind::Cholesky(factor) => factor.as_mut(),
             Kind::Ldlt(factor) => factor.as_mut(),
         }
@@ -52,25 +53,26 @@ impl Factor {
                 )));
             }
         };
-        Ok(Factor { kind })
+        Ok(Factor { kind: Exclusive::new("factor", kind) })
     }
 
     #[getter]
-    fn fill(&self) -> usize {
-        self.solver().fill()
+    fn fill(&self) -> PyResult<usize> {
+        Ok(self.kind.claim()?.solver().fill())
     }
 
     #[getter]
     fn negative(&self) -> PyResult<usize> {
-        match &self.kind {
+        match &*self.kind.claim()? {
             Kind::Cholesky(_) => Ok(0),
             Kind::Ldlt(factor) => Ok(factor.inertia().map_err(error)?.negative),
         }
     }
 
-    fn factorize(&mut self, py: Python<'_>, values: PyReadonlyArray1<f64>) -> PyResult<()> {
+    fn factorize(&self, py: Python<'_>, values: PyReadonlyArray1<f64>) -> PyResult<()> {
         let values = values.as_array().to_vec();
-        let solver = self.solver_mut();
+        let mut claimed = self.kind.claim()?;
+        let solver = claimed.solver_mut();
         py.detach(|| solver.factorize(&values)).map_err(error)
     }
 
@@ -80,7 +82,8 @@ impl Factor {
         rhs: PyReadonlyArray1<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let mut x = rhs.as_array().to_vec();
-        let solver = self.solver();
+        let claimed = self.kind.claim()?;
+        let solver = claimed.solver();
         py.detach(|| solver.solve(&mut x, 1)).map_err(error)?;
         Ok(PyArray1::from_vec(py, x))
     }

@@ -5,6 +5,7 @@
 
 mod body;
 mod convert;
+mod exclusive;
 mod factor;
 mod family;
 mod galerkin;

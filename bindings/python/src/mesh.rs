@@ -76,6 +76,11 @@ pub fn inspect<'py>(
     facts.set_item("degenerate", PyArray1::from_vec(py, report.degenerate))?;
     facts.set_item("duplicate", PyArray1::from_vec(py, report.duplicate))?;
     facts.set_item("loose_points", PyArray1::from_vec(py, report.loose_points))?;
+    facts.set_item("overlapping", PyArray1::from_vec(py, report.overlapping))?;
+    facts.set_item("crowded", PyArray1::from_vec(py, report.crowded))?;
+    facts.set_item("hanging", convert::table(py, &report.hanging)?)?;
+    facts.set_item("pinches", PyArray1::from_vec(py, report.pinches))?;
+    facts.set_item("body", PyArray1::from_vec(py, report.body))?;
     facts.set_item("part", PyArray1::from_vec(py, report.part))?;
     facts.set_item("n_parts", report.n_parts)?;
     Ok(facts)

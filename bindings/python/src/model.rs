@@ -8,7 +8,7 @@ use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use viscera_core::reduced::{Contact, ReducedModel, Response, Trust, View};
+use viscera_core::reduced::{Contact, ReducedModel, Trust, View};
 
 /// A loaded reduced model.
 #[pyclass(frozen, module = "viscera._core")]
@@ -64,7 +64,13 @@ impl Model {
         answer.set_item("stiffness", convert::table(py, &response.stiffness)?)?;
         answer.set_item("error_estimate", response.error_estimate)?;
         answer.set_item("is_trusted", response.trust == Trust::Trusted)?;
-        answer.set_item("reason", reason(&response, &self.model, d))?;
+        let (force, shape) = (response.error_estimate, response.shape_error_estimate);
+        answer.set_item("reason", reason(response.trust, "error", force, &self.model, d))?;
+        answer.set_item("shape_error_estimate", shape)?;
+        answer.set_item("is_shape_trusted", response.shape_trust == Trust::Trusted)?;
+        let kind = "error of the shape";
+        answer
+            .set_item("shape_reason", reason(response.shape_trust, kind, shape, &self.model, d))?;
         answer.set_item("contact_point", PyArray1::from_slice(py, &contact.point))?;
         if field {
             let mut workspace = vec![0.0; self.model.workspace_len()];
@@ -102,6 +108,24 @@ impl Model {
         .map_err(convert::error)
     }
 
+    fn compressed(&self, py: Python<'_>, tolerance: f64) -> PyResult<Self> {
+        let model = py.detach(|| self.model.compressed(tolerance)).map_err(convert::error)?;
+        Ok(Model { model })
+    }
+
+    fn surface_alone(&self, py: Python<'_>) -> PyResult<Self> {
+        let model = py.detach(|| self.model.surface_alone()).map_err(convert::error)?;
+        Ok(Model { model })
+    }
+
+    fn with_user(&self, user: &str) -> PyResult<Self> {
+        let mut model = self.model.clone();
+        let user = serde_json::from_str(user)
+            .map_err(|e| VisceraError::new_err(format!("notes that are no JSON: {e}")))?;
+        model.set_user(user);
+        Ok(Model { model })
+    }
+
     fn weights(&self, point: PyReadonlyArray1<f64>) -> PyResult<Patch> {
         Ok(Patch { patch: self.model.patch(&self.contact(&point)?) })
     }
@@ -122,20 +146,18 @@ impl Model {
     }
 }
 
-fn reason(response: &Response, model: &ReducedModel, d: [f64; 3]) -> String {
+fn reason(trust: Trust, kind: &str, estimate: f64, model: &ReducedModel, d: [f64; 3]) -> String {
     let depth = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-    match response.trust {
+    match trust {
         Trust::Trusted => String::new(),
         Trust::BeyondDepth => format!(
             "displaced by {:.1} mm, the model is made for {:.1} mm",
             1e3 * depth,
             1e3 * model.metadata().depth
         ),
-        Trust::ErrorTooLarge => format!(
-            "the estimated error is {:.1} % at {:.1} mm",
-            100.0 * response.error_estimate,
-            1e3 * depth
-        ),
+        Trust::ErrorTooLarge => {
+            format!("the estimated {kind} is {:.1} % at {:.1} mm", 100.0 * estimate, 1e3 * depth)
+        }
     }
 }
 

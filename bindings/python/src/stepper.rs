@@ -3,6 +3,7 @@
 use crate::{
     body::Body,
     convert::{self, VisceraError},
+    exclusive::Exclusive,
     mesh::Patch,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -33,22 +34,23 @@ pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyRe
 type Inertia = (Option<(f64, f64)>, bool, [f64; 2]);
 
 /// A body in the hands of a simulator.
-#[pyclass(module = "viscera._core")]
+#[pyclass(frozen, module = "viscera._core")]
 pub struct Stepper {
     body: Py<Body>,
-    stepper: equilibrium::Stepper,
+    stepper: Exclusive<equilibrium::Stepper>,
 }
 
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (body, *, start, solver, iterations, budget, density, time_step, dynamics, relaxation))]
+    #[pyo3(signature = (body, *, start, solver, iterations, settled, budget, density, time_step, dynamics, relaxation))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         body: Py<Body>,
         start: Option<PyReadonlyArray2<f64>>,
         solver: Solver,
         iterations: usize,
+        settled: f64,
         budget: Option<f64>,
         density: PyReadonlyArray1<f64>,
         time_step: Option<f64>,
@@ -60,6 +62,7 @@ impl Stepper {
         let settings = StepperSettings {
             method: method(solver)?,
             iterations,
+            settled,
             budget,
             time_step,
             density: density.as_array().to_vec(),
@@ -77,49 +80,49 @@ impl Stepper {
         let start = start.map(|u| convert::dofs("start", &u, n)).transpose()?;
         let stepper = equilibrium::Stepper::new(&held.body, &fixed, start, settings)
             .map_err(convert::error)?;
-        Ok(Stepper { body, stepper })
+        Ok(Stepper { body, stepper: Exclusive::new("stepper", stepper) })
     }
 
     fn grasp(
-        &mut self,
+        &self,
         prescribed: PyReadonlyArray1<u32>,
         patches: Vec<PyRef<'_, Patch>>,
     ) -> PyResult<()> {
         let dofs = prescribed.as_array().to_vec();
         let patches: Vec<_> = patches.iter().map(|patch| patch.patch.clone()).collect();
-        self.stepper.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
+        self.stepper.claim()?.grasp(&self.body.get().body, &dofs, &patches).map_err(convert::error)
     }
 
     fn press(
-        &mut self,
+        &self,
         pressed: PyReadonlyArray2<u32>,
         pressure: PyReadonlyArray1<f64>,
     ) -> PyResult<()> {
         let pressure = convert::pressure(&pressed, &pressure);
-        self.stepper.set_pressure(&self.body.get().body, pressure).map_err(convert::error)
+        self.stepper.claim()?.set_pressure(&self.body.get().body, pressure).map_err(convert::error)
     }
 
-    fn set_velocity(&mut self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
+    fn set_velocity(&self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
         let n = self.body.get().body.points().len();
         let velocity = convert::dofs("velocity", &velocity, n)?;
-        self.stepper.set_velocity(&velocity).map_err(convert::error)
+        self.stepper.claim()?.set_velocity(&velocity).map_err(convert::error)
     }
 
     fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        field(py, self.stepper.displacement())
+        field(py, self.stepper.claim()?.displacement())
     }
 
     fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
-        self.stepper.velocity().map(|velocity| field(py, velocity)).transpose()
+        self.stepper.claim()?.velocity().map(|velocity| field(py, velocity)).transpose()
     }
 
     fn reactions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        convert::field(py, self.stepper.reactions().collect())
+        convert::field(py, self.stepper.claim()?.reactions().collect())
     }
 
     #[pyo3(signature = (*, values, means, force, gravity))]
     fn frame<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
         values: PyReadonlyArray1<f64>,
         means: PyReadonlyArray2<f64>,
@@ -133,14 +136,18 @@ impl Stepper {
             Some(force) => convert::dofs("force", &force, body.points().len())?,
             None => Vec::new(),
         };
-        let stepper = &mut self.stepper;
+        let mut claimed = self.stepper.claim()?;
+        let stepper = &mut *claimed;
         let input = Input { values: &values, means: &means, force: &force, gravity };
         let frame = py.detach(|| stepper.frame(body, &input)).map_err(convert::error)?;
         let dict = PyDict::new(py);
-        dict.set_item("displacement", field(py, self.stepper.displacement())?)?;
-        dict.set_item("reactions", convert::field(py, self.stepper.reactions().collect())?)?;
+        dict.set_item("displacement", field(py, stepper.displacement())?)?;
+        dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;
         dict.set_item("patch_forces", convert::table(py, &frame.patch_forces)?)?;
         dict.set_item("residual", frame.residual)?;
+        dict.set_item("is_settled", frame.is_settled)?;
+        dict.set_item("steps", frame.steps)?;
+        dict.set_item("cells_at_bound", frame.cells_at_bound)?;
         dict.set_item("taken", frame.taken)?;
         dict.set_item("is_unstable", frame.is_unstable)?;
         dict.set_item("iterations", frame.iterations)?;

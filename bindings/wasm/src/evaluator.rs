@@ -70,7 +70,7 @@ pub unsafe extern "C" fn organ_touch(organ: *mut Organ, x: f64, y: f64, z: f64) 
     unsafe { &mut *organ }.touch([x, y, z])
 }
 
-/// Evaluates the contact displaced by d [m]; returns 0 trusted, 1 beyond the depth, 2 error too large,
+/// Evaluates the contact displaced by d [m]; returns of the force: 0 trusted, 1 beyond the depth, 2 error too large,
 /// 3 no number. The numbers are in [`organ_answer`].
 ///
 /// # Safety
@@ -80,7 +80,16 @@ pub unsafe extern "C" fn organ_evaluate(organ: *mut Organ, x: f64, y: f64, z: f6
     unsafe { &mut *organ }.evaluate([x, y, z])
 }
 
-/// Contact point (3) [m], force (3) [N], stiffness (9) [N/m], error estimate: 16 numbers.
+/// The same of the shape that was evaluated last.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_shape_trust(organ: *const Organ) -> u32 {
+    unsafe { &*organ }.shape_trust()
+}
+
+/// Contact point (3) [m], force (3) [N], stiffness (9) [N/m], error estimates of force and shape: 17 numbers.
 ///
 /// # Safety
 /// See [`organ_describe`].

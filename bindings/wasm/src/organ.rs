@@ -3,8 +3,8 @@
 use serde_json::json;
 use viscera_core::reduced::{Contact, ReducedModel, Trust};
 
-/// Numbers of an answer: contact point, force, stiffness, error estimate.
-const ANSWER_LEN: usize = 16;
+/// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
+const ANSWER_LEN: usize = 17;
 /// What [`Organ::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
 
@@ -13,6 +13,7 @@ pub struct Organ {
     model: ReducedModel,
     contact: Option<Contact>,
     answer: [f64; ANSWER_LEN],
+    shape_trust: u32,
     force: [f64; 3],
     rest: Vec<f32>,
     /// Surface triangles and touchable ones (.., 3), and load positions, all by row of the surface nodes.
@@ -48,6 +49,7 @@ impl Organ {
         Ok(Organ {
             contact: None,
             answer: [0.0; ANSWER_LEN],
+            shape_trust: NO_NUMBER,
             force: [0.0; 3],
             rest: points.map(|&x| x as f32).collect(),
             triangles,
@@ -110,19 +112,22 @@ impl Organ {
     }
 
     pub fn evaluate(&mut self, d: [f64; 3]) -> u32 {
+        self.shape_trust = NO_NUMBER;
         let Some(contact) = self.contact else { return NO_NUMBER };
         let response = self.model.respond(&contact, d);
         self.answer[3..6].copy_from_slice(&response.force);
         self.answer[6..15].copy_from_slice(response.stiffness.as_flattened());
         self.answer[15] = response.error_estimate;
+        self.answer[16] = response.shape_error_estimate;
         if !self.answer.iter().all(|x| x.is_finite()) {
             return NO_NUMBER;
         }
-        match response.trust {
-            Trust::Trusted => 0,
-            Trust::BeyondDepth => 1,
-            Trust::ErrorTooLarge => 2,
-        }
+        self.shape_trust = number_of(response.shape_trust);
+        number_of(response.trust)
+    }
+
+    pub fn shape_trust(&self) -> u32 {
+        self.shape_trust
     }
 
     pub fn force(&mut self, d: [f64; 3], order: usize) -> &[f64; 3] {
@@ -198,6 +203,14 @@ impl Organ {
     }
 }
 
+fn number_of(trust: Trust) -> u32 {
+    match trust {
+        Trust::Trusted => 0,
+        Trust::BeyondDepth => 1,
+        Trust::ErrorTooLarge => 2,
+    }
+}
+
 /// Degree of a monomial in three variables by its number, the constant left out: 3 of degree 1, 6 of 2, 10 of 3, ...
 fn degree_of_term(term: usize) -> i32 {
     let mut degree = 1;
@@ -220,7 +233,20 @@ mod tests {
     }
 
     #[test]
-    fn a_damaged_file_is_a_sentence() {
+    fn a_flipped_bit_is_a_sentence() {
+        let old = include_bytes!("../../../tests/data/format-1.viscera");
+        let bytes = ReducedModel::from_bytes(old).unwrap().to_bytes().unwrap();
+        assert!(Organ::read(&bytes).is_ok());
+        for place in (0..bytes.len()).step_by(997) {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 4;
+            let sentence = Organ::read(&damaged).err().unwrap_or_default();
+            assert!(sentence.contains("not a usable model file"), "{place}: {sentence}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_model_is_a_sentence() {
         assert!(
             Organ::read(b"not a model")
                 .err()

@@ -223,15 +223,20 @@ impl Body {
 
     /// Volume at displacement `u` [m^3].
     pub fn volume(&self, u: &[f64]) -> f64 {
-        let jacobians = on_cells!(self, cells => cells.jacobians(&self.geometry, u));
+        let jacobians = self.volume_ratios(u);
         let points = jacobians.len() / self.cells.len();
         let ratio = |of_cell: &[f64]| of_cell.iter().sum::<f64>() / points as f64;
         jacobians.chunks(points).zip(&self.geometry).map(|(j, g)| ratio(j) * g.volume).sum()
     }
 
+    /// Volume ratios `J` at the quadrature points, cell by cell.
+    pub fn volume_ratios(&self, u: &[f64]) -> Vec<f64> {
+        on_cells!(self, cells => cells.jacobians(&self.geometry, u))
+    }
+
     /// The smallest volume ratio `J` at a quadrature point, and its cell.
     pub fn smallest_jacobian(&self, u: &[f64]) -> (f64, usize) {
-        let jacobians = on_cells!(self, cells => cells.jacobians(&self.geometry, u));
+        let jacobians = self.volume_ratios(u);
         let points = jacobians.len() / self.cells.len();
         jacobians.iter().enumerate().fold((f64::INFINITY, 0), |best, (k, &j)| {
             if j < best.0 { (j, k / points) } else { best }

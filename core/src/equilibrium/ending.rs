@@ -79,7 +79,7 @@ impl Ending {
         }
         if let Some((load, dof)) = self.unstable {
             text += &format!(
-                "; the tangent was not positive definite at load {load:.4} (point {}): \
+                "; the tangent was not positive definite under what is prescribed at load {load:.4} (point {}): \
                  the path passes an instability",
                 dof / 3
             );

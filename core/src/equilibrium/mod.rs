@@ -4,6 +4,7 @@
 mod ending;
 mod newton;
 mod outcome;
+mod predictor;
 mod pressure;
 mod problem;
 mod skew;

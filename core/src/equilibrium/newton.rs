@@ -1,12 +1,14 @@
 //! Newton's method with an energy line search and adaptive load steps.
 //!
 //! A load step leads from an equilibrium to the target along a straight homotopy: the out-of-
-//! balance force of the start fades as `1 - load`, pressure and prescribed values grow linearly. A step
-//! that fails is halved from the last equilibrium; an indefinite tangent is shifted until it yields a
-//! descent direction, and said so.
+//! balance force of the start fades as `1 - load`, pressure and prescribed values grow linearly. Where the
+//! linear step that begins it would stretch the body out of proportion, the series of the path takes its place and
+//! says how far the load step goes. A step that fails is halved from the last equilibrium. A tangent that is
+//! indefinite, also under what tools hold, is shifted until it yields a descent direction, and said so.
 
 use super::ending::{Cut, Ending, Slopes};
 use super::outcome::{Equilibrium, Seconds};
+use super::predictor::Predictor;
 use super::problem::{Problem, patch_mean};
 use super::skew;
 use super::solver::{Method, Solver};
@@ -16,12 +18,23 @@ use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
 
+/// Energy of a linear step over that which its tangent promises, beyond which it is no use as a prediction.
+const STRETCHED: f64 = 10.0;
+
+/// Residual next to an equilibrium, where a load step began with a linear step: a tangent that is indefinite there is that
+/// of an unstable one, which the path passes and Newton's method may leave downhill. Farther off, and where a slender
+/// body was bent by the series of its path, an indefinite tangent is ordinary weather.
+const NEAR: f64 = 0.02;
+
+/// A residual that falls below this part of the one before is about to vanish: no iteration is the last one then.
+const SETTLES: f64 = 0.3;
+
 /// Settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Newton {
     /// Residual on the free degrees of freedom, relative to the norm of all nodal forces.
     pub tolerance: f64,
-    /// Iterations in one load step before it is cut.
+    /// Iterations in one load step before it is cut, unless its residual is about to vanish.
     pub max_iterations: usize,
     /// Halvings of a Newton step in the line search.
     pub max_backtracks: usize,
@@ -76,7 +89,8 @@ impl Newton {
                     }
                 }
                 Err(cut) => {
-                    step *= 0.5;
+                    step = 0.5 * step.min(run.tried);
+                    run.is_wary = true;
                     last_cut = Some(cut);
                     if step < self.smallest_step {
                         break;
@@ -123,6 +137,11 @@ struct Run<'a> {
     slopes: Slopes,
     /// Shift of the last tangent: the next one is rarely far from it.
     shift: f64,
+    /// A load step failed: the next ones follow the series of the path.
+    is_wary: bool,
+    /// Part of the load that the load step in progress is to add.
+    tried: f64,
+    factorizations: usize,
     seconds: Seconds,
 }
 
@@ -164,6 +183,9 @@ impl<'a> Run<'a> {
             unstable: None,
             slopes: Slopes::new(),
             shift: 0.0,
+            is_wary: false,
+            tried: 0.0,
+            factorizations: 0,
             seconds: Seconds::default(),
         })
     }
@@ -188,13 +210,16 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Newton iterations to the equilibrium at `load`; on success it becomes the state.
-    fn advance(&mut self, load: f64) -> Result<usize, Cut> {
+    /// Newton iterations to the equilibrium at `load`, or before it where a prediction does not hold so far; on success it
+    /// becomes the state.
+    fn advance(&mut self, mut load: f64) -> Result<usize, Cut> {
+        self.tried = load - self.load;
         let mut u = self.u.clone();
         let mut multipliers = self.multipliers.clone();
         let mut force = vec![0.0; u.len()];
-        let (mut history, mut unstable) = (Vec::new(), None);
-        for iteration in 0..=self.settings.max_iterations {
+        let (mut history, mut unstable, mut passed) = (Vec::<f64>::new(), None, None);
+        let mut is_linear = true;
+        for iteration in 0.. {
             let clock = Instant::now();
             self.tangent.linearize(self.body(), &u, Curvature::Exact, &mut force);
             let external = self.external_force(load, &u);
@@ -203,37 +228,44 @@ impl<'a> Run<'a> {
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
             if !moving {
+                let settles = history.last().is_some_and(|last| norm < SETTLES * last);
                 history.push(norm);
                 if norm <= self.settings.tolerance {
-                    // Only the tangent next to the equilibrium tells of its stability; far from it
-                    // an indefinite one is Newton's ordinary weather.
-                    if let Some(row) = unstable {
+                    if let Some(row) = unstable.or(passed) {
                         self.unstable = Some((load, row));
                     }
                     self.accept(u, multipliers, load, history);
                     return Ok(iteration);
                 }
-            }
-            if iteration == self.settings.max_iterations {
-                return Err(Cut::Iterations { residual: norm });
+                if iteration >= self.settings.max_iterations && !settles {
+                    return Err(Cut::Iterations { residual: norm });
+                }
             }
             self.iterations += 1;
             unstable = self.factorize()?;
             let clock = Instant::now();
             let (step, change, indefinite) = self.newton_step(&u, &residual, load, moving)?;
             unstable = unstable.or(indefinite);
+            if !moving && is_linear && norm <= NEAR {
+                passed = passed.or(unstable);
+            }
             self.seconds.solve += clock.elapsed().as_secs_f64();
-            let length = if moving {
+            if moving {
                 self.note_slope(&step, load);
-                self.check_inversion(&u, &step)?;
-                1.0
-            } else {
-                self.line_search(&u, &step, load, &residual, norm)?
-            };
+                if unstable.is_some() {
+                    self.check_inversion(&u, &step)?;
+                } else if self.is_wary || !self.is_in_proportion(&u, &step, &force) {
+                    (load, u, multipliers) = self.predict(&u, &step, load)?;
+                    (self.tried, is_linear) = (load - self.load, false);
+                    continue;
+                }
+            }
+            let length =
+                if moving { 1.0 } else { self.line_search(&u, &step, load, &residual, norm)? };
             u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
             multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
         }
-        unreachable!("the loop returns on its last iteration")
+        unreachable!("the loop returns when its iterations are spent")
     }
 
     fn accept(&mut self, u: Vec<f64>, multipliers: Vec<f64>, load: f64, history: Vec<f64>) {
@@ -264,12 +296,13 @@ impl<'a> Run<'a> {
         (out, if scale > 0.0 { norm / scale } else { 0.0 })
     }
 
-    /// Factorises the tangent, shifted where it is not positive definite; returns the degree of
+    /// Factorises the tangent, shifted where it is not positive definite under what tools hold; returns the degree of
     /// freedom of the first pivot that was not.
     fn factorize(&mut self) -> Result<Option<usize>, Cut> {
         let clock = Instant::now();
         let (mut shift, mut unstable) = (0.0, None);
         loop {
+            self.factorizations += 1;
             match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => break,
                 Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
@@ -337,6 +370,50 @@ impl<'a> Run<'a> {
         .map_err(Cut::Factor)?;
         step.iter_mut().zip(&free).for_each(|(s, f)| *s += f);
         Ok((step, change, solved.indefinite))
+    }
+
+    /// Whether a linear step takes about the energy that its tangent promises, and turns no cell inside out.
+    fn is_in_proportion(&self, u: &[f64], step: &[f64], force: &[f64]) -> bool {
+        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
+        let mut product = vec![0.0; u.len()];
+        self.tangent.multiply(step, &mut product);
+        let dot = |a: &[f64]| a.iter().zip(step).map(|(a, s)| a * s).sum::<f64>();
+        let taken = self.body().energy(&trial) - self.body().energy(u) - dot(force);
+        taken <= STRETCHED * 0.5 * dot(&product).abs() + 1e-13 * self.body().energy_scale()
+    }
+
+    /// Where the series of the path leads from the equilibrium `u`: load, displacement and patch forces.
+    fn predict(
+        &mut self,
+        u: &[f64],
+        first: &[f64],
+        load: f64,
+    ) -> Result<(f64, Vec<f64>, Vec<f64>), Cut> {
+        let (clock, way) = (Instant::now(), load - self.load);
+        let predictor = Predictor::new(self.problem, &mut self.solver, u, first, [self.load, way])
+            .map_err(Cut::Factor)?;
+        let mut part = predictor.range.max(self.settings.smallest_step / way).min(1.0);
+        let (mut force, still) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        let predicted = loop {
+            let reached = if part == 1.0 { load } else { self.load + part * way };
+            let mut ahead = predictor.at(part);
+            // Exactly where what is prescribed should be.
+            let (closing, ..) = self.newton_step(&ahead, &still, reached, true)?;
+            ahead.iter_mut().zip(&closing).for_each(|(u, s)| *u += s);
+            if self.body().internal_force(&ahead, &mut force).is_finite() {
+                let external = self.external_force(reached, &ahead);
+                let residual: Vec<f64> = force.iter().zip(&external).map(|(i, e)| i - e).collect();
+                let carried = self.solver.patch_forces(&residual);
+                break (reached, ahead, carried.iter().map(|f| -f).collect());
+            }
+            if part * way < self.settings.smallest_step {
+                let (jacobian, cell) = self.body().smallest_jacobian(&ahead);
+                return Err(Cut::Inverted { cell, jacobian });
+            }
+            part *= 0.5;
+        };
+        self.seconds.solve += clock.elapsed().as_secs_f64();
+        Ok(predicted)
     }
 
     /// The first step of a load step is the tangent of the path.
@@ -412,6 +489,7 @@ impl<'a> Run<'a> {
             message: ending.message(self.problem),
             load: self.load,
             iterations: self.iterations,
+            factorizations: self.factorizations,
             residuals: self.residuals,
             seconds: self.seconds,
         }

@@ -5,8 +5,9 @@
 pub enum Status {
     /// Equilibrium at the full load, stable.
     Converged,
-    /// Equilibrium at the full load, reached through states whose tangent was not positive
-    /// definite: the path passed an instability and another equilibrium may exist.
+    /// Equilibrium at the full load; but there, or next to an equilibrium that Newton's method came by, the tangent is not
+    /// positive definite on the displacements that what is prescribed leaves open: the path passed an instability, and
+    /// other equilibria exist.
     ConvergedPastInstability,
     /// The path turns back before the full load; the result is the last equilibrium before it does.
     LimitPoint,
@@ -66,6 +67,9 @@ pub struct Equilibrium {
     pub load: f64,
     /// Newton iterations in all, failed load steps included.
     pub iterations: usize,
+    /// Tangents prepared for a solution, rejected ones and failed load steps included: with a direct solver,
+    /// factorisations.
+    pub factorizations: usize,
     /// Relative residuals of each load step that succeeded.
     pub residuals: Vec<Vec<f64>>,
     /// Timings.

@@ -1,10 +1,6 @@
-//! A symmetric matrix of 3x3 blocks in single precision with products in double: what conjugate gradients multiply
-//! with and make their preconditioners from.
-//!
-//! Both triangles are stored, row by row, so that a product reads the matrix once in order and writes each row
-//! once. Rows may be held: their unknowns are zero and stay so.
+//! A symmetric matrix of 3x3 blocks in single precision, row by row: what incomplete factors are made from. Rows may be
+//! held: their unknowns are zero and stay so.
 
-use super::conjugate_gradients::Operator;
 use crate::simd::{Kernel, dispatch};
 
 /// Columns of a 3x3 block, padded to a vector register.
@@ -78,11 +74,6 @@ impl BlockMatrix {
         }
     }
 
-    /// `y = A x`, held rows included.
-    pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        dispatch(Product { matrix: self, x, y });
-    }
-
     /// Blocks left of the diagonal in a row: their columns and values.
     #[inline(always)]
     pub(super) fn left(&self, row: usize) -> (&[u32], &[Block]) {
@@ -107,19 +98,6 @@ impl BlockMatrix {
                 }
             })
         })
-    }
-}
-
-impl Operator for BlockMatrix {
-    fn n(&self) -> usize {
-        self.is_held.len()
-    }
-
-    fn apply(&self, x: &[f64], y: &mut [f64]) {
-        self.multiply(x, y);
-        for (y, &held) in y.iter_mut().zip(&self.is_held) {
-            *y = if held { 0.0 } else { *y };
-        }
     }
 }
 
@@ -150,29 +128,6 @@ impl Kernel for Fill<'_> {
     }
 }
 
-struct Product<'a> {
-    matrix: &'a BlockMatrix,
-    x: &'a [f64],
-    y: &'a mut [f64],
-}
-
-impl Kernel for Product<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let BlockMatrix { row_start, column, blocks, .. } = self.matrix;
-        for (row, y) in self.y.chunks_exact_mut(3).enumerate() {
-            let range = row_start[row] as usize..row_start[row + 1] as usize;
-            let mut sum = [0.0f64; 4];
-            for (&column, block) in column[range.clone()].iter().zip(&blocks[range]) {
-                add_product(&mut sum, block, &self.x[3 * column as usize..]);
-            }
-            y.copy_from_slice(&sum[..3]);
-        }
-    }
-}
-
 /// `sum += A x`.
 #[inline(always)]
 pub(super) fn add_product(sum: &mut [f64; 4], block: &Block, x: &[f64]) {
@@ -194,7 +149,7 @@ pub(super) fn add_transposed_product(sum: &mut [f64], block: &Block, x: &[f64; 3
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::test_matrices::{Matrix, elastic_block, load, relative_difference};
+    use super::super::test_matrices::Matrix;
     use super::*;
 
     /// The block matrix of a scalar one.
@@ -209,32 +164,5 @@ pub(super) mod tests {
         let mut blocked = BlockMatrix::new(n, pairs.iter().map(|&(r, c)| (r as u32, c as u32)));
         blocked.fill(&values, 0.0);
         blocked
-    }
-
-    #[test]
-    fn multiplies_like_the_scalar_matrix_to_single_precision() {
-        let matrix = elastic_block(3, 4, 2);
-        let x = load(matrix.pattern.n, 0);
-        let mut y = vec![f64::NAN; x.len()];
-        blocked(&matrix).multiply(&x, &mut y);
-        assert!(relative_difference(&y, &matrix.multiply(&x)) < 1e-7);
-    }
-
-    #[test]
-    fn held_rows_stay_zero() {
-        let matrix = elastic_block(3, 3, 2);
-        let mut blocked = blocked(&matrix);
-        let is_held: Vec<bool> = (0..matrix.pattern.n).map(|row| row % 5 == 2).collect();
-        blocked.hold(&is_held);
-        let x: Vec<f64> = load(matrix.pattern.n, 1)
-            .into_iter()
-            .zip(&is_held)
-            .map(|(x, &held)| if held { 0.0 } else { x })
-            .collect();
-        let mut y = vec![f64::NAN; x.len()];
-        blocked.apply(&x, &mut y);
-        for ((y, exact), held) in y.iter().zip(matrix.multiply(&x)).zip(is_held) {
-            assert!((y - if held { 0.0 } else { exact }).abs() < 1e-6);
-        }
     }
 }

@@ -74,6 +74,11 @@ pub enum FactorError {
 }
 
 impl FactorError {
+    /// Whether it is a pivot that is not positive: the matrix is there, and has no Cholesky factor.
+    pub(crate) fn is_of_a_pivot(&self) -> bool {
+        matches!(self, Self::NotPositiveDefinite { .. } | Self::Singular { .. })
+    }
+
     pub(super) fn expect_length(
         argument: &'static str,
         expected: usize,

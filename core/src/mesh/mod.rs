@@ -4,6 +4,7 @@
 //! shape only: the boundary surface, facts about a mesh, contact patches on a surface; nothing of materials.
 
 mod closest;
+mod conformity;
 mod patch;
 mod quadratic;
 mod report;

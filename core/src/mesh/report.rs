@@ -1,5 +1,6 @@
 //! Facts about a mesh, without judgement: volumes, shape quality, bad cells, loose points, connected parts.
 
+use super::conformity::{Joints, pinches};
 use super::{Vector, cross, dot, sub};
 
 /// A cell whose mean ratio is below this is flat to rounding: it has no usable shape gradients.
@@ -23,10 +24,23 @@ pub struct Report {
     pub duplicate: Vec<u32>,
     /// Points that belong to no cell.
     pub loose_points: Vec<u32>,
-    /// Connected part of each point, numbered from 0 in the order of their first points; -1 for a loose point.
-    pub part: Vec<i32>,
-    /// Number of connected parts. Two cells are connected when they share a point.
+    /// Cells that lie over their neighbours, of which they share a face and its side; sought only where no cell is
+    /// degenerate or duplicate.
+    pub overlapping: Vec<u32>,
+    /// Cells with a face that two earlier cells share already, sought likewise.
+    pub crowded: Vec<u32>,
+    /// Points that lie on a face of which they are no corner, each with the cell of that face.
+    pub hanging: Vec<[u32; 2]>,
+    /// Body of each point, numbered from 0 in the order of their first points; -1 for a loose point. Two cells are of
+    /// one body when they share a point.
+    pub body: Vec<i32>,
+    /// Part of each cell, numbered from 0 in the order of their first cells. Two cells are of one part when they share a
+    /// face: the parts of a body meet at points and edges only, and move there as on hinges.
+    pub part: Vec<u32>,
+    /// Number of parts.
     pub n_parts: usize,
+    /// Points at which parts meet.
+    pub pinches: Vec<u32>,
 }
 
 /// The first cell that names a point beyond `n_points`, with the index it names.
@@ -53,18 +67,27 @@ pub fn inspect(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Report {
         .collect();
     // A NaN quality must count as degenerate, so the comparison is written the other way round.
     let is_degenerate = |c: usize| !quality[c].is_finite() || quality[c] < DEGENERATE_QUALITY;
-    let (part, n_parts) = parts(points.len(), cells);
+    let body = bodies(points.len(), cells);
+    let joints = Joints::new(cells);
+    let (part, n_parts, is_over) = joints.parts(cells, &cell_volumes);
     let among_cells = |claim: &dyn Fn(usize) -> bool| -> Vec<u32> {
         (0..cells.len()).filter(|&c| claim(c)).map(|c| c as u32).collect()
     };
+    let (degenerate, duplicate) = (among_cells(&is_degenerate), duplicates(cells));
+    let is_clear = degenerate.is_empty() && duplicate.is_empty(); // a flat cell has no sides
     Report {
         volume: cell_volumes.iter().sum(),
         inverted: among_cells(&|c| cell_volumes[c] < 0.0 && !is_degenerate(c)),
-        degenerate: among_cells(&is_degenerate),
-        duplicate: duplicates(cells),
-        loose_points: (0..points.len()).filter(|&i| part[i] < 0).map(|i| i as u32).collect(),
+        overlapping: if is_clear { among_cells(&|c| is_over[c]) } else { Vec::new() },
+        crowded: if is_clear { joints.crowded.clone() } else { Vec::new() },
+        hanging: joints.hanging(points, cells, &body),
+        loose_points: (0..points.len()).filter(|&i| body[i] < 0).map(|i| i as u32).collect(),
+        pinches: pinches(points.len(), cells, &part),
+        degenerate,
+        duplicate,
         cell_volumes,
         quality,
+        body,
         part,
         n_parts,
     }
@@ -99,8 +122,8 @@ fn duplicates(cells: &[[u32; 4]]) -> Vec<u32> {
     later
 }
 
-/// Connected parts by union-find over the points.
-fn parts(n_points: usize, cells: &[[u32; 4]]) -> (Vec<i32>, usize) {
+/// Bodies by union-find over the points.
+fn bodies(n_points: usize, cells: &[[u32; 4]]) -> Vec<i32> {
     let mut parent: Vec<usize> = (0..n_points).collect();
     let mut is_used = vec![false; n_points];
     for cell in cells {
@@ -112,17 +135,17 @@ fn parts(n_points: usize, cells: &[[u32; 4]]) -> (Vec<i32>, usize) {
         }
     }
     let mut label_of_root = vec![-1; n_points];
-    let mut n_parts = 0;
-    let mut part = vec![-1; n_points];
+    let mut n_bodies = 0;
+    let mut body = vec![-1; n_points];
     for i in (0..n_points).filter(|&i| is_used[i]) {
         let r = root(&mut parent, i);
         if label_of_root[r] < 0 {
-            label_of_root[r] = n_parts;
-            n_parts += 1;
+            label_of_root[r] = n_bodies;
+            n_bodies += 1;
         }
-        part[i] = label_of_root[r];
+        body[i] = label_of_root[r];
     }
-    (part, n_parts as usize)
+    body
 }
 
 /// Root of a point, halving the path on the way.
@@ -171,7 +194,7 @@ mod tests {
         assert_eq!(report.duplicate, [6]);
         assert_eq!(report.degenerate, [7, 8], "a repeated point, and four corners of one face");
         assert_eq!(report.loose_points, [8]);
-        assert_eq!((report.part[8], report.n_parts), (-1, 1));
+        assert_eq!(report.body[8], -1);
     }
 
     #[test]
@@ -200,7 +223,9 @@ mod tests {
         let shifted: Vec<[u32; 4]> = cells.iter().map(|cell| cell.map(|i| i + 8)).collect();
         let report = inspect(&[points, far].concat(), &[cells, shifted].concat());
         assert_eq!(report.n_parts, 2);
-        assert_eq!(report.part, [[0; 8], [1; 8]].concat());
+        assert_eq!(report.part, [[0; 6], [1; 6]].concat());
+        assert_eq!(report.body, [[0; 8], [1; 8]].concat());
+        assert!(report.pinches.is_empty());
     }
 
     #[test]

@@ -9,16 +9,7 @@ pub const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 /// Boundary triangles `(t, 3)`, oriented outward whichever way their cells are, in the order of the cells.
 /// A face shared by two cells is inside. All indices must be in range.
 pub fn surface(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Vec<[u32; 3]> {
-    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * cells.len());
-    for (c, cell) in cells.iter().enumerate() {
-        for (f, face) in FACES.iter().enumerate() {
-            let mut key = face.map(|i| cell[i]);
-            key.sort_unstable();
-            faces.push((key, (4 * c + f) as u32));
-        }
-    }
-    faces.sort_unstable();
-    let mut outer: Vec<u32> = faces
+    let mut outer: Vec<u32> = sorted_faces(cells)
         .chunk_by(|a, b| a.0 == b.0)
         .filter(|same| same.len() == 1)
         .map(|same| same[0].1)
@@ -33,6 +24,21 @@ pub fn surface(points: &[[f64; 3]], cells: &[[u32; 4]]) -> Vec<[u32; 3]> {
             if is_inverted { [triangle[0], triangle[2], triangle[1]] } else { triangle }
         })
         .collect()
+}
+
+/// The faces of all cells by their ascending corners, each with its number `4 * cell + its place in FACES`, sorted: equal
+/// faces are neighbours in the list.
+pub(super) fn sorted_faces(cells: &[[u32; 4]]) -> Vec<([u32; 3], u32)> {
+    let mut faces = Vec::with_capacity(4 * cells.len());
+    for (c, cell) in cells.iter().enumerate() {
+        for (f, face) in FACES.iter().enumerate() {
+            let mut key = face.map(|i| cell[i]);
+            key.sort_unstable();
+            faces.push((key, (4 * c + f) as u32));
+        }
+    }
+    faces.sort_unstable();
+    faces
 }
 
 /// A triangulated surface with what contact needs of it. Node indices are those of the mesh.

@@ -13,6 +13,8 @@ mod elementary;
 mod jet;
 mod lanes;
 mod monomials;
+#[cfg(feature = "solvers")]
+pub(crate) mod pade;
 mod single;
 
 pub use dual::{Gradient, Hessian};
@@ -20,6 +22,8 @@ pub use jet::Jet;
 pub use lanes::Lanes;
 pub(crate) use monomials::degree_of;
 pub use monomials::{Monomials, evaluate_monomials};
+#[cfg(feature = "solvers")]
+pub use pade::Pade;
 pub use single::Single;
 
 use std::fmt::Debug;

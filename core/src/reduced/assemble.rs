@@ -95,6 +95,7 @@ impl Places<'_> {
                 all.sketch.extend(&own.sketches[k]);
                 all.norms.extend(&own.norms[k]);
                 all.compression.push(modes.errors[k]);
+                all.linear_compression.push(modes.linear_errors[k]);
                 all.position_coefficients.extend(&modes.positions[k]);
             }
             for &(r, k) in &self.edges {

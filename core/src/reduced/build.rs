@@ -3,6 +3,7 @@
 //! parameter, the same at several values with modes in common.
 
 use super::assemble::assemble;
+use super::batch::{Batches, Nowhere};
 use super::metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 use super::model::{Arrays, ReducedModel};
 use super::positions::Positions;
@@ -80,7 +81,7 @@ impl Reduction {
         fixed: &[u32],
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<ReducedModel, Error> {
-        self.build(Member { body, radius: self.radius }, None, surface, fixed, progress)
+        self.run_kept(body, None, surface, fixed, (&mut Nowhere, progress))
     }
 
     /// Builds one model for a range of a parameter, set to the value of `body`.
@@ -95,14 +96,32 @@ impl Reduction {
         fixed: &[u32],
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<ReducedModel, Error> {
-        if !self.preload.is_empty() {
+        self.run_kept(body, Some(family), surface, fixed, (&mut Nowhere, progress))
+    }
+
+    /// [`Reduction::run`] or, for a range of a parameter, [`Reduction::run_family`], that keeps finished batches of
+    /// positions and goes on from those kept before.
+    ///
+    /// # Errors
+    /// Those of the two.
+    pub fn run_kept(
+        &self,
+        body: &Body,
+        family: Option<&Family>,
+        surface: &Surface,
+        fixed: &[u32],
+        watch: (&mut dyn Batches, &mut dyn FnMut(Progress) -> bool),
+    ) -> Result<ReducedModel, Error> {
+        if let Some(family) = family
+            && !self.preload.is_empty()
+        {
             return Err(Error::input(format!(
                 "the loaded shape is another for every {}; reduce for a range of it from rest, or at one value from \
                  the load",
                 family.parameter.name
             )));
         }
-        self.build(Member { body, radius: self.radius }, Some(family), surface, fixed, progress)
+        self.build(Member { body, radius: self.radius }, family, surface, fixed, watch)
     }
 
     fn build<'a>(
@@ -111,7 +130,7 @@ impl Reduction {
         family: Option<&Family<'a>>,
         surface: &Surface,
         fixed: &[u32],
-        progress: &mut dyn FnMut(Progress) -> bool,
+        (batches, progress): (&mut dyn Batches, &mut dyn FnMut(Progress) -> bool),
     ) -> Result<ReducedModel, Error> {
         let (clock, body) = (Instant::now(), own.body);
         preload::check(body, fixed, &self.preload)?;
@@ -128,7 +147,7 @@ impl Reduction {
             Some(family) => family.members.iter().map(expand).collect::<Result<_, Error>>()?,
             None => vec![expand(&own)?],
         };
-        let solved = self.solve_regions(&members, progress)?;
+        let solved = self.solve_regions(&members, batches, progress)?;
         let compression = solved
             .iter()
             .flat_map(|s| s.region.members.iter().flat_map(|m| &m.errors))
@@ -162,7 +181,7 @@ impl Reduction {
         self.measure_interpolation(&members, &mut model, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
-                self.measure_parameter(&expand(member)?, *value, &mut model)?;
+                self.measure_parameter(&expand(member)?, *value, &mut model, progress)?;
             }
         }
         model.arrays.answers.sketch = sketch;

@@ -1,7 +1,7 @@
 //! The checks that make a model safe to evaluate: every shape, index range and value.
 
 use super::family::check_family;
-use super::metadata::{FORMAT_VERSION, Metadata};
+use super::metadata::Metadata;
 use super::model::Arrays;
 use super::resummation::SKETCH;
 use crate::error::Error;
@@ -26,12 +26,7 @@ pub(super) fn bad(sentence: String) -> Error {
 }
 
 fn check_metadata(m: &Metadata) -> Result<(), Error> {
-    if m.format_version != FORMAT_VERSION {
-        return Err(bad(format!(
-            "format version {}; this version reads {FORMAT_VERSION}",
-            m.format_version
-        )));
-    }
+    m.check_version()?;
     if !(2..=8).contains(&m.order) || !(1..=m.order).contains(&m.edge_order) {
         return Err(bad(format!(
             "order {} with edge order {}; orders are 2 to 8, edge orders 1 to the order",
@@ -121,6 +116,11 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ),
         ("norms", a.answers.norms.len(), n.positions * n.norms),
         ("compression", a.answers.compression.len(), n.positions),
+        (
+            "linear_compression",
+            a.answers.linear_compression.len(),
+            if a.answers.linear_compression.is_empty() { 0 } else { n.positions },
+        ),
         ("position_region", a.position_region.len(), n.positions),
         ("edge_region", a.edge_region.len(), n.edges),
         ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
@@ -211,6 +211,7 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
         check_finite(family, "sketch", &answers.sketch)?;
         check_finite(family, "norms", &answers.norms)?;
         check_finite(family, "compression", &answers.compression)?;
+        check_finite(family, "linear_compression", &answers.linear_compression)?;
         check_finite(family, "position_coefficients", &answers.position_coefficients)?;
         check_finite(family, "edge_coefficients", &answers.edge_coefficients)?;
     }

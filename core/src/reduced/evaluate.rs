@@ -25,7 +25,7 @@ pub struct Contact {
     pub distance: f64,
 }
 
-/// Whether an answer may be relied on.
+/// Whether a force, or a field, may be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
     /// The estimated error is within what is allowed at this depth.
@@ -43,10 +43,15 @@ pub struct Response {
     pub force: [f64; 3],
     /// Contact stiffness `dF/dd` [N/m].
     pub stiffness: Mat3<f64>,
-    /// Estimated error of field and force, relative to their norms; at most 1.
+    /// Estimated error of the force, relative to its norm; at most 1.
     pub error_estimate: f64,
-    /// Whether the estimate is within the allowance.
+    /// Whether the force may be relied on.
     pub trust: Trust,
+    /// Estimated error of the field, relative to its norm; at most 1. It also has what the
+    /// compression of the field loses, of which the force knows nothing.
+    pub shape_error_estimate: f64,
+    /// Whether the field may be relied on.
+    pub shape_trust: Trust,
 }
 
 /// Error allowed at a depth: 1 % up to 5 % of the organ's diagonal, rising to 5 % at 10 %.
@@ -86,17 +91,27 @@ impl ReducedModel {
         let (orders, correction) = here.force(monomials, d);
         let force = weighted(&sum.weights, &orders);
         let stiffness = here.stiffness(d, &orders, &sum.weights);
-        let error_estimate = here.error_estimate(monomials, force, &orders, correction, &sum);
+        let estimates = here.error_estimates(monomials, force, &orders, correction, &sum);
         let depth = norm(d);
+        Response {
+            force,
+            stiffness,
+            error_estimate: estimates.force,
+            trust: self.trust(depth, estimates.force),
+            shape_error_estimate: estimates.shape,
+            shape_trust: self.trust(depth, estimates.shape),
+        }
+    }
+
+    fn trust(&self, depth: f64, error_estimate: f64) -> Trust {
         // Written so that a displacement that is not a number is not trusted either.
-        let trust = if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
+        if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
             Trust::BeyondDepth
         } else if error_estimate > allowance(depth / self.metadata.diagonal) {
             Trust::ErrorTooLarge
         } else {
             Trust::Trusted
-        };
-        Response { force, stiffness, error_estimate, trust }
+        }
     }
 
     /// Force of the series cut after an order of at least 1, below the model's own a polynomial; the

@@ -97,10 +97,8 @@ impl ReducedModel {
         blend(&weights, &f.position_coefficients, &mut a.position_coefficients, |x| x as f32);
         blend(&weights, &f.edge_coefficients, &mut a.edge_coefficients, |x| x as f32);
         // An error is no quantity to interpolate: the largest of the members stands for all.
-        let p = a.compression.len();
-        for (k, worst) in a.compression.iter_mut().enumerate() {
-            *worst = f.compression.iter().skip(k).step_by(p).fold(0.0, |w: f32, &e| w.max(e));
-        }
+        largest(&f.compression, &mut a.compression);
+        largest(&f.linear_compression, &mut a.linear_compression);
         self.arrays.family = f;
         if is_radius {
             self.metadata.radius = value;
@@ -150,6 +148,14 @@ impl ReducedModel {
             a.patch_start.push(a.patch_nodes.len() as u32);
         }
         Ok(())
+    }
+}
+
+/// `out = max_j members_j`.
+fn largest(members: &[f32], out: &mut [f32]) {
+    let n = out.len();
+    for (k, worst) in out.iter_mut().enumerate() {
+        *worst = members.iter().skip(k).step_by(n).fold(0.0, |w: f32, &e| w.max(e));
     }
 }
 

@@ -1,6 +1,7 @@
 //! Model file: safetensors bytes with the metadata as one JSON string (docs/model-file.md).
 
-use super::metadata::Metadata;
+use super::checksum::Checksums;
+use super::metadata::{FORMAT_VERSION, Metadata};
 use super::model::{Arrays, ReducedModel};
 use super::resummation::SKETCH;
 use crate::error::Error;
@@ -10,7 +11,8 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 const METADATA_KEY: &str = "viscera";
 /// Whether an array is written and asked for only where there is something in it.
 fn is_optional(name: &str) -> bool {
-    matches!(name, "preload" | "sketch" | "parameter_cells") || name.starts_with("family_")
+    matches!(name, "preload" | "sketch" | "linear_compression" | "parameter_cells")
+        || name.starts_with("family_")
 }
 
 /// A number type with a fixed little-endian form.
@@ -63,6 +65,7 @@ macro_rules! for_each_array {
         $apply!("sketch", answers.sketch, SKETCH);
         $apply!("norms", answers.norms, 1);
         $apply!("compression", answers.compression, 1);
+        $apply!("linear_compression", answers.linear_compression, 1);
         $apply!("position_region", position_region, 1);
         $apply!("edge_region", edge_region, 1);
         $apply!("region_start", region_start, 1);
@@ -79,6 +82,7 @@ macro_rules! for_each_array {
         $apply!("family_sketch", family.sketch, SKETCH);
         $apply!("family_norms", family.norms, 1);
         $apply!("family_compression", family.compression, 1);
+        $apply!("family_linear_compression", family.linear_compression, 1);
         $apply!("family_position_coefficients", family.position_coefficients, 1);
         $apply!("family_edge_coefficients", family.edge_coefficients, 1);
     };
@@ -121,7 +125,7 @@ impl ReducedModel {
         None
     }
 
-    /// The model file.
+    /// The model file, in the present format and with checksums, whatever it was read from.
     ///
     /// # Errors
     /// Metadata that cannot be written as JSON.
@@ -136,23 +140,27 @@ impl ReducedModel {
             };
         }
         for_each_array!(encode);
+        let mut checksums = Checksums::default();
         let views = encoded
             .iter()
             .map(|(name, dtype, shape, bytes)| {
+                checksums.add(name, bytes);
                 Ok((*name, TensorView::new(*dtype, shape.clone(), bytes).map_err(broken)?))
             })
             .collect::<Result<Vec<_>, Error>>()?;
-        let text = serde_json::to_string(&self.metadata)
+        let metadata = Metadata { format_version: FORMAT_VERSION, ..self.metadata.clone() };
+        let text = serde_json::to_string(&metadata)
             .map_err(|e| Error::ModelFile(format!("metadata cannot be written: {e}")))?;
-        let header = [(METADATA_KEY.to_string(), text)].into_iter().collect();
+        let header = [(METADATA_KEY.to_string(), checksums.sealed(&text))].into_iter().collect();
         serialize(views, Some(header)).map_err(broken)
     }
 
     /// Reads a model file, checking everything before anything is used.
     ///
     /// # Errors
-    /// [`Error::ModelFile`]: cut short, not a safetensors file, an array missing, of another type
-    /// or of a wrong shape, an index out of range, a value that is not finite.
+    /// [`Error::ModelFile`]: cut short, not a safetensors file, a checksum that differs, an array
+    /// missing, of another type or of a wrong shape, an index out of range, a value that is not
+    /// finite.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
         let tensors = SafeTensors::deserialize(bytes).map_err(broken)?;
         let (_, header) = SafeTensors::read_metadata(bytes).map_err(broken)?;
@@ -162,6 +170,10 @@ impl ReducedModel {
             })?;
         let metadata: Metadata = serde_json::from_str(text)
             .map_err(|e| Error::ModelFile(format!("metadata is damaged: {e}")))?;
+        metadata.check_version()?;
+        if metadata.is_sealed() {
+            Checksums::read(text)?.check(&tensors)?;
+        }
         let mut arrays = Arrays::default();
         macro_rules! decode {
             ($name:literal, $($place:ident).+, $columns:expr) => {

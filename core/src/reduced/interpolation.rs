@@ -31,6 +31,12 @@ pub(super) struct Sum {
     difference: Option<([f64; MAX_ORDER], f64)>,
 }
 
+/// Estimated relative errors of an answer, at most 1.
+pub(super) struct Estimates {
+    pub force: f64,
+    pub shape: f64,
+}
+
 /// The orders of a force, added up.
 pub(super) fn weighted(weights: &[Dual; MAX_ORDER], orders: &[[f64; 3]; MAX_ORDER]) -> [f64; 3] {
     std::array::from_fn(|i| weights.iter().zip(orders).map(|(w, f)| w.value * f[i]).sum())
@@ -223,20 +229,20 @@ impl<'a> Interpolation<'a> {
         stiffness
     }
 
-    /// Estimated relative error: of the sum over the orders, plus interpolation, plus compression,
-    /// plus what a parameter between its nodes costs.
-    pub(super) fn error_estimate(
+    /// Estimated relative errors: of the sum over the orders, plus interpolation, plus what a
+    /// parameter between its nodes costs; of the field, plus what its compression loses.
+    pub(super) fn error_estimates(
         &self,
         monomials: &[f64],
         force: [f64; 3],
         orders: &[[f64; 3]; MAX_ORDER],
         correction: f64,
         sum: &Sum,
-    ) -> f64 {
+    ) -> Estimates {
         let model = self.model;
         let size = self.field_norms(monomials);
         if !(size[0] > 0.0) {
-            return 0.0;
+            return Estimates { force: 0.0, shape: 0.0 };
         }
         let force_size = norm(force).max(f64::MIN_POSITIVE);
         let polynomial = MARGIN * self.polynomial_error(&size, force_size, orders);
@@ -253,11 +259,20 @@ impl<'a> Interpolation<'a> {
         };
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
         let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
-        let stored = &model.arrays.answers.compression;
-        let worst: f64 = (0..3).map(|k| self.weights[k] * f64::from(stored[self.corners[k]])).sum();
-        let compression = worst * depth / model.metadata.depth;
-        let parameter = model.metadata.errors.parameter;
-        (truncation + MARGIN * interpolation + compression + parameter).min(1.0)
+        let force = truncation + MARGIN * interpolation + model.metadata.errors.parameter;
+        let shape = force + self.compression(depth / model.metadata.depth);
+        Estimates { force: force.min(1.0), shape: shape.min(1.0) }
+    }
+
+    /// What the compression of the field loses, relative to it, at a share of the full depth: of the
+    /// first order the same at any depth, of the others in proportion to it.
+    fn compression(&self, share: f64) -> f64 {
+        let stored = &self.model.arrays.answers;
+        let at = |values: &[f32]| -> f64 {
+            let of = |k: usize| values.get(self.corners[k]).copied().unwrap_or(0.0);
+            (0..3).map(|k| self.weights[k] * f64::from(of(k))).sum()
+        };
+        at(&stored.linear_compression) + share * at(&stored.compression)
     }
 
     /// The tail of the polynomial as a geometric series whose ratio is that of the last orders

@@ -1,6 +1,7 @@
 //! What a model is worth, measured before it is handed over: between positions, between the values
 //! of a parameter.
 
+use super::attend::attend;
 use super::build::{Progress, Reduction};
 use super::model::ReducedModel;
 use super::solve::Expanded;
@@ -9,6 +10,7 @@ use crate::mesh::Patch;
 use crate::number::evaluate_monomials;
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Points between positions at which a model is measured.
 const INTERPOLATION_CHECKS: usize = 32;
@@ -32,11 +34,14 @@ impl Reduction {
             if let Some(nodes) = &nodes {
                 model.set_parameter(nodes[j])?;
             }
-            let errors = triangles
-                .par_chunks(8)
-                .map(|some| self.interpolation_errors(expansion, model, some))
-                .collect::<Result<Vec<_>, _>>()?;
-            if !progress(Progress { done: total, total, stage: "check" }) {
+            let mut is_wanted = || progress(Progress { done: total, total, stage: "check" });
+            let errors = attend(&mut is_wanted, |stop| {
+                let chunks = triangles.par_chunks(8);
+                chunks
+                    .map(|some| self.interpolation_errors(expansion, model, some, stop))
+                    .collect::<Result<Vec<_>, _>>()
+            })?;
+            if !is_wanted() {
                 return Err(Error::Cancelled);
             }
             let worst = &mut model.metadata.errors;
@@ -55,13 +60,21 @@ impl Reduction {
         unseen: &Expanded,
         value: f64,
         model: &mut ReducedModel,
+        progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(), Error> {
         model.set_parameter(value)?;
         let Expanded { positions, expansion } = unseen;
         let count = PARAMETER_CHECKS.min(positions.nodes.len());
         let places: Vec<usize> = (0..count).map(|k| k * positions.nodes.len() / count).collect();
         let patches: Vec<&Patch> = places.iter().map(|&p| &positions.patches[p]).collect();
-        let series = expansion.expand(&patches, self.order)?;
+        let total = positions.nodes.len();
+        let mut is_wanted = || progress(Progress { done: total, total, stage: "check" });
+        let series = attend(&mut is_wanted, |stop| {
+            let chunks = patches.par_chunks(8);
+            let is_wanted = || !stop.load(Ordering::Relaxed);
+            let series = chunks.map(|some| expansion.expand_while(&is_wanted, some, self.order));
+            Ok(series.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect::<Vec<_>>())
+        })?;
         let mut workspace = vec![0.0; model.workspace_len()];
         let mut worst: f64 = 0.0;
         for (&place, series) in places.iter().zip(&series) {
@@ -87,10 +100,13 @@ impl Reduction {
         expansion: &TouchExpansion,
         model: &ReducedModel,
         triangles: &[usize],
+        stop: &AtomicBool,
     ) -> Result<Vec<[f64; 2]>, Error> {
         let contacts: Vec<_> = triangles.iter().map(|&t| model.centroid(t)).collect();
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
-        let series = expansion.expand(&patches.iter().collect::<Vec<_>>(), self.order)?;
+        let patches: Vec<&Patch> = patches.iter().collect();
+        let is_wanted = || !stop.load(Ordering::Relaxed);
+        let series = expansion.expand_while(&is_wanted, &patches, self.order)?;
         let mut workspace = vec![0.0; model.workspace_len()];
         let mut errors = Vec::new();
         for (contact, series) in contacts.iter().zip(&series) {

@@ -1,9 +1,13 @@
 //! What a model file says about itself, as one JSON object.
 
+use super::check::bad;
+use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// Version of the file format this code writes and reads.
-pub const FORMAT_VERSION: u32 = 1;
+/// Version of the file format this code writes.
+pub const FORMAT_VERSION: u32 = 2;
+/// The one before, without checksums, which it reads too.
+pub const UNSEALED_FORMAT: u32 = 1;
 
 /// Origin, settings and measured errors of a reduced model; SI units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -43,6 +47,23 @@ pub struct Metadata {
     pub parameter: Option<Parameter>,
     /// Anything the writer adds: node sets, provenance.
     pub user: serde_json::Value,
+}
+
+impl Metadata {
+    /// Whether the file that was read had checksums; without them damage goes unnoticed.
+    pub fn is_sealed(&self) -> bool {
+        self.format_version != UNSEALED_FORMAT
+    }
+
+    /// Refuses a format that this code does not know.
+    pub(super) fn check_version(&self) -> Result<(), Error> {
+        match self.format_version {
+            UNSEALED_FORMAT | FORMAT_VERSION => Ok(()),
+            other => Err(bad(format!(
+                "format version {other}; this version reads {UNSEALED_FORMAT} and {FORMAT_VERSION}"
+            ))),
+        }
+    }
 }
 
 fn linear() -> String {

@@ -9,10 +9,15 @@
 #[cfg(feature = "solvers")]
 mod assemble;
 #[cfg(feature = "solvers")]
+mod attend;
+#[cfg(feature = "solvers")]
 mod basis;
+#[cfg(feature = "solvers")]
+mod batch;
 #[cfg(feature = "solvers")]
 mod build;
 mod check;
+mod checksum;
 mod combine;
 mod evaluate;
 mod family;
@@ -29,13 +34,18 @@ mod positions;
 #[cfg(feature = "solvers")]
 mod preload;
 #[cfg(feature = "solvers")]
+mod recompress;
+#[cfg(feature = "solvers")]
 mod region;
 mod resummation;
 #[cfg(feature = "solvers")]
 mod solve;
+mod surface;
 #[cfg(all(test, feature = "solvers"))]
 mod tests;
 
+#[cfg(feature = "solvers")]
+pub use batch::Batches;
 #[cfg(feature = "solvers")]
 pub use build::{Family, Member, Progress, Reduction};
 pub use evaluate::{Contact, Response, Trust, allowance};

@@ -76,6 +76,8 @@ pub struct Answers {
     pub norms: Vec<f32>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
     pub compression: Vec<f32>,
+    /// The same of the first order alone, which shallow touches keep; empty in files of format 1.
+    pub linear_compression: Vec<f32>,
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,
     /// Mode amplitudes of each edge: (edge terms, modes of its region), edge after edge.
@@ -84,7 +86,7 @@ pub struct Answers {
 
 impl Answers {
     /// Name and length of each array.
-    pub(super) fn lengths(&self) -> [(&'static str, usize); 9] {
+    pub(super) fn lengths(&self) -> [(&'static str, usize); 10] {
         [
             ("compliance", self.compliance.len()),
             ("cross_compliance", self.cross_compliance.len()),
@@ -93,6 +95,7 @@ impl Answers {
             ("sketch", self.sketch.len()),
             ("norms", self.norms.len()),
             ("compression", self.compression.len()),
+            ("linear_compression", self.linear_compression.len()),
             ("position_coefficients", self.position_coefficients.len()),
             ("edge_coefficients", self.edge_coefficients.len()),
         ]
@@ -167,6 +170,11 @@ impl ReducedModel {
     /// What the model says about itself.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
+    }
+
+    /// Replaces what the writer has added to the metadata.
+    pub fn set_user(&mut self, user: serde_json::Value) {
+        self.metadata.user = user;
     }
 
     /// Its arrays.

@@ -9,10 +9,12 @@
 
 use super::basis::Common;
 use crate::error::Error;
-use crate::series::TouchSeries;
-use faer::Mat;
+use faer::{Mat, MatRef};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// The modes of a region, and what each member of the family does with them.
+#[derive(Deserialize, Serialize)]
 pub(super) struct Region {
     /// Quantised modes, one run of all degrees of freedom for each.
     pub modes: Vec<i16>,
@@ -22,6 +24,7 @@ pub(super) struct Region {
 }
 
 /// The amplitudes of a region's positions and edges.
+#[derive(Deserialize, Serialize)]
 pub(super) struct Amplitudes {
     /// (terms, modes) for each position.
     pub positions: Vec<Vec<f32>>,
@@ -29,7 +32,12 @@ pub(super) struct Amplitudes {
     pub edges: Vec<Vec<f32>>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
     pub errors: Vec<f32>,
+    /// The same of the first order alone.
+    pub linear_errors: Vec<f32>,
 }
+
+/// Fields, term by term: runs of all degrees of freedom, or of coordinates in an orthonormal basis.
+type Fields<'a> = &'a [Vec<f64>];
 
 /// What a region is compressed from, for one member.
 pub(super) struct Exact<'a> {
@@ -38,11 +46,14 @@ pub(super) struct Exact<'a> {
     /// How many monomials of degree >= 2 the edges keep.
     pub edge_terms: usize,
     pub depth: f64,
-    pub positions: &'a [TouchSeries],
-    pub edges: &'a [TouchSeries],
+    /// Of all terms.
+    pub positions: Vec<Fields<'a>>,
+    /// Of the terms that edges keep.
+    pub edges: Vec<Fields<'a>>,
 }
 
-const FIRST_ORDER: usize = 3;
+/// Terms of the first order.
+pub(super) const FIRST_ORDER: usize = 3;
 /// Part of the tolerance for first-order fields where they are not kept exactly: their error does
 /// not fade as touches become shallow.
 const FIRST_ORDER_SHARE: f64 = 0.2;
@@ -54,23 +65,53 @@ const FIRST_ORDER_SHARE: f64 = 0.2;
 /// # Errors
 /// A decomposition that does not converge.
 pub(super) fn compress(members: &[Exact], tolerance: f64) -> Result<Region, Error> {
-    let columns: Vec<Mat<f64>> = members.iter().map(Exact::columns).collect();
     let n_first = FIRST_ORDER * members[0].positions.len();
+    fewest_modes(members, n_first, None, tolerance)
+}
+
+/// The same of fields given by their coordinates in the orthonormal columns of `basis`, with no
+/// field that is kept exactly: a region whose fields are already a sum of modes.
+///
+/// # Errors
+/// A decomposition that does not converge.
+pub(super) fn compress_again(
+    members: &[Exact],
+    basis: MatRef<f64>,
+    tolerance: f64,
+) -> Result<Region, Error> {
+    fewest_modes(members, 0, Some(basis), tolerance)
+}
+
+fn fewest_modes(
+    members: &[Exact],
+    n_first: usize,
+    basis: Option<MatRef<f64>>,
+    tolerance: f64,
+) -> Result<Region, Error> {
+    let columns: Vec<Mat<f64>> = members.iter().map(Exact::columns).collect();
     let common = Common::new(&columns, n_first, 0.1 * tolerance)?;
     let kept = members
         .iter()
         .enumerate()
         .fold(common.n_first(), |kept, (j, exact)| exact.modes_needed(&common, j, tolerance, kept));
-    let (modes, scales) = quantise(&common.modes(&columns, kept));
-    let decoded = Mat::from_fn(columns[0].nrows(), kept, |i, m| {
-        f64::from(modes[m * columns[0].nrows() + i]) * f64::from(scales[m])
-    });
+    let exact_modes = common.modes(&columns, kept);
+    let (modes, scales) = match basis {
+        Some(basis) => quantise(&(basis * exact_modes)),
+        None => quantise(&exact_modes),
+    };
+    let decoded = decode(&modes, &scales, basis.map_or(columns[0].nrows(), |b| b.nrows()));
+    let decoded = basis.map_or(decoded.clone(), |basis| basis.transpose() * decoded);
     let amplitudes = members.iter().zip(&columns).zip(&common.coordinates);
     let members = amplitudes.map(|((e, columns), c)| e.amplitudes(columns, c, &decoded)).collect();
     Ok(Region { modes, scales, members })
 }
 
-impl Exact<'_> {
+/// Stored modes as columns [m].
+pub(super) fn decode(modes: &[i16], scales: &[f32], rows: usize) -> Mat<f64> {
+    Mat::from_fn(rows, scales.len(), |i, m| f64::from(modes[m * rows + i]) * f64::from(scales[m]))
+}
+
+impl<'a> Exact<'a> {
     fn weight(&self, term: usize) -> f64 {
         let e = self.exponents[term];
         let degree: u8 = e.iter().sum();
@@ -81,22 +122,27 @@ impl Exact<'_> {
     }
 
     /// Monomials an edge keeps: those of degree >= 2 up to the edge order.
-    fn edge_range(&self) -> std::ops::Range<usize> {
+    fn edge_range(&self) -> Range<usize> {
         FIRST_ORDER..FIRST_ORDER + self.edge_terms
     }
 
     /// First-order fields of all positions, then higher orders of positions, then of edges.
     fn columns(&self) -> Mat<f64> {
-        let n = self.positions[0].displacement[0].len();
-        let first = self.positions.iter().flat_map(|s| (0..FIRST_ORDER).map(move |t| (s, t)));
-        let high = (self.positions.iter())
-            .flat_map(|s| (FIRST_ORDER..self.exponents.len()).map(move |t| (s, t)));
-        let edges = self.edges.iter().flat_map(|s| self.edge_range().map(move |t| (s, t)));
-        let list: Vec<_> = first.chain(high).chain(edges).collect();
+        let n = self.positions[0][0].len();
+        let (first, all) = (0..FIRST_ORDER, FIRST_ORDER..self.exponents.len());
+        let own = |terms: Range<usize>| {
+            let of_one = move |fields: &Fields<'a>| {
+                let fields: Fields<'a> = fields;
+                terms.clone().map(move |t| (&fields[t], t))
+            };
+            self.positions.iter().flat_map(of_one)
+        };
+        let edges = self.edges.iter().flat_map(|fields| fields.iter().zip(self.edge_range()));
+        let list: Vec<_> = own(first).chain(own(all)).chain(edges).collect();
         let mut columns = Mat::zeros(n, list.len());
-        for (column, (series, term)) in columns.col_iter_mut().zip(list) {
+        for (column, (field, term)) in columns.col_iter_mut().zip(list) {
             let weight = self.weight(term);
-            for (out, &u) in column.iter_mut().zip(&series.displacement[term]) {
+            for (out, &u) in column.iter_mut().zip(field) {
                 *out = weight * u;
             }
         }
@@ -111,7 +157,7 @@ impl Exact<'_> {
             .chain(n_first + high * position..n_first + high * (position + 1))
     }
 
-    fn edge_columns(&self, edge: usize) -> std::ops::Range<usize> {
+    fn edge_columns(&self, edge: usize) -> Range<usize> {
         let high = self.exponents.len() - FIRST_ORDER;
         let start = FIRST_ORDER * self.positions.len() + high * self.positions.len();
         start + self.edge_terms * edge..start + self.edge_terms * (edge + 1)
@@ -164,15 +210,20 @@ impl Exact<'_> {
                 self.edge_columns(e).zip(terms).flat_map(|(c, t)| amplitudes(c, t)).collect()
             })
             .collect();
-        let errors = self.errors(columns, decoded, &positions);
-        Amplitudes { positions, edges, errors }
+        let (errors, linear_errors) = self.errors(columns, decoded, &positions);
+        Amplitudes { positions, edges, errors, linear_errors }
     }
 
     /// Compares what the stored modes give with the exact series at full depth, in the directions
-    /// of a cube's faces, edges and corners.
-    fn errors(&self, columns: &Mat<f64>, decoded: &Mat<f64>, positions: &[Vec<f32>]) -> Vec<f32> {
+    /// of a cube's faces, edges and corners: of all orders, and of the first alone.
+    fn errors(
+        &self,
+        columns: &Mat<f64>,
+        decoded: &Mat<f64>,
+        positions: &[Vec<f32>],
+    ) -> (Vec<f32>, Vec<f32>) {
         let (n, kept) = (columns.nrows(), decoded.ncols());
-        let mut errors = Vec::with_capacity(positions.len());
+        let (mut errors, mut linear_errors) = (Vec::new(), Vec::new());
         for (p, amplitudes) in positions.iter().enumerate() {
             let own: Vec<usize> = self.position_columns(p).collect();
             let terms = own.len();
@@ -187,11 +238,17 @@ impl Exact<'_> {
                 let value: f64 = (0..3).map(|i| directions[d][i].powi(i32::from(e[i]))).product();
                 value * self.depth.powi(i32::from(e.iter().sum::<u8>())) / self.weight(t)
             });
-            let (error, exact) = (&error * &monomials, &exact * &monomials);
-            let relative = |d: usize| error.col(d).norm_l2() / exact.col(d).norm_l2();
-            errors.push((0..directions.len()).map(relative).fold(0.0, f64::max) as f32);
+            let worst = |terms: usize| {
+                let monomials = monomials.subrows(0, terms);
+                let error = error.subcols(0, terms) * monomials;
+                let exact = exact.subcols(0, terms) * monomials;
+                let relative = |d: usize| error.col(d).norm_l2() / exact.col(d).norm_l2();
+                (0..directions.len()).map(relative).fold(0.0, f64::max) as f32
+            };
+            errors.push(worst(terms));
+            linear_errors.push(worst(FIRST_ORDER));
         }
-        errors
+        (errors, linear_errors)
     }
 }
 

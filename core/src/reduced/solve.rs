@@ -1,19 +1,20 @@
 //! All positions of a surface solved, region by region: series, forces, compliances, modes.
 
+use super::attend::attend;
+use super::batch::Batches;
 use super::build::{Progress, Reduction};
 use super::positions::Positions;
-use super::region::{Exact, Region, compress};
+use super::region::{Exact, FIRST_ORDER, Region, compress};
 use super::resummation::SKETCH;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::Monomials;
 use crate::series::{TouchExpansion, TouchSeries};
-use rayon::Yield;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError};
-use std::time::Duration;
+use std::sync::mpsc;
 
 /// Orders up to this one are also solved at edge midpoints.
 pub(super) const EDGE_ORDER: usize = 3;
@@ -25,6 +26,7 @@ pub(super) struct Expanded<'a> {
 }
 
 /// What a region's task returns.
+#[derive(Deserialize, Serialize)]
 pub(super) struct Solved {
     pub region: Region,
     pub positions: Vec<u32>,
@@ -34,6 +36,7 @@ pub(super) struct Solved {
 }
 
 /// What one member answers in a region, but for its fields.
+#[derive(Deserialize, Serialize)]
 pub(super) struct Answered {
     pub force: Vec<Vec<[f64; 3]>>,
     pub edge_force: Vec<Vec<[f64; 3]>>,
@@ -46,54 +49,53 @@ pub(super) struct Answered {
 }
 
 impl Reduction {
+    /// Solves the regions that `batches` does not hold yet, and keeps each of them there as soon as it is solved.
     pub(super) fn solve_regions(
         &self,
         members: &[Expanded],
+        batches: &mut dyn Batches,
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<Vec<Solved>, Error> {
-        let total = members[0].positions.nodes.len();
-        let stop = AtomicBool::new(false);
-        let (sender, receiver) = mpsc::channel::<usize>();
-        let mut solved = Ok(Vec::new());
-        rayon::in_place_scope(|scope| {
-            let (stop, solved) = (&stop, &mut solved);
-            scope.spawn(move |_| {
-                let task = |region: &Vec<u32>| {
-                    if stop.load(Ordering::Relaxed) {
-                        return Err(Error::Cancelled);
-                    }
-                    let solved = self.solve_region(members, region);
-                    // The receiver lives until this scope has ended.
-                    let _ = sender.send(region.len());
-                    solved
-                };
-                *solved = members[0].positions.regions.par_iter().map(task).collect();
-            });
-            let mut done = 0;
-            loop {
-                // A thread of the pool that waits must also work: it may be the only one.
-                if let Some(Yield::Executed) = rayon::yield_now() {
-                    continue;
-                }
-                match receiver.recv_timeout(Duration::from_millis(50)) {
-                    Ok(count) => done += count,
-                    Err(RecvTimeoutError::Timeout) => (),
-                    Err(RecvTimeoutError::Disconnected) => break,
-                }
-                if !progress(Progress { done, total, stage: "solve" }) {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            }
-        });
-        let solved = solved?;
-        if progress(Progress { done: total, total, stage: "solve" }) {
-            Ok(solved)
-        } else {
-            Err(Error::Cancelled)
+        let (regions, total) = (&members[0].positions.regions, members[0].positions.nodes.len());
+        let mut solved: Vec<Option<Solved>> = Vec::new();
+        solved.resize_with(regions.len(), || None);
+        for (region, batch) in
+            batches.finished().iter().filter_map(|bytes| Solved::from_bytes(bytes, regions))
+        {
+            solved[region] = Some(batch);
         }
+        let mut done: usize = solved.iter().flatten().map(|batch| batch.positions.len()).sum();
+        let missing: Vec<(&Vec<u32>, &mut Option<Solved>)> =
+            regions.iter().zip(&mut solved).filter(|(_, batch)| batch.is_none()).collect();
+        let (sender, receiver) = mpsc::channel::<(usize, Vec<u8>)>();
+        let mut is_wanted = || {
+            let kept = receiver.try_iter().all(|(count, batch)| {
+                done += count;
+                batches.keep(&batch)
+            });
+            kept & progress(Progress { done, total, stage: "solve" })
+        };
+        let outcome = attend(&mut is_wanted, |stop| {
+            missing.into_par_iter().try_for_each(|(region, batch)| {
+                let solved = self.solve_region(members, region, stop)?;
+                // The receiver outlives the work.
+                let _ = sender.send((region.len(), solved.to_bytes()?));
+                *batch = Some(solved);
+                Ok(())
+            })
+        });
+        let is_complete = is_wanted(); // what was finished last is kept too
+        outcome?;
+        if is_complete { Ok(solved.into_iter().flatten().collect()) } else { Err(Error::Cancelled) }
     }
 
-    fn solve_region(&self, members: &[Expanded], region: &[u32]) -> Result<Solved, Error> {
+    fn solve_region(
+        &self,
+        members: &[Expanded],
+        region: &[u32],
+        stop: &AtomicBool,
+    ) -> Result<Solved, Error> {
+        let is_wanted = || !stop.load(Ordering::Relaxed);
         let edge_order = EDGE_ORDER.min(self.order);
         let is_ours = |edge: &&[u32; 2]| region.binary_search(&edge[0]).is_ok();
         let edges: Vec<u32> = (0u32..)
@@ -106,10 +108,11 @@ impl Reduction {
             .map(|Expanded { positions, expansion }| {
                 let at = |&p: &u32| &positions.patches[p as usize];
                 let patches: Vec<&Patch> = region.iter().map(at).collect();
-                let own = expansion.expand(&patches, self.order)?;
+                let own = expansion.expand_while(&is_wanted, &patches, self.order)?;
                 let patches: Vec<Patch> =
                     edges.iter().map(|&e| positions.edge_patch(e as usize)).collect();
-                Ok((own, expansion.expand(&patches.iter().collect::<Vec<_>>(), edge_order)?))
+                let patches: Vec<&Patch> = patches.iter().collect();
+                Ok((own, expansion.expand_while(&is_wanted, &patches, edge_order)?))
             })
             .collect::<Result<Vec<_>, Error>>()?;
         let table = Monomials::of(3, self.order);
@@ -117,8 +120,8 @@ impl Reduction {
             exponents: &table.exponents()[1..],
             edge_terms: table.up_to(edge_order) - table.up_to(1),
             depth: self.depth,
-            positions,
-            edges,
+            positions: positions.iter().map(|s| &s.displacement[..]).collect(),
+            edges: edges.iter().map(|s| &s.displacement[FIRST_ORDER..]).collect(),
         });
         let compressed = compress(&exact.collect::<Vec<_>>(), self.tolerance)?;
         let answers = members.iter().zip(series).map(|(member, (own, of_edges))| {

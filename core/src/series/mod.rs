@@ -3,10 +3,9 @@
 //! Along a load path ([`Continuation`], paper A with its vector Pade form) and in the displacement of a
 //! contact ([`TouchExpansion`]).
 
-mod pade;
 mod path;
 mod touch;
 
-pub use pade::Pade;
+pub use crate::number::Pade;
 pub use path::{Continuation, Expansion, Parameter};
 pub use touch::{TouchExpansion, TouchSeries};

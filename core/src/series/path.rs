@@ -10,12 +10,12 @@
 #[cfg(test)]
 mod tests;
 
-use super::pade::{Pade, dot, norm, pade_range, taylor_range};
 use crate::body::{Body, SymmetricBlocks};
 use crate::equilibrium::{Pressure, System};
 use crate::error::Error;
 use crate::linear::gmres;
 use crate::number::Monomials;
+use crate::number::pade::{Pade, dot, norm, pade_range, taylor_range};
 
 /// Residual of a solution where a pressure on a free rim makes the tangent unsymmetric, relative.
 const TOLERANCE: f64 = 1e-12;

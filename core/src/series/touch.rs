@@ -71,10 +71,23 @@ impl<'a> TouchExpansion<'a> {
     /// # Errors
     /// A patch that lies on fixed nodes only, or values that overflow.
     pub fn expand(&self, patches: &[&Patch], order: usize) -> Result<Vec<TouchSeries>, Error> {
+        self.expand_while(&|| true, patches, order)
+    }
+
+    /// [`TouchExpansion::expand`], asking before every order of every block of positions whether to go on.
+    ///
+    /// # Errors
+    /// Those of [`TouchExpansion::expand`]; [`Error::Cancelled`].
+    pub fn expand_while(
+        &self,
+        is_wanted: &dyn Fn() -> bool,
+        patches: &[&Patch],
+        order: usize,
+    ) -> Result<Vec<TouchSeries>, Error> {
         let order = order.clamp(1, self.order);
         let mut series = Vec::with_capacity(patches.len());
         for block in patches.chunks(WIDTH) {
-            series.extend(Block::new(self, block, order)?.series()?);
+            series.extend(Block::new(self, block, order)?.series(is_wanted)?);
         }
         Ok(series)
     }
@@ -187,8 +200,11 @@ impl<'a> Block<'a> {
     }
 
     /// All higher orders, then the coefficients position by position.
-    fn series(mut self) -> Result<Vec<TouchSeries>, Error> {
+    fn series(mut self, is_wanted: &dyn Fn() -> bool) -> Result<Vec<TouchSeries>, Error> {
         for degree in 2..=self.order {
+            if !is_wanted() {
+                return Err(Error::Cancelled);
+            }
             self.solve_degree(degree)?;
         }
         let (terms, n_dofs) = (self.terms, self.expansion.body.n_dofs());

@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from time import perf_counter
 from typing import NoReturn
 
-from viscera import _core
-from viscera.cli import check, compare, demo, inspect, reduce, solve, study, touch, view
+from viscera import _core, startup
+from viscera.cli import check, compare, demo, fit, inspect, reduce, solve, study, touch, view
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
+from viscera.errors import VisceraError
 
-VERBS = (demo, inspect, solve, compare, reduce, check, touch, view, study)
+VERBS = (demo, inspect, fit, solve, compare, reduce, check, touch, view, study)
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
@@ -29,15 +30,22 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
+    startup.handle_interrupts()
     words = sys.argv[1:] if argv is None else list(argv)
     # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
     args = _parser().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
     output = Output(args.json, is_quiet=args.quiet)
     began = perf_counter()
     try:
+        output.check()
+    except VisceraError as error:
+        print(f"viscera {args.verb}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    try:
         outcome: Outcome = args.run(args, output)
-    except KeyboardInterrupt:
-        outcome = Outcome("interrupted", INTERRUPTED, {"message": "interrupted; nothing was left half-written"})
+    except KeyboardInterrupt as stop:
+        message = str(stop) or "interrupted; nothing was left half-written"
+        outcome = Outcome("interrupted", INTERRUPTED, {"message": message})
     except (ValueError, OSError) as error:
         outcome = Outcome("bad input", BAD_INPUT, {"message": " ".join(str(error).split())})
     if outcome.code in {BAD_INPUT, INTERRUPTED}:

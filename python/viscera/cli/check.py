@@ -1,6 +1,7 @@
 """The reduced model against Newton at random unseen touches: errors by depth, and the model's own estimate beside them.
 
-Fails (exit 1) where a trusted answer is more than 1 % off at depths to 5 % of the diagonal, or 5 % beyond.
+Fails (exit 1) where a trusted answer is more than 1 % off at depths to 5 % of the diagonal, or 5 % beyond; and where
+nothing could be checked: no trusted answer was compared, or most full solutions did not converge.
 """
 
 from __future__ import annotations
@@ -35,18 +36,20 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     with progress.bar(output.is_quiet) as bar:
         result = touch.check(args.touches, args.seed, depths, bar)
     say(result, touch, output)
-    return Outcome("passed" if result.is_passed else "failed", DONE if result.is_passed else FAILED, result.to_json())
+    return Outcome(result.verdict, DONE if result.is_passed else FAILED, result.to_json())
 
 
 def say(result: Check, touch: Touch, output: Output) -> None:
     """The table, the exceptions and the rates, in words."""
     output.say(f"model against Newton, {touch!r}\n{result.table()}")
+    trusted = sum(row.is_trusted for row in result.rows)
+    output.say(f"the model trusts {trusted} of {len(result.rows)} answers ({100 * result.trusted_share:.0f} %)")
     missing = [row for row in result.rows if not row.is_converged]
     if missing:
-        trusted = sum(row.is_trusted for row in missing)
+        unseen = sum(row.is_trusted for row in missing)
         output.say(
             f"{len(missing)} of {len(result.rows)} full solutions did not converge: no truth to compare with "
-            f"({trusted} of these answers trusted)"
+            f"({unseen} of these answers trusted)"
         )
     unstable = sum(row.is_converged and row.status != "converged" for row in result.rows)
     if unstable:
@@ -75,10 +78,15 @@ def _failure(row: Row) -> str:
 
 
 def _verdict(result: Check, beyond: int) -> str:
+    if beyond:
+        return f"the check FAILED: trusted answers beyond their limits: {beyond}"
     if result.is_passed:
         return "every trusted answer that could be compared is within its limit"
-    why = f"trusted answers beyond their limits: {beyond}" if beyond else "no full solution converged"
-    return f"the check FAILED: {why}"
+    overall = result.overall
+    found = (
+        f"{overall.converged} of {overall.touches} full solutions converged, {overall.trusted} of their answers trusted"
+    )
+    return f"nothing could be checked: {found}; check smaller depths, or reduce to a higher order"
 
 
 def _percent(value: float | None) -> str:

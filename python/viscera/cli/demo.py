@@ -50,7 +50,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         result = touch.check(args.touches, progress=bar)
     say(result, touch, output)
     point, push = _push(touch)
-    estimate = touch(point, push).error_estimate
+    estimate = touch(point, push).shape_error_estimate
     depth = 1e3 * float(np.linalg.norm(push))
     title = f"Liver, pushed in {depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
     touch.plot(point, push, picture, title=title)
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     if sys.stdout.isatty() and not (args.no_view or output.is_quiet):
         show(str(model), output)
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
-    return Outcome("passed" if result.is_passed else "failed", DONE if result.is_passed else FAILED, facts)
+    return Outcome(result.verdict, DONE if result.is_passed else FAILED, facts)
 
 
 def _push(touch: Touch) -> tuple[np.ndarray, np.ndarray]:
@@ -70,5 +70,5 @@ def _push(touch: Touch) -> tuple[np.ndarray, np.ndarray]:
     point = samples[np.argmin(np.linalg.norm(samples - middle, axis=1))]
     inward = -normals.sum(axis=0) / np.linalg.norm(normals.sum(axis=0))
     depths = (share * touch.depth for share in np.arange(1.0, 0.2, -0.1))
-    depth = next((d for d in depths if touch(point, d * inward).is_trusted), 0.2 * touch.depth)
+    depth = next((d for d in depths if touch(point, d * inward).is_shape_trusted), 0.2 * touch.depth)
     return point, depth * inward

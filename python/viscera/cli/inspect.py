@@ -1,4 +1,7 @@
-"""What a mesh file holds, good or bad: sizes, bounding box, volume, quality, problems and node sets."""
+"""What a mesh file holds, good or bad: sizes, bounding box, volume, quality, problems and node sets.
+
+Fails (exit 1) where it finds a problem, after all that could be found is printed.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import argparse
 
 from viscera.case import BUILT_IN, load_mesh
 from viscera.cli.options import number_or_words
-from viscera.cli.output import Outcome, Output
+from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.mesh import inspect, report
 
 
@@ -38,4 +41,4 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(f"  repaired      {message}")
     for problem in facts["problems"]:
         output.say(f"  problem       {problem}")
-    return Outcome("problems" if facts["problems"] else "sound", facts=facts)
+    return Outcome("problems", FAILED, facts) if facts["problems"] else Outcome("sound", DONE, facts)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from viscera.atomic import replacing
+from viscera.atomic import replacing, writable
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -31,6 +31,11 @@ class Output:
     def __init__(self, json_path: str | None, *, is_quiet: bool) -> None:
         self.json_path = json_path
         self.is_quiet = is_quiet
+
+    def check(self) -> None:
+        """Raises `VisceraError` where the JSON could not be written: asked before the work."""
+        if self.json_path not in (None, "-"):
+            writable(self.json_path)
 
     def say(self, text: str) -> None:
         """A line for people."""

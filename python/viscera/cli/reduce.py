@@ -12,6 +12,7 @@ from time import perf_counter
 
 from viscera import progress
 from viscera.atomic import writable
+from viscera.checkpoint import SUFFIX, Checkpoint
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
 
@@ -30,8 +31,16 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     began = perf_counter()
-    with progress.bar(output.is_quiet) as bar:
-        touch = case.reduce(organ, bar)
+    kept = Checkpoint(target.with_name(target.name + SUFFIX), output.say)
+    try:
+        with progress.bar(output.is_quiet) as bar:
+            touch = case.reduce(organ, bar, kept)
+    except KeyboardInterrupt:
+        if kept.path.exists():
+            raise KeyboardInterrupt(
+                f"interrupted; finished positions are kept in {kept.path}, and the same command goes on from there"
+            ) from None
+        raise
     touch.save(target)
     facts = {"file": str(target), "file_bytes": target.stat().st_size, **touch.summary()}
     output.say(

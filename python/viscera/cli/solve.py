@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from viscera import progress
-from viscera.atomic import writable
+from viscera import progress, statefile
 from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.navigation import Unloaded
+from viscera.organ import NOTHING_ACTS
 
 
 def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
@@ -31,14 +31,18 @@ def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera solve`."""
     parser.add_argument("case", metavar="CASE.toml")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the deformed organ, as VTU by the suffix .vtu")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE",
+        help="write the solution: as a volume with its fields (.vtu, .vtk, .xdmf, .msh), or as its deformed surface "
+        "(.ply, .glb, .gltf, .obj, .stl)",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve, print, write."""
     case = read_case(args.case)
     if args.output:
-        writable(args.output)
+        statefile.checked(args.output)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     facts: dict[str, Any] = {}
@@ -55,6 +59,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     reactions = case.reactions(organ, state)
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
+    if state.message == NOTHING_ACTS:
+        output.say(f"  {NOTHING_ACTS}")
     output.say(f"  largest displacement  {1e3 * state.max_displacement:.4g} mm")
     output.say(f"  strain energy         {state.energy:.4g} J")
     output.say(f"  volume ratio          {state.volume_ratio:.6g}")
@@ -62,7 +68,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(f"  reaction at {name!r}: " + ", ".join(f"{component:.4g}" for component in force) + " N")
     if args.output:
         state.write(args.output)
-        output.say(f"  written to {args.output}")
+        output.say(f"  written to {args.output}: {statefile.contents(args.output)}")
     facts |= {
         "iterations": state.iterations,
         "residuals": state.residuals,

@@ -14,7 +14,6 @@ from viscera.case import load_mesh
 from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
-from viscera.select import select
 from viscera.study import artery, beam, liver
 
 STUDIES: dict[str, Callable[..., dict[str, Any]]] = {"artery": artery.run, "beam": beam.run, "liver": liver.run}
@@ -51,5 +50,5 @@ def _organ(args: argparse.Namespace) -> dict[str, Any]:
     if args.fixed is None:
         raise VisceraError(f"{args.mesh} is a mesh: it needs --fixed as well, a set's name or a condition")
     mesh = load_mesh(args.mesh, args.units)
-    touchable = None if args.touchable is None else select(mesh, args.touchable)
-    return {"mesh": mesh, "fixed": select(mesh, args.fixed), "touchable": touchable}
+    touchable = None if args.touchable is None else mesh.nodes(args.touchable)
+    return {"mesh": mesh, "fixed": mesh.nodes(args.fixed), "touchable": touchable}

@@ -32,14 +32,21 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     for name, row in zip(("stiffness", "", ""), answer.stiffness, strict=True):
         output.say(f"{name:9s}  " + "  ".join(f"{entry:10.4g}" for entry in row) + "  N/m")
     output.say(f"largest displacement {1e3 * answer.max_displacement:.4g} mm")
-    output.say(f"estimated error {100 * answer.error_estimate:.3g} % of the field")
-    output.say("trusted" if answer.is_trusted else f"not trusted: {answer.reason}")
+    of_force, of_shape = 100 * answer.error_estimate, 100 * answer.shape_error_estimate
+    output.say(f"estimated error {of_force:.3g} % of the force, {of_shape:.3g} % of the shape")
+    if answer.is_trusted and not answer.is_shape_trusted:
+        output.say(f"force trusted, shape not: {answer.shape_reason}")
+    else:
+        output.say("trusted" if answer.is_trusted else f"not trusted: {answer.reason}")
     facts = {
         "force": answer.force,
         "stiffness": answer.stiffness,
         "error_estimate": answer.error_estimate,
         "is_trusted": answer.is_trusted,
         "reason": answer.reason,
+        "shape_error_estimate": answer.shape_error_estimate,
+        "is_shape_trusted": answer.is_shape_trusted,
+        "shape_reason": answer.shape_reason,
         "max_displacement": answer.max_displacement,
         "contact_point": answer.contact_point,
     }

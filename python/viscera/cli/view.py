@@ -12,6 +12,7 @@ import argparse
 import webbrowser
 from pathlib import Path
 
+from viscera import progress
 from viscera.case import read_case
 from viscera.cli.output import Outcome, Output
 from viscera.touch import load
@@ -37,7 +38,10 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 def export_page(model: str, folder: str, output: Output) -> Outcome:
     """Write the page of a model file into a folder."""
-    written = export(load(model), folder, name_of(model))
+    with progress.bar(output.is_quiet) as bar:
+        bar(0, 1, "web version of the model")
+        written = export(load(model), folder, name_of(model))
+        bar(1, 1, "web version of the model")
     web = written.model
     output.say(
         f"{written.folder}: {', '.join(written.files)}\n"

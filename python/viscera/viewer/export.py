@@ -10,6 +10,7 @@ from pathlib import Path
 from viscera.atomic import replacing
 from viscera.case import Case
 from viscera.errors import VisceraError
+from viscera.progress import shown
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.live import PAGE_UNKNOWNS, live_case
@@ -35,6 +36,7 @@ class ExportedCase:
     """Of the case and of all that steps it."""
 
 
+@shown
 def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") -> Exported:
     """Write the page and the web version of a model (below 25 MB) into a folder, which is created where needed."""
     target, files = _folder(folder), page.files()

@@ -7,21 +7,29 @@ only given an organ and the laws to compare.
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
 from viscera.case import Case
 from viscera.loads import density_per_cell
 from viscera.support import require_held
-from viscera.viewer.surface import Arrays, pack
 
 DENSITY = 1000.0
 """Of tissue [kg/m^3], for a case that names none."""
 PAGE_UNKNOWNS = 10_000
 """A page steps organs with so many degrees of freedom at tens of frames a second; larger ones, this machine."""
+
+
+DTYPES = {"float64": "F64", "uint32": "U32"}
+
+Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -93,3 +101,19 @@ def converse(case: LiveCase) -> Callable[[ServerConnection], None]:
                 connection.send(json.dumps({"error": str(error)}))
 
     return handle
+
+
+def pack(metadata: dict[str, Any], arrays: Arrays) -> bytes:
+    """Metadata and arrays as safetensors bytes."""
+    header: dict[str, Any] = {"__metadata__": {"viscera": json.dumps(metadata)}}
+    end = 0
+    # Widest numbers first, as everything then lies aligned.
+    ordered = sorted(arrays.items(), key=lambda item: -item[1].itemsize)
+    for name, array in ordered:
+        offsets = [end, end + array.nbytes]
+        header[name] = {"dtype": DTYPES[array.dtype.name], "shape": list(array.shape), "data_offsets": offsets}
+        end += array.nbytes
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 8)
+    little = (np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes() for _, array in ordered)
+    return struct.pack("<Q", len(text)) + text + b"".join(little)

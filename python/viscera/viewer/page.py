@@ -44,7 +44,13 @@ def content_type(name: str) -> str:
 
 
 def _script(function: str, address: str) -> bytes:
-    return f'import {{ {function} }} from "./viewer.js";\n\n{function}(document.body, "{address}");\n'.encode()
+    """The script that opens a model, as built, opening something else."""
+    script = _built()["page.js"].decode()
+    return script.replace(_opening("open", MODEL), _opening(function, address)).encode()
+
+
+def _opening(function: str, address: str) -> str:
+    return f'({{ {function} }}) => {function}(document.body, "{address}")'
 
 
 def _built() -> dict[str, bytes]:

@@ -2,18 +2,22 @@
 
 It is no file server: what it may answer lies in memory, under a path that begins with a random token. Requests that
 name another host or come from another origin are refused, so that no page of the web can reach it, by rebinding a name
-or otherwise.
+or otherwise. This machine has several names, and a forwarded port another number, so any port of any of them will do.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import logging
+import re
 import secrets
+import socket
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
-from threading import Thread
+from threading import Lock, Thread
 from types import TracebackType
+from typing import Any
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -28,8 +32,14 @@ from viscera.viewer.live import converse, live_case
 from viscera.viewer.surface import surface_model
 
 HOST = "127.0.0.1"
+THIS_MACHINE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
+"""A `Host` that no name of the web can stand for, with any port: a tunnel has one of its own."""
 LONGEST_REQUEST = 4096
 """Of a page over its web socket [bytes]."""
+MOST_CONNECTIONS = 32
+"""At once; each takes two threads, and a page with its files half a dozen."""
+FAREWELL = 0.3
+"""Wait for a page to confirm that its web socket is closed [s]."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -61,20 +71,17 @@ class Server:
         self._files = dict(files)
         self._is_live = live is not None
         self._token = secrets.token_urlsafe(18)
-        try:
-            self._server = listen(
-                live or _hang_up,
-                HOST,
-                port,
-                process_request=self._answer,
-                logger=_silent,
-                open_timeout=10,
-                max_size=LONGEST_REQUEST,
-            )
-        except (OSError, OverflowError) as error:
-            raise VisceraError(f"port {port} of {HOST} cannot be used: {error}; choose another with --port") from error
-        self.port: int = self._server.socket.getsockname()[1]
-        self._hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
+        self._door = _door(port)
+        self._server = listen(
+            live or _hang_up,
+            sock=self._door,
+            process_request=self._answer,
+            logger=_silent,
+            open_timeout=10,
+            close_timeout=FAREWELL,
+            max_size=LONGEST_REQUEST,
+        )
+        self.port: int = self._door.getsockname()[1]
 
     @property
     def url(self) -> str:
@@ -90,7 +97,9 @@ class Server:
 
     def close(self) -> None:
         """Stop listening; connections that are open are closed."""
+        self._door.turn_out(only_silent=True)
         self._server.shutdown()
+        self._door.turn_out()
 
     def __enter__(self) -> Server:
         Thread(target=self._server.serve_forever, daemon=True).start()
@@ -100,10 +109,11 @@ class Server:
         self.close()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        self._door.has_spoken(connection.socket)
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-        if len(hosts) != 1 or hosts[0] not in self._hosts:
-            return _response(HTTPStatus.MISDIRECTED_REQUEST, b"this server answers to 127.0.0.1 alone\n")
-        if any(origin.removeprefix("http://") not in self._hosts for origin in origins):
+        if len(hosts) != 1 or not THIS_MACHINE.fullmatch(hosts[0]):
+            return _response(HTTPStatus.MISDIRECTED_REQUEST, b"this server answers to 127.0.0.1 and localhost alone\n")
+        if any(origin != f"http://{hosts[0]}" for origin in origins):
             return _response(HTTPStatus.FORBIDDEN, b"another origin\n")
         # Older versions of the library refuse every other method themselves.
         if getattr(request, "method", "GET") != "GET":
@@ -118,6 +128,60 @@ class Server:
         if name not in self._files:
             return _response(HTTPStatus.NOT_FOUND, b"no such file\n")
         return _response(HTTPStatus.OK, self._files[name], page.content_type(name))
+
+
+class _Door(socket.socket):
+    """The socket that listens. When all places are taken, whoever has been silent longest makes room for a newcomer."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._is_silent: dict[socket.socket, bool] = {}  # the guests in order of arrival
+        self._is_closing = False
+        self._lock = Lock()
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """The next guest; one for whom there is no place finds the connection closed."""
+        guest, address = super().accept()
+        with self._lock:
+            self._is_silent = {other: silent for other, silent in self._is_silent.items() if other.fileno() >= 0}
+            leaving = guest if self._is_closing else None
+            if leaving is None and len(self._is_silent) >= MOST_CONNECTIONS:
+                leaving = next((other for other, silent in self._is_silent.items() if silent), guest)
+                self._is_silent.pop(leaving, None)
+            if leaving is not guest:
+                self._is_silent[guest] = True
+        if leaving is not None:
+            _part(leaving)
+        return guest, address
+
+    def has_spoken(self, guest: socket.socket) -> None:
+        """A guest's request has arrived."""
+        with self._lock:
+            if guest in self._is_silent:
+                self._is_silent[guest] = False
+
+    def turn_out(self, *, only_silent: bool = False) -> None:
+        """Part with the guests and let nobody in any more."""
+        with self._lock:
+            self._is_closing = True
+            leaving = [guest for guest, silent in self._is_silent.items() if silent or not only_silent]
+        for guest in leaving:
+            _part(guest)
+
+
+def _door(port: int) -> _Door:
+    """A door at a port of this machine, 0 for any that is free."""
+    try:
+        listening = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
+    except (OSError, OverflowError) as error:
+        raise VisceraError(f"port {port} of {HOST} cannot be used: {error}; choose another with --port") from error
+    return _Door(listening.family, listening.type, listening.proto, fileno=listening.detach())
+
+
+def _part(guest: socket.socket) -> None:
+    """Wake the thread that reads from a guest: for it the connection ends here."""
+    with contextlib.suppress(OSError):  # the guest went first
+        guest.shutdown(socket.SHUT_RDWR)
 
 
 def _hang_up(connection: ServerConnection) -> None:

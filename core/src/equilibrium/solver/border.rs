@@ -6,8 +6,8 @@
 
 use crate::linear::FactorError;
 use crate::mesh::Patch;
-use faer::Mat;
 use faer::linalg::solvers::Solve;
+use faer::{Mat, Side};
 
 /// Patches on the degrees of freedom that are not held.
 pub(super) struct Border {
@@ -79,6 +79,18 @@ impl Border {
         let means: Vec<Vec<f64>> = columns.map(|column| self.means(column)).collect();
         self.schur = inverse(&Mat::from_fn(k, k, |r, c| means[c][r]));
         Ok(())
+    }
+
+    /// Number of negative eigenvalues of `W G`; none where they cannot be told.
+    pub fn n_negative(&self) -> Option<usize> {
+        let k = self.rows.len();
+        // Those of the inverse have the same signs.
+        let symmetric = Mat::from_fn(k, k, |r, c| 0.5 * (self.schur[(r, c)] + self.schur[(c, r)]));
+        if !(0..k).all(|c| (0..k).all(|r| symmetric[(r, c)].is_finite())) {
+            return None;
+        }
+        let eigenvalues = symmetric.self_adjoint_eigenvalues(Side::Lower).ok()?;
+        Some(eigenvalues.iter().filter(|&&value| value < 0.0).count())
     }
 
     /// `W s`.

@@ -63,6 +63,12 @@ impl<T: Precision> TangentFactor<T> {
             let placed = self.positions.iter().map(|&p| values[p as usize]);
             return self.cholesky.factorize_placed(placed).map_err(|e| self.in_dofs(e));
         }
+        self.load(values, shift);
+        self.cholesky.factorize_placed(self.values.iter().copied()).map_err(|e| self.in_dofs(e))
+    }
+
+    /// The matrix that is factorised for these values and `shift`, in elimination order.
+    pub fn load(&mut self, values: &[f64], shift: f64) -> &[f64] {
         for (value, &position) in self.values.iter_mut().zip(&self.positions) {
             *value = values[position as usize];
         }
@@ -71,7 +77,12 @@ impl<T: Precision> TangentFactor<T> {
         self.held.iter().for_each(|&k| {
             self.values[k as usize] = self.values[k as usize].abs().max(f64::MIN_POSITIVE)
         });
-        self.cholesky.factorize_placed(self.values.iter().copied()).map_err(|e| self.in_dofs(e))
+        &self.values
+    }
+
+    /// The entries of the pattern in elimination order.
+    pub fn entries(&self) -> Vec<u32> {
+        self.cholesky.place(&(0..self.ends.len() as u32).collect::<Vec<_>>())
     }
 
     fn in_dofs(&self, error: FactorError) -> FactorError {

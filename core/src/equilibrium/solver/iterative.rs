@@ -7,22 +7,31 @@
 use super::border::Border;
 use super::lagged::Lagged;
 use super::operand::Operand;
-use super::{ConjugateGradients, Preconditioner, Solved};
+use super::{ConjugateGradients, Preconditioner, Solved, absolute};
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::equilibrium::Tangent;
-use crate::linear::FactorError;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
+use crate::linear::{BlockMatrix, FactorError};
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;
 
+/// Iterations with a fresh factor beyond which its precision is not enough.
+const DOUBTFUL: usize = 12;
+
 enum Inverse {
     BlockJacobi(BlockJacobi),
-    IncompleteCholesky(IncompleteCholesky),
+    IncompleteCholesky(Box<Incomplete>),
     Lagged(Lagged),
+}
+
+/// An incomplete factor, and the matrix that it is made from.
+struct Incomplete {
+    matrix: BlockMatrix,
+    factor: IncompleteCholesky,
 }
 
 /// Conjugate gradients with what they multiply with, preconditioner and vectors.
@@ -48,15 +57,16 @@ impl Iterative {
     ) -> Result<Self, FactorError> {
         let n_dofs = body.n_dofs();
         let operand = Operand::new(body, settings.is_matrix_free);
-        let inverse = match (settings.preconditioner, &operand) {
-            (Preconditioner::IncompleteCholesky, Operand::Matrix(matrix)) => {
-                Inverse::IncompleteCholesky(IncompleteCholesky::new(matrix))
+        let inverse = match settings.preconditioner {
+            Preconditioner::BlockJacobi => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
+            Preconditioner::IncompleteCholesky => {
+                let matrix = BlockMatrix::new(n_dofs / 3, body.pattern().pairs());
+                let factor = IncompleteCholesky::new(&matrix);
+                Inverse::IncompleteCholesky(Box::new(Incomplete { matrix, factor }))
             }
-            (Preconditioner::LaggedCholesky, Operand::Matrix(_)) => {
+            Preconditioner::LaggedCholesky => {
                 Inverse::Lagged(Lagged::new(body.pattern(), free, n_dofs)?)
             }
-            // Without a matrix the settings allow no other.
-            _ => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
         };
         Ok(Iterative {
             settings,
@@ -73,8 +83,10 @@ impl Iterative {
 
     pub fn hold(&mut self, is_held: &[bool]) {
         self.operand.hold(is_held);
-        if let Inverse::Lagged(lagged) = &mut self.inverse {
-            lagged.hold(is_held);
+        match &mut self.inverse {
+            Inverse::BlockJacobi(_) => {}
+            Inverse::IncompleteCholesky(incomplete) => incomplete.matrix.hold(is_held),
+            Inverse::Lagged(lagged) => lagged.hold(is_held),
         }
         // The last step moved what is held now, or left alone what is free.
         self.last.fill(0.0);
@@ -85,26 +97,32 @@ impl Iterative {
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<bool, FactorError> {
         let shift = self.operand.take(tangent, shift)?;
         let is_stale = std::mem::take(&mut self.is_stale);
-        let renewed = match (&mut self.inverse, &self.operand) {
-            (Inverse::BlockJacobi(inverse), Operand::Matrix(matrix)) => {
-                inverse.factorize(matrix).map(|()| true)
+        let renewed = match &mut self.inverse {
+            Inverse::BlockJacobi(inverse) => self.operand.factorize(inverse).map(|()| true),
+            Inverse::IncompleteCholesky(incomplete) if is_stale => {
+                incomplete.matrix.fill(tangent.blocks()?.values(), shift);
+                incomplete.factor.factorize(&incomplete.matrix).map(|()| true)
             }
-            (Inverse::BlockJacobi(inverse), Operand::Product(product)) => {
-                product.factorize(inverse).map(|()| true)
-            }
-            (Inverse::IncompleteCholesky(inverse), Operand::Matrix(matrix)) if is_stale => {
-                inverse.factorize(matrix).map(|()| true)
-            }
-            (Inverse::IncompleteCholesky(_), _) => Ok(false),
-            (Inverse::Lagged(inverse), _) => {
-                inverse.renew(tangent.blocks()?.values(), shift, is_stale)
-            }
+            Inverse::IncompleteCholesky(_) => Ok(false),
+            Inverse::Lagged(inverse) => inverse.renew(tangent.blocks()?.values(), shift, is_stale),
         };
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
             self.fresh_iterations = None;
         }
         renewed
+    }
+
+    /// Makes the preconditioner of the tangent with another shift, where it has none with its own; none where its kind
+    /// does not take one.
+    pub fn lift(&mut self, tangent: &Tangent, shift: f64) -> Option<Result<bool, FactorError>> {
+        let (Inverse::Lagged(inverse), Ok(blocks)) = (&mut self.inverse, tangent.blocks()) else {
+            return None;
+        };
+        let shift = absolute(shift, || blocks.mean_diagonal());
+        let renewed = inverse.renew(blocks.values(), shift, true);
+        self.is_stale &= renewed.is_err();
+        Some(renewed)
     }
 
     /// `z = M⁻¹ r`.
@@ -228,7 +246,14 @@ impl Iterative {
 
     /// Iterations well above those of a fresh preconditioner ask for a new one, and so do iterations in vain.
     fn note(&mut self, solved: &Solved) {
+        let is_first = self.fresh_iterations.is_none();
         let fresh = *self.fresh_iterations.get_or_insert(solved.iterations);
+        if let Inverse::Lagged(lagged) = &mut self.inverse
+            && is_first
+            && solved.iterations > DOUBTFUL
+        {
+            lagged.distrust();
+        }
         self.is_stale |= !solved.is_complete || solved.iterations > 2 * fresh + 2;
     }
 }
@@ -237,7 +262,9 @@ impl Inverse {
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
         match self {
             Inverse::BlockJacobi(inverse) => cg::Preconditioner::apply(inverse, r, z),
-            Inverse::IncompleteCholesky(inverse) => cg::Preconditioner::apply(inverse, r, z),
+            Inverse::IncompleteCholesky(incomplete) => {
+                cg::Preconditioner::apply(&mut incomplete.factor, r, z);
+            }
             Inverse::Lagged(inverse) => inverse.apply(r, z),
         }
     }

@@ -1,15 +1,83 @@
 //! The Cholesky factor of an earlier tangent as a preconditioner: from one frame to the next the tangent changes so
-//! little that a few iterations make up for it. A second thread, where there is one, makes the next factor while
+//! little that a few iterations make up for it, and for single precision, too. A second thread, where there is one, makes the next factor while
 //! frames go on with the last.
 
 use super::factor::TangentFactor;
 use crate::body::BlockPattern;
 use crate::linear::FactorError;
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
-type Factor = TangentFactor<f32>;
+/// A factor in single precision, or in double where the body asks for it: a tangent whose softest motion is beyond the
+/// seven digits of the one has a factor in the other.
+struct Factor {
+    shape: Arc<Shape>,
+    is_held: Vec<bool>,
+    single: TangentFactor<f32>,
+    /// Made when first needed, and kept.
+    double: Option<Box<TangentFactor<f64>>>,
+    /// The last factor is the one in double precision.
+    is_double: bool,
+    /// The next is to be.
+    wants_double: bool,
+}
+
+/// What factors are made for.
+struct Shape {
+    blocks: BlockPattern,
+    free: Vec<u32>,
+}
+
+impl Factor {
+    fn new(shape: &Arc<Shape>, n_dofs: usize) -> Result<Self, FactorError> {
+        Ok(Factor {
+            single: TangentFactor::new(&shape.blocks, &shape.free)?,
+            double: None,
+            is_double: false,
+            wants_double: false,
+            is_held: vec![false; n_dofs],
+            shape: shape.clone(),
+        })
+    }
+
+    /// What is held decides on the condition as well: single precision may do again.
+    fn hold(&mut self, is_held: &[bool]) {
+        self.is_held.copy_from_slice(is_held);
+        self.single.hold(is_held);
+        if let Some(double) = &mut self.double {
+            double.hold(is_held);
+        }
+        self.wants_double = false;
+    }
+
+    /// # Errors
+    /// Those of double precision: what single precision does not tell from an indefinite tangent may well be definite.
+    fn factorize(&mut self, values: &[f64], shift: f64) -> Result<(), FactorError> {
+        if !self.wants_double && self.single.factorize(values, shift).is_ok() {
+            self.is_double = false;
+            return Ok(());
+        }
+        let double = match &mut self.double {
+            Some(double) => double,
+            none => {
+                let mut double = TangentFactor::new(&self.shape.blocks, &self.shape.free)?;
+                double.hold(&self.is_held);
+                none.insert(Box::new(double))
+            }
+        };
+        double.factorize(values, shift)?;
+        (self.is_double, self.wants_double) = (true, true);
+        Ok(())
+    }
+
+    fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
+        match &mut self.double {
+            Some(double) if self.is_double => double.solve(b, x),
+            _ => self.single.solve(b, x),
+        }
+    }
+}
 
 /// A factor in use and, where there is a second thread, one in the making.
 pub(super) struct Lagged {
@@ -44,7 +112,8 @@ struct Worker {
 
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
-        let factor = || TangentFactor::new(blocks, free).map(Box::new);
+        let shape = Arc::new(Shape { blocks: blocks.clone(), free: free.to_vec() });
+        let factor = || Factor::new(&shape, n_dofs).map(Box::new);
         let has_second_thread = rayon::current_num_threads() > 1;
         Ok(Lagged {
             current: factor()?,
@@ -77,7 +146,7 @@ impl Lagged {
             is_renewed = spare.collect(&mut self.current, &self.is_held);
             if self.is_usable {
                 spare.is_wanted |= is_stale;
-                spare.order(values, shift);
+                spare.order(values, shift, self.current.wants_double);
                 return Ok(is_renewed);
             }
         }
@@ -87,6 +156,12 @@ impl Lagged {
             (self.is_usable, is_renewed) = (true, true);
         }
         Ok(is_renewed)
+    }
+
+    /// A fresh factor took too many iterations: the next is one in double precision.
+    pub fn distrust(&mut self) {
+        self.is_usable &= self.current.wants_double;
+        self.current.wants_double = true;
     }
 
     /// `z = M⁻¹ r`; zero on what is held, also while the factor still stems from another grasp.
@@ -131,11 +206,12 @@ impl Spare {
     }
 
     /// Sends the spare factor out, if one is wanted and it is at home.
-    fn order(&mut self, values: &[f64], shift: f64) {
+    fn order(&mut self, values: &[f64], shift: f64, wants_double: bool) {
         if !self.is_wanted {
             return;
         }
-        if let (Some(factor), Some(orders)) = (self.factor.take(), &self.worker.orders) {
+        if let (Some(mut factor), Some(orders)) = (self.factor.take(), &self.worker.orders) {
+            factor.wants_double |= wants_double;
             // A worker that is gone leaves the factor in use as it is.
             let _ = orders.send((factor, values.to_vec(), shift));
             self.is_wanted = false;

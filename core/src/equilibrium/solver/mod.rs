@@ -5,6 +5,7 @@
 //! hold may change at any time.
 
 mod border;
+mod direct;
 mod factor;
 mod iterative;
 mod lagged;
@@ -19,8 +20,13 @@ use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
 use border::Border;
+use direct::Direct;
 use factor::TangentFactor;
 use iterative::Iterative;
+
+/// Shifts of a tangent that is not positive definite, over its mean diagonal, that make a preconditioner of it.
+const FIRST_LIFT: f64 = 1e-4;
+const LAST_LIFT: f64 = 10.0;
 
 /// How linear systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -133,7 +139,7 @@ pub struct Solver {
 }
 
 enum Kind {
-    Direct(Box<TangentFactor<f64>>),
+    Direct(Box<Direct>),
     Iterative(Box<Iterative>),
 }
 
@@ -154,7 +160,10 @@ impl Solver {
         fixed.for_each(|dof| is_fixed[dof as usize] = true);
         let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| !is_fixed[d as usize]).collect();
         let kind = match method {
-            Method::Cholesky => Kind::Direct(Box::new(TangentFactor::new(body.pattern(), &free)?)),
+            Method::Cholesky => {
+                let cholesky = TangentFactor::new(body.pattern(), &free)?;
+                Kind::Direct(Box::new(Direct::new(cholesky, free)))
+            }
             Method::ConjugateGradients(settings) => {
                 Kind::Iterative(Box::new(Iterative::new(settings, body, &free)?))
             }
@@ -172,7 +181,7 @@ impl Solver {
         self.border = Border::new(patches, &self.is_held);
         self.is_border_new = true;
         match &mut self.kind {
-            Kind::Direct(factor) => factor.hold(&self.is_held),
+            Kind::Direct(direct) => direct.hold(&self.is_held),
             Kind::Iterative(iterative) => iterative.hold(&self.is_held),
         }
     }
@@ -198,18 +207,29 @@ impl Solver {
     /// Makes ready to solve with `K + shift * mean(diag K) * I`; the tangent is one that [`Method::tangent`] made.
     ///
     /// # Errors
-    /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the state is not stable; other
-    /// factorisation errors.
+    /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the tangent is not positive definite
+    /// on the steps that leave the means of the patches alone, and the state not stable; other factorisation errors.
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
         match &mut self.kind {
-            Kind::Direct(factor) => {
+            Kind::Direct(direct) => {
                 let tangent = tangent.blocks()?;
-                factor.factorize(tangent.values(), absolute(shift, || tangent.mean_diagonal()))?;
-                self.border.influence(|b, x| factor.solve(b, x))
+                let shift = absolute(shift, || tangent.mean_diagonal());
+                direct.prepare(tangent, shift, &mut self.border)
             }
             Kind::Iterative(iterative) => {
-                let is_renewed = iterative.prepare(tangent, shift)?;
-                if is_renewed || std::mem::take(&mut self.is_border_new) {
+                let mut renewed = iterative.prepare(tangent, shift);
+                // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
+                // preconditioner that knows nothing of the border.
+                let mut lift = FIRST_LIFT.max(shift);
+                while let Err(error) = &renewed
+                    && error.is_of_a_pivot()
+                    && !self.border.is_empty()
+                    && lift < LAST_LIFT
+                    && let Some(lifted) = iterative.lift(tangent, lift)
+                {
+                    (renewed, lift) = (lifted, 10.0 * lift);
+                }
+                if renewed? || std::mem::take(&mut self.is_border_new) {
                     self.border.influence(|b, x| {
                         iterative.precondition(b, x);
                         Ok(())
@@ -239,8 +259,8 @@ impl Solver {
         }
         step.fill(0.0);
         let solved = match &mut self.kind {
-            Kind::Direct(factor) => {
-                factor.solve(b, step)?;
+            Kind::Direct(direct) => {
+                direct.solve(b, step)?;
                 self.border.close(step, c, forces);
                 Solved { is_complete: true, ..Solved::default() }
             }

@@ -1,4 +1,4 @@
-//! What is out of balance: before the step, with the way of the hands and inertia, and after it.
+//! What is out of balance: before a step, with the way of the hands and inertia, and after it.
 
 use super::{Input, Stepper};
 use crate::body::Body;
@@ -69,42 +69,52 @@ impl Stepper {
         }
     }
 
-    /// Ends a frame: the motion, what is out of balance, what the tools feel. The residual, relative.
-    pub(super) fn take_stock(&mut self, body: &Body, is_cut: bool) -> f64 {
-        if let Some(relaxation) = &mut self.relaxation {
-            relaxation.apply(&self.displacement, &mut self.internal);
-            relaxation.end(body.material(), &self.displacement);
-        }
+    /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
+    /// tools feel, and the motion that a frame would end with.
+    pub(super) fn measure(&mut self, body: &Body, is_cut: bool) -> f64 {
         self.press(body);
         let mut scale = square(&self.internal).max(square(&self.external));
+        self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {
             let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
             let way = |dof: usize| u[dof] - start[dof];
             motion.follow(way, |dof| solver.is_held(dof));
-            motion.end(is_cut, way);
-            self.residual.fill(0.0);
-            motion.mass.add_product(1.0, &motion.acceleration, &mut self.residual);
-            scale = scale.max(square(&self.residual));
+            if is_cut {
+                motion.soften(way);
+            }
+            let (velocity, acceleration) = (&motion.trial_velocity, &motion.trial_acceleration);
+            motion.mass.add_product(1.0, acceleration, &mut self.inertia);
+            scale = scale.max(square(&self.inertia));
             let [alpha, beta] = motion.damping;
-            motion.mass.add_product(alpha, &motion.velocity, &mut self.residual);
+            motion.mass.add_product(alpha, velocity, &mut self.inertia);
             if beta > 0.0 {
                 // K of the frame's start, out of its tangent `of_mass M + of_stiffness K`.
                 let [of_mass, of_stiffness] = motion.tangent_factors();
-                self.tangent.multiply(&motion.velocity, &mut self.way);
-                motion.mass.add_product(-of_mass, &motion.velocity, &mut self.way);
+                self.tangent.multiply(velocity, &mut self.way);
+                motion.mass.add_product(-of_mass, velocity, &mut self.way);
                 let factor = beta / of_stiffness;
-                self.residual.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
+                self.inertia.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
             }
-            self.internal.iter_mut().zip(&self.residual).for_each(|(f, r)| *f += r);
         }
         for (dof, r) in self.residual.iter_mut().enumerate() {
-            *r = self.external[dof] - self.internal[dof];
+            *r = self.external[dof] - (self.internal[dof] + self.inertia[dof]);
         }
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
         // Below this the residual is rounding.
         let rounding = 8.0 * f64::EPSILON * self.force_scale / 1e-9;
         (square(&self.residual) / scale.max(rounding * rounding)).sqrt()
+    }
+
+    /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.
+    pub(super) fn end(&mut self, body: &Body) {
+        if let Some(relaxation) = &mut self.relaxation {
+            relaxation.end(body.material(), &self.displacement);
+        }
+        if let Some(motion) = &mut self.motion {
+            motion.end();
+            self.internal.iter_mut().zip(&self.inertia).for_each(|(f, i)| *f += i);
+        }
     }
 }
 

@@ -20,6 +20,15 @@ pub struct Input<'a> {
 pub struct Frame {
     /// Out-of-balance force that is left, relative to all nodal forces.
     pub residual: f64,
+    /// Whether the forces can be relied on: the residual is that of [`StepperSettings::settled`] or less, the hands are
+    /// where they are to be, and no cell is at a bound.
+    ///
+    /// [`StepperSettings::settled`]: super::StepperSettings::settled
+    pub is_settled: bool,
+    /// Newton iterations done.
+    pub steps: usize,
+    /// Cells whose volume ratio is next to a bound of what a frame may end with: not the law alone holds them.
+    pub cells_at_bound: usize,
     /// Part of the step taken: 1, or less where a cell would have been crushed or torn.
     pub taken: f64,
     /// Whether the tangent was not positive definite: the state is not stable.

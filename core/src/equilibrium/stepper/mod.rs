@@ -38,6 +38,8 @@ use step::SOUND;
 
 /// Part of the budget that may be spent: an iteration that has begun ends a little late.
 const SPENDABLE: f64 = 0.97;
+/// A budget without end, in a number that any clock can add [s].
+const LONGEST_BUDGET: f64 = 1e6;
 /// What is left a frame later of the memory of a long tail.
 const TAIL_KEPT: f64 = 0.98;
 /// The same of a convex tangent: one that took long, once, must be tried again.
@@ -60,6 +62,7 @@ pub struct Stepper {
     length: f64,
     /// Volume ratios that cells may have.
     range: [f64; 2],
+    cells_at_bound: usize,
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
@@ -78,6 +81,8 @@ pub struct Stepper {
     external: Vec<f64>,
     internal: Vec<f64>,
     residual: Vec<f64>,
+    /// Forces of inertia and damping.
+    inertia: Vec<f64>,
     way: Vec<f64>,
     step: Vec<f64>,
     trial: Vec<f64>,
@@ -152,6 +157,7 @@ impl Stepper {
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
             range,
+            cells_at_bound: 0,
             pace: 1.0,
             hands_move: false,
             tail: Duration::ZERO,
@@ -164,6 +170,7 @@ impl Stepper {
             external: vec![0.0; n],
             internal: vec![0.0; n],
             residual: vec![0.0; n],
+            inertia: vec![0.0; n],
             way: vec![0.0; n],
             step: vec![0.0; n],
             trial: vec![0.0; n],
@@ -249,7 +256,7 @@ impl Stepper {
             return Err(Error::input("gravity needs a density [kg/m^3]"));
         }
         let deadline = self.settings.budget.map(|budget| {
-            let budget = Duration::from_secs_f64(budget);
+            let budget = Duration::from_secs_f64(budget.min(LONGEST_BUDGET));
             clock + budget.mul_f64(SPENDABLE).saturating_sub(self.tail.min(budget / 2))
         });
         self.apply_loads(input);
@@ -263,11 +270,14 @@ impl Stepper {
                 return Err(error);
             }
         };
-        let residual = self.take_stock(body, progress.is_cut);
+        self.end(body);
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
-            residual,
+            residual: progress.residual,
+            is_settled: progress.is_settled(self.settings.settled) && self.cells_at_bound == 0,
+            steps: progress.steps,
+            cells_at_bound: self.cells_at_bound,
             taken: progress.taken,
             is_unstable: progress.is_unstable,
             iterations: progress.iterations,

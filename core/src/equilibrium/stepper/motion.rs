@@ -88,14 +88,16 @@ impl Motion {
         }
     }
 
-    /// Ends the frame. One that was cut back ends with its mean velocity and no acceleration, like a soft blow.
-    pub fn end(&mut self, is_cut: bool, way: impl Fn(usize) -> f64) {
-        if is_cut {
-            for (dof, v) in self.trial_velocity.iter_mut().enumerate() {
-                *v = way(dof) / self.time_step;
-            }
-            self.trial_acceleration.fill(0.0);
+    /// A frame that was cut back ends with its mean velocity and no acceleration, like a soft blow.
+    pub fn soften(&mut self, way: impl Fn(usize) -> f64) {
+        for (dof, v) in self.trial_velocity.iter_mut().enumerate() {
+            *v = way(dof) / self.time_step;
         }
+        self.trial_acceleration.fill(0.0);
+    }
+
+    /// Ends the frame with the velocity and the acceleration on trial.
+    pub fn end(&mut self) {
         std::mem::swap(&mut self.velocity, &mut self.trial_velocity);
         std::mem::swap(&mut self.acceleration, &mut self.trial_acceleration);
     }

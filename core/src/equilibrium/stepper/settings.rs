@@ -9,8 +9,10 @@ use crate::error::Error;
 pub struct StepperSettings {
     /// How the linear systems are solved.
     pub method: Method,
-    /// Newton iterations a frame; 1 is paper B's.
+    /// Newton iterations a frame at most; 1 is paper B's.
     pub iterations: usize,
+    /// Residual at which a frame counts as settled, and needs no further iteration.
+    pub settled: f64,
     /// Wall time after which a frame stops with what it has [s].
     pub budget: Option<f64>,
     /// Time between frames [s], for inertia and relaxation.
@@ -28,6 +30,7 @@ impl Default for StepperSettings {
         StepperSettings {
             method: Method::default(),
             iterations: 1,
+            settled: 1e-3,
             budget: None,
             time_step: None,
             density: Vec::new(),
@@ -86,6 +89,12 @@ impl StepperSettings {
         positive("budget", self.budget)?;
         if self.iterations == 0 {
             return Err(Error::input("a frame needs at least one Newton iteration, got 0"));
+        }
+        if !(self.settled > 0.0 && self.settled < 1.0) {
+            return Err(Error::input(format!(
+                "settled is {}; give a relative residual between 0 and 1, 1e-3 for instance",
+                self.settled
+            )));
         }
         if let Some(relaxation) = &self.relaxation {
             relaxation.check()?;

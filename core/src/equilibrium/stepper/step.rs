@@ -17,6 +17,10 @@ const MAX_CUTS: i32 = 10;
 /// its volume either: a step that says so has been yanked too far for its tangent.
 pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 
+/// A volume ratio below so many times the lower bound, or above this part of the upper, is next to it.
+const NEXT_TO_LOW: f64 = 2.0;
+const NEXT_TO_HIGH: f64 = 0.8;
+
 /// Slowest pace of hands whose way is cut again and again.
 const SLOWEST_PACE: f64 = 1e-3;
 
@@ -39,11 +43,25 @@ pub(super) struct Progress {
     /// A step was cut back.
     pub is_cut: bool,
     pub is_unstable: bool,
+    /// Newton iterations.
+    pub steps: usize,
+    /// What they left out of balance, relative.
+    pub residual: f64,
+    /// The hands are where they are to be.
+    pub has_arrived: bool,
+    /// Iterations of the linear solver.
     pub iterations: usize,
     pub is_solved: bool,
     /// When the last linear system was solved.
     pub solved_at: Instant,
     pub energy: f64,
+}
+
+impl Progress {
+    /// Whether what is left is no more than this, with the hands where they are to be.
+    pub fn is_settled(&self, residual: f64) -> bool {
+        self.residual <= residual && self.has_arrived
+    }
 }
 
 impl Stepper {
@@ -58,13 +76,18 @@ impl Stepper {
             taken: 1.0,
             is_cut: false,
             is_unstable: false,
+            steps: 0,
+            residual: f64::INFINITY,
+            has_arrived: false,
             iterations: 0,
             is_solved: true,
             solved_at: Instant::now(),
             energy: 0.0,
         };
-        for iteration in 0..self.settings.iterations {
-            let (is_unstable, solved) = self.find_step(body, input, iteration == 0, deadline)?;
+        let mut began = Instant::now();
+        while progress.steps < self.settings.iterations {
+            let is_first = progress.steps == 0;
+            let (is_unstable, solved) = self.find_step(body, input, is_first, deadline)?;
             progress.is_unstable |= is_unstable;
             progress.iterations += solved.iterations;
             progress.is_solved &= solved.is_complete;
@@ -73,10 +96,18 @@ impl Stepper {
             let moved = if self.hands_move { self.pace * taken } else { taken };
             (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
             progress.is_cut |= taken < 1.0;
+            progress.has_arrived = !self.hands_move || moved == 1.0;
+            progress.steps += 1;
             self.heed(taken, is_unstable, solved.indefinite.is_some());
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            progress.residual = self.measure(body, progress.is_cut);
+            if progress.is_settled(self.settings.settled) {
                 break;
             }
+            // The next iteration will take as long as this one.
+            if deadline.is_some_and(|deadline| Instant::now() + began.elapsed() >= deadline) {
+                break;
+            }
+            began = Instant::now();
         }
         Ok(progress)
     }
@@ -180,12 +211,42 @@ impl Stepper {
             for (dof, trial) in self.trial.iter_mut().enumerate() {
                 *trial = self.displacement[dof] + taken * self.step[dof];
             }
-            let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
+            let energy = self.force_within_bounds(body);
             if energy.is_finite() {
                 std::mem::swap(&mut self.displacement, &mut self.trial);
+                self.remember();
                 return (taken, energy);
             }
         }
-        (0.0, body.internal_force(&self.displacement, &mut self.internal))
+        let energy = body.internal_force(&self.displacement, &mut self.internal);
+        self.remember();
+        (0.0, energy)
+    }
+
+    /// Strain energy and internal force on trial, infinite where a cell is out of bounds; and how many are next to one.
+    fn force_within_bounds(&mut self, body: &Body) -> f64 {
+        let [low, high] = self.range;
+        let inner = [NEXT_TO_LOW * low, NEXT_TO_HIGH * high];
+        let energy = body.internal_force_within(&self.trial, inner, &mut self.internal);
+        self.cells_at_bound = 0;
+        if energy.is_finite() {
+            return energy;
+        }
+        let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
+        if energy.is_finite() {
+            let ratios = body.volume_ratios(&self.trial);
+            let points = ratios.len() / body.cells().len();
+            let is_inside = |j: &f64| *j > inner[0] && *j < inner[1];
+            let cells = ratios.chunks(points);
+            self.cells_at_bound = cells.filter(|cell| !cell.iter().all(is_inside)).count();
+        }
+        energy
+    }
+
+    /// From the law's internal force to that of tissue that remembers.
+    fn remember(&mut self) {
+        if let Some(relaxation) = &self.relaxation {
+            relaxation.apply(&self.displacement, &mut self.internal);
+        }
     }
 }

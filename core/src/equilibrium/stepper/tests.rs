@@ -297,6 +297,7 @@ fn bad_settings_are_refused_with_the_value_and_what_to_do() {
         (with(&|s| s.time_step = Some(-0.01)), "time_step is -0.01 s"),
         (with(&|s| s.time_step = None), "need a time_step"),
         (with(&|s| s.budget = Some(0.0)), "budget is 0 s"),
+        (with(&|s| s.settled = f64::NAN), "settled is NaN"),
         (with(&|s| s.iterations = 0), "at least one Newton iteration"),
         (with(&|s| s.density.clear()), "needs a density"),
         (with(&|s| s.dynamics = damping([-1.0, 0.0])), "[-1.0, 0.0]"),

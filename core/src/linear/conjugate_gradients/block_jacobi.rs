@@ -1,6 +1,6 @@
 //! The inverse of the diagonal blocks, one for each node: the cheapest preconditioner of an elastic body.
 
-use super::super::{BlockMatrix, FactorError};
+use super::super::FactorError;
 use super::Preconditioner;
 
 /// Block-Jacobi preconditioner.
@@ -15,21 +15,11 @@ impl BlockJacobi {
         Self { inverses: vec![[[0.0; 3]; 3]; n_nodes], is_held: vec![false; 3 * n_nodes] }
     }
 
-    /// Inverts the diagonal blocks of a matrix.
-    ///
-    /// # Errors
-    /// [`FactorError::NotPositiveDefinite`] names a row of the block that is not, which may be any of its rows.
-    pub fn factorize(&mut self, matrix: &BlockMatrix) -> Result<(), FactorError> {
-        FactorError::expect_length("matrix", self.inverses.len(), matrix.n_nodes())?;
-        let blocks = (0..matrix.n_nodes()).map(|node| matrix.diagonal_block(node));
-        self.factorize_blocks(blocks, |row| matrix.is_held(row))
-    }
-
     /// Inverts a block for each node; rows that are held are those of the identity there.
     ///
     /// # Errors
-    /// As those of [`BlockJacobi::factorize`].
-    pub fn factorize_blocks(
+    /// [`FactorError::NotPositiveDefinite`] names a row of the block that is not, which may be any of its rows.
+    pub fn factorize(
         &mut self,
         blocks: impl Iterator<Item = [[f64; 3]; 3]>,
         is_held: impl Fn(usize) -> bool,
@@ -77,9 +67,15 @@ pub(super) fn inverse_of_positive(a: [[f64; 3]; 3]) -> Option<([[f64; 3]; 3], f6
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::BlockMatrix;
     use super::super::super::block_matrix::tests::blocked;
     use super::super::super::test_matrices::Matrix;
     use super::*;
+
+    fn factorize(inverse: &mut BlockJacobi, matrix: &BlockMatrix) -> Result<(), FactorError> {
+        let blocks = (0..matrix.n_nodes()).map(|node| matrix.diagonal_block(node));
+        inverse.factorize(blocks, |row| matrix.is_held(row))
+    }
 
     fn block_diagonal() -> Matrix {
         let entries = [(0, 1, 1.0), (3, 4, -1.0), (3, 5, 0.5), (4, 5, 1.5)];
@@ -90,7 +86,7 @@ mod tests {
     fn inverts_a_block_diagonal_matrix() {
         let matrix = block_diagonal();
         let mut preconditioner = BlockJacobi::new(2);
-        preconditioner.factorize(&blocked(&matrix)).unwrap();
+        factorize(&mut preconditioner, &blocked(&matrix)).unwrap();
         let x = [1.0, -2.0, 3.0, 0.5, 0.0, 4.0];
         let mut z = [f64::NAN; 6];
         preconditioner.apply(&matrix.multiply(&x), &mut z);
@@ -103,7 +99,7 @@ mod tests {
         let mut blocked = blocked(&matrix);
         blocked.hold(&[false, true, false, false, false, true]);
         let mut preconditioner = BlockJacobi::new(2);
-        preconditioner.factorize(&blocked).unwrap();
+        factorize(&mut preconditioner, &blocked).unwrap();
         let mut z = [f64::NAN; 6];
         preconditioner.apply(&[4.0, 9.0, 8.0, 3.0, 3.0, 9.0], &mut z);
         let expected = [1.0, 0.0, 2.0, 1.0, 1.0, 0.0]; // [4 -1; -1 4] of the rows that are left
@@ -115,7 +111,7 @@ mod tests {
         let matrix = block_diagonal().shifted(-3.5);
         let mut preconditioner = BlockJacobi::new(2);
         assert_eq!(
-            preconditioner.factorize(&blocked(&matrix)),
+            factorize(&mut preconditioner, &blocked(&matrix)),
             Err(FactorError::NotPositiveDefinite { row: 0 })
         );
     }

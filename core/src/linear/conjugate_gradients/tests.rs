@@ -68,7 +68,9 @@ fn uneven_block() -> matrices::Matrix {
 
 fn block_jacobi(matrix: &matrices::Matrix) -> BlockJacobi {
     let mut preconditioner = BlockJacobi::new(matrix.pattern.n / 3);
-    preconditioner.factorize(&blocked(matrix)).unwrap();
+    let matrix = blocked(matrix);
+    let blocks = (0..matrix.n_nodes()).map(|node| matrix.diagonal_block(node));
+    preconditioner.factorize(blocks, |_| false).unwrap();
     preconditioner
 }
 

@@ -44,7 +44,7 @@ fn reduced(count: usize) -> ReducedModel {
     settings().run_family(&bodies[0], &family, surface, fixed, &mut |_| true).unwrap()
 }
 
-static FAMILY: LazyLock<ReducedModel> = LazyLock::new(|| reduced(4));
+pub(super) static FAMILY: LazyLock<ReducedModel> = LazyLock::new(|| reduced(4));
 
 fn at(value: f64) -> ReducedModel {
     let mut model = FAMILY.clone();

@@ -41,7 +41,7 @@ fn it_is_nearer_to_newton_than_the_polynomial_and_says_how_near() {
                 let force = relative(&answer.force, &full.patch_forces[0]);
                 force.max(relative(&field(model, &contact, d), &full.displacement))
             };
-            let estimate = PADE.respond(&contact, d).error_estimate;
+            let estimate = PADE.respond(&contact, d).shape_error_estimate;
             assert!(error(&PADE) < 1.2 * estimate, "{:e}, said {estimate:e}", error(&PADE));
             pade.push(error(&PADE));
             polynomial.push(error(&POLYNOMIAL));

@@ -78,7 +78,11 @@ fn a_turn_does_not_disturb_the_memory() {
 #[test]
 fn a_viscous_frame_converges_and_a_cycle_costs_work() {
     let body = bar("neo_hookean");
-    let settings = StepperSettings { iterations: 7, ..viscous(&[0.5, 0.2], &[0.05, 0.5], 0.02) };
+    let settings = StepperSettings {
+        iterations: 7,
+        settled: 1e-12,
+        ..viscous(&[0.5, 0.2], &[0.05, 0.5], 0.02)
+    };
     let mut stepper = held(&body, settings);
     let (mut work, mut before) = (0.0, [0.0; 2]);
     for k in 1..=40 {
@@ -90,7 +94,8 @@ fn a_viscous_frame_converges_and_a_cycle_costs_work() {
         before = [d, f];
     }
     assert!(work > 0.05 * stepper.force_scale * 1e-6 && work.is_finite(), "{work} J");
-    let mut elastic = held(&body, StepperSettings { iterations: 7, ..Default::default() });
+    let mut elastic =
+        held(&body, StepperSettings { iterations: 7, settled: 1e-12, ..Default::default() });
     let frame = elastic.frame(&body, &press(&[[0.0, 0.0, 0.5 * DEPTH]])).unwrap();
     assert!(work > 0.05 * frame.energy, "{work} J of {} J", frame.energy);
 }

@@ -99,7 +99,7 @@ fn denominator(vectors: &[Vec<f64>]) -> Option<Vec<f64>> {
 }
 
 /// `(tolerance |u_1| / |u_N|)^(1/(N-1))` (Cochelin).
-pub(super) fn taylor_range(series: &[Vec<f64>], tolerance: f64) -> f64 {
+pub(crate) fn taylor_range(series: &[Vec<f64>], tolerance: f64) -> f64 {
     let last = series.len() - 1;
     let (first, highest) = (norm(&series[1]), norm(&series[last]));
     if highest <= 1e-300 * first {
@@ -109,7 +109,7 @@ pub(super) fn taylor_range(series: &[Vec<f64>], tolerance: f64) -> f64 {
 }
 
 /// Where the forms of order N and N - 1 still agree to `tolerance`, before the first pole.
-pub(super) fn pade_range(series: &[Vec<f64>], tolerance: f64, taylor_range: f64) -> f64 {
+pub(crate) fn pade_range(series: &[Vec<f64>], tolerance: f64, taylor_range: f64) -> f64 {
     let (full, less) = (Pade::new(series, 0), Pade::new(series, 1));
     if full.order().is_none() || less.order().is_none() {
         return taylor_range;
@@ -130,11 +130,11 @@ pub(super) fn pade_range(series: &[Vec<f64>], tolerance: f64, taylor_range: f64)
     low.max(taylor_range.min(pole))
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-pub(super) fn norm(a: &[f64]) -> f64 {
+pub(crate) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 

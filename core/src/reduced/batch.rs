@@ -1,0 +1,43 @@
+//! Regions that are solved, kept outside the core while the others are still being solved: a reduction that was
+//! interrupted or killed goes on from them.
+
+use super::solve::Solved;
+use crate::error::Error;
+
+/// Where finished batches of positions are kept, each as bytes that mean something to the core alone.
+///
+/// Bytes belong to one body, one [`Reduction`](super::Reduction) and one version of the core; who keeps them makes sure
+/// of that, and that they are undamaged.
+pub trait Batches {
+    /// Batches kept by an earlier run of the same reduction.
+    fn finished(&mut self) -> Vec<Vec<u8>>;
+    /// Keeps a batch; false stops the reduction.
+    fn keep(&mut self, batch: &[u8]) -> bool;
+}
+
+/// Keeps nothing.
+pub(super) struct Nowhere;
+
+impl Batches for Nowhere {
+    fn finished(&mut self) -> Vec<Vec<u8>> {
+        Vec::new()
+    }
+
+    fn keep(&mut self, _: &[u8]) -> bool {
+        true
+    }
+}
+
+impl Solved {
+    pub(super) fn to_bytes(&self) -> Result<Vec<u8>, Error> {
+        postcard::to_stdvec(self)
+            .map_err(|error| Error::input(format!("a finished batch could not be kept: {error}")))
+    }
+
+    /// The batch, where the bytes are one of the `regions`, and the region's number.
+    pub(super) fn from_bytes(bytes: &[u8], regions: &[Vec<u32>]) -> Option<(usize, Solved)> {
+        let solved: Solved = postcard::from_bytes(bytes).ok()?;
+        let region = regions.iter().position(|region| *region == solved.positions)?;
+        Some((region, solved))
+    }
+}

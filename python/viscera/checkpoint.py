@@ -1,0 +1,150 @@
+"""Finished batches of a reduction, kept in a file beside the output: what was interrupted or killed goes on from there.
+
+The file holds a line that names the case, then one record for each batch: length and CRC-32, both as 8 bytes, little-
+endian, and the batch as the core wrote it. Records are appended and synchronised with the disk, so only the batches in
+progress are lost; a record that a kill cut short ends the file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import struct
+import warnings
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from viscera import _core
+from viscera.errors import VisceraError
+
+RECORD = struct.Struct("<QQ")
+SUFFIX = ".batches"
+
+
+class Checkpoint:
+    """Where a reduction keeps its finished batches: a file that is there while the work is not complete.
+
+    say: receives a sentence where batches of an earlier run are used, or belong to another case and are left out.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], say: Callable[[str], None] = warnings.warn) -> None:
+        self.path = Path(path)
+        self.say = say
+
+    @contextmanager
+    def batches(self, case: str) -> Iterator[Batches]:
+        """The batches of a case, by its fingerprint; the file goes where the block ends well or nothing was finished.
+
+        Raises `VisceraError` where the file cannot be written, is no file of batches, or is in use.
+        """
+        try:
+            file = self.path.open("a+b")
+        except OSError as error:
+            raise VisceraError(f"{self.path}: batches cannot be kept there ({error.strerror})") from None
+        with file:
+            _lock(file, self.path)
+            is_new, batches = os.fstat(file.fileno()).st_size == 0, None
+            try:
+                batches = Batches(file, self.path, case, self.say)
+                yield batches
+            except BaseException:
+                if batches.count == 0 if batches else is_new:
+                    self._remove()
+                raise
+            self._remove()
+
+    def _remove(self) -> None:
+        with contextlib.suppress(OSError):  # a system that keeps open files keeps an empty one
+            self.path.unlink()
+
+
+class Batches:
+    """The records of one file, as the core reads and writes them."""
+
+    def __init__(self, file: IO[bytes], path: Path, case: str, say: Callable[[str], None]) -> None:
+        self._file, self._path, self._case, self._say = file, path, case, say
+        self._found = self._read()
+        self.count = len(self._found)
+
+    def finished(self) -> list[bytes]:
+        """The batches of the earlier run."""
+        found, self._found = self._found, []
+        return found
+
+    def keep(self, batch: bytes) -> None:
+        """Appends a batch; it is on the disk when this returns."""
+        try:
+            self._file.write(RECORD.pack(len(batch), zlib.crc32(batch)) + batch)
+            self._synchronise()
+        except OSError as error:
+            raise VisceraError(f"{self._path}: a finished batch could not be kept ({error.strerror})") from None
+        self.count += 1
+
+    def _read(self) -> list[bytes]:
+        self._file.seek(0)
+        head = self._file.readline(1000)
+        if not head:
+            self._begin()
+            return []
+        try:
+            found = json.loads(head)["viscera batches"]
+        except (ValueError, KeyError, TypeError):
+            raise VisceraError(
+                f"{self._path} is no file of finished batches; move it away, or choose another output"
+            ) from None
+        if found != self._case:
+            self._say(f"{self._path}: the batches there are of another case or version; starting anew")
+            self._begin()
+            return []
+        batches, end = [], self._file.tell()
+        size = self._path.stat().st_size
+        while len(record := self._file.read(RECORD.size)) == RECORD.size:
+            length, checksum = RECORD.unpack(record)
+            batch = self._file.read(length) if length <= size else b""
+            if len(batch) < length or zlib.crc32(batch) != checksum:
+                break
+            batches.append(batch)
+            end = self._file.tell()
+        self._file.truncate(end)
+        if batches:
+            self._say(f"going on after {len(batches)} finished batches, from {self._path}")
+        return batches
+
+    def _begin(self) -> None:
+        self._file.truncate(0)
+        self._file.write(json.dumps({"viscera batches": self._case}).encode() + b"\n")
+        self._synchronise()
+
+    def _synchronise(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+
+def fingerprint(arrays: Iterable[Any], settings: dict[str, Any]) -> str:
+    """What identifies a reduction: all that its batches depend on, and the version of the core."""
+    digest = hashlib.sha256(json.dumps([_core.__version__, settings], sort_keys=True).encode())
+    for array in arrays:
+        values = np.ascontiguousarray(array)
+        digest.update(f"{values.dtype.str}{values.shape}".encode())
+        digest.update(values.tobytes())
+    return digest.hexdigest()
+
+
+def _lock(file: IO[bytes], path: Path) -> None:
+    """One reduction at a time, where the system has locks of files."""
+    with contextlib.suppress(ImportError):
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise VisceraError(
+                f"{path} is in use: another reduction writes it. Wait for that, or choose another output"
+            ) from None

@@ -1,0 +1,182 @@
+"""What a value must be where it enters: kind, range and unit, the same in Python and in case files.
+
+Each is called with a value and the words for it, and gives the value back or raises `VisceraError`; as text it is what
+the value must be, in errors and in the reference of case files. A boolean or a string is never a number. They are plain
+classes, since each dataclass would cost the import of the package a millisecond.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.errors import VisceraError, did_you_mean
+
+LARGEST = {"": 1e15, "m": 1e3, "N": 1e9, "Pa": 1e15, "m/s^2": 1e6, "kg/m^3": 1e6, "s": 1e6, "1/s": 1e9}
+"""By unit, the largest size that is no slip of the pen: beyond it products of numbers are soon not finite."""
+
+Check = Callable[[Any, str], Any]
+
+
+class Number:
+    """A finite number in a range, which ends at the largest size of its unit.
+
+    >>> Number("Pa", above=0)(17e4, "young")
+    170000.0
+    >>> Number("Pa", above=0)(True, "young")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: young must be a number above 0 and at most 1e+15 [Pa], got True
+    """
+
+    def __init__(
+        self,
+        unit: str = "",
+        *,
+        above: float | None = None,
+        low: float | None = None,
+        below: float | None = None,
+        high: float | None = None,
+    ) -> None:
+        self.unit, self.above, self.low, self.below, self.high = unit, above, low, below, high
+
+    def __call__(self, value: Any, what: str) -> float:
+        number = _scalar(value)
+        # Compared before it is converted: a whole number may be too large for a float.
+        if not (_is_number(number) and self._holds(number)):
+            raise refused(what, self, value)
+        return float(number)
+
+    def _holds(self, number: Any) -> bool:
+        low, high = self._ends
+        is_inside: bool = low <= number <= high
+        return is_inside and number != self.above and number != self.below
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        lower = [end for end in (self.above, self.low) if end is not None]
+        upper = [end for end in (self.below, self.high) if end is not None]
+        return max(lower, default=-LARGEST[self.unit]), min(upper, default=LARGEST[self.unit])
+
+    def __str__(self) -> str:
+        low, high = self._ends
+        start = f"above {low:g}" if self.above is not None else f"from {low:g}"
+        joint = "to" if self.above is None and self.below is None else "and"
+        end = f"below {high:g}" if self.below is not None else f"{'at most ' if joint == 'and' else ''}{high:g}"
+        return f"a number {start} {joint} {end}{_bracketed(self.unit)}"
+
+
+class Whole:
+    """A whole number in a range.
+
+    >>> Whole(1, 10_000)(99999999, "steps")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: steps must be a whole number from 1 to 10000, got 99999999
+    """
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low, self.high = low, high
+
+    def __call__(self, value: Any, what: str) -> int:
+        number = _scalar(value)
+        if isinstance(number, bool) or not isinstance(number, int) or not self.low <= number <= self.high:
+            raise refused(what, self, value)
+        return number
+
+    def __str__(self) -> str:
+        return f"a whole number from {self.low} to {self.high}"
+
+
+class Flag:
+    """True or false."""
+
+    def __call__(self, value: Any, what: str) -> bool:
+        flag = _scalar(value)
+        if not isinstance(flag, bool):
+            raise refused(what, self, value)
+        return flag
+
+    def __str__(self) -> str:
+        return "true or false"
+
+
+class Choice:
+    """One of a few words."""
+
+    def __init__(self, known: Collection[str]) -> None:
+        self.known = known
+
+    def __call__(self, value: Any, what: str) -> str:
+        if not isinstance(value, str) or value not in self.known:
+            words = sorted(self.known)
+            hint = did_you_mean(value, words) if isinstance(value, str) else f"known: {', '.join(map(repr, words))}"
+            raise VisceraError(f"{what} {brief(value)} is unknown; {hint}")
+        return value
+
+    def __str__(self) -> str:
+        return ", ".join(f'"{word}"' for word in self.known)
+
+
+class Vector:
+    """Three finite numbers (3,), none of which is larger than the largest of the unit."""
+
+    def __init__(self, unit: str) -> None:
+        self.unit = unit
+
+    def __call__(self, value: Any, what: str) -> NDArray[np.float64]:
+        return vector(value, what, self.unit)
+
+    def __str__(self) -> str:
+        return f"three finite numbers{_bracketed(self.unit)}, none above {LARGEST[self.unit]:g} in size"
+
+
+def vector(value: Any, what: str, unit: str) -> NDArray[np.float64]:
+    """Three finite numbers (3,) of a sensible size, as a fresh array."""
+    numbers = numbers_of(value)
+    if numbers is None or numbers.shape != (3,) or not (np.abs(numbers) <= LARGEST[unit]).all():
+        raise refused(what, Vector(unit), value)
+    return numbers
+
+
+def numbers_of(value: Any) -> NDArray[np.float64] | None:
+    """A fresh array of what is numbers throughout, or None: of booleans and strings NumPy makes numbers as well."""
+    if _hides_boolean(value):
+        return None
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return np.array(array, dtype=np.float64, order="C") if array.dtype.kind in "iuf" else None
+
+
+def refused(what: str, kind: object, value: Any) -> VisceraError:
+    """The error about a value that is not of its kind."""
+    return VisceraError(f"{what} must be {kind}, got {brief(value)}")
+
+
+def brief(value: Any) -> str:
+    """A value as errors show it: on one line, the end of a long one left out."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _hides_boolean(value: Any) -> bool:
+    """Whether a list holds a boolean somewhere, which NumPy turns into a number beside other numbers."""
+    if isinstance(value, list | tuple):
+        return any(map(_hides_boolean, value))
+    return isinstance(value, bool | np.bool_)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _scalar(value: Any) -> Any:
+    """A NumPy scalar or array without dimensions as Python's own."""
+    return value.item() if isinstance(value, np.generic | np.ndarray) and value.ndim == 0 else value
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{unit}]" if unit else ""

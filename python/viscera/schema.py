@@ -1,0 +1,388 @@
+"""What a case file may hold: its tables, their keys, and what each value must be.
+
+Cases are checked against it before anything else is done, and docs/case-file.md is written from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any
+
+import numpy as np
+
+from viscera import defaults, law, organ, vary
+from viscera.errors import VisceraError, did_you_mean
+from viscera.meshfile import METRES
+from viscera.quantity import LARGEST, Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
+from viscera.select import length
+from viscera.solver import NEWTON
+
+STARTS = ("rest", "loads", "scan")
+"""Of the touches of a reduced model."""
+FREE = "free"
+"""A component of a displacement that nothing prescribes."""
+
+
+class Text:
+    """Words that are not empty."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        if not isinstance(value, str) or not value:
+            raise refused(what, self, value)
+
+    def __str__(self) -> str:
+        return "words in quotes"
+
+
+class Units:
+    """Of a mesh file."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        if isinstance(value, str):
+            Choice(METRES)(value, what)
+        else:
+            self.factor(value, f'{what}, a word such as "mm" or metres per unit,')
+
+    factor = Number("m", above=0)
+
+    def __str__(self) -> str:
+        return f"{Choice(METRES)}; or metres per unit, {self.factor}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Nodes or cells."""
+
+    noun: str
+
+    def __call__(self, value: Any, what: str) -> None:
+        is_list = isinstance(value, list) and value != []
+        if not (is_list or (isinstance(value, str) and value)):
+            raise refused(what, self, value)
+        for index in value if is_list else []:
+            Whole(0, 2**32 - 1)(index, f"a {self.noun} of {what}")
+
+    def __str__(self) -> str:
+        return f'a {self.noun} set\'s name, a condition such as "x < 10%", or a list of {self.noun} indices'
+
+
+class Length:
+    """A length of a contact."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        self.metres(length(value, 1.0, what), what)
+
+    metres = Number("m", above=0)
+
+    def __str__(self) -> str:
+        return f'{self.metres}; or words such as "12 mm", or "10%" of the diagonal of the bounding box'
+
+
+class Components:
+    """A displacement, some of whose components may be free."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        parts = [part for part in value if part != FREE] if isinstance(value, list) and len(value) == 3 else []
+        numbers = numbers_of(parts)
+        if not parts or numbers is None or not (abs(numbers) <= LARGEST["m"]).all():
+            raise refused(what, self, value)
+
+    def __str__(self) -> str:
+        return f'three numbers [m], none above {LARGEST["m"]:g} in size, or "{FREE}" for one or two of them'
+
+
+@dataclass(frozen=True)
+class PerCell:
+    """A number; from Python also an array over the cells, which law and loads check against the mesh."""
+
+    number: Number
+
+    def __call__(self, value: Any, what: str) -> None:
+        if not isinstance(value, np.ndarray):
+            self.number(value, what)
+
+    def __str__(self) -> str:
+        return str(self.number)
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Numbers for the terms of a sum."""
+
+    term: Number
+
+    def __call__(self, value: Any, what: str) -> None:
+        if isinstance(value, list) and not 1 <= len(value) <= law.Ogden.terms:
+            raise refused(what, self, value)
+        for term in value if isinstance(value, list) else [value]:
+            self.term(term, what)
+
+    def __str__(self) -> str:
+        return f"{self.term}, or a list of one to {law.Ogden.terms}"
+
+
+@dataclass(frozen=True)
+class Key:
+    """One entry of a table."""
+
+    value: Check
+    means: str
+    default: str = ""
+    """What holds where it is left out."""
+    is_required: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with known keys."""
+
+    name: str
+    means: str
+    keys: Mapping[str, Key]
+
+    def __call__(self, words: Any, what: str) -> None:
+        for name, value in known(words, self.keys, self.name):
+            self.keys[name].value(value, f"{name}{_of(self.name)}")
+        for name, key in self.keys.items():
+            if key.is_required and name not in words:
+                raise VisceraError(f"the key {name!r} is missing{_of(self.name)}")
+
+    def __str__(self) -> str:
+        return f"a table, `[{self.name}]`"
+
+
+@dataclass(frozen=True)
+class Places:
+    """A table of places, each with what happens there."""
+
+    name: str
+    load: Check
+
+    def __call__(self, words: Any, what: str) -> None:
+        kind = self.name.rpartition(".")[2]
+        for place, value in known(words, words, self.name):
+            self.load(value, f"{kind} of {place!r}")
+
+    def __str__(self) -> str:
+        return f"for each place {self.load}"
+
+
+class Fibres:
+    """Directions of fibres, given or wound round an axis."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        if isinstance(value, Mapping):
+            HELICAL(value, what)
+            return
+        numbers = numbers_of(value)
+        if numbers is None or numbers.shape != (2, 3):
+            raise refused(what, self, value)
+
+    def __str__(self) -> str:
+        return f"two directions of three numbers each; or {HELICAL}"
+
+
+class End:
+    """One end of a range: of a length, or of another parameter."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        (Length() if isinstance(value, str) else Number())(value, what)
+
+    def __str__(self) -> str:
+        return f"a number in the unit of the parameter; for the radius {Length()}"
+
+
+class Varied:
+    """The table of a range."""
+
+    def __call__(self, words: Any, what: str) -> None:
+        VARY(words, what)
+        for end in ("low", "high"):
+            (Length() if words["parameter"] == "radius" else Number())(words[end], f"{end} in [{VARY.name}]")
+
+    def __str__(self) -> str:
+        return str(VARY)
+
+
+class Material:
+    """The table of a law's parameters, which holds one table for each part that differs."""
+
+    def __call__(self, words: Any, what: str) -> None:
+        own = {name: value for name, value in known(words, words, "material") if not is_part(name, value)}
+        for _ in known(own, ("law", *PARAMETERS), "material"):
+            pass
+        if "law" not in own:
+            raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
+        kind = own.pop("law")
+        Choice(law.LAWS)(kind, "law")
+        for name, value in own.items():
+            _parameter(kind, name)(value, f"{name} in [material]")
+        for place, part in words.items():
+            if is_part(place, part):
+                table = f"material.{place}"
+                for name, value in known(part, PARTIAL, table):
+                    _parameter(kind, name)(value, f"{name} in [{table}]")
+
+    def __str__(self) -> str:
+        return "a table, `[material]`"
+
+
+def is_part(name: str, value: Any) -> bool:
+    """Whether an entry of [material] is a table about a part of the mesh."""
+    return isinstance(value, Mapping) and name != "fibres"
+
+
+def known(words: Any, keys: Collection[str], table: str) -> Iterator[tuple[str, Any]]:
+    """The entries of a table, whose keys are those that are known."""
+    if not isinstance(words, Mapping):
+        raise VisceraError(f"{table!r} is a table, written as [{table}], got {brief(words)}")
+    for name, value in words.items():
+        if name not in keys:
+            raise VisceraError(f"unknown key {name!r}{_of(table)}; {did_you_mean(str(name), keys)}")
+        yield name, value
+
+
+def taken_by(kind: str) -> tuple[str, ...]:
+    """The parameters of a law, by its name."""
+    return tuple(name for name in signature(law.LAWS[kind]).parameters if name in PARAMETERS)
+
+
+def _parameter(kind: str, name: str) -> Check:
+    """What a parameter of a law must be."""
+    if name not in taken_by(kind):
+        raise VisceraError(f"material {kind}: it has no parameter {name!r}; {did_you_mean(name, taken_by(kind))}")
+    return OGDEN[name].value if kind == "Ogden" and name in OGDEN else PARAMETERS[name].value
+
+
+def _of(table: str) -> str:
+    return f" in [{table}]" if table else ""
+
+
+def _percent(fraction: float) -> str:
+    return f'"{100 * fraction:g}%"'
+
+
+STRESS, COEFFICIENT = PerCell(Number("Pa", above=0)), PerCell(Number("Pa"))
+
+PARAMETERS = {
+    "young": Key(STRESS, "Young's modulus at small strain"),
+    "poisson": Key(PerCell(Number(above=-1, below=0.5)), "Poisson's ratio at small strain"),
+    "mu": Key(STRESS, "shear modulus"),
+    "lam": Key(COEFFICIENT, "first Lamé constant"),
+    "c1": Key(COEFFICIENT, "of the first invariant"),
+    "c2": Key(COEFFICIENT, "of the second invariant"),
+    "kappa": Key(STRESS, "bulk modulus at small strain"),
+    "alpha": Key(STRESS, "penalty of a perturbed Lagrangian, instead of `kappa`"),
+    "c10": Key(STRESS, "half the shear modulus"),
+    "c20": Key(COEFFICIENT, "of the second power", "0"),
+    "c30": Key(COEFFICIENT, "of the third power", "0"),
+    "c": Key(STRESS, "shear modulus of the ground substance"),
+    "k1": Key(STRESS, "stiffness of the fibres"),
+    "k2": Key(PerCell(Number(above=0)), "how fast the fibres stiffen"),
+    "dispersion": Key(PerCell(Number(low=0, high=1 / 3)), "of the fibres: 0 is parallel, 1/3 isotropic", "0"),
+    "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the energy of volume", '"J^2-1"'),
+    "bear_compression": Key(Flag(), "whether the fibres bear compression as well", "false"),
+    "fibres": Key(Fibres(), "two families of fibres"),
+}
+"""Of all the laws; which of them a law takes says its class."""
+OGDEN = {
+    "mu": Key(Terms(Number("Pa")), "moduli of the terms"),
+    "alpha": Key(Terms(Number()), "exponents of the terms"),
+}
+"""Parameters that mean something else in Ogden's law."""
+PARTIAL = tuple(name for name in PARAMETERS if name not in {"volumetric", "bear_compression", "fibres"})
+"""Parameters that may differ in a part."""
+
+HELICAL = Table(
+    "material.fibres",
+    "Two families that wind round an axis, at plus and minus the angle.",
+    {
+        "angle": Key(Number(low=-360, high=360), "from the circumference, in degrees", is_required=True),
+        "axis": Key(Vector(""), "of the vessel", "[0, 0, 1]"),
+        "through": Key(Vector("m"), "a point of the axis", "[0, 0, 0]"),
+    },
+)
+DENSITY = Key(PerCell(Number("kg/m^3", above=0)), "of the tissue")
+GRAVITY = Key(Vector("m/s^2"), "acceleration; needs the density", "none")
+
+
+def _loads(table: str) -> dict[str, Key]:
+    return {
+        "force": Key(Places(f"{table}.force", Vector("N")), "total, spread over the surface of the place", "none"),
+        "traction": Key(Places(f"{table}.traction", Vector("Pa")), "dead load per area at rest", "none"),
+        "pressure": Key(
+            Places(f"{table}.pressure", Number("Pa")), "against the outward normal of the surface as it deforms", "none"
+        ),
+        "gravity": GRAVITY,
+        "density": DENSITY,
+    }
+
+
+LOADS = Table(
+    "loads",
+    "What acts on the organ.",
+    {"displacement": Key(Places("loads.displacement", Components()), "prescribed there", "none"), **_loads("loads")},
+)
+SCAN = Table(
+    "scan",
+    "Loads under which the mesh was acquired: `viscera solve` takes them off first, and counts displacements from the "
+    "scan. The density is that of `[loads]` unless it is given here.",
+    _loads("scan"),
+)
+SETTINGS = Table(
+    "settings",
+    "Of the solver; rarely needed.",
+    {
+        "steps": Key(organ.STEPS, "load steps to begin with; more are taken where needed", "1"),
+        "newton": Key(
+            Table(
+                "settings.newton",
+                "Of Newton's iteration.",
+                {name: Key(kind, means, default) for name, (kind, means, default) in NEWTON.items()},
+            ),
+            "of Newton's iteration",
+        ),
+    },
+)
+VARY = Table(
+    "reduce.vary",
+    "One model for a range of a parameter.",
+    {
+        "parameter": Key(Choice(vary.PARAMETERS), "what varies", is_required=True),
+        "part": Key(Place("cell"), "where it varies", "the whole organ"),
+        "low": Key(End(), "where the range begins", is_required=True),
+        "high": Key(End(), "where it ends", is_required=True),
+        "nodes": Key(vary.NODES, "values that are solved", str(vary.Vary.nodes)),
+    },
+)
+REDUCE = Table(
+    "reduce",
+    "The reduced model, for `viscera reduce`.",
+    {
+        "touchable": Key(Place("node"), "where it may be touched", "the surface but for a radius round the fixed"),
+        "radius": Key(Length(), "of the contact patch", _percent(defaults.RADIUS_FRACTION)),
+        "depth": Key(Length(), "of the deepest touch", _percent(defaults.DEPTH_FRACTION)),
+        "order": Key(organ.ORDER, "of the series", str(defaults.ORDER)),
+        "tolerance": Key(organ.TOLERANCE, "of the stored field, relative", f"{defaults.TOLERANCE:g}"),
+        "pade": Key(Flag(), "sum the series in its Padé form", "true"),
+        "start": Key(Choice(STARTS), "the equilibrium that is touched", '"rest"; needed beside a `[scan]`'),
+        "vary": Key(Varied(), "a parameter that the model covers a range of", "none"),
+    },
+)
+CASE = Table(
+    "",
+    "One organ, with its loads, settings and reduction.",
+    {
+        "mesh": Key(Text(), 'a mesh file, relative to the case file; or "organ:liver"', is_required=True),
+        "units": Key(Units(), "of the mesh file", "needed, but for a built-in organ"),
+        "fixed": Key(Place("node"), "what holds the organ", is_required=True),
+        "element": Key(Choice(organ.ELEMENTS), "of the mesh", "what is right for the material"),
+        "material": Key(Material(), "its law", is_required=True),
+        "loads": Key(LOADS, "what acts on it", "nothing acts"),
+        "scan": Key(SCAN, "the loads of the scan", "the mesh is free of load"),
+        "settings": Key(SETTINGS, "of the solver"),
+        "reduce": Key(REDUCE, "the reduced model"),
+    },
+)

@@ -1,0 +1,83 @@
+"""Writes docs/case-file.md, the reference of case files, from the schema that cases are checked against.
+
+python scripts/case_page.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from textwrap import fill
+
+from viscera import law, schema
+from viscera.quantity import Choice
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "case-file.md"
+HEAD = """# The case file
+
+<!-- written by scripts/case_page.py from python/viscera/schema.py -->
+
+A case file is [TOML](https://toml.io). This page lists every table and key that it may hold, and what each value must
+be; whatever else a file says is refused as it is read, before any work begins. [The command line](cli.md#a-case-file)
+has an example.
+
+- Units are SI throughout; `units` speaks of the mesh file alone.
+- A number is written without quotes. `true`, `false` and words in quotes are never numbers; where a whole number is
+  asked for, `2.0` is none.
+- A condition compares an axis with a bound, `"x < 10%"`, or puts it between two, `"20% < y < 30 mm"`; `and` joins
+  conditions. A percentage counts along the bounding box of the mesh; any other bound has its unit.
+"""
+PAIRS = """
+A law takes `young` and `poisson`, or `mu` and `lam`; of `kappa`, `poisson` and `alpha` it takes the one that is given.
+"""
+PARTS = """A table `[material.PLACE]` says what differs in a part of the organ. The place is the name of a cell set, or
+a condition on the centroids of cells, such as `[material."x > 80%"]`. It may hold whatever number the law has, as long
+as the whole organ has a value of it, too.
+"""
+
+
+def page() -> str:
+    """The text of the whole page."""
+    return "\n".join((HEAD, *_table(schema.CASE), *_material(), *_tables()))
+
+
+def _tables() -> Iterator[str]:
+    for table in (schema.LOADS, schema.SCAN, schema.SETTINGS):
+        yield from _table(table)
+    newton = schema.SETTINGS.keys["newton"].value
+    assert isinstance(newton, schema.Table)
+    for table in (newton, schema.REDUCE, schema.VARY):
+        yield from _table(table)
+
+
+def _table(table: schema.Table) -> Iterator[str]:
+    yield f"## {f'`[{table.name}]`' if table.name else 'The organ'}\n"
+    yield f"{fill(table.means, 120)}\n"
+    yield from _rows(table.keys)
+
+
+def _material() -> Iterator[str]:
+    yield "## `[material]`\n"
+    yield "The [law](laws.md) of the tissue, and its parameters.\n"
+    yield from _rows({"law": schema.Key(Choice(law.LAWS), "its name", is_required=True)})
+    yield "| law | parameters |\n| --- | --- |"
+    for kind in law.LAWS:
+        yield f"| `{kind}` | {', '.join(f'`{name}`' for name in schema.taken_by(kind))} |"
+    yield PAIRS
+    yield from _rows(schema.PARAMETERS)
+    yield "In `Ogden` two of them are others:\n"
+    yield from _rows(schema.OGDEN)
+    yield PARTS
+    yield from _table(schema.HELICAL)
+
+
+def _rows(keys: Mapping[str, schema.Key]) -> Iterator[str]:
+    yield "| key | means | value | without it |\n| --- | --- | --- | --- |"
+    for name, key in keys.items():
+        default = "it must be there" if key.is_required else key.default or "-"
+        yield f"| `{name}` | {key.means} | {key.value} | {default} |"
+    yield ""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,168 @@
+"""A reduction that is interrupted or killed goes on from its finished batches, and ends with the same model."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import viscera as vs
+from viscera.checkpoint import Checkpoint
+
+SETTINGS: dict[str, Any] = {"order": 3, "depth": 0.03, "radius": 0.06}
+
+
+class Enough(Exception):
+    """Raised in the middle of the work."""
+
+
+@pytest.fixture(scope="module")
+def organ() -> vs.Organ:
+    return vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+
+
+@pytest.fixture(scope="module")
+def whole(organ: vs.Organ, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The model file of a reduction that nothing interrupted, without its time."""
+    return contents(organ.reduce(**SETTINGS), tmp_path_factory.mktemp("whole"))
+
+
+def contents(touch: vs.Touch, folder: Path) -> bytes:
+    """All arrays of a model's file: what stands after the header, whose metadata hold the time it took."""
+    touch.save(folder / "model.viscera")
+    text = (folder / "model.viscera").read_bytes()
+    return text[8 + int.from_bytes(text[:8], "little") :]
+
+
+def stop_after(batches: int, path: Path) -> Any:
+    """A progress callback that raises once so many batches are on the disk."""
+    sizes: set[int] = set()
+
+    def progress(done: int, total: int, stage: str) -> None:
+        if path.exists():
+            sizes.add(path.stat().st_size)
+        if len(sizes) > batches and done < total:
+            raise Enough
+
+    return progress
+
+
+def test_what_was_stopped_goes_on_and_ends_with_the_same_model(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
+    path, said = tmp_path / "beam.batches", list[str]()
+    with pytest.raises(Enough):
+        organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append), progress=stop_after(1, path))
+    assert said == []
+    kept = path.stat().st_size
+    assert kept > 1000
+    first: list[int] = []
+    touch = organ.reduce(
+        **SETTINGS, checkpoint=Checkpoint(path, said.append), progress=lambda done, total, stage: first.append(done)
+    )
+    assert len(said) == 1
+    assert "going on after" in said[0]
+    assert first[0] > 0
+    assert not path.exists()
+    assert contents(touch, tmp_path) == whole
+
+
+def test_a_record_cut_short_is_solved_again(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "beam.batches"
+    with pytest.raises(Enough):
+        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+    os.truncate(path, path.stat().st_size - 7)
+    said: list[str] = []
+    assert contents(organ.reduce(**SETTINGS, checkpoint=Checkpoint(path, said.append)), tmp_path) == whole
+    assert not path.exists()
+
+
+def test_a_damaged_record_is_solved_again(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "beam.batches"
+    with pytest.raises(Enough):
+        organ.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+    damaged = bytearray(path.read_bytes())
+    damaged[len(damaged) // 2] ^= 4
+    path.write_bytes(damaged)
+    assert contents(organ.reduce(**SETTINGS, checkpoint=path), tmp_path) == whole
+
+
+def test_batches_of_another_case_are_left_out_and_it_is_said(organ: vs.Organ, whole: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "beam.batches"
+    softer = organ.with_law(vs.NeoHookean(young=0.9e5, poisson=0.3))
+    with pytest.raises(Enough):
+        softer.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
+    with pytest.warns(UserWarning, match="of another case or version; starting anew"):
+        touch = organ.reduce(**SETTINGS, checkpoint=path)
+    assert contents(touch, tmp_path) == whole
+
+
+def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path) -> None:
+    path = tmp_path / "thesis.txt"
+    path.write_text("four years of work")
+    with pytest.raises(vs.VisceraError, match="no file of finished batches"):
+        organ.reduce(**SETTINGS, checkpoint=path)
+    assert path.read_text() == "four years of work"
+    with pytest.raises(vs.VisceraError, match="batches cannot be kept there"):
+        organ.reduce(**SETTINGS, checkpoint=tmp_path / "nowhere" / "beam.batches")
+
+
+def test_two_reductions_do_not_share_a_file(organ: vs.Organ, tmp_path: Path) -> None:
+    pytest.importorskip("fcntl")
+    path = tmp_path / "beam.batches"
+
+    def meanwhile(done: int, total: int, stage: str) -> None:
+        with pytest.raises(vs.VisceraError, match="is in use: another reduction writes it"):
+            organ.reduce(**SETTINGS, checkpoint=path)
+        raise Enough
+
+    with pytest.raises(Enough):
+        organ.reduce(**SETTINGS, checkpoint=path, progress=meanwhile)
+
+
+CASE = """
+mesh = "organ:liver"
+fixed = "hilum"
+element = "P1"
+[material]
+law = "NeoHookean"
+young = 3e3
+poisson = 0.45
+[reduce]
+touchable = "anterior"
+order = 2
+"""
+
+
+def start(folder: Path) -> subprocess.Popen[str]:
+    """`viscera reduce` on the built-in liver, with some batches finished."""
+    words = [sys.executable, "-m", "viscera", "reduce", "liver.toml", "-o", "liver.viscera"]
+    work = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    kept, end = folder / "liver.viscera.batches", time.monotonic() + 300.0
+    while not (kept.exists() and kept.stat().st_size > 1000):
+        assert time.monotonic() < end
+        assert work.poll() is None, work.communicate()
+        time.sleep(0.02)
+    return work
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGKILL], ids=["Ctrl-C", "kill -9"])
+def test_the_command_goes_on_after_ctrl_c_and_after_kill(stop: signal.Signals, tmp_path: Path) -> None:
+    (tmp_path / "liver.toml").write_text(CASE)
+    work = start(tmp_path)
+    work.send_signal(stop)
+    _, errors = work.communicate(timeout=60)
+    if stop == signal.SIGINT:
+        assert work.returncode == 130
+        last = errors.strip().splitlines()[-1]
+        assert last.startswith("viscera reduce: interrupted; finished positions are kept in liver.viscera.batches")
+    assert not (tmp_path / "liver.viscera").exists()
+    words = [sys.executable, "-m", "viscera", "reduce", "liver.toml", "-o", "liver.viscera"]
+    again = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert again.returncode == 0, again.stderr
+    assert "going on after" in again.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["liver.toml", "liver.viscera"]

@@ -1,0 +1,315 @@
+"""No case file is taken that says something of the wrong kind, and none ends in a traceback.
+
+Cases are mutated: values, keys and whole tables are replaced by others of every kind that TOML has. What a value of
+each key has to be is written down here once more, and more coarsely, to judge what was accepted.
+"""
+
+from __future__ import annotations
+
+import copy
+import datetime
+import math
+import random
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import viscera as vs
+from viscera.case import Case, case_of, read_case
+from viscera.loads import nodal_forces, prescribed, pressed_faces, traction_forces
+
+MUTATIONS = 10_000
+BUILDS = 300
+"""Of what was accepted so many are taken on to the organ and its loads."""
+
+CASES: list[dict[str, Any]] = [
+    {
+        "mesh": "bar.vtu",
+        "units": "m",
+        "fixed": "root",
+        "element": "P1",
+        "material": {"law": "NeoHookean", "young": 1e5, "poisson": 0.3, "x > 50%": {"young": 2e5}},
+        "loads": {
+            "gravity": [0, 0, -9.81],
+            "density": 1000,
+            "displacement": {"tip": [0.01, "free", 0]},
+            "force": {"z > 99%": [0, 0, 1.0]},
+            "traction": {"y > 99%": [0, 1, 0]},
+            "pressure": {"z < 1%": 10},
+        },
+        "scan": {"gravity": [0, -9.81, 0], "density": 1000, "pressure": {"z < 1%": 5.0}},
+        "settings": {
+            "steps": 2,
+            "newton": {"tolerance": 1e-8, "max_iterations": 20, "max_backtracks": 5, "smallest_step": 0.1},
+        },
+        "reduce": {
+            "touchable": "z > 99%",
+            "radius": "15%",
+            "depth": 0.01,
+            "order": 2,
+            "tolerance": 1e-2,
+            "pade": True,
+            "start": "rest",
+            "vary": {"parameter": "young", "part": "x > 50%", "low": 1e5, "high": 2e5, "nodes": 2},
+        },
+    },
+    {
+        "mesh": "bar.vtu",
+        "units": 1.0,
+        "fixed": [0, 1, 2, 3],
+        "material": {"law": "Ogden", "mu": [1e3, -50.0], "alpha": [2.0, -4], "poisson": 0.4},
+        "reduce": {"vary": {"parameter": "radius", "low": "5%", "high": "20 mm"}},
+    },
+    {
+        "mesh": "bar.vtu",
+        "units": "m",
+        "fixed": "root",
+        "material": {
+            "law": "HolzapfelGasserOgden",
+            **{"c": 3e3, "k1": 2e3, "k2": 0.8, "kappa": 1e5, "dispersion": 0.1, "bear_compression": True},
+            "fibres": {"angle": 30, "axis": [1, 0, 0], "through": [0, 0.05, 0.05]},
+        },
+    },
+    {
+        "mesh": "bar.vtu",
+        "units": "m",
+        "fixed": "root",
+        "material": {"law": "MooneyRivlin", "c1": 1e4, "c2": 2e3, "alpha": 1e5, "volumetric": "J-1"},
+        "settings": {"newton": {}},
+    },
+    {
+        "mesh": "bar.vtu",
+        "units": "m",
+        "fixed": "root",
+        "material": {"law": "Yeoh", "c10": 500.0, "c20": 200, "c30": 0, "poisson": 0.45},
+        "scan": {"gravity": [0, 0, 1], "density": 1000},
+        "reduce": {"start": "scan", "pade": False},
+    },
+]
+MOMENT = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
+VALUES: list[Any] = [
+    *(True, False, 0, 1, -1, 2, 7, 10**6, 99999999, 10**400, 0.5, 1.5, -0.0, 1e-300, 1e100, 1e300, math.inf, math.nan),
+    *("", "a", "1", "1.0", "yes", "free", "root", "tip", "m", "radius", "poisson", "Linear", "P2", "loads", "\0"),
+    *("5%", "12 mm", "-3 cm", "x < 10%", "x <", "1e999%", [], [[]], [1], [True], ["a"], [0, 0], [0, 0, 1], [-1], [81]),
+    *([True, False, True], [0, True, 1], ["free", "free", "free"], [1e100, 0, 0], [math.nan, 0, 0], ["0", "0", "1"]),
+    *([0, 0, [1]], [[1, 0, 0], [0, 1, 0]], [[1, 0, 0], [0, 1, True]], {}, {"a": 1}, {"tip": True}, {"tip": [0, 0, 1]}),
+    *({"x": {"y": {}}}, {"law": "Linear"}, {"young": "1"}, {"root": 1e100}, MOMENT, MOMENT.date(), MOMENT.time()),
+]
+
+
+def real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e15
+
+
+def whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 2**32
+
+
+def vector(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(real, value))
+
+
+def text(value: Any) -> bool:
+    return isinstance(value, str) and value != ""
+
+
+def place(value: Any) -> bool:
+    return text(value) or (isinstance(value, list) and value != [] and all(map(whole, value)))
+
+
+def length(value: Any) -> bool:
+    return text(value) or (real(value) and value > 0)
+
+
+def end(value: Any) -> bool:
+    return text(value) or real(value)
+
+
+def components(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(part == "free" or real(part) for part in value)
+
+
+def terms(value: Any) -> bool:
+    return real(value) or (isinstance(value, list) and 1 <= len(value) <= 3 and all(map(real, value)))
+
+
+def places(kind: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, dict) and all(map(kind, value.values()))
+
+
+def fibres(value: Any) -> bool:
+    if isinstance(value, dict):
+        return fits(value, {"angle": real, "axis": vector, "through": vector})
+    return isinstance(value, list) and len(value) == 2 and all(map(vector, value))
+
+
+def fits(table: Any, kinds: dict[str, Any]) -> bool:
+    """Whether a table has these keys alone, each of its kind."""
+    return isinstance(table, dict) and all(
+        name in kinds and (fits(value, kinds[name]) if isinstance(kinds[name], dict) else kinds[name](value))
+        for name, value in table.items()
+    )
+
+
+def flag(value: Any) -> bool:
+    return isinstance(value, bool)
+
+
+NUMBERS = ("young", "poisson", "lam", "c1", "c2", "kappa", "c10", "c20", "c30", "c", "k1", "k2", "dispersion")
+MATERIAL: dict[str, Any] = {
+    **dict.fromkeys(NUMBERS, real),
+    **{"law": text, "mu": terms, "alpha": terms, "volumetric": text, "bear_compression": flag, "fibres": fibres},
+}
+LOADS: dict[str, Any] = {
+    "force": places(vector),
+    "traction": places(vector),
+    "pressure": places(real),
+    "gravity": vector,
+    "density": real,
+}
+KINDS: dict[str, Any] = {
+    "mesh": text,
+    "units": lambda value: text(value) or (real(value) and value > 0),
+    "fixed": place,
+    "element": text,
+    "material": lambda value: all(
+        fits(part, MATERIAL) if isinstance(part, dict) and name != "fibres" else fits({name: part}, MATERIAL)
+        for name, part in value.items()
+    ),
+    "loads": {**LOADS, "displacement": places(components)},
+    "scan": LOADS,
+    "settings": {
+        "steps": whole,
+        "newton": {"tolerance": real, "max_iterations": whole, "max_backtracks": whole, "smallest_step": real},
+    },
+    "reduce": {
+        **{"touchable": place, "radius": length, "depth": length, "order": whole, "tolerance": real, "pade": flag},
+        **{"start": text, "vary": {"parameter": text, "part": place, "low": end, "high": end, "nodes": whole}},
+    },
+}
+
+
+def spots(words: Any) -> Iterator[tuple[Any, Any]]:
+    """Every table or list of a case with a key of its own."""
+    for key, value in words.items() if isinstance(words, dict) else enumerate(words):
+        yield words, key
+        if isinstance(value, dict | list):
+            yield from spots(value)
+
+
+def mutated(chance: random.Random) -> dict[str, Any]:
+    """A case with one or two of its entries replaced, taken away or called by another name."""
+    words: dict[str, Any] = copy.deepcopy(chance.choice(CASES))
+    for _ in range(chance.choice((1, 1, 2))):
+        table, key = chance.choice(list(spots(words)))
+        change = chance.random()
+        if isinstance(table, dict) and change < 0.1:
+            del table[key]
+        elif isinstance(table, dict) and change < 0.2:
+            table[chance.choice(["", "a", "young", "mu", "x < 10%", "density", "fibres", "law", "low"])] = table.pop(
+                key
+            )
+        else:
+            table[key] = copy.deepcopy(chance.choice(VALUES))
+    return words
+
+
+@pytest.fixture(scope="module")
+def folder(bar: vs.Mesh, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("schema")
+    bar.write(folder / "bar.vtu")
+    return folder
+
+
+def test_mutated_cases_are_refused_in_words_or_right(folder: Path) -> None:
+    chance = random.Random(15)
+    refused, taken = 0, []
+    for _ in range(MUTATIONS):
+        words = mutated(chance)
+        try:
+            taken.append(case_of(words, folder))
+        except vs.VisceraError:
+            refused += 1
+        else:
+            assert fits(words, KINDS), words
+    assert refused > MUTATIONS / 2
+    assert len(taken) > MUTATIONS / 20
+    for case in chance.sample(taken, BUILDS):
+        build(case)
+
+
+def build(case: Case) -> None:
+    """The organ and its loads, in words where they cannot be made; nothing is solved."""
+    try:
+        organ = case.organ()
+        loads = case.loading()
+        prescribed(organ.mesh, organ.fixed, loads["displacement"])
+        nodal_forces(organ.mesh, organ.fixed, loads["force"])
+        traction_forces(organ.mesh, organ.fixed, loads["traction"])
+        pressed_faces(organ.mesh, organ.fixed, loads["pressure"])
+    except vs.VisceraError:
+        return
+
+
+HEAD = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'
+MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", poisson = 0.3, '
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (HEAD.replace('"Linear"', "1"), "law 1 is unknown; known: 'Corotated'"),
+        (HEAD.replace('"organ:beam"', "1"), "mesh must be words in quotes, got 1"),
+        ("units = []\n" + HEAD, r"units, .*must be a number above 0 .*, got \[\]"),
+        ("units = true\n" + HEAD, "units.* must be a number above 0 .*, got True"),
+        (HEAD + "loads = {density = {}}", r"density in \[loads\] must be a number above 0 .*, got {}"),
+        (HEAD + 'loads = {density = "1000"}', r"density in \[loads\] must be a number above 0 .*, got '1000'"),
+        (HEAD + "settings = {newton = 1}", "'settings.newton' is a table, written as"),
+        (HEAD + "reduce = {tolerance = []}", r"tolerance in \[reduce\] must be a number above 0 and below 1, got \[\]"),
+        (HEAD + "reduce = {start = []}", r"start in \[reduce\] \[\] is unknown; known: 'loads', 'rest', 'scan'"),
+        (HEAD + 'reduce.vary = {parameter = "young", low = "a", high = 2}', r"low in \[reduce.vary\]"),
+        (
+            HEAD + 'reduce.vary = {parameter = "young", low = "5%", high = 2}',
+            r"low in \[reduce.vary\] must be a number",
+        ),
+        (MADE + "young = true}", r"young in \[material\] must be a number above 0 .*, got True"),
+        (MADE + 'young = "1e5"}', r"young in \[material\] must be a number above 0 .*, got '1e5'"),
+        (HEAD + "loads = {gravity = [true, false, true], density = 1}", r"gravity in \[loads\] must be three finite"),
+        (HEAD + "loads = {gravity = [0, true, 1], density = 1}", r"gravity in \[loads\] must be three finite numbers"),
+        (HEAD + 'reduce = {pade = "no"}', r"pade in \[reduce\] must be true or false, got 'no'"),
+        (HEAD + "settings = {steps = true}", r"steps in \[settings\] must be a whole number from 1 to 10000, got True"),
+        (HEAD + "settings = {steps = 99999999}", "steps .* must be a whole number from 1 to 10000, got 99999999"),
+        (HEAD + "settings.newton = {max_iterations = 1.5}", "max_iterations .* must be a whole number from 1 to 10000"),
+        (
+            HEAD + "settings.newton = {max_iterations = 1e300}",
+            "max_iterations .* must be a whole number from 1 to 10000",
+        ),
+        (
+            HEAD + "loads.displacement.tip = [0, 0, -1e100]",
+            "displacement of 'tip' must be three numbers .* 1000 in size",
+        ),
+        (HEAD + "loads.force.tip = [0, 0, -1e100]", "force of 'tip' must be three finite numbers"),
+    ],
+)
+def test_what_is_of_the_wrong_kind_is_refused_in_words(tmp_path: Path, words: str, sentence: str) -> None:
+    (tmp_path / "case.toml").write_text(words, encoding="utf-8")
+    with pytest.raises(vs.VisceraError, match=f"case.toml: {sentence}"):
+        read_case(tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"mesh = " + b"[" * 100_000, "not a TOML file"),
+        (b"mesh = \xff", "not a TOML file"),
+        (b"mesh = 1" + b"0" * 5000, "not a TOML file|mesh must be words"),
+    ],
+)
+def test_what_is_no_case_file_is_refused_in_words(tmp_path: Path, content: bytes, sentence: str) -> None:
+    (tmp_path / "case.toml").write_bytes(content)
+    with pytest.raises(vs.VisceraError, match=f"case.toml: ({sentence})"):
+        read_case(tmp_path / "case.toml")
+    with pytest.raises(vs.VisceraError, match="is a folder"):
+        read_case(tmp_path)

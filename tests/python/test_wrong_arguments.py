@@ -1,0 +1,220 @@
+"""What is not what it should be gets a sentence that says so, wherever it enters; places and lengths are words, too."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.quantity import Number, Whole
+
+LAW = vs.NeoHookean(young=1e5, poisson=0.3)
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar, LAW, fixed="x < 1%")
+
+
+def test_places_are_words_in_python_too(bar: vs.Mesh, organ: vs.Organ) -> None:
+    assert organ.fixed.tolist() == bar.nodes("root").tolist()
+    by_words = organ.solve(force={"x > 99%": (0, 0, -1)})
+    by_name = organ.solve(force={"tip": (0, 0, -1)})
+    by_array = organ.solve(force=[(bar.nodes("tip"), (0, 0, -1))])
+    by_list = organ.solve(force=[(bar.nodes("tip").tolist(), (0, 0, -1))])
+    for state in (by_words, by_array, by_list):
+        assert state.displacement.tolist() == by_name.displacement.tolist()
+    assert by_words.reaction("x < 1%") == pytest.approx(by_name.reaction("root"))
+    assert bar.cells_in("x > 50%").tolist() == bar.cells_in(lambda x: x[:, 0] > 0.2).tolist()
+
+
+def test_a_condition_means_the_same_nodes_of_a_quadratic_mesh(bar: vs.Mesh) -> None:
+    """Those of the corners that meet it, and the midpoints between them."""
+    named = bar.with_sets(end="x > 90%").quadratic()
+    assert named.nodes("x > 90%").tolist() == named.nodes("end").tolist()
+
+
+def test_lengths_are_words_in_python_too(bar: vs.Mesh, organ: vs.Organ) -> None:
+    diagonal = bar.diagonal
+    assert organ.touchable(radius="20%").tolist() == organ.touchable(radius=0.2 * diagonal).tolist()
+    point = bar.points[bar.nodes("tip")[0]]
+    assert organ.patch(point, "6 cm").nodes.tolist() == organ.patch(point, 0.06).nodes.tolist()
+    assert bar.near(point, "10 cm").tolist() == bar.near(point, 0.1).tolist()
+    place = "z > 99% and x > 70%"
+    touch = organ.reduce(place, radius="15%", depth="5%", order=2)
+    assert touch.radius == pytest.approx(0.15 * diagonal)
+    assert touch.depth == pytest.approx(0.05 * diagonal)
+    varied = organ.reduce(place, radius="15%", depth="5%", order=2, vary=vs.Vary("radius", "10%", "8 cm", nodes=2))
+    assert varied.metadata["parameter"]["range"] == pytest.approx([0.1 * diagonal, 0.08])
+
+
+def test_what_a_hand_bears_may_be_asked_by_the_hand(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    hand = stepper.grasp("tip")
+    hand.move((0, 0, 0.001))
+    frame = stepper.frame()
+    assert frame.reaction(hand) == pytest.approx(frame.reaction("tip"))
+    assert np.abs(frame.reaction(hand)).max() > 0.0
+
+
+def test_a_start_is_a_state_a_frame_or_an_array(organ: vs.Organ) -> None:
+    state = organ.solve(force={"tip": (0, 0, -1)})
+    frame = organ.stepper(start=state).frame(force={"tip": (0, 0, -1)})
+    for start in (state, frame, state.displacement, state.displacement.tolist()):
+        again = organ.solve(force={"tip": (0, 0, -1)}, start=start)
+        assert again.iterations <= 1
+        stepper = organ.stepper(start=start)
+        assert stepper.displacement == pytest.approx(np.asarray(getattr(start, "displacement", start)))
+
+
+def test_a_mesh_made_of_arrays_is_checked(bar: vs.Mesh) -> None:
+    made = vs.Mesh(bar.points.tolist(), bar.cells.astype(np.int64))
+    assert made.cells.dtype == np.uint32
+    assert vs.Organ(made, LAW, fixed="x < 1%").solve().is_converged
+    with pytest.raises(vs.VisceraError, match="names a point that is not one of 81"):
+        vs.Mesh(bar.points, bar.cells + 81)
+
+
+def test_where_nothing_acts_it_is_said(organ: vs.Organ) -> None:
+    nothing: list[dict[str, Any]] = [{}, {"force": {"tip": (0, 0, 0)}}, {"displacement": {"tip": (0, 0, None)}}]
+    for loads in nothing:
+        state = organ.solve(**loads)
+        assert state.is_converged
+        assert state.message.startswith("nothing acts on the organ")
+    assert organ.solve(force={"tip": (0, 0, -1)}).message.startswith("converged in")
+    assert organ.solve(gravity=(0, 0, -9.81), density=1000).message.startswith("converged in")
+
+
+def test_a_density_in_other_units_is_shown(organ: vs.Organ, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "viscera"):
+        organ.solve(gravity=(0, 0, -9.81), density=260)
+        assert not caplog.records
+        organ.solve(gravity=(0, 0, -9.81), density=1.06)
+    assert [record.message for record in caplog.records] == [
+        "a density of 1.06 kg/m^3 is 0.00106 g/cm^3, lighter than any tissue; soft tissue has about 1000 kg/m^3"
+    ]
+
+
+def test_gmsh_of_the_first_version_is_named(tmp_path: Path) -> None:
+    (tmp_path / "old.msh").write_text("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n")
+    with pytest.raises(vs.VisceraError, match=r"version 1 .* is not read; .* gmsh old.msh -save -format msh41"):
+        vs.read(tmp_path / "old.msh")
+
+
+class Preset(vs.NeoHookean):
+    """A law of ours with parameters of its own is fine."""
+
+    def __init__(self) -> None:
+        super().__init__(young=1e5, poisson=0.3)
+
+
+def test_a_preset_of_a_law_is_a_law(bar: vs.Mesh) -> None:
+    assert vs.Organ(bar, Preset(), fixed="root").solve().is_converged
+
+
+def test_laws_are_not_written_in_python() -> None:
+    with pytest.raises(vs.VisceraError, match=r"laws are compiled, .* as CONTRIBUTING"):
+        type("Mine", (vs.laws.Law,), {"energy": lambda self, F: 0.0})
+    with pytest.raises(vs.VisceraError, match="laws are compiled"):
+        type("Mine", (vs.NeoHookean,), {"energy": lambda self, F: 0.0})
+
+
+Make = Callable[[vs.Organ], Any]
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (
+            lambda o: o.solve(displacement=[0, 0, 1]),
+            r"displacement must be {where: value}, or pairs .*, got \[0, 0, 1\]",
+        ),
+        (lambda o: o.solve(displacement={"tip": 0.1}), "displacement of 'tip' must be three numbers"),
+        (lambda o: o.solve(force="tip"), "force must be {where: "),
+        (lambda o: o.solve(force={"tip": (0, 0, True)}), "force on 'tip' must be three finite numbers"),
+        (lambda o: o.solve(force={"tip": (0, 0, "1")}), "force on 'tip' must be three finite numbers"),
+        (lambda o: o.solve(force={"tip": (0, 0, 1e100)}), r"none above 1e\+09 in size"),
+        (lambda o: o.solve(force=np.full((81, 3), 1e100)), "the force on node 0 must be three finite numbers"),
+        (lambda o: o.solve(force=[("tip", (0, 0, 1)), ("tip", (0, 0, 2))]), "force names 'tip' twice"),
+        (lambda o: o.solve(force=[({}, (0, 0, 1))]), "a place of force must be a set's name"),
+        (lambda o: o.solve(traction=[1]), "traction must be {where: value}"),
+        (lambda o: o.solve(pressure=1e3), "pressure must be {where: value}"),
+        (lambda o: o.solve(pressure={"tip": True}), "the pressure on 'tip' must be a number"),
+        (lambda o: o.solve(gravity=9.81, density=1000), "gravity must be three finite numbers"),
+        (lambda o: o.solve(gravity=(0, 0, -9.81), density="water"), "density must be a number above 0 .*, got 'water'"),
+        (lambda o: o.solve(gravity=(0, 0, -9.81), density=True), "density must be a number above 0 .*, got True"),
+        (lambda o: o.solve(steps=True), "steps must be a whole number from 1 to 10000, got True"),
+        (lambda o: o.solve(steps=99999999), "steps must be a whole number from 1 to 10000, got 99999999"),
+        (lambda o: o.solve(settings=1), "settings must be a mapping"),
+        (lambda o: o.solve(settings={"max_iterations": 1.5}), "max_iterations in settings must be a whole number"),
+        (lambda o: o.solve(start="rest"), "start must be a State, a Frame or a finite displacement"),
+        (
+            lambda o: o.stepper(start=np.full((81, 3), np.nan)),
+            "start must be a State, a Frame or a finite displacement",
+        ),
+        (lambda o: o.stepper(start=np.zeros((3, 3))), "belongs to another mesh"),
+        (lambda o: o.stepper(damping=0.1), r"damping must be a pair \(alpha \[1/s\], beta \[s\]\)"),
+        (lambda o: o.stepper(relaxation=0.1), "relaxation must be a viscera.Prony"),
+        (lambda o: o.stepper(iterations="1"), "iterations must be a whole number from 1 to 1000, got '1'"),
+        (lambda o: o.stepper(budget="soon"), "budget must be a number above 0"),
+        (lambda o: o.stepper([0.1]), "grasped must be {where: value}"),
+        (lambda o: o.stepper().frame(displacement=[0.1]), "displacement must be {where: value}"),
+        (lambda o: o.stepper().frame(pressure=[0.1]), "pressure must be {where: value}"),
+        (lambda o: o.reduce("tip", vary=[1e3, 1e5]), "vary must be a viscera.Vary"),
+        (lambda o: o.reduce("tip", start=np.zeros((81, 3))), "the state to reduce about must be a State"),
+        (lambda o: o.reduce("tip", order=True), "order must be a whole number from 2 to 8, got True"),
+        (lambda o: o.reduce("tip", pade="no"), "pade must be true or false, got 'no'"),
+        (lambda o: o.reduce("tip", radius="wide"), "radius 'wide' is not a length"),
+        (lambda o: o.reduce("tip", radius=[0.1]), r"radius must be a number .*, got \[0.1\]"),
+        (lambda o: o.path(force={"tip": (0, 0, 1)}, order="2"), "order must be a whole number from 2 to 100, got '2'"),
+        (lambda o: o.path(force={"tip": (0, 0, 1)}, until=True), "until must be a number"),
+        (lambda o: o.pgd("tip", load="1"), "load must be a number"),
+        (lambda o: o.unloaded(gravity=(0, 0, -9.81), density=1000, tolerance="1e-9"), "tolerance must be a number"),
+        (lambda o: o.unloaded(force=[0, 0, 1]), "nodal forces have shape"),
+        (lambda o: vs.Organ("organ.vtu", LAW, fixed="x < 1%"), "the mesh must be a viscera.Mesh"),  # type: ignore[arg-type]
+        (lambda o: vs.Organ(o.mesh, LAW, fixed="x < 1%", element=1), "the element 1 is unknown"),  # type: ignore[arg-type]
+        (lambda o: vs.NeoHookean(1e3, 0.3), r"NeoHookean takes its parameters by name, .* young= and poisson="),
+        (lambda o: vs.NeoHookean(young=True, poisson=0.3), "young must be one number or an array .*, got True"),
+        (lambda o: vs.NeoHookean(young="1e5", poisson=0.3), "young must be one number or an array .*, got '1e5'"),
+        (lambda o: vs.NeoHookean(young=1e300, poisson=0.3), "young is 1e\\+300; it must not exceed"),
+        (lambda o: vs.MooneyRivlin(1, 1, alpha="stiff"), "alpha must be one number or an array"),
+        (lambda o: vs.MooneyRivlin(1, 1, kappa=1, volumetric=[]), "volumetric form .* is unknown"),  # type: ignore[arg-type]
+        (lambda o: vs.Ogden(mu=None, alpha=[1], poisson=0.3), "mu1 must be one number"),  # type: ignore[arg-type]
+        (lambda o: vs.helical_fibres(o.mesh, 30, axis="z"), "the axis of helical fibres must be three finite numbers"),
+        (lambda o: vs.Prony(g=0.1, tau=1), "relaxation g must be a list of numbers, got 0.1"),  # type: ignore[arg-type]
+        (lambda o: vs.Newmark(beta="a"), "beta of Newmark must be a number"),  # type: ignore[arg-type]
+        (lambda o: vs.Vary("young", "low", 2), "the range of young must be a number"),
+        (lambda o: vs.Vary(["young"], 1, 2), "the varied parameter .* is unknown"),  # type: ignore[arg-type]
+        (lambda o: vs.ConjugateGradients(tolerance=True), "tolerance of conjugate gradients must be a number above 0"),
+        (lambda o: vs.ConjugateGradients(max_iterations=1.5), "must be a whole number"),  # type: ignore[arg-type]
+        (lambda o: o.mesh.near("tip", 0.1), "centre must be three finite numbers"),
+        (lambda o: o.mesh.per_cell(True, {}), "the value per cell must be a number"),
+        (lambda o: vs.read("organ.vtu", units=True), "units, .* must be a number above 0"),
+    ],
+)
+def test_wrong_arguments(organ: vs.Organ, make: Make, sentence: str) -> None:
+    with pytest.raises(vs.VisceraError, match=sentence):
+        make(organ)
+
+
+def test_a_push_that_is_no_size_of_an_organ_is_refused(organ: vs.Organ) -> None:
+    """It gave a force that was no number."""
+    touch = organ.reduce("z > 99% and x > 70%", depth="5%", order=2)
+    point = organ.mesh.points[touch.mesh.nodes("z > 99% and x > 90%")[0]]
+    with pytest.raises(vs.VisceraError, match=r"contact displacement must be three finite numbers .* 1000 in size"):
+        touch(point, (0, 0, -1e100))
+    assert np.isfinite(touch(point, (0, 0, -1e3)).force).all()
+
+
+def test_what_numpy_calls_a_number_is_one() -> None:
+    assert Number()(np.float32(0.5), "x") == 0.5
+    assert Whole(1, 3)(np.int16(2), "n") == 2
+    assert Whole(1, 3)(np.array(2), "n") == 2
+    for wrong in (np.True_, np.array([1]), 1 + 0j, None, 2.0, "2"):
+        with pytest.raises(vs.VisceraError, match="n must be a whole number from 1 to 3"):
+            Whole(1, 3)(wrong, "n")

@@ -1,0 +1,169 @@
+"""The page where things go wrong: each fault is a sentence that can be read, or is got over."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+import viscera as vs
+from viscera.case import read_case
+from viscera.viewer import Server, export, page
+from viscera.viewer.live import live_case
+from viscera.viewer.surface import surface_model
+
+if TYPE_CHECKING:
+    from tests.web.conftest import Viewer
+
+    Look = Callable[..., Viewer]
+
+TOP = (0.3, 0.05, 0.1)
+SMALL = {"width": 390, "height": 600}
+NO_WEBGL = """
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+    return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...more);
+};
+"""
+# What lies at the middle of the page, shadow trees included.
+IN_SIGHT = """() => {
+    let found = document.elementFromPoint(innerWidth / 2, innerHeight / 2);
+    while (found?.shadowRoot) found = found.shadowRoot.elementFromPoint(innerWidth / 2, innerHeight / 2);
+    return found?.textContent ?? "";
+}"""
+# The colour that is drawn at a point of the organ.
+DRAWN = """(point) => {
+    const { renderer, scene, camera, canvas } = viscera.stage;
+    const { x, y } = viscera.project(point);
+    const gl = renderer.getContext();
+    renderer.render(scene, camera);
+    const ratio = renderer.getPixelRatio();
+    const pixel = new Uint8Array(4);
+    const place = [x, canvas.clientHeight - y].map((at) => Math.round(at * ratio));
+    gl.readPixels(...place, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return [...pixel];
+}"""
+
+
+@pytest.fixture
+def tab(browser: Any, server: Server) -> Iterator[Any]:
+    """A page of its own; the server's fixture skips where there is nothing to serve."""
+    opened = browser.new_page(viewport=SMALL)
+    yield opened
+    opened.close()
+
+
+def leb(number: int) -> bytes:
+    """An unsigned number as WebAssembly writes it."""
+    out = bytearray()
+    while True:
+        out.append(number & 0x7F | (0x80 if number > 0x7F else 0))
+        number >>= 7
+        if not number:
+            return bytes(out)
+
+
+def unleb(data: bytes, at: int) -> tuple[int, int]:
+    """A number and where it ends."""
+    value = shift = 0
+    while True:
+        byte = data[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if byte < 0x80:
+            return value, at
+
+
+def short_of_memory(module: bytes, pages: int) -> bytes:
+    """The same WebAssembly module, whose memory grows by no more than so many pages of 64 KiB."""
+    out, at = bytearray(module[:8]), 8
+    while at < len(module):
+        kind, start = module[at], at
+        size, body = unleb(module, at + 1)
+        at = body + size
+        if kind != 5:
+            out += module[start:at]
+            continue
+        assert module[body : body + 2] == b"\x01\x00"  # one memory without a limit
+        least, end = unleb(module, body + 2)
+        assert end == at
+        limited = b"\x01\x01" + leb(least) + leb(least + pages)
+        out += b"\x05" + leb(len(limited)) + limited
+    return bytes(out)
+
+
+def test_without_webgl_it_is_a_sentence(tab: Any, server: Server) -> None:
+    tab.add_init_script(NO_WEBGL)
+    tab.goto(server.url)
+    tab.get_by_text("this browser offers no WebGL 2").wait_for()
+    assert "switch on hardware acceleration" in tab.evaluate(IN_SIGHT)
+
+
+def test_a_lost_context_comes_back(look_at: Look, server: Server) -> None:
+    viewer = look_at(server.url, viewport=SMALL)
+    before = viewer.page.evaluate(DRAWN, TOP)
+    viewer.page.evaluate(
+        """() => {
+            window.context = viscera.stage.renderer.getContext().getExtension("WEBGL_lose_context");
+            window.context.loseContext();
+        }"""
+    )
+    warning = viewer.page.locator(".warning.is-shown")
+    warning.wait_for()
+    assert "graphics processor" in warning.inner_text()
+    viewer.page.evaluate("() => window.context.restoreContext()")
+    warning.wait_for(state="hidden")
+    assert viewer.page.evaluate(DRAWN, TOP) == pytest.approx(before, abs=3)
+    assert sum(before[:3]) > 90  # not nearly black
+    viewer.close()
+
+
+def test_opened_from_a_file_it_is_a_sentence(tab: Any, touch: vs.Touch, tmp_path: Path) -> None:
+    export(touch, tmp_path, "Bar")
+    tab.goto((tmp_path / "index.html").as_uri())
+    tab.get_by_text("has to come from a web server").wait_for()
+    assert "python -m http.server" in tab.evaluate("() => document.body.innerText")
+
+
+def test_a_model_beyond_the_memory_is_a_sentence(tab: Any, touch: vs.Touch) -> None:
+    files = page.files()
+    script = files["viewer.js"].decode()
+    [(start, encoded)] = re.findall(r"(data:application/wasm;base64,)([A-Za-z0-9+/=]+)", script)
+    module = short_of_memory(base64.b64decode(encoded), pages=2)
+    limited = script.replace(start + encoded, start + base64.b64encode(module).decode())
+    model = surface_model(touch, "Bar")
+    assert len(model) > 3 * 65536
+    with Server({**files, "viewer.js": limited.encode(), page.MODEL: model}) as small:
+        tab.goto(small.url)
+        tab.get_by_text("more than this browser's memory for a page holds").wait_for()
+        assert f"{len(model) / 1e6:.1f} MB" in tab.evaluate(IN_SIGHT)
+
+
+def test_a_model_beyond_any_browser_is_not_fetched(tab: Any, server: Server) -> None:
+    tab.add_init_script(
+        """
+        const fetched = window.fetch;
+        window.fetch = async (...asked) => {
+            const { body, status } = await fetched(...asked);
+            return new Response(body, { status, headers: { "content-length": "5000000000" } });
+        };
+        """
+    )
+    tab.goto(server.url)
+    tab.get_by_text("the model has 5.0 GB").wait_for()
+
+
+def test_a_case_beyond_the_memory_is_a_sentence(tab: Any, bar: vs.Mesh, tmp_path: Path) -> None:
+    bar.write(tmp_path / "bar.vtu")
+    material = 'material = {law = "NeoHookean", young = 1e5, poisson = 0.45}'
+    (tmp_path / "bar.toml").write_text(f'mesh = "bar.vtu"\nunits = "m"\nfixed = "root"\n{material}\n')
+    files = page.stepping_files()
+    module = short_of_memory(files["stepper.wasm"], pages=1)
+    case = live_case(read_case(tmp_path / "bar.toml"), "Bar")
+    with Server({**files, "stepper.wasm": module, page.CASE: case.data}) as small:
+        tab.goto(small.url)
+        tab.get_by_text("more memory than this browser gives a page").wait_for()
