@@ -31,7 +31,7 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: bench bench-haptic studies pages check-pages pictures clean
+.PHONY: docs bench bench-haptic studies pages check-pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,7 +43,7 @@ setup: ## make .venv and build the package into it; quick when nothing changed
 demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(BIN)/viscera demo --no-view --output out
 
-test: setup lint test-core test-c test-python test-web ## everything that must be green
+test: setup lint docs test-core test-c test-python test-web ## everything that must be green
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
@@ -114,11 +114,17 @@ studies: $(extension) ## the full studies of the papers; their tables go where t
 		$(BIN)/python benchmarks/machine.py > benchmarks/results/$$name/printed.txt && \
 		$(BIN)/viscera study $$name -o out/$$name && cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
+docs: $(extension) ## the documentation site, in out/site; a warning is an error
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
+
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py
 	$(BIN)/python scripts/pages.py
 
-check-pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
+check-docs: $(extension) ## the documentation site, in out/site; a warning is an error
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
+
+pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
 	$(BIN)/python scripts/pages.py --check
 
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
