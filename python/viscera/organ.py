@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ELEMENTS = ("P1", "P1 mean volume", "P2")
+ROUNDING = 1e-9
+"""Of Poisson's ratio, which a law computes from the parameters it keeps: 0.45 stays 0.45 for every Young's modulus."""
 STEPS = Whole(1, 10_000)
 ORDER = Whole(2, 8)
 TOLERANCE = Number(above=0, below=1)
@@ -458,7 +460,8 @@ class Organ:
 def _element(name: str | None, law: Law) -> str:
     """The element asked for, or the one that is right for the law."""
     if name is None:
-        return defaults.LOCKING_FREE_ELEMENT if law.poisson.max() > defaults.LOCKING_POISSON else defaults.ELEMENT
+        locks = law.poisson.max() > defaults.LOCKING_POISSON * (1.0 + ROUNDING)
+        return defaults.LOCKING_FREE_ELEMENT if locks else defaults.ELEMENT
     return Choice(ELEMENTS)(name, "the element")
 
 

@@ -126,3 +126,13 @@ def test_errors_fall_at_the_order_of_the_element(
     coarse, fine = [np.array(errors(LAWS[law](poisson), element, n)) for n in meshes]
     found = np.log(coarse / fine) / np.log(meshes[1] / meshes[0])
     assert (found > rates).all(), f"rates {found}, errors {coarse} {fine}"
+
+
+def test_the_default_element_does_not_depend_on_how_stiff_the_tissue_is() -> None:
+    """Poisson's ratio comes back from Lame's parameters with a rounding that depends on Young's modulus."""
+    mesh = box((1, 1, 1), (1.0, 1.0, 1.0))
+    moduli = np.geomspace(1e2, 1e7, 200)
+    at_limit = {vs.Organ(mesh, vs.NeoHookean(young=young, poisson=0.45), fixed="clamp").element for young in moduli}
+    beyond = {vs.Organ(mesh, vs.NeoHookean(young=young, poisson=0.4501), fixed="clamp").element for young in moduli}
+    assert at_limit == {"P1"}
+    assert beyond == {"P1 mean volume"}
