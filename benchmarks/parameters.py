@@ -19,7 +19,7 @@ import viscera as vs
 from viscera.mesh import Floats
 from viscera.study.case import middle
 
-DEPTHS = (0.05, 0.10)
+DEPTHS = ("5%", "10%")
 
 
 def main(touches: int) -> None:

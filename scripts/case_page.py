@@ -24,8 +24,10 @@ has an example.
 - Units are SI throughout; `units` speaks of the mesh file alone.
 - A number is written without quotes. `true`, `false` and words in quotes are never numbers; where a whole number is
   asked for, `2.0` is none.
-- A condition compares an axis with a bound, `"x < 10%"`, or puts it between two, `"20% < y < 30 mm"`; `and` joins
-  conditions. A percentage counts along the bounding box of the mesh; any other bound has its unit.
+- A place is the name of a set, `"3, 14, 15"`, or conditions such as `"x < 10%"`, `"20% < y < 30 mm"` or
+  `"within 8 mm of (100, 50, 80) mm"`, joined by `and`;
+  [all of them](units-and-conventions.md#places-points-and-lengths-in-words).
+- `organ.to_case(path)` writes a case from Python, `vs.case(path)` reads it.
 """
 PAIRS = """
 A law takes `young` and `poisson`, or `mu` and `lam`; of `kappa`, `poisson` and `alpha` it takes the one that is given.

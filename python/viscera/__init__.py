@@ -14,6 +14,8 @@ from viscera import startup  # noqa: F401 - before whatever takes its time
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.case import Case
+from viscera.case import read_case as case
 from viscera.comparison import compare
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
@@ -41,6 +43,7 @@ from viscera.vary import Vary
 __all__ = [
     "Answer",
     "BackwardEuler",
+    "Case",
     "ConjugateGradients",
     "Corotated",
     "Fit",
@@ -66,6 +69,7 @@ __all__ = [
     "VisceraError",
     "Yeoh",
     "__version__",
+    "case",
     "compare",
     "fit",
     "helical_fibres",

@@ -106,9 +106,8 @@ class Case:
 
     def loading(self) -> dict[str, Any]:
         """Loads and settings as `Organ.solve` takes them."""
-        moved = self.loads.get("displacement", {})
         return {
-            "displacement": {place: _components(values) for place, values in moved.items()},
+            "displacement": self.loads.get("displacement", {}),
             "force": self.loads.get("force", {}),
             "traction": self.loads.get("traction", {}),
             "pressure": self.loads.get("pressure", {}),
@@ -233,7 +232,3 @@ def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> A
     values = np.array(np.broadcast_to(np.asarray(whole, dtype=float), len(mesh.cells)))
     values[cells] = value
     return values
-
-
-def _components(values: list[Any]) -> list[float | None]:
-    return [None if value == schema.FREE else value for value in values]

@@ -23,6 +23,7 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.organ import Progress
 from viscera.progress import shown
+from viscera.select import length
 from viscera.state import State
 from viscera.touch import Touch
 
@@ -143,12 +144,13 @@ def check(
     *,
     touches: int = 50,
     seed: int = 0,
-    depths: Sequence[float] | None = None,
+    depths: Sequence[float | str] | None = None,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> Check:
     """Compare the model with full solutions at `touches` random contacts, each at all `depths`.
 
-    depths: fractions of the bounding-box diagonal; 5 % and 10 % by default, cut at the depth the model was built for.
+    depths [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default "5%" and "10%", cut at the
+        depth that the model was built for.
     seed: of the random contacts; the same seed asks the same questions.
     """
     if touches < 1:
@@ -265,14 +267,16 @@ def _rows(touch: Touch, full: Full, point: Floats, pushes: list[Floats], stop: E
     return rows
 
 
-def _depth_fractions(touch: Touch, depths: Iterable[float] | None) -> list[float]:
-    deepest = touch.depth / touch.mesh.diagonal
+def _depth_fractions(touch: Touch, depths: Iterable[float | str] | None) -> list[float]:
+    diagonal = touch.mesh.diagonal
+    deepest = touch.depth / diagonal
     if depths is None:
         return sorted({min(fraction, deepest) for fraction in defaults.CHECK_DEPTH_FRACTIONS})
-    wanted = sorted(set(depths))
+    wanted = sorted({length(depth, diagonal, "depth") / diagonal for depth in depths})
     if not wanted or not all(0.0 < fraction <= deepest * (1 + 1e-9) for fraction in wanted):
+        shown = ", ".join(f"{1e3 * fraction * diagonal:.4g}" for fraction in wanted)
         raise VisceraError(
-            f"depths {wanted} must be positive and at most {deepest:.4g} of the diagonal, the model's own depth"
+            f"the depths ({shown}) mm must be positive and at most {1e3 * touch.depth:.4g} mm, the model's own depth"
         )
     return wanted
 

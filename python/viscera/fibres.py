@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, numbers_of, refused, vector
+from viscera.select import point
 
 
 def helical_fibres(
@@ -17,8 +18,8 @@ def helical_fibres(
 ) -> Floats:
     """Two families (2, m, 3) that wind round an axis at +angle and -angle [degrees] from the circumference.
 
-    axis: direction (3,) of the vessel; through: a point (3,) [m] of its centre line. Each cell takes the circumference
-    at its centroid; raises `VisceraError` for an axis of no length or a centroid on it.
+    axis: direction (3,) of the vessel; through: a point (3,) [m] of its centre line, also in words. Each cell takes the
+    circumference at its centroid; raises `VisceraError` for an axis of no length or a centroid on it.
 
     >>> import viscera as vs
     >>> vs.helical_fibres(vs.organs.artery(), 40.0).shape
@@ -29,7 +30,7 @@ def helical_fibres(
     if not along.any():
         raise VisceraError("the axis of helical fibres has no length; give a direction such as (0, 0, 1)")
     along /= np.linalg.norm(along / np.abs(along).max()) * np.abs(along).max()
-    around = np.cross(along, mesh.centroids - vector(through, "the point that the axis goes through", "m"))
+    around = np.cross(along, mesh.centroids - point(through, mesh, "the point that the axis goes through"))
     radius = np.linalg.norm(around, axis=1, keepdims=True)
     if not (radius > 1e-9 * mesh.diagonal).all():
         raise VisceraError(f"the centroid of cell {int(radius.argmin())} lies on the axis of the helical fibres")

@@ -14,7 +14,8 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.progress import shown
-from viscera.quantity import vector
+from viscera.select import offset
+from viscera.select import point as point_of
 
 if TYPE_CHECKING:
     from viscera.touch import Touch
@@ -177,24 +178,25 @@ class Galerkin:
         self._last: Grasp | None = None
 
     def grasp(self, points: ArrayLike, *, wait: bool = True) -> Grasp:
-        """Take hold at some points (k, 3) [m] of the touchable surface, at rest.
+        """Take hold at some points (k, 3) [m] of the touchable surface, at rest; coordinates also in words.
 
         wait: for the snapshots. Without, the grasp answers as soon as it can in the fields of the series, and becomes
         better while it is in use: snapshots are solved in the background, on all processors but one, in rounds and then
         where the tools are.
         """
-        rows = np.atleast_2d(np.ascontiguousarray(points, dtype=np.float64))
-        if rows.ndim != 2 or rows.shape[1:] != (3,):
-            raise VisceraError(f"contact points have shape {np.shape(points)}; they must be (k, 3)")
-        rows = np.array([vector(row, f"contact point {k}", "m") for k, row in enumerate(rows)])
+        shape = np.shape(points)
+        if shape[-1:] != (3,) or len(shape) > 2:
+            raise VisceraError(f"contact points have shape {shape}; they must be (k, 3)")
+        given = [points] if len(shape) == 1 else list(points)  # type: ignore[arg-type]
+        rows = np.array([point_of(row, self.touch.mesh, f"contact point {k}") for k, row in enumerate(given)])
         return Grasp(self._core.grasp(rows, wait), rows)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
         """The answer to touches `[(point, displacement), ...]` [m]; holds on as long as the points stay the same."""
         if not touches:
             raise VisceraError("no touch; give at least one (point, displacement)")
-        points = np.array([vector(point, "contact point", "m") for point, _ in touches])
-        pushes = np.array([vector(push, "contact displacement", "m") for _, push in touches])
+        points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in touches])
+        pushes = np.array([offset(push, self.touch.mesh, "contact displacement") for _, push in touches])
         if self._last is None or not np.array_equal(self._last.points, points):
             self._last = self.grasp(points)
         return self._last.solve(pushes, stiffness=stiffness)

@@ -16,12 +16,12 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.mesh import Where as Nodes
 from viscera.quantity import LARGEST, Number, Vector, numbers_of, refused, vector
-from viscera.select import AXES
+from viscera.select import AXES, FREE, offset
 
 log = logging.getLogger("viscera")
 
 Where: TypeAlias = Nodes | _core.Patch
-"""A place: the name of a node set, a predicate on points, node indices, or a contact patch."""
+"""A place: the name of a node set, conditions, a predicate on points, node indices, or a contact patch."""
 
 Displacements: TypeAlias = Mapping[Any, ArrayLike | Sequence[float | None]] | Sequence[tuple[Any, Any]]
 Forces: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]] | ArrayLike
@@ -73,10 +73,10 @@ def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Presc
     for where, target in by_place(displacement, "displacement").items():
         names.append(name_of(where))
         if isinstance(where, _core.Patch):
-            patches.append((where, vector(target, "displacement of a patch (all three components)", "m")))
+            patches.append((where, offset(target, mesh, "displacement of a patch (all three components)")))
             continue
         nodes = mesh.nodes(where)
-        for axis, wanted in enumerate(_components(target, len(nodes), names[-1])):
+        for axis, wanted in enumerate(_components(target, mesh, len(nodes), names[-1])):
             if wanted is None:
                 continue
             previous = owner[nodes, axis]
@@ -184,7 +184,7 @@ def are_pairs(given: Any) -> bool:
     return isinstance(given, list | tuple) and all(isinstance(pair, list | tuple) and len(pair) == 2 for pair in given)
 
 
-def _components(target: Any, count: int, name: str) -> list[Floats | None]:
+def _components(target: Any, mesh: Mesh, count: int, name: str) -> list[Floats | None]:
     """The three components of a displacement: None where free, else one value for the set or one per node."""
     if isinstance(target, np.ndarray) and target.ndim == 2:
         rows = numbers_of(target)
@@ -192,11 +192,13 @@ def _components(target: Any, count: int, name: str) -> list[Floats | None]:
             raise VisceraError(f"displacements of {name}: expected finite values of shape ({count}, 3) [m]")
         return list(rows.T)
     if not isinstance(target, np.ndarray | list | tuple) or len(target) != 3:
-        raise refused(f"displacement of {name}", "three numbers [m], None for a free one", target)
-    if all(component is None for component in target):
+        raise refused(f"displacement of {name}", 'three lengths [m], None or "free" for a free one', target)
+    is_free = [component is None or (isinstance(component, str) and component == FREE) for component in target]
+    if all(is_free):
         raise VisceraError(f"the displacement of {name} leaves all components free; remove it")
-    filled = vector([0.0 if c is None else c for c in target], f"displacement of {name}", "m")
-    return [None if c is None else filled[axis] for axis, c in enumerate(target)]
+    held = [0.0 if free else component for free, component in zip(is_free, target, strict=True)]
+    filled = offset(held, mesh, f"displacement of {name}")
+    return [None if free else filled[axis] for axis, free in enumerate(is_free)]
 
 
 def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:

@@ -18,13 +18,15 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core, meshfile
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import RawMesh
-from viscera.quantity import Number, vector
-from viscera.select import conditional, extent, is_condition, length
+from viscera.quantity import Number
+from viscera.select import conditional, extent, indices, is_condition, length
+from viscera.select import point as point_of
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
 Where = str | ArrayLike | Callable[[Floats], ArrayLike]
-"""A set's name, a condition such as "x < 10%", indices, or a predicate on places (k, 3) -> bool (k,)."""
+"""A set's name, conditions such as "x < 10%" or "within 8 mm of (100, 50, 80) mm", indices, or a predicate on places
+(k, 3) -> bool (k,): see `viscera.select`."""
 
 log = logging.getLogger("viscera")
 
@@ -63,6 +65,10 @@ class Mesh:
             checked = mesh(self.points, self.cells, self.sets, self.cell_sets)
             for name in ("points", "cells", "sets", "messages", "cell_sets"):
                 object.__setattr__(self, name, getattr(checked, name))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As pickle and copy have it: what was checked is not checked again."""
+        return _again, (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets)
 
     @cached_property
     def surface(self) -> Indices:
@@ -109,7 +115,7 @@ class Mesh:
     def nodes(self, where: Where) -> Indices:
         """The nodes of a place, ascending.
 
-        where: a set's name; a condition, as `viscera.select` reads it; node indices; or a predicate on points
+        where: a set's name; conditions, as `viscera.select` reads them; node indices; or a predicate on points
             (n, 3) -> bool (n,).
         Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
         mesh, and a set without nodes. In a quadratic mesh, corners given by index or by a condition bring the midpoint
@@ -118,7 +124,10 @@ class Mesh:
         >>> import viscera as vs
         >>> len(vs.organs.beam().nodes("x < 1% and z > 12 cm"))
         10
+        >>> len(vs.organs.beam().nodes("clamp and within 6 cm of (0%, 50%, 50%)"))
+        5
         """
+        where = _listed_in(where, self.sets)
         places = self.points[: self.n_corners] if isinstance(where, str) else self.points
         found = _members(where, self.sets, places, self.bounding_box, "node")
         is_chosen = callable(where) or (isinstance(where, str) and where in self.sets)
@@ -130,6 +139,7 @@ class Mesh:
 
         Conditions and predicates look at the centroids (m, 3). Raises `VisceraError` as `nodes` does.
         """
+        where = _listed_in(where, self.cell_sets)
         return _members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
 
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
@@ -149,8 +159,8 @@ class Mesh:
         return values
 
     def near(self, point: ArrayLike, radius: float | str) -> Indices:
-        """Surface nodes within `radius` [m] of a point (3,) [m]: a set around a place."""
-        center = vector(point, "centre", "m")
+        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words: a set around a place."""
+        center = point_of(point, self, "centre")
         radius = length(radius, self.diagonal, "radius")
         distance = np.linalg.norm(self.points[self.surface_nodes] - center, axis=1)
         if not (distance <= radius).any():
@@ -406,7 +416,7 @@ def _members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Flo
     if isinstance(where, str):
         if not is_condition(where):
             raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
-        found = np.flatnonzero(conditional(places, where, box))
+        found = np.flatnonzero(conditional(places, where, box, sets, noun))
         if len(found) == 0:
             raise VisceraError(f"{where!r} selects no {noun}; {extent(box)}")
         return found.astype(np.uint32)
@@ -425,6 +435,14 @@ def _members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Flo
             raise VisceraError(f"the predicate selects no {noun}; the {of} lie between {low} and {high} m")
         return found.astype(np.uint32)
     return _indices(where, len(places), f"the {noun} set", noun)
+
+
+def _listed_in(where: Where, sets: Mapping[str, Indices]) -> Where:
+    """Indices for words that list some and are no set's name; everything else as it is."""
+    if not isinstance(where, str) or where in sets:
+        return where
+    listed = indices(where)
+    return where if listed is None else listed
 
 
 def _indices(where: ArrayLike, count: int, what: str, noun: str = "node") -> Indices:
@@ -454,6 +472,12 @@ def _listed(noun: str, indices: Indices) -> str:
     if len(indices) == 1:
         return f"{noun} {indices[0]} is"
     return f"{len(indices)} {noun}s (first: {', '.join(map(str, indices[:5]))}) are"
+
+
+def _again(points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any) -> Mesh:
+    """A mesh from the arrays of one, which pickle has made writable."""
+    sets, parts = ({name: _read_only(members) for name, members in each.items()} for each in (sets, parts))
+    return Mesh(_read_only(points), _read_only(cells), sets, messages, _read_only(edges), parts)
 
 
 def _is_ours(array: Any, kind: type) -> bool:

@@ -37,6 +37,7 @@ from viscera.preload import preload_of
 from viscera.progress import shown
 from viscera.quantity import Choice, Flag, Number, Whole, numbers_of, refused, vector
 from viscera.select import length
+from viscera.select import point as point_of
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
 from viscera.stepper import Frame, Stepper, settings_of
@@ -46,6 +47,8 @@ from viscera.vary import Vary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from viscera.case import Case
 
 ELEMENTS = ("P1", "P1 mean volume", "P2")
 ROUNDING = 1e-9
@@ -95,6 +98,10 @@ class Organ:
         corners = self.mesh.points[: self.mesh.n_corners]
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As pickle and copy have it: the compiled body is made anew."""
+        return _again, (self.mesh, self.law, self.fixed, self.element)
+
     def with_law(self, law: Law) -> Organ:
         """The same mesh, supports and element with another law."""
         return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
@@ -122,8 +129,9 @@ class Organ:
     ) -> State:
         """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
 
-        displacement: `{where: (x, y, z)}` [m], None leaving a component free; an array (k, 3) moves each node of a set
-            on its own; for a contact patch (`Organ.patch`) the weighted mean is prescribed.
+        displacement: `{where: (x, y, z)}` [m] or in words such as "-10 mm", None or "free" leaving a component free; an
+            array (k, 3) moves each node of a set on its own; for a contact patch (`Organ.patch`) the weighted mean is
+            prescribed.
         force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
             shares where it has none), or an array (n, 3) of nodal forces.
         traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
@@ -293,9 +301,10 @@ class Organ:
     def patch(self, point: ArrayLike, radius: float | str) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
+        Both also in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
         A place for `solve`: its mean displacement may be prescribed, a force spread over it.
         """
-        return self._body.patch(vector(point, "contact point", "m"), self._length("radius", radius))
+        return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
 
     def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
         """The free surface nodes of a place; without one, all those farther than `radius` [m] from fixed nodes."""
@@ -398,6 +407,26 @@ class Organ:
         arrays = (self.mesh.points, self.mesh.cells, self.law.parameters, self.fixed, nodes, rest)
         return keeper.batches(fingerprint(arrays, words))
 
+    def to_case(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        loads: Mapping[str, Any] | None = None,
+        scan: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
+        reduction: Mapping[str, Any] | None = None,
+    ) -> Case:
+        """Write the organ as a case file (docs/case-file.md), its mesh beside it as NAME_mesh.vtu, and read it back.
+
+        loads, scan: as `solve` and `unloaded` take them, such as `{"gravity": (0, 0, -9.81), "density": 1060}`.
+        settings: "steps", and "newton" with a table. reduction: as `reduce` takes it, but "start" is "rest", "loads" or
+        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case has no word for: contact patches,
+        forces node by node, parameters that are a field over the cells, fibres that turn from cell to cell.
+        """
+        from viscera import casefile
+
+        return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
+
     def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
         """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
         from viscera.picture import draw_rest
@@ -463,6 +492,10 @@ def _element(name: str | None, law: Law) -> str:
         locks = law.poisson.max() > defaults.LOCKING_POISSON * (1.0 + ROUNDING)
         return defaults.LOCKING_FREE_ELEMENT if locks else defaults.ELEMENT
     return Choice(ELEMENTS)(name, "the element")
+
+
+def _again(mesh: Mesh, law: Law, fixed: Indices, element: str) -> Organ:
+    return Organ(mesh, law, fixed, element=element)
 
 
 def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.quantity import vector
+from viscera.select import point as point_of
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -188,7 +188,7 @@ class Pgd:
             if len(found) == 0:
                 raise VisceraError(f"node {s} is no load position; the positions are nodes of the touchable surface")
             return found, np.ones(1)
-        point = vector(s, "load position", "m")
+        point = point_of(s, self.mesh, "load position")
         triangle, shares, distance = self._surface.closest(point)
         if distance > self._reach:
             raise VisceraError(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from inspect import signature
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,12 @@ import numpy as np
 from viscera import defaults, law, organ, vary
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import METRES
-from viscera.quantity import LARGEST, Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
-from viscera.select import length
+from viscera.quantity import Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
+from viscera.select import FREE, METRIC, length, point
 from viscera.solver import NEWTON
 
 STARTS = ("rest", "loads", "scan")
 """Of the touches of a reduced model."""
-FREE = "free"
-"""A component of a displacement that nothing prescribes."""
 
 
 class Text:
@@ -65,7 +64,7 @@ class Place:
             Whole(0, 2**32 - 1)(index, f"a {self.noun} of {what}")
 
     def __str__(self) -> str:
-        return f'a {self.noun} set\'s name, a condition such as "x < 10%", or a list of {self.noun} indices'
+        return f'a {self.noun} set\'s name, conditions such as "x < 10%", or a list of {self.noun} indices'
 
 
 class Length:
@@ -80,17 +79,34 @@ class Length:
         return f'{self.metres}; or words such as "12 mm", or "10%" of the diagonal of the bounding box'
 
 
+UNIT = SimpleNamespace(bounding_box=np.array([[0.0] * 3, [1.0] * 3]), diagonal=1.0)
+"""Stands for the mesh, which is not there yet."""
+
+
+class Point:
+    """A point of the mesh."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        point(value, UNIT, what)
+
+    def __str__(self) -> str:
+        return f'three lengths, each {METRIC} or words such as "12 mm" and "10%"; or "(100, 50, 80) mm"'
+
+
 class Components:
     """A displacement, some of whose components may be free."""
 
     def __call__(self, value: Any, what: str) -> None:
         parts = [part for part in value if part != FREE] if isinstance(value, list) and len(value) == 3 else []
-        numbers = numbers_of(parts)
-        if not parts or numbers is None or not (abs(numbers) <= LARGEST["m"]).all():
+        if not parts or any(isinstance(part, bool | list | dict) for part in parts):
             raise refused(what, self, value)
+        for part in parts:
+            if isinstance(part, str) and not any(letter.isdigit() for letter in part):
+                raise refused(what, self, value)
+            length(part, 1.0, what)
 
     def __str__(self) -> str:
-        return f'three numbers [m], none above {LARGEST["m"]:g} in size, or "{FREE}" for one or two of them'
+        return f'three lengths, each {METRIC} or words such as "-12 mm", or "{FREE}" for one or two of them'
 
 
 @dataclass(frozen=True)
@@ -301,7 +317,7 @@ HELICAL = Table(
     {
         "angle": Key(Number(low=-360, high=360), "from the circumference, in degrees", is_required=True),
         "axis": Key(Vector(""), "of the vessel", "[0, 0, 1]"),
-        "through": Key(Vector("m"), "a point of the axis", "[0, 0, 0]"),
+        "through": Key(Point(), "a point of the axis", "[0, 0, 0]"),
     },
 )
 DENSITY = Key(PerCell(Number("kg/m^3", above=0)), "of the tissue")

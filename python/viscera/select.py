@@ -1,25 +1,30 @@
-"""Places and lengths in words, the same in Python, case files and on the command line: `x < 10%`, `12 mm`.
+"""Places, points and lengths in words: the same in Python, case files and on the command line.
 
-A condition compares an axis with a bound, or puts it between two: `z > 3 cm`, `20% < y < 30 mm`. A percentage counts
-along the mesh's bounding box from its low end; a length needs its unit (m, cm, mm, um or inch). `and` joins conditions.
+A place is a set's name, indices such as "3, 14, 15", or conditions joined by `and`. A condition compares an axis with a
+bound, or puts it between two: `z > 3 cm`, `20% < y < 30 mm`; is a sphere: `within 8 mm of (100, 50, 80) mm`; or is a
+set's name again: `capsule and z > 3 cm`. A length has its unit (m, cm, mm, um or inch), but for zero. A percentage of a
+coordinate counts along the mesh's bounding box from its low end, of any other length along the diagonal of that box.
+Numbers that are no words are metres.
 """
 
 from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import METRES
-from viscera.quantity import Number, brief
+from viscera.quantity import Number, brief, refused, vector
 
 Floats = NDArray[np.float64]
 AXES = "xyz"
+FREE = "free"
+"""A component of a displacement that nothing prescribes."""
 METRIC = Number("m")
 COMPARISONS: dict[str, Callable[..., NDArray[np.bool_]]] = {
     "<": operator.lt,
@@ -29,25 +34,55 @@ COMPARISONS: dict[str, Callable[..., NDArray[np.bool_]]] = {
 }
 MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
-BOUND = r"[-+]?\d*\.?\d+(?:[eE][-+]?\d+)?\s*(?:%|[a-z]+)?"
+BOUND = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*(?:%|[a-z]+)?"
 LEFT, RIGHT = rf"(?P<low>{BOUND})\s*(?P<left>[<>]=?)\s*", rf"\s*(?P<right>[<>]=?)\s*(?P<high>{BOUND})"
 CONDITION = re.compile(rf"(?:{LEFT})?(?P<axis>[xyz])(?:{RIGHT})?")
+SPHERE = re.compile(rf"within\s+(?P<radius>{BOUND})\s+of\s+(?P<centre>\(.*)")
+BRACKETED = re.compile(r"\((?P<inside>[^()]*)\)\s*(?P<unit>%|[a-z]*)")
+INDICES = re.compile(r"\d+(?:[\s,]+\d+)*")
+
+
+class Sized(Protocol):
+    """What percentages count along: a mesh."""
+
+    @property
+    def bounding_box(self) -> Floats:
+        """Lowest and highest coordinates (2, 3) [m]."""
+
+    @property
+    def diagonal(self) -> float:
+        """Diagonal of the bounding box [m]."""
 
 
 def is_condition(words: str) -> bool:
-    """Whether words that are no set's name are a condition."""
-    return "<" in words or ">" in words
+    """Whether words that are no set's name are conditions."""
+    return "<" in words or ">" in words or words.lstrip().startswith("within ") or " and " in words
 
 
-def conditional(places: Floats, words: str, box: Floats) -> NDArray[np.bool_]:
-    """Which of the places (k, 3) [m] meet a condition, in a bounding box (2, 3) [m]; it may be none.
+def indices(words: str) -> NDArray[np.int64] | None:
+    """The indices that words list, or None where they list none.
+
+    >>> indices("3, 14, 15").tolist()
+    [3, 14, 15]
+    """
+    if not INDICES.fullmatch(words.strip()):
+        return None
+    return np.array(re.findall(r"\d+", words), dtype=np.int64)
+
+
+def conditional(
+    places: Floats, words: str, box: Floats, sets: Mapping[str, Any] | None = None, noun: str = "node"
+) -> NDArray[np.bool_]:
+    """Which of the places (k, 3) [m] meet all conditions, in a bounding box (2, 3) [m]; it may be none.
+
+    sets: indices of places by name.
 
     >>> conditional(np.eye(3), "x < 10% and z >= 50 cm", np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])).tolist()
     [False, False, True]
     """
     inside = np.ones(len(places), dtype=bool)
     for condition in re.split(r"\s+and\s+", words.strip()):
-        inside &= _holds(places, box, condition, words)
+        inside &= _holds(places, box, condition.strip(), words, sets or {}, noun)
     return inside
 
 
@@ -70,12 +105,74 @@ def length(value: Any, whole: float, name: str) -> float:
     return METRIC(value, name)
 
 
-def _holds(places: Floats, box: Floats, condition: str, place: str) -> NDArray[np.bool_]:
-    match = CONDITION.fullmatch(condition.strip())
-    if not match or not (match["low"] or match["high"]):
+def point(value: ArrayLike, mesh: Sized, name: str) -> Floats:
+    """A point (3,) [m] from numbers [m] or words: ["100 mm", 0.05, "80%"], or "(100, 50, 80) mm" as a whole."""
+    if not has_words(value):
+        return vector(value, name, "m")
+    low, high = mesh.bounding_box
+    return _three(value, low, high - low, name)
+
+
+def offset(value: ArrayLike, mesh: Sized, name: str) -> Floats:
+    """A displacement (3,) [m] from numbers [m] or words such as [0, 0, "-10 mm"]; percentages are of the diagonal."""
+    if not has_words(value):
+        return vector(value, name, "m")
+    return _three(value, np.zeros(3), np.full(3, mesh.diagonal), name)
+
+
+def has_words(value: Any) -> bool:
+    """Whether a vector is given in words, at least in part."""
+    return isinstance(value, str) or (isinstance(value, list | tuple) and any(isinstance(each, str) for each in value))
+
+
+def _three(value: Any, starts: Floats, wholes: Floats, name: str) -> Floats:
+    parts = _split(value, name) if isinstance(value, str) else value
+    if len(parts) != 3:
+        raise refused(name, "three lengths, such as (0.1, '5 cm', '80%') or '(100, 50, 80) mm'", value)
+    metres = [
+        _metres_of(part, start, whole, name)
+        for part, start, whole in zip(parts, starts.tolist(), wholes.tolist(), strict=True)
+    ]
+    return vector(metres, name, "m")
+
+
+def _split(words: str, name: str) -> list[str]:
+    """The parts of "(100, 50, 80) mm", each with the unit that follows them all, or of "(10 cm, 5 cm, 80%)"."""
+    match = BRACKETED.fullmatch(words.strip())
+    inside, unit = (match["inside"], match["unit"]) if match else (words, "")
+    parts = [part.strip() for part in inside.split(",")]
+    if len(parts) != 3 or not all(re.fullmatch(BOUND, part) for part in parts):
         raise VisceraError(
-            f"cannot read {condition.strip()!r} in {place!r}; write conditions such as 'x < 10%' or 'z > 3 cm', "
-            "joined by 'and'"
+            f"{name} {brief(words)} is not a point; write it as '(100, 50, 80) mm' or '(10 cm, 5 cm, 80%)'"
+        )
+    return [part if re.search(r"(%|[a-z])$", part) else part + unit for part in parts]
+
+
+def _metres_of(part: Any, start: float, whole: float, name: str) -> float:
+    if not isinstance(part, str):
+        return METRIC(part, name)
+    if not re.fullmatch(BOUND, part.strip()):
+        raise VisceraError(f"{name}: {brief(part)} is not a length; write it as '12 mm' or '10%'")
+    return _metres(part, start, whole, name)
+
+
+def _holds(
+    places: Floats, box: Floats, condition: str, place: str, sets: Mapping[str, Any], noun: str
+) -> NDArray[np.bool_]:
+    if condition in sets:
+        return np.isin(np.arange(len(places)), sets[condition])
+    if sphere := SPHERE.fullmatch(condition):
+        start, sides = box[0], box[1] - box[0]
+        radius = _metres(sphere["radius"], 0.0, float(np.linalg.norm(sides)), place)
+        centre = _three(sphere["centre"], start, sides, f"the centre in {place!r}")
+        return np.asarray(np.linalg.norm(places - centre, axis=1) <= radius)
+    match = CONDITION.fullmatch(condition)
+    if not match or not (match["low"] or match["high"]):
+        if re.fullmatch(r"[\w:. -]+", condition) and not condition.startswith("within "):
+            raise VisceraError(f"{place!r}: the mesh has no {noun} set {condition!r}; {did_you_mean(condition, sets)}")
+        raise VisceraError(
+            f"cannot read {condition!r} in {place!r}; write conditions such as 'x < 10%', 'z > 3 cm' or "
+            "'within 8 mm of (100, 50, 80) mm', joined by 'and'"
         )
     parts = match.groupdict()
     axis = AXES.index(parts["axis"])
@@ -93,6 +190,8 @@ def _metres(bound: str, start: float, whole: float, name: str) -> float:
     number, unit = re.fullmatch(r"(\S*?)\s*(%|[a-z]*)", bound.strip()).groups()  # type: ignore[union-attr]
     if unit == "%":
         return start + float(number) / 100.0 * whole
+    if not unit and float(number) == 0.0:
+        return 0.0
     if unit not in METRES:
         wrong = f"unit {unit!r} is unknown" if unit else f"{number} has no unit"
         raise VisceraError(f"in {name!r}: {wrong}; use %, {', '.join(METRES)}")

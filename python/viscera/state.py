@@ -58,7 +58,7 @@ class State:
         self.has_pressure = has_pressure
         """Whether a pressure is part of the load: it follows the surface, all other loads are dead."""
         self._held: Floats = self.internal_force - self.external_force
-        self._patches = patches
+        self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]
 
     @property
@@ -73,8 +73,8 @@ class State:
         the load that was not reached is still in it.
         """
         if isinstance(where, _core.Patch):
-            for patch, force in zip(self._patches, self._patch_forces, strict=True):
-                if patch is where:
+            for (nodes, weights), force in zip(self._patches, self._patch_forces, strict=True):
+                if np.array_equal(nodes, where.nodes) and np.array_equal(weights, where.weights):
                     return np.array(force)
             raise VisceraError("this contact patch was not prescribed in the solve, so it has no reaction")
         return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))

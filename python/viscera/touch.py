@@ -20,6 +20,8 @@ from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.quantity import vector
+from viscera.select import has_words, length, offset
+from viscera.select import point as point_of
 from viscera.vary import law_at
 
 if TYPE_CHECKING:
@@ -90,14 +92,18 @@ class Touch:
         self._model = model
         self.metadata: dict[str, Any] = json.loads(model.metadata)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As pickle and copy have it: the bytes of its model file."""
+        return load_bytes, (self._model.to_bytes(),)
+
     def __call__(self, point: ArrayLike, displacement: ArrayLike) -> Answer:
-        """The organ's answer to a touch; raises `ValueError` where the point is more than an edge off the surface.
+        """The organ's answer to a touch; raises `VisceraError` where the point is more than an edge off the surface.
 
         point (3,): contact point on the untouched surface [m]; displacement (3,): mean displacement of the patch [m].
+        Both also in words: `touch("(100, 50, 80) mm", [0, 0, "-10 mm"])`.
         """
-        at = vector(point, "contact point", "m")
-        push = vector(displacement, "contact displacement", "m")
-        return Answer(self._model, at, push, self._model.evaluate(at, push, False))
+        at, push = self._point(point), self._push(displacement)
+        return Answer(self._model, at, push, self._asked(self._model.evaluate, at, push, False))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
@@ -132,7 +138,7 @@ class Touch:
         self,
         touches: int = 50,
         seed: int = 0,
-        depths: Sequence[float] | None = None,
+        depths: Sequence[float | str] | None = None,
         progress: Callable[[int, int, str], None] | None = None,
     ) -> Check:
         """The model against Newton at random unseen touches; see `viscera.check`."""
@@ -145,19 +151,20 @@ class Touch:
         *,
         order: int = defaults.GALERKIN_ORDER,
         tolerance: float = defaults.GALERKIN_TOLERANCE,
-        depth: float | None = None,
+        depth: float | str | None = None,
         snapshots: int = 0,
     ) -> Galerkin:
         """The model of several touches at once, see `viscera.galerkin`.
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
-        sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], by default
-        this model's. snapshots: states solved on the whole organ when contacts take hold, at most, for the basis to
-        hold what the series miss: two dozen spread evenly, then more in rounds, until the answers of a round are right
-        to a tenth of what a trusted one may be wrong.
+        sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], or in words
+        such as "5%" of the diagonal; by default this model's. snapshots: states solved on the whole organ when contacts
+        take hold, at most, for the basis to hold what the series miss: two dozen spread evenly, then more in rounds,
+        until the answers of a round are right to a tenth of what a trusted one may be wrong.
         """
         from viscera.galerkin import galerkin
 
+        depth = None if depth is None else length(depth, self.mesh.diagonal, "depth")
         return galerkin(self, order, tolerance, depth, snapshots)
 
     def organ(self) -> Organ:
@@ -169,13 +176,16 @@ class Touch:
 
     def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
-        return self._model.surface_displacement(
-            vector(point, "contact point", "m"), vector(displacement, "contact displacement", "m")
-        )
+        return self._asked(self._model.surface_displacement, self._point(point), self._push(displacement))
 
     def patch(self, point: ArrayLike) -> _core.Patch:
         """The contact patch at a point: what a full solution prescribes to be comparable."""
-        return self._model.weights(vector(point, "contact point", "m"))
+        return self._asked(self._model.weights, self._point(point))
+
+    def locate(self, point: ArrayLike) -> Floats:
+        """The touchable point (3,) [m] that is nearest to a point (3,) [m]: where to touch instead of beside it."""
+        triangle, weights, _ = self._touchable.closest(self._point(point))
+        return np.asarray(weights @ self.mesh.points[self.touchable_triangles[triangle]])
 
     def plot(
         self, point: ArrayLike, displacement: ArrayLike, path: str | os.PathLike[str] | None = None, title: str = ""
@@ -184,7 +194,7 @@ class Touch:
         from viscera.picture import draw
 
         answer = self(point, displacement)
-        arrow = (answer.contact_point + vector(displacement, "contact displacement", "m"), answer.force)
+        arrow = (answer.contact_point + self._push(displacement), answer.force)
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
@@ -244,6 +254,10 @@ class Touch:
         positions, triangles = self._model.array("positions"), self._model.array("touchable")
         return np.asarray(positions[triangles], dtype=np.uint32)
 
+    @cached_property
+    def _touchable(self) -> _core.Surface:
+        return _core.Surface(self.mesh.points, self.touchable_triangles)
+
     @property
     def element(self) -> str:
         """The element of the full organ."""
@@ -269,6 +283,22 @@ class Touch:
     def order(self) -> int:
         """Total order of the series in the contact displacement."""
         return int(self.metadata["order"])
+
+    def _asked(self, question: Callable[..., Any], at: Floats, *more: Any) -> Any:
+        """What the core answers about a point of the surface, or where to touch instead."""
+        try:
+            return question(at, *more)
+        except ValueError as error:
+            nearest = ", ".join(f"{1e3 * x:.1f}" for x in self.locate(at))
+            raise VisceraError(f"{error}; the nearest touchable point is ({nearest}) mm") from None
+
+    def _point(self, point: ArrayLike) -> Floats:
+        # The mesh is asked for where it is needed alone: a haptic loop gives numbers.
+        return point_of(point, self.mesh, "contact point") if has_words(point) else vector(point, "contact point", "m")
+
+    def _push(self, displacement: ArrayLike) -> Floats:
+        name = "contact displacement"
+        return offset(displacement, self.mesh, name) if has_words(displacement) else vector(displacement, name, "m")
 
     def __repr__(self) -> str:
         parameter = self.metadata.get("parameter")

@@ -87,8 +87,8 @@ def test_a_built_in_organ_needs_no_file(tmp_path: Path) -> None:
         ("poisson = 0.3", "poisson = 0.5", r"poisson in \[material\] must be a number above -1 and below 0.5, got 0.5"),
         ('law = "NeoHookean"', "", "the material names no law"),
         ('units = "m"', 'units = "mn"', "units 'mn' is unknown; did you mean"),
-        ('[0.02, "free", -0.01]', '[0.02, "fre", -0.01]', "displacement of 'x >= 100%' must be three numbers"),
-        ('[0.02, "free", -0.01]', "[0.02]", "displacement of 'x >= 100%' must be three numbers"),
+        ('[0.02, "free", -0.01]', '[0.02, "fre", -0.01]', "displacement of 'x >= 100%' must be three lengths"),
+        ('[0.02, "free", -0.01]', "[0.02]", "displacement of 'x >= 100%' must be three lengths"),
         ("tolerance = 1e-10", "tolerence = 1e-10", r"'tolerence' in \[settings.newton\]; did you mean 'tolerance'"),
     ],
 )

@@ -19,7 +19,7 @@ def touch(bar: vs.Mesh) -> vs.Touch:
 
 @pytest.fixture(scope="module")
 def result(touch: vs.Touch) -> Check:
-    return check(touch, touches=4, seed=1, depths=[0.01, 0.04])
+    return check(touch, touches=4, seed=1, depths=["1%", "4%"])
 
 
 def test_every_touch_is_asked_at_every_depth(touch: vs.Touch, result: Check) -> None:
@@ -56,10 +56,10 @@ def test_worst_and_median_are_of_the_rows(result: Check) -> None:
 
 
 def test_the_same_seed_asks_the_same(touch: vs.Touch, result: Check) -> None:
-    again = check(touch, touches=1, seed=1, depths=[0.01])
-    other = check(touch, touches=1, seed=2, depths=[0.01])
+    again = check(touch, touches=1, seed=1, depths=["1%"])
+    other = check(touch, touches=1, seed=2, depths=["1%"])
     assert again.rows[0].point != other.rows[0].point
-    assert check(touch, touches=1, seed=1, depths=[0.01]).rows == again.rows
+    assert check(touch, touches=1, seed=1, depths=["1%"]).rows == again.rows
 
 
 def test_contact_points_cover_the_surface_by_area(touch: vs.Touch) -> None:
@@ -81,7 +81,7 @@ def test_default_depths_stop_at_the_models_own(touch: vs.Touch) -> None:
     deepest = touch.depth / touch.mesh.diagonal
     assert deepest < 0.05
     assert {row.depth_fraction for row in check(touch, touches=1).rows} == {deepest}
-    for depths in ([0.1], [0.0], [-0.01], []):
+    for depths in (["10%"], [0.0], [-0.01], []):
         with pytest.raises(vs.VisceraError, match="the model's own depth"):
             check(touch, touches=1, depths=depths)
     with pytest.raises(vs.VisceraError, match="at least one touch"):
@@ -104,7 +104,7 @@ def test_a_truth_that_newton_cannot_find_is_reported_not_dropped(
     touch: vs.Touch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("viscera.check.PATIENCE", {"max_iterations": 1, "smallest_step": 0.9})
-    result = check(touch, touches=2, depths=[0.04])
+    result = check(touch, touches=2, depths=["4%"])
     assert [row.is_converged for row in result.rows] == [False, False]
     assert result.rows[0].displacement_error is None
     assert (result.overall.touches, result.overall.converged) == (2, 0)

@@ -15,7 +15,11 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import _core
 from viscera.cli import main
+from viscera.cli import touch as touch_verb
+from viscera.select import offset
+from viscera.select import point as point_of
 
 CASE = """
 mesh = "bar.vtu"
@@ -318,6 +322,37 @@ def test_a_push_of_no_size_is_refused(folder: Path, capsys: pytest.CaptureFixtur
     """It ended well, with a force that was no number."""
     assert run("reduce", *MESH, *REDUCTION, "-o", "pushed.viscera", capsys=capsys)[0] == 0
     at, push = ("--at", "0.4", "0.05", "0.1"), ("--push", "0", "0", "-1e100")
-    with pytest.raises(SystemExit, match="2"):
-        run("touch", "pushed.viscera", *at, *push, capsys=capsys)
-    assert "length must be a number from -1000 to 1000 [m], got -1e+100" in capsys.readouterr().err
+    code, _, error = run("touch", "pushed.viscera", *at, *push, capsys=capsys)
+    assert code == 2
+    assert "contact displacement must be three finite numbers [m], none above 1000 in size" in error
+
+
+def test_the_example_of_touch_lies_on_the_demos_own_liver() -> None:
+    liver = vs.organs.liver()
+    words = (touch_verb.__doc__ or "").split("--at ")[1].split()
+    at = point_of(words[:3], liver, "at")
+    triangles = liver.surface[np.isin(liver.surface, liver.nodes("anterior")).all(axis=1)]
+    _, _, distance = _core.Surface(liver.points, triangles).closest(at)
+    assert distance < 1e-3
+    push = offset(words[4:7], liver, "push")
+    assert 0.01 <= np.linalg.norm(push) < 0.1 * liver.diagonal
+
+
+def test_percentages_of_a_point_count_along_the_bounding_box(tmp_path: Path, bar: vs.Mesh) -> None:
+    touch = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root").reduce("z > 99% and x > 70%", order=2)
+    touch.save(tmp_path / "bar.viscera")
+    answers = []
+    for at, push in ((("0.38", "5cm", "100%"), ("0", "0", "-1mm")), (("95%", "50%", "100 mm"), ("0", "0", "-0.001"))):
+        words = [
+            "touch",
+            str(tmp_path / "bar.viscera"),
+            "--at",
+            *at,
+            "--push",
+            *push,
+            "--json",
+            str(tmp_path / "a.json"),
+        ]
+        assert main(words) == 0
+        answers.append(json.loads((tmp_path / "a.json").read_text())["force"])
+    assert answers[0] == pytest.approx(answers[1])

@@ -209,7 +209,7 @@ def test_a_hinge_is_refused_until_something_holds_it(cube: vs.Mesh) -> None:
     ("loads", "words"),
     [
         ({"displacement": {"tip": (0, 0, np.nan)}}, "displacement of 'tip' must be three finite numbers"),
-        ({"displacement": {"tip": (0, 0)}}, "displacement of 'tip' must be three numbers"),
+        ({"displacement": {"tip": (0, 0)}}, "displacement of 'tip' must be three lengths"),
         ({"displacement": {"tip": (None, None, None)}}, "leaves all components free"),
         ({"displacement": {"tip": np.zeros((2, 3))}}, r"shape \(9, 3\)"),
         ({"displacement": {"tipp": (0, 0, 0)}}, "did you mean 'tip'"),

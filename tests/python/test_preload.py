@@ -37,7 +37,7 @@ def touch(organ: vs.Organ, loaded: vs.State) -> vs.Touch:
 
 
 def test_touches_of_the_loaded_organ_pass_the_check(touch: vs.Touch) -> None:
-    result = touch.check(touches=6, depths=[0.005, 0.02, 0.035])
+    result = touch.check(touches=6, depths=["0.5%", "2%", "3.5%"])
     assert result.is_passed
     assert result.overall.converged == 18
     assert result.depths[0].trusted == 6
@@ -78,7 +78,7 @@ def test_a_quadratic_organ_is_touched_where_its_midpoints_are(bar: vs.Mesh) -> N
     touch = organ.reduce(lambda x: (x[:, 2] == 0.1) & (x[:, 0] > 0.32), radius=0.07, depth=0.02, order=2, start=state)
     assert touch.mesh.points == pytest.approx(organ.mesh.points + state.displacement, abs=1e-15)
     assert touch.organ().mesh.points == pytest.approx(organ.mesh.points, abs=1e-15)
-    result = touch.check(touches=2, depths=[0.002])
+    result = touch.check(touches=2, depths=["0.2%"])
     assert result.is_passed
     assert result.overall.trusted == 2
 

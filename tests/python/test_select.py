@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.select import length
+from viscera.select import length, offset, point
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,12 @@ from viscera.select import length
         ("x < 50% and z > 1e-2 m and y < 9e4um", lambda x: (x[:, 0] < 0.2) & (x[:, 2] > 0.01) & (x[:, 1] < 0.09)),
         ("300 mm > x > 20%", lambda x: (x[:, 0] > 0.08) & (x[:, 0] < 0.3)),
         ("x > -5%", lambda x: x[:, 0] > -1),
+        ("x > 0", lambda x: x[:, 0] > 0),
+        ("within 60 mm of (0, 5 cm, 50%)", lambda x: np.linalg.norm(x - [0, 0.05, 0.05], axis=1) <= 0.06),
+        ("within 6cm of (0, 50, 50) mm", lambda x: np.linalg.norm(x - [0, 0.05, 0.05], axis=1) <= 0.06),
+        ("within 20% of (0, 0, 0)", lambda x: np.linalg.norm(x, axis=1) <= 0.2 * np.sqrt(0.18)),
+        ("root and z > 50%", lambda x: (x[:, 0] == 0) & (x[:, 2] > 0.05)),
+        ("80, 3 7", lambda x: np.isin(np.arange(81), [3, 7, 80])),
     ],
 )
 def test_conditions(bar: vs.Mesh, words: str, holds: Any) -> None:
@@ -42,6 +48,13 @@ def test_conditions(bar: vs.Mesh, words: str, holds: Any) -> None:
         ("x > 2 m", "selects no node; the mesh spans x 0..400 mm, y 0..100 mm"),
         ("rot", "did you mean 'root'"),
         ("x", "no node set 'x'"),
+        ("rot and x < 10%", "'rot and x < 10%': the mesh has no node set 'rot'; did you mean 'root'"),
+        ("within 8 of (0, 0, 0)", "8 has no unit"),
+        ("within 8 mm of (1, 2) mm", r"the centre in .* is not a point; write it as '\(100, 50, 80\) mm'"),
+        ("within 8 mm of (1, 2, 3)", "1 has no unit"),
+        ("within 8 mm of root", "cannot read 'within 8 mm of root'"),
+        ("within 8 mm of (10, 20, 30) m", "selects no node; the mesh spans"),
+        ("81", "names node 81, but the mesh has 81 nodes"),
     ],
 )
 def test_words_that_mean_nothing(bar: vs.Mesh, words: str, message: str) -> None:
@@ -63,3 +76,47 @@ def test_lengths() -> None:
     for wrong in ("12", "wide", "12 parsec", True, [1]):
         with pytest.raises(vs.VisceraError, match="radius"):
             length(wrong, 1.0, "radius")
+
+
+def test_a_sphere_of_cells_goes_by_their_centroids(bar: vs.Mesh) -> None:
+    inside = np.linalg.norm(bar.centroids - [0.2, 0.05, 0.05], axis=1) <= 0.05
+    assert bar.cells_in("within 5 cm of (50%, 50%, 50%)").tolist() == np.flatnonzero(inside).tolist()
+    young = bar.per_cell(1e3, {"within 5 cm of (50%, 50%, 50%)": 3e4})
+    assert (young == 3e4).sum() == inside.sum() > 0
+
+
+def test_points_and_displacements(bar: vs.Mesh) -> None:
+    for words in ("(100, 50, 80) mm", "100 mm, 5 cm, 80%", ["100 mm", 0.05, "80%"], (0.1, 0.05, 0.08)):
+        assert point(words, bar, "a point") == pytest.approx([0.1, 0.05, 0.08])
+    assert offset([0, "-1 mm", "10%"], bar, "a push") == pytest.approx([0, -0.001, 0.1 * bar.diagonal])
+    wrong: Any
+    for wrong in ("100", "(1, 2, 3)", ["1 mm", 2], [1, "two", 3], ["1 mm", True, 0], ["1 mm", None, 0]):
+        with pytest.raises(vs.VisceraError, match="a push"):
+            offset(wrong, bar, "a push")
+
+
+def test_the_language_is_the_same_wherever_a_point_or_a_push_enters(bar: vs.Mesh) -> None:
+    organ = vs.Organ(
+        bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="within 1 mm of (0, 50, 50) mm and root and x < 1%"
+    )
+    assert organ.fixed.tolist() == bar.nodes("within 1 mm of (0, 50, 50) mm").tolist()
+    held = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    by_words = held.solve(displacement={"tip": ("free", 0, "-1 mm")})
+    assert by_words.displacement.tolist() == held.solve(displacement={"tip": (None, 0, -0.001)}).displacement.tolist()
+    touch = held.reduce("z > 99% and x > 70%", order=2)
+    at, push = "(380, 50, 100) mm", [0, 0, "-1 mm"]
+    assert touch(at, push).force.tolist() == touch((0.38, 0.05, 0.1), (0, 0, -0.001)).force.tolist()
+    assert touch.patch(at).nodes.tolist() == touch.patch((0.38, 0.05, 0.1)).nodes.tolist()
+    assert held.patch(at, "12%").nodes.tolist() == held.patch((0.38, 0.05, 0.1), 0.12 * bar.diagonal).nodes.tolist()
+    assert bar.near(at, "6 cm").tolist() == bar.near((0.38, 0.05, 0.1), 0.06).tolist()
+    assert touch.check(touches=1, depths=["1%"]).rows == touch.check(touches=1, depths=[0.01 * bar.diagonal]).rows
+    hand = held.stepper().grasp("tip")
+    hand.move((0, 0, "-1 mm"))
+    assert hand.displacement[:, 2] == pytest.approx(-0.001)
+
+
+def test_the_nearest_touchable_point(bar: vs.Mesh) -> None:
+    touch = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root").reduce("z > 99% and x > 70%", order=2)
+    assert touch.locate((0.38, 0.05, 0.3)) == pytest.approx([0.38, 0.05, 0.1])
+    assert touch.locate((0.0, -1.0, 0.0)) == pytest.approx([0.3, 0.0, 0.1])
+    assert touch(touch.locate((9, 9, 9)), (0, 0, -0.001)).force[2] < 0

@@ -342,7 +342,7 @@ def test_bad_frames_are_refused_and_change_nothing(organ: vs.Organ) -> None:
     frame: dict[str, Any]
     for frame, words in (
         ({"displacement": {"tip": (None, None, np.nan)}}, "finite"),
-        ({"displacement": {"tip": (0, 0)}}, "displacement of 'tip' must be three numbers"),
+        ({"displacement": {"tip": (0, 0)}}, "displacement of 'tip' must be three lengths"),
         ({"displacement": {"root": (0, 0, 0.01)}}, "all nodes of 'root' are fixed"),
         ({"displacement": {"tipp": (0, 0, 0.01)}}, "did you mean 'tip'"),
         ({"force": {"tip": (0, 0, np.inf)}}, "finite"),

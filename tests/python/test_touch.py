@@ -58,7 +58,11 @@ def test_too_deep_is_not_trusted(touch: vs.Touch) -> None:
 @pytest.mark.parametrize(
     ("point", "push", "words"),
     [
-        ((0.3, 0.05, 0.2), (0, 0, 0), "100.0 mm from the touchable surface"),
+        (
+            (0.3, 0.05, 0.2),
+            (0, 0, 0),
+            "100.0 mm from the touchable surface; .* the nearest touchable point is .300.0, 50.0, 100.0. mm",
+        ),
         ((0.0, 0.05, 0.1), (0, 0, 0), "150.0 mm from the touchable surface"),
         ((0.3, 0.05), (0, 0, 0), "contact point must be three finite numbers"),
         ((0.3, 0.05, np.nan), (0, 0, 0), "contact point must be three finite numbers"),

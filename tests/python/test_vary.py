@@ -71,7 +71,7 @@ def test_a_model_at_a_value_checks_itself_against_that_organ(touch: vs.Touch, tm
     inside = waist(full.mesh.centroids)
     assert young[inside] == pytest.approx(4e5)
     assert young[~inside] == pytest.approx(1e5)
-    result = other.check(touches=4, depths=[0.01, 0.03])
+    result = other.check(touches=4, depths=["1%", "3%"])
     assert result.is_passed
     assert result.overall.trusted > 4
     for row in result.rows:

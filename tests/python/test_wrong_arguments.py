@@ -134,7 +134,7 @@ Make = Callable[[vs.Organ], Any]
             lambda o: o.solve(displacement=[0, 0, 1]),
             r"displacement must be {where: value}, or pairs .*, got \[0, 0, 1\]",
         ),
-        (lambda o: o.solve(displacement={"tip": 0.1}), "displacement of 'tip' must be three numbers"),
+        (lambda o: o.solve(displacement={"tip": 0.1}), "displacement of 'tip' must be three lengths"),
         (lambda o: o.solve(force="tip"), "force must be {where: "),
         (lambda o: o.solve(force={"tip": (0, 0, True)}), "force on 'tip' must be three finite numbers"),
         (lambda o: o.solve(force={"tip": (0, 0, "1")}), "force on 'tip' must be three finite numbers"),
@@ -192,7 +192,7 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: vs.Vary(["young"], 1, 2), "the varied parameter .* is unknown"),  # type: ignore[arg-type]
         (lambda o: vs.ConjugateGradients(tolerance=True), "tolerance of conjugate gradients must be a number above 0"),
         (lambda o: vs.ConjugateGradients(max_iterations=1.5), "must be a whole number"),  # type: ignore[arg-type]
-        (lambda o: o.mesh.near("tip", 0.1), "centre must be three finite numbers"),
+        (lambda o: o.mesh.near("tip", 0.1), "centre .tip. is not a point"),
         (lambda o: o.mesh.per_cell(True, {}), "the value per cell must be a number"),
         (lambda o: vs.read("organ.vtu", units=True), "units, .* must be a number above 0"),
     ],

@@ -12,7 +12,6 @@ from viscera import progress
 from viscera.check import Check, Row, allowed_error
 from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
-from viscera.select import length
 from viscera.touch import Touch, load
 
 
@@ -31,10 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
-    diagonal = touch.mesh.diagonal
-    depths = [length(depth, diagonal, "depth") / diagonal for depth in args.depths] if args.depths else None
     with progress.bar(output.is_quiet) as bar:
-        result = touch.check(args.touches, args.seed, depths, bar)
+        result = touch.check(args.touches, args.seed, args.depths, bar)
     say(result, touch, output)
     return Outcome(result.verdict, DONE if result.is_passed else FAILED, result.to_json())
 

@@ -17,6 +17,10 @@ MESH_ONLY = ("units", "fixed", "element", *MATERIAL)
 
 def metres(text: str) -> float:
     """A length [m]: a number, or a number with its unit."""
+    if text.strip().endswith("%"):
+        raise argparse.ArgumentTypeError(
+            f"{text.strip()} of what? write metres, or a number with its unit such as 12mm"
+        )
     try:
         return length(number_or_words(text), whole=0.0, name="length")
     except VisceraError as error:

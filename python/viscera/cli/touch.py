@@ -1,13 +1,14 @@
 """One on-line evaluation: a contact point and its displacement give the force and its stiffness.
 
-viscera touch liver.viscera --at 0.10 0.05 0.08 --push 0 0 -10mm
+viscera touch out/liver.viscera --at -15mm -59mm 49mm --push 0 8mm -6mm
 """
 
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-from viscera.cli.options import metres
+from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.touch import load
 
@@ -16,8 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera touch`."""
     parser.add_argument("model", metavar="organ.viscera")
     axes = ("X", "Y", "Z")
-    parser.add_argument("--at", nargs=3, type=metres, required=True, metavar=axes, help="contact point: metres or 12mm")
-    parser.add_argument("--push", nargs=3, type=metres, required=True, metavar=axes, help="contact displacement")
+    words: dict[str, Any] = {"nargs": 3, "type": number_or_words, "required": True, "metavar": axes}
+    parser.add_argument("--at", **words, help="contact point: metres, 12mm, or 80%% of the bounding box")
+    parser.add_argument("--push", **words, help="contact displacement: metres, 12mm, or 5%% of the diagonal")
     parser.add_argument("--value", type=float, help="of the parameter that the model was made for a range of")
     parser.add_argument("--picture", metavar="FILE", help="write a PNG of the touched organ")
 

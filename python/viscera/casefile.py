@@ -1,0 +1,188 @@
+"""An organ written as a case: CASE.toml, with its mesh in a file beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera import _core, law, schema
+from viscera.atomic import replacing
+from viscera.case import NAMES, Case, read_case
+from viscera.errors import VisceraError
+from viscera.loads import by_place
+from viscera.mesh import Indices, Mesh, Where
+from viscera.select import FREE
+from viscera.vary import Vary
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ
+
+PLACED = ("displacement", "force", "traction", "pressure")
+"""Loads that act at a place."""
+MOST_PARTS = 64
+"""Parts of a material that a case is written with: beyond, its parameters are a field."""
+
+
+def write(
+    organ: Organ,
+    path: str | os.PathLike[str],
+    *,
+    loads: Mapping[str, Any] | None = None,
+    scan: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    reduction: Mapping[str, Any] | None = None,
+) -> Case:
+    """The case of `Organ.to_case`, written and read back."""
+    import tomli_w
+
+    target = Path(path)
+    if target.suffix != ".toml":
+        raise VisceraError(f"{target}: a case file ends in .toml")
+    mesh_file = target.with_name(f"{target.stem}_mesh.vtu")
+    places = _Places(organ.mesh)
+    words: dict[str, Any] = {
+        "mesh": mesh_file.name,
+        "units": "m",
+        "fixed": places.word(organ.fixed, "fixed"),
+        "element": organ.element,
+        "material": _material(organ.law, places),
+        "loads": _loads(loads or {}, places),
+        "scan": _loads(scan or {}, places),
+        "settings": dict(settings or {}),
+        "reduce": _reduction(reduction or {}, places),
+    }
+    words = {name: _plain(word) for name, word in words.items() if word != {}}
+    Case(**{NAMES.get(name, name): word for name, word in words.items()})  # refused before anything is written
+    places.mesh.write(mesh_file)
+    with replacing(target) as scratch:
+        scratch.write_text(tomli_w.dumps(words), encoding="utf-8")
+    return read_case(target)
+
+
+class _Places:
+    """The words of a case for places, and the linear mesh with the sets that they name."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._own = mesh
+        self.mesh = mesh.linear()
+
+    def of(self, where: Where, name: str) -> str:
+        """Words stay; for other nodes those of a set."""
+        if isinstance(where, _core.Patch):
+            raise VisceraError("a case file has no word for a contact patch; load a set, or give its nodes")
+        nodes = self._own.nodes(where)
+        return where if isinstance(where, str) else self.word(nodes, name)
+
+    def word(self, nodes: Indices, name: str) -> str:
+        """The name of a set with these nodes, which may be a new one; indices where no set of corners says it."""
+        for known, members in self._own.sets.items():
+            if np.array_equal(members, nodes):
+                return known
+        corners = nodes[nodes < self.mesh.n_corners]
+        if len(corners):
+            name = _unused(name, self.mesh.sets)
+            wider = self.mesh.with_sets(**{name: corners})
+            resolved = wider.quadratic() if len(self._own.edges) else wider
+            if np.array_equal(resolved.sets[name], nodes):
+                self.mesh = wider
+                return name
+        return ", ".join(map(str, nodes.tolist()))
+
+    def part(self, cells: Indices) -> str:
+        """The name of a cell set, which may be a new one."""
+        for known, members in self.mesh.cell_sets.items():
+            if np.array_equal(members, cells) and known not in schema.PARAMETERS:
+                return known
+        name = _unused("part", self.mesh.cell_sets)
+        self.mesh = self.mesh.with_cell_sets(**{name: cells})
+        return name
+
+
+def _material(material: law.Law, places: _Places) -> dict[str, Any]:
+    """The law: the parameters of most cells, and in a table for each part what differs there."""
+    rows, owner, counts = np.unique(material.parameters, axis=0, return_inverse=True, return_counts=True)
+    if len(rows) > MOST_PARTS:
+        raise VisceraError(
+            f"the law has {len(rows)} sets of parameters among its cells; a case file names at most {MOST_PARTS} parts"
+        )
+    owner = owner.ravel()
+    own = int(np.argmax(counts))
+    whole = _parameters(law.from_core(material.name, rows[own]))
+    words = {"law": type(material).__name__ if type(material).__name__ in law.LAWS else _class_of(material), **whole}
+    for k in range(len(rows)):
+        if k == own:
+            continue
+        part = _parameters(law.from_core(material.name, rows[k]))
+        changed = {name: value for name, value in part.items() if value != whole.get(name)}
+        if not set(changed) <= set(schema.PARTIAL):
+            raise VisceraError(f"a case file cannot say that {', '.join(sorted(changed))} differ from cell to cell")
+        words[places.part(np.flatnonzero(owner == k).astype(np.uint32))] = changed
+    return words
+
+
+def _class_of(material: law.Law) -> str:
+    """The law that a class of the user's is made from."""
+    return next(each.__name__ for each in type(material).__mro__ if each.__name__ in law.LAWS)
+
+
+def _parameters(material: law.Law) -> dict[str, Any]:
+    """The parameters of one cell, as a case gives them."""
+    (row,) = material.parameters.tolist()
+    if isinstance(material, law.TwoModuli):
+        return dict(zip(("mu", "lam"), row, strict=True))
+    if isinstance(material, law.MooneyRivlin):
+        return {**dict(zip(("c1", "c2", "kappa"), row, strict=True)), "volumetric": material.volumetric}
+    if isinstance(material, law.Yeoh):
+        return dict(zip(("c10", "c20", "c30", "kappa"), row, strict=True))
+    if isinstance(material, law.Ogden):
+        used = [p for p in range(law.Ogden.terms) if row[p] != 0.0]
+        return {"mu": [row[p] for p in used], "alpha": [row[law.Ogden.terms + p] for p in used], "kappa": row[-1]}
+    assert isinstance(material, law.HolzapfelGasserOgden)
+    names = dict(zip(("c", "k1", "k2", "dispersion", "kappa"), row, strict=False))
+    return {**names, "fibres": material.fibres[:, 0].tolist(), "bear_compression": material.bear_compression}
+
+
+def _loads(loads: Mapping[str, Any], places: _Places) -> dict[str, Any]:
+    words = {name: value for name, value in loads.items() if value is not None}
+    for kind in PLACED:
+        if kind not in words:
+            continue
+        if isinstance(words[kind], np.ndarray):
+            raise VisceraError(f"a case file gives a {kind} by place, not node by node")
+        placed = by_place(words[kind], kind).items()
+        words[kind] = {places.of(where, f"{kind} {k + 1}"): value for k, (where, value) in enumerate(placed)}
+    if "displacement" in words:
+        moved = words["displacement"].items()
+        words["displacement"] = {place: [FREE if c is None else c for c in target] for place, target in moved}
+    return words
+
+
+def _reduction(reduction: Mapping[str, Any], places: _Places) -> dict[str, Any]:
+    words = {name: value for name, value in reduction.items() if value is not None}
+    if "touchable" in words:
+        words["touchable"] = places.of(words["touchable"], "touchable")
+    if isinstance(vary := words.get("vary"), Vary):
+        words["vary"] = {"parameter": vary.name, "low": vary.low, "high": vary.high, "nodes": vary.nodes}
+        if vary.part is not None:
+            is_named = isinstance(vary.part, str)
+            words["vary"]["part"] = vary.part if is_named else places.part(places.mesh.cells_in(vary.part))
+    return words
+
+
+def _unused(name: str, sets: Mapping[str, Any]) -> str:
+    """The name, with a number where it is taken."""
+    candidates = (name, *(f"{name} {k}" for k in range(2, len(sets) + 3)))
+    return next(each for each in candidates if each not in sets)
+
+
+def _plain(value: Any) -> Any:
+    """NumPy values as TOML knows them."""
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_plain(each) for each in value]
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,63 @@
+"""Copies and pickles: organs, models and states travel to other processes, and are the same there."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+
+def pickled(thing: Any) -> Any:
+    return pickle.loads(pickle.dumps(thing))
+
+
+COPIES: list[Callable[[Any], Any]] = [copy.copy, copy.deepcopy, pickled]
+copies = pytest.mark.parametrize("again", COPIES)
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    young = bar.per_cell(1e5, {"x > 50%": 3e5})
+    return vs.Organ(bar.with_cell_sets(stiff="x > 50%"), vs.NeoHookean(young=young, poisson=0.3), "root", element="P2")
+
+
+@copies
+def test_an_organ(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
+    other: vs.Organ = again(organ)
+    assert other is not organ
+    assert other.element == "P2"
+    assert other.mesh.cell_sets["stiff"].tolist() == organ.mesh.cell_sets["stiff"].tolist()
+    assert not other.mesh.points.flags.writeable
+    loads: dict[str, Any] = {"force": {"tip": (0, 0, -1)}}
+    assert np.array_equal(other.solve(**loads).displacement, organ.solve(**loads).displacement)
+
+
+@copies
+def test_a_model(bar: vs.Mesh, again: Callable[[Any], Any]) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), "root")
+    varied = organ.reduce("z > 99% and x > 70%", order=2, vary=vs.Vary("young", 5e4, 2e5, nodes=2))
+    touch = varied.at(7e4)
+    other: vs.Touch = again(touch)
+    at, push = touch.locate((0.4, 0.05, 0.1)), (0, 0, -0.002)
+    assert other.value == touch.value == 7e4
+    assert np.array_equal(other(at, push).force, touch(at, push).force)
+    assert np.array_equal(other(at, push).displacement, touch(at, push).displacement)
+
+
+@copies
+def test_a_state_with_the_patch_that_it_moved(organ: vs.Organ, again: Callable[[Any], Any]) -> None:
+    patch = organ.patch((0.4, 0.05, 0.1), "4 cm")
+    state = organ.solve(displacement={patch: (0, 0, "-1 mm")})
+    other: vs.State = again(state)
+    assert other.is_converged
+    assert np.array_equal(other.displacement, state.displacement)
+    assert other.reaction(patch).tolist() == state.reaction(patch).tolist()
+    assert other.reaction("root").tolist() == state.reaction("root").tolist()
+    with pytest.raises(vs.VisceraError, match="was not prescribed"):
+        other.reaction(organ.patch((0.4, 0.05, 0.1), "5 cm"))
