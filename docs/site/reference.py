@@ -22,7 +22,7 @@ GROUPS = {
         "MaterialTest",
         "Fit",
     ),
-    "Organs and equilibrium": ("Organ", "State", "ConjugateGradients", "compare", "Unloaded"),
+    "Organs and equilibrium": ("Organ", "State", "ConjugateGradients", "compare", "Unloaded", "case", "Case"),
     "Reduced models": ("Touch", "Answer", "load", "Vary"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, numbers_of, refused, vector
-from viscera.select import point
+from viscera.select import Lengths, point
 
 
 def helical_fibres(
-    mesh: Mesh, angle: float, axis: ArrayLike = (0.0, 0.0, 1.0), through: ArrayLike = (0.0, 0.0, 0.0)
+    mesh: Mesh, angle: float, axis: ArrayLike = (0.0, 0.0, 1.0), through: Lengths = (0.0, 0.0, 0.0)
 ) -> Floats:
     """Two families (2, m, 3) that wind round an axis at +angle and -angle [degrees] from the circumference.
 

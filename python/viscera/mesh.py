@@ -19,7 +19,7 @@ from viscera import _core, meshfile
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import RawMesh
 from viscera.quantity import Number
-from viscera.select import conditional, extent, indices, is_condition, length
+from viscera.select import Lengths, conditional, extent, indices, is_condition, length
 from viscera.select import point as point_of
 
 Floats = NDArray[np.float64]
@@ -158,7 +158,7 @@ class Mesh:
             values[self.cells_in(where)] = Number()(other, "the value per cell of a part")
         return values
 
-    def near(self, point: ArrayLike, radius: float | str) -> Indices:
+    def near(self, point: Lengths, radius: float | str) -> Indices:
         """Surface nodes within `radius` [m] of a point (3,) [m], both also in words: a set around a place."""
         center = point_of(point, self, "centre")
         radius = length(radius, self.diagonal, "radius")

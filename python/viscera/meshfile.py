@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,8 +90,9 @@ def write(
     blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
     extra: dict[str, Any] = {}
     if ending in (".vtu", ".vtk"):
-        extra["point_data"] = {SET_PREFIX + name: _mask(nodes, len(points)) for name, nodes in sets.items()}
-        extra["cell_data"] = {SET_PREFIX + name: [_mask(chosen, len(cells))] for name, chosen in cell_sets.items()}
+        written = _escaped if ending == ".vtu" else str  # a name such as "x < 10%" goes into XML as it is
+        extra["point_data"] = {written(SET_PREFIX + name): _mask(each, len(points)) for name, each in sets.items()}
+        extra["cell_data"] = {written(SET_PREFIX + name): [_mask(each, len(cells))] for name, each in cell_sets.items()}
     elif ending == ".inp":
         extra["point_sets"] = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in sets.items()}
         extra["cell_sets"] = {name: [np.asarray(chosen, dtype=np.int64)] for name, chosen in cell_sets.items()}
@@ -112,6 +114,10 @@ def write(
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
     with replacing(path) as scratch:
         module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+
+
+def _escaped(name: str) -> str:
+    return escape(name, {'"': "&quot;"})
 
 
 def metres_per_unit(units: str | float) -> float:

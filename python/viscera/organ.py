@@ -36,7 +36,7 @@ from viscera.pgd import Pgd, separate
 from viscera.preload import preload_of
 from viscera.progress import shown
 from viscera.quantity import Choice, Flag, Number, Whole, numbers_of, refused, vector
-from viscera.select import length
+from viscera.select import Lengths, length
 from viscera.select import point as point_of
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
@@ -298,7 +298,7 @@ class Organ:
             raise VisceraError(result.message)
         return result
 
-    def patch(self, point: ArrayLike, radius: float | str) -> _core.Patch:
+    def patch(self, point: Lengths, radius: float | str) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
         Both also in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ from viscera.meshfile import METRES
 from viscera.quantity import Number, brief, refused, vector
 
 Floats = NDArray[np.float64]
+Lengths: TypeAlias = ArrayLike | Sequence[float | str]
+"""Three of them: numbers [m], words, or words as a whole."""
 AXES = "xyz"
 FREE = "free"
 """A component of a displacement that nothing prescribes."""
@@ -105,7 +107,7 @@ def length(value: Any, whole: float, name: str) -> float:
     return METRIC(value, name)
 
 
-def point(value: ArrayLike, mesh: Sized, name: str) -> Floats:
+def point(value: Lengths, mesh: Sized, name: str) -> Floats:
     """A point (3,) [m] from numbers [m] or words: ["100 mm", 0.05, "80%"], or "(100, 50, 80) mm" as a whole."""
     if not has_words(value):
         return vector(value, name, "m")
@@ -113,7 +115,7 @@ def point(value: ArrayLike, mesh: Sized, name: str) -> Floats:
     return _three(value, low, high - low, name)
 
 
-def offset(value: ArrayLike, mesh: Sized, name: str) -> Floats:
+def offset(value: Lengths, mesh: Sized, name: str) -> Floats:
     """A displacement (3,) [m] from numbers [m] or words such as [0, 0, "-10 mm"]; percentages are of the diagonal."""
     if not has_words(value):
         return vector(value, name, "m")

@@ -27,7 +27,7 @@ from viscera.loads import (
 )
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
-from viscera.select import offset
+from viscera.select import Lengths, offset
 from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
@@ -108,7 +108,7 @@ class Hand:
         self.displacement = displacement
         """Displacement from rest of what it holds [m]: (3,) of a patch, (k, 3) node by node; for the next frame."""
 
-    def move(self, by: ArrayLike) -> None:
+    def move(self, by: Lengths) -> None:
         """Move on by (x, y, z) [m], or in words such as "2 mm", with the next frame."""
         self.displacement = self.displacement + offset(by, self._stepper._organ.mesh, "motion of a hand")
 

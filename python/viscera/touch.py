@@ -10,17 +10,16 @@ from dataclasses import replace
 from functools import cached_property
 from math import comb
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from viscera import _core, defaults, law
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.quantity import vector
-from viscera.select import has_words, length, offset
+from viscera.select import Lengths, has_words, length, offset
 from viscera.select import point as point_of
 from viscera.vary import law_at
 
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
 
 
 log = logging.getLogger("viscera")
+T = TypeVar("T")
 
 
 class Answer:
@@ -96,7 +96,7 @@ class Touch:
         """As pickle and copy have it: the bytes of its model file."""
         return load_bytes, (self._model.to_bytes(),)
 
-    def __call__(self, point: ArrayLike, displacement: ArrayLike) -> Answer:
+    def __call__(self, point: Lengths, displacement: Lengths) -> Answer:
         """The organ's answer to a touch; raises `VisceraError` where the point is more than an edge off the surface.
 
         point (3,): contact point on the untouched surface [m]; displacement (3,): mean displacement of the patch [m].
@@ -174,21 +174,21 @@ class Touch:
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
         return Organ(self.rest, full, fixed=self._model.array("fixed"), element=self.element)
 
-    def surface_displacement(self, point: ArrayLike, displacement: ArrayLike) -> Floats:
+    def surface_displacement(self, point: Lengths, displacement: Lengths) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
         return self._asked(self._model.surface_displacement, self._point(point), self._push(displacement))
 
-    def patch(self, point: ArrayLike) -> _core.Patch:
+    def patch(self, point: Lengths) -> _core.Patch:
         """The contact patch at a point: what a full solution prescribes to be comparable."""
         return self._asked(self._model.weights, self._point(point))
 
-    def locate(self, point: ArrayLike) -> Floats:
+    def locate(self, point: Lengths) -> Floats:
         """The touchable point (3,) [m] that is nearest to a point (3,) [m]: where to touch instead of beside it."""
         triangle, weights, _ = self._touchable.closest(self._point(point))
         return np.asarray(weights @ self.mesh.points[self.touchable_triangles[triangle]])
 
     def plot(
-        self, point: ArrayLike, displacement: ArrayLike, path: str | os.PathLike[str] | None = None, title: str = ""
+        self, point: Lengths, displacement: Lengths, path: str | os.PathLike[str] | None = None, title: str = ""
     ) -> Figure:
         """The touched organ over its rest shape, with the contact force; a PNG where a path is given."""
         from viscera.picture import draw
@@ -284,7 +284,7 @@ class Touch:
         """Total order of the series in the contact displacement."""
         return int(self.metadata["order"])
 
-    def _asked(self, question: Callable[..., Any], at: Floats, *more: Any) -> Any:
+    def _asked(self, question: Callable[..., T], at: Floats, *more: Any) -> T:
         """What the core answers about a point of the surface, or where to touch instead."""
         try:
             return question(at, *more)
@@ -292,11 +292,11 @@ class Touch:
             nearest = ", ".join(f"{1e3 * x:.1f}" for x in self.locate(at))
             raise VisceraError(f"{error}; the nearest touchable point is ({nearest}) mm") from None
 
-    def _point(self, point: ArrayLike) -> Floats:
+    def _point(self, point: Lengths) -> Floats:
         # The mesh is asked for where it is needed alone: a haptic loop gives numbers.
         return point_of(point, self.mesh, "contact point") if has_words(point) else vector(point, "contact point", "m")
 
-    def _push(self, displacement: ArrayLike) -> Floats:
+    def _push(self, displacement: Lengths) -> Floats:
         name = "contact displacement"
         return offset(displacement, self.mesh, name) if has_words(displacement) else vector(displacement, name, "m")
 

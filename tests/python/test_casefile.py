@@ -14,7 +14,7 @@ SOFT = vs.NeoHookean(young=1e5, poisson=0.3)
 
 
 def is_same(organ: vs.Organ, other: vs.Organ) -> bool:
-    pairs = [
+    pairs: list[tuple[Any, Any]] = [
         (organ.mesh.points, other.mesh.points),
         (organ.mesh.cells, other.mesh.cells),
         (organ.fixed, other.fixed),
@@ -80,6 +80,7 @@ def test_what_a_case_has_no_word_for(cube: vs.Mesh, tmp_path: Path) -> None:
     spread = vs.Organ(many, vs.NeoHookean(young=np.linspace(1e5, 2e5, len(many.cells)), poisson=0.3), fixed="clamp")
     patch = organ.patch((0.05, 0.05, 0.1), "5 cm")
     assert is_same(field, field.to_case(tmp_path / "field.toml").organ())
+    make: Any
     for make, sentence in (
         (
             lambda: organ.to_case(tmp_path / "a.toml", loads={"force": {patch: (0, 0, 1)}}),
@@ -93,3 +94,13 @@ def test_what_a_case_has_no_word_for(cube: vs.Mesh, tmp_path: Path) -> None:
         with pytest.raises(vs.VisceraError, match=sentence):
             make()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["field.toml", "field_mesh.vtu"]
+
+
+def test_places_of_a_case_stay_words_when_it_is_written_again(cube: vs.Mesh, tmp_path: Path) -> None:
+    """Conditions name sets of its mesh, and the file of that is XML."""
+    named: dict[str, Any] = {"z < 1%": "bottom", 'a "b" & c': [26]}
+    first = vs.Organ(cube.with_sets(**named), SOFT, fixed="bottom")
+    again = first.to_case(tmp_path / "cube.toml").organ().to_case(tmp_path / "again.toml")
+    mesh = again.organ().mesh
+    assert mesh.sets["z < 1%"].tolist() == cube.sets["bottom"].tolist()
+    assert mesh.sets['a "b" & c'].tolist() == [26]

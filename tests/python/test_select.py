@@ -86,9 +86,11 @@ def test_a_sphere_of_cells_goes_by_their_centroids(bar: vs.Mesh) -> None:
 
 
 def test_points_and_displacements(bar: vs.Mesh) -> None:
+    words: Any
     for words in ("(100, 50, 80) mm", "100 mm, 5 cm, 80%", ["100 mm", 0.05, "80%"], (0.1, 0.05, 0.08)):
         assert point(words, bar, "a point") == pytest.approx([0.1, 0.05, 0.08])
-    assert offset([0, "-1 mm", "10%"], bar, "a push") == pytest.approx([0, -0.001, 0.1 * bar.diagonal])
+    push: list[float | str] = [0, "-1 mm", "10%"]
+    assert offset(push, bar, "a push") == pytest.approx([0, -0.001, 0.1 * bar.diagonal])
     wrong: Any
     for wrong in ("100", "(1, 2, 3)", ["1 mm", 2], [1, "two", 3], ["1 mm", True, 0], ["1 mm", None, 0]):
         with pytest.raises(vs.VisceraError, match="a push"):
@@ -104,7 +106,8 @@ def test_the_language_is_the_same_wherever_a_point_or_a_push_enters(bar: vs.Mesh
     by_words = held.solve(displacement={"tip": ("free", 0, "-1 mm")})
     assert by_words.displacement.tolist() == held.solve(displacement={"tip": (None, 0, -0.001)}).displacement.tolist()
     touch = held.reduce("z > 99% and x > 70%", order=2)
-    at, push = "(380, 50, 100) mm", [0, 0, "-1 mm"]
+    at: Any = "(380, 50, 100) mm"
+    push: Any = [0, 0, "-1 mm"]
     assert touch(at, push).force.tolist() == touch((0.38, 0.05, 0.1), (0, 0, -0.001)).force.tolist()
     assert touch.patch(at).nodes.tolist() == touch.patch((0.38, 0.05, 0.1)).nodes.tolist()
     assert held.patch(at, "12%").nodes.tolist() == held.patch((0.38, 0.05, 0.1), 0.12 * bar.diagonal).nodes.tolist()
