@@ -11,6 +11,7 @@ of the scan as if it had never been there.
 import numpy as np
 
 import viscera as vs
+from viscera.picture import draw
 
 BACK, LEFT = np.array([0.0, 9.81, 0.0]), np.array([9.81, 0.0, 0.0])  # m/s^2, in the patient's axes
 DENSITY = 1060.0
@@ -34,5 +35,6 @@ for name, state in shortcuts.items():
     errors[name] = wrong.max()
     print(f"{name}: wrong by up to {1e3 * wrong.max():.1f} mm, {1e3 * wrong.mean():.1f} mm on average")
 
+figure = draw(scan.mesh.points, scan.mesh.surface, moved, title="from the back to the left side")
 assert rest.error < 1e-9
 assert errors["only the change of gravity"] > 1e-3  # a millimetre matters to navigation

@@ -1,17 +1,44 @@
-"""Every example runs; each checks its own number."""
+"""Every example runs, asserts what it shows, makes its picture, and is short enough to be read."""
 
-import os
-import subprocess
-import sys
+import importlib.util
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-EXAMPLES = sorted((Path(__file__).resolve().parent.parent / "examples").glob("*.py"))
+ROOT = Path(__file__).resolve().parent.parent
+LINES = 80
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
-def test_runs(example: Path, tmp_path: Path) -> None:
-    environment = os.environ | {"MPLBACKEND": "Agg"}
-    done = subprocess.run([sys.executable, example], cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+def _gallery() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("gallery", ROOT / "scripts" / "gallery.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+gallery = _gallery()
+
+
+@pytest.mark.parametrize("example", gallery.EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_and_makes_its_picture(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    gallery.run(example).savefig(tmp_path / "picture.png", dpi=40)
+    assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("example", gallery.EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_short_tells_its_story_and_asserts_a_number(example: Path) -> None:
+    source = example.read_text(encoding="utf-8")
+    story = source.split('"""')[1]
+    assert len(source.splitlines()) <= LINES
+    assert story.partition("\n")[0].rstrip().endswith(".")
+    assert len(story.split()) > 30
+    assert "\nassert " in source
+
+
+def test_every_example_has_its_picture_in_the_gallery() -> None:
+    missing = [path.stem for path in gallery.EXAMPLES if not (gallery.PICTURES / f"{path.stem}.png").is_file()]
+    assert not missing, "run `python scripts/gallery.py`"

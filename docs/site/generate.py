@@ -122,9 +122,10 @@ def gallery(root: Path) -> str:
         source = path.read_text(encoding="utf-8")
         story, code = source.removeprefix('"""').split('"""\n', 1)
         headline, _, rest = story.partition("\n")
-        page += [f"## {headline.rstrip('.')}", ""]
+        name, _, lead = headline.partition(": ")
+        page += [f"## {name}", "", f"{lead[:1].upper()}{lead[1:]}", ""]
         if (root / PICTURES / f"{path.stem}.png").exists():
-            page += [f"![{headline}](pictures/{path.stem}.png)", ""]
+            page += [f"![{name}](pictures/{path.stem}.png)", ""]
         page += [drawn(rest.strip("\n")), "", *fenced(f"python examples/{path.name}", "sh"), *fenced(code, "python")]
     return "\n".join(page)
 
