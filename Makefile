@@ -31,7 +31,7 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: docs bench bench-haptic studies pages check-pages pictures clean
+.PHONY: docs gallery bench bench-haptic studies pages check-pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -126,6 +126,9 @@ check-docs: $(extension) ## the documentation site, in out/site; a warning is an
 
 pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
 	$(BIN)/python scripts/pages.py --check
+
+gallery: $(extension) ## run the examples and keep their pictures for docs/
+	$(BIN)/python scripts/gallery.py
 
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera

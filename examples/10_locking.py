@@ -52,10 +52,9 @@ for element, refinements in (("P1", (1, 2, 4)), ("P1 mean volume", (1, 2, 4)), (
 
 figure = Figure(figsize=(6.4, 4.4), layout="constrained")
 axes = figure.subplots()
-for (element, refinement), row in found.items():
-    axes.plot(
-        [str(ratio) for ratio in row], list(row.values()), "o-", label=f"{element}, {2 * refinement} cells across"
-    )
+for (element, refinement), curve in found.items():
+    label = f"{element}, {2 * refinement} cells across"
+    axes.plot([str(ratio) for ratio in curve], list(curve.values()), "o-", label=label)
 axes.set(xlabel="Poisson's ratio", ylabel="tip deflection over beam theory")
 axes.legend(frameon=False, fontsize=8)
 assert found["P1", 4][0.3] > 0.9  # the finest linear mesh is nearly right for compressible tissue ...
