@@ -42,8 +42,11 @@ def membrane(n: int) -> vs.Mesh:
 
 
 def cook(element: str, poisson: float, n: int) -> tuple[float, float]:
-    """Rise of the upper right corner [mm], and unevenness of the pressure: the median distance of that of a brick, or
-    of its cells where they have one each, from the mean of the four bricks around, over the root mean square."""
+    """Rise of the upper right corner [mm], and roughness of the pressure.
+
+    Roughness is the median distance of the pressure of a brick, or of its cells where they have one each, from the mean
+    of the four bricks around, over the root mean square.
+    """
     law = vs.NeoHookean(young=2 * MU * (1 + poisson), poisson=poisson)
     organ = vs.Organ(membrane(n), law, fixed="left", element=element)
     mesh = organ.mesh
@@ -92,13 +95,13 @@ def _stiffness(mesh: vs.Mesh, law: vs.Linear, element: str) -> Floats:
 
 
 if __name__ == "__main__":
-    print("Cook's membrane: rise of the corner [mm], and unevenness of the pressure at the last nu")
-    print("element           cells" + "".join(f"  nu = {ratio:<6g}" for ratio in RATIOS) + "  unevenness")
+    print("Cook's membrane: rise of the corner [mm], and roughness of the pressure at the last nu")
+    print("element           cells" + "".join(f"  nu = {ratio:<6g}" for ratio in RATIOS) + "   roughness")
     for element, sizes in MEMBRANES.items():
         for n in sizes:
             found = [cook(element, ratio, n) for ratio in RATIOS]
-            uneven = "-" if element == "P2" else f"{found[-1][1]:.4f}"
-            print(f"{element:15s}{6 * n**2:8d}" + "".join(f"{tip:13.2f}" for tip, _ in found) + f"{uneven:>12s}")
+            rough = "-" if element == "P2" else f"{found[-1][1]:.4f}"
+            print(f"{element:15s}{6 * n**2:8d}" + "".join(f"{tip:13.2f}" for tip, _ in found) + f"{rough:>12s}")
     print("\nCube clamped on one face: demands on the volume, and the inf-sup constant")
     print("element           cells  displacements  demands  inf-sup")
     for element, sizes in CUBES.items():
