@@ -23,7 +23,7 @@ GROUPS = {
         "Fit",
     ),
     "Organs and equilibrium": ("Organ", "State", "ConjugateGradients", "compare", "Unloaded", "case", "Case"),
-    "Reduced models": ("Touch", "Answer", "load", "Vary"),
+    "Reduced models": ("Touch", "Answer", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),
 }

@@ -16,6 +16,7 @@ from viscera import organs
 from viscera._core import __version__
 from viscera.case import Case
 from viscera.case import read_case as case
+from viscera.cluster import sweep
 from viscera.comparison import compare
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
@@ -78,4 +79,5 @@ __all__ = [
     "mesh",
     "organs",
     "read",
+    "sweep",
 ]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from threading import Event
 from time import perf_counter
@@ -145,6 +145,7 @@ def check(
     touches: int = 50,
     seed: int = 0,
     depths: Sequence[float | str] | None = None,
+    executor: Executor | None = None,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> Check:
     """Compare the model with full solutions at `touches` random contacts, each at all `depths`.
@@ -152,30 +153,30 @@ def check(
     depths [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default "5%" and "10%", cut at the
         depth that the model was built for.
     seed: of the random contacts; the same seed asks the same questions.
+    executor: a `concurrent.futures.Executor` whose workers solve; threads of this process without one.
     """
     if touches < 1:
         raise VisceraError(f"a check needs at least one touch, got {touches}")
     began = perf_counter()
     fractions = _depth_fractions(touch, depths)
-    full = Full(touch)
     random = np.random.default_rng(seed)
     points, directions = surface_points(touch, touches, random), unit_vectors(touches, random)
+    asked = _Asked(touch, [fraction * touch.mesh.diagonal for fraction in fractions])
+    contacts = list(zip(points, directions, strict=True))
     rows: list[Row] = []
-    stop = Event()
 
-    def ask(point: Floats, direction: Floats) -> list[Row]:
-        return _rows(touch, full, point, [fraction * touch.mesh.diagonal * direction for fraction in fractions], stop)
+    def report(found: list[Row]) -> None:
+        rows.extend(found)
+        if progress:
+            progress(len(rows), touches * len(fractions), "check against Newton")
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:  # the core works outside the interpreter's lock
-        try:
-            for found in pool.map(ask, points, directions):
-                rows += found
-                if progress:
-                    progress(len(rows), touches * len(fractions), "check against Newton")
-        except BaseException:  # Ctrl-C among them: the solves under way end at their next load step
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-            raise
+    if executor is None:
+        asked.on_threads(contacts, report)
+    else:
+        from viscera.cluster import sweep
+
+        for found in sweep(_Asked.rows, asked, contacts, executor=executor, progress=progress):
+            rows += found
     force, field = _microseconds(touch, points, directions * fractions[0] * touch.mesh.diagonal)
     return Check(
         rows=rows,
@@ -238,33 +239,58 @@ def allowed_error(depth_fraction: float) -> float:
     return next((limit for depth, limit in limits if depth_fraction <= depth * (1 + 1e-9)), limits[-1][1])
 
 
-def _rows(touch: Touch, full: Full, point: Floats, pushes: list[Floats], stop: Event) -> list[Row]:
-    """One contact at all depths, each full solution continuing from the shallower one."""
+class _Asked:
+    """A model, and the depths [m] at which it is compared with the full organ."""
 
-    def go_on(done: int, total: int, stage: str) -> None:
-        if stop.is_set():
-            raise InterruptedError("the check was stopped")
+    def __init__(self, touch: Touch, depths: list[float]) -> None:
+        self.touch, self.depths = touch, depths
+        self.full = Full(touch)
+        self._stop = Event()
 
-    rows: list[Row] = []
-    patch, state = touch.patch(point), None
-    for push in pushes:
-        state = full.solve(patch, push, start=state, progress=go_on)
-        answer, force = touch(point, push), state.reaction(patch)
-        rows.append(
-            Row(
-                point=point.tolist(),
-                displacement=push.tolist(),
-                depth_fraction=float(np.linalg.norm(push)) / touch.mesh.diagonal,
-                displacement_error=_relative(answer.displacement, full.added(state)) if state.is_converged else None,
-                force_error=_relative(answer.force, force) if state.is_converged else None,
-                estimate=max(answer.error_estimate, answer.shape_error_estimate),
-                is_trusted=answer.is_trusted and answer.is_shape_trusted,
-                is_converged=state.is_converged,
-                status=state.status,
+    def __reduce__(self) -> tuple[Any, ...]:
+        """As pickle has it: a worker makes the full organ itself."""
+        return _Asked, (self.touch, self.depths)
+
+    def on_threads(self, contacts: list[tuple[Floats, Floats]], report: Callable[[list[Row]], None]) -> None:
+        """The rows of all contacts, on the threads of this process: the core works outside the interpreter's lock."""
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            try:
+                for found in pool.map(self.rows, contacts):
+                    report(found)
+            except BaseException:  # Ctrl-C among them: the solves under way end at their next load step
+                self._stop.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def rows(self, contact: tuple[Floats, Floats]) -> list[Row]:
+        """One contact, in one direction, at all depths, each full solution continuing from the shallower one."""
+
+        def go_on(done: int, total: int, stage: str) -> None:
+            if self._stop.is_set():
+                raise InterruptedError("the check was stopped")
+
+        touch, (point, direction), rows = self.touch, contact, list[Row]()
+        patch, state = touch.patch(point), None
+        for depth in self.depths:
+            push = depth * direction
+            state = self.full.solve(patch, push, start=state, progress=go_on)
+            answer, force = touch(point, push), state.reaction(patch)
+            is_known = state.is_converged
+            rows.append(
+                Row(
+                    point=point.tolist(),
+                    displacement=push.tolist(),
+                    depth_fraction=float(np.linalg.norm(push)) / touch.mesh.diagonal,
+                    displacement_error=_relative(answer.displacement, self.full.added(state)) if is_known else None,
+                    force_error=_relative(answer.force, force) if is_known else None,
+                    estimate=max(answer.error_estimate, answer.shape_error_estimate),
+                    is_trusted=answer.is_trusted and answer.is_shape_trusted,
+                    is_converged=is_known,
+                    status=state.status,
+                )
             )
-        )
-        state = state if state.is_converged else None
-    return rows
+            state = state if is_known else None
+        return rows
 
 
 def _depth_fractions(touch: Touch, depths: Iterable[float | str] | None) -> list[float]:

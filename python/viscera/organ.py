@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -333,6 +334,7 @@ class Organ:
         start: State | None = None,
         vary: Vary | None = None,
         checkpoint: Checkpoint | str | os.PathLike[str] | None = None,
+        executor: Executor | None = None,
         progress: Progress | None = None,
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
@@ -351,6 +353,8 @@ class Organ:
         checkpoint: a file that keeps finished batches of positions until the model is complete: a reduction that was
             interrupted or killed goes on from there when the same call is made again. Of another case it starts anew,
             with a warning.
+        executor: a `concurrent.futures.Executor` whose workers solve the batches: processes, Dask or MPI
+            (docs/cluster.md). The model is the same, bit by bit, for any number of workers of one kind of processor.
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
@@ -375,17 +379,22 @@ class Organ:
             "tolerance": tolerance,
             "pade": pade,
         }
+        settings = {"touchable": nodes, **numbers, "preload": preload}
         with (
             nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, numbers, family) as kept
         ):
+            batches: _core.Batches | None = kept
+            if executor is not None:
+                from viscera.offline import Finished, Offline
+
+                offline = Offline(organ, vary and vary.on(self.mesh), settings)
+                batches = Finished(offline.batches(executor, kept, progress))
             model = organ._body.reduce(
-                touchable=nodes,
-                **numbers,
-                preload=preload,
+                **settings,
                 family=family,
                 metadata="{}",
                 on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
-                batches=kept,
+                batches=batches,
             )
         return Touch(model)
 

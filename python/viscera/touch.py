@@ -6,6 +6,7 @@ import json
 import logging
 import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
 from math import comb
@@ -139,12 +140,13 @@ class Touch:
         touches: int = 50,
         seed: int = 0,
         depths: Sequence[float | str] | None = None,
+        executor: Executor | None = None,
         progress: Callable[[int, int, str], None] | None = None,
     ) -> Check:
         """The model against Newton at random unseen touches; see `viscera.check`."""
         from viscera.check import check
 
-        return check(self, touches=touches, seed=seed, depths=depths, progress=progress)
+        return check(self, touches=touches, seed=seed, depths=depths, executor=executor, progress=progress)
 
     def galerkin(
         self,

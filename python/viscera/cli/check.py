@@ -31,7 +31,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     with progress.bar(output.is_quiet) as bar:
-        result = touch.check(args.touches, args.seed, args.depths, bar)
+        result = touch.check(args.touches, args.seed, args.depths, progress=bar)
     say(result, touch, output)
     return Outcome(result.verdict, DONE if result.is_passed else FAILED, result.to_json())
 

@@ -1,0 +1,206 @@
+"""Work spread over processes or machines, by any `concurrent.futures.Executor`.
+
+What all tasks share, such as an organ, travels once to each worker. A task is sent without it; a worker that lacks it
+says so, and only then is it sent along. So nothing needs to be known of the workers: how many there are, which of them
+are new, where they run. What a task returns does not depend on who does it, and results are put in the order of tasks,
+so they are the same for any number of workers.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import socket
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from typing import Any, TypeVar
+from uuid import uuid4
+
+from viscera.errors import VisceraError
+from viscera.organ import Progress
+from viscera.progress import shown
+
+Shared = TypeVar("Shared")
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+EVERY = 0.1
+"""Seconds between two calls of a progress callback, which may stop the work."""
+KEPT = 2
+"""What a worker keeps of other work, in numbers: memory is bounded, two studies may take turns."""
+
+_is_fork = False
+"""Whether this process is a copy of another, without the threads of the core, for which it would wait without end."""
+
+
+def _mark_fork() -> None:
+    global _is_fork
+    _is_fork = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_mark_fork)
+
+_shared: dict[str, Any] = {}
+"""In a worker: what tasks share, by the name of the work."""
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What a worker gives back."""
+
+    worker: str
+    is_done: bool
+    """False where the worker lacks what the tasks share."""
+    result: Any = None
+
+
+@shown
+def sweep(
+    work: Callable[[Shared, Task], Result],
+    shared: Shared,
+    tasks: Sequence[Task],
+    *,
+    executor: Executor,
+    progress: Progress | None = None,
+) -> list[Result]:
+    """`[work(shared, task) for task in tasks]` on the workers of an executor, in the order of the tasks.
+
+    work: a function that the workers can import, or any for threads. shared: an organ, a model or whatever pickle
+    takes; it travels once to each worker. executor: a `ProcessPoolExecutor`, `client.get_executor()` of Dask, an
+    `MPIPoolExecutor` of mpi4py, a `ThreadPoolExecutor`. What a task raises ends the sweep.
+
+    >>> from concurrent.futures import ThreadPoolExecutor
+    >>> with ThreadPoolExecutor(2) as pool:
+    ...     sweep(pow, 2, [3, 5, 1], executor=pool)
+    [8, 32, 2]
+    """
+    found: dict[int, Result] = {}
+    for number, result in spread(
+        work, shared, list(tasks), executor, lambda: _report(progress, len(found), len(tasks))
+    ):
+        found[number] = result
+    return [found[number] for number in range(len(tasks))]
+
+
+def spread(
+    work: Callable[[Shared, Task], Result],
+    shared: Shared,
+    tasks: Sequence[Task],
+    executor: Executor,
+    attend: Callable[[], None] = lambda: None,
+) -> Iterator[tuple[int, Result]]:
+    """Number and result of each task as soon as it is done; `attend` is called several times a second and may raise."""
+    if not isinstance(executor, Executor):
+        raise VisceraError(f"the executor must be a concurrent.futures.Executor, got {executor!r}")
+    with _at_hand(shared) as name:
+        sender = _Sender(executor, work, name, shared)
+        try:
+            yield from sender.results(tasks, attend)
+        finally:
+            sender.cancel()
+
+
+class _Sender:
+    """Sends the tasks of one work, and what they share to the workers that lack it."""
+
+    def __init__(self, executor: Executor, work: Callable[..., Any], name: str, shared: Any) -> None:
+        self._executor, self._work, self._name, self._shared = executor, work, name, shared
+        self._data: bytes | None = None
+        self._attempts = count()
+        self._under_way: dict[Future[Reply], tuple[int, bool]] = {}
+        """Number of the task, and whether it took the data along."""
+        self._lacking: set[str] = set()
+
+    def results(self, tasks: Sequence[Any], attend: Callable[[], None]) -> Iterator[tuple[int, Any]]:
+        """Number and result of each task."""
+        waiting: deque[int] = deque()
+        for number in range(len(tasks)):
+            self._send(number, tasks[number])
+        while self._under_way:
+            done, _ = wait(self._under_way, timeout=EVERY, return_when=FIRST_COMPLETED)
+            if not done:
+                attend()
+            for future in done:
+                attend()
+                number, _ = self._under_way.pop(future)
+                reply = _reply_of(future)
+                if reply.is_done:
+                    self._lacking.discard(reply.worker)
+                    yield number, reply.result
+                    released = 2  # one for the worker that is free, one for a worker that may be
+                else:
+                    self._lacking.add(reply.worker)
+                    waiting.append(number)
+                    released = 0
+                while waiting and self._carrying() < len(self._lacking):
+                    number = waiting.popleft()
+                    self._send(number, tasks[number], takes_data=True)
+                while waiting and (released or not self._under_way):
+                    number, released = waiting.popleft(), max(released - 1, 0)
+                    self._send(number, tasks[number])
+
+    def cancel(self) -> None:
+        """Calls back what has not begun."""
+        for future in self._under_way:
+            future.cancel()
+
+    def _carrying(self) -> int:
+        return sum(takes_data for _, takes_data in self._under_way.values())
+
+    def _send(self, number: int, task: Any, *, takes_data: bool = False) -> None:
+        if takes_data and self._data is None:
+            self._data = pickle.dumps(self._shared, pickle.HIGHEST_PROTOCOL)
+        data = self._data if takes_data else None
+        # The number of the attempt makes each call another: Dask takes equal calls for one.
+        future = self._executor.submit(_do, next(self._attempts), self._work, self._name, data, task)
+        self._under_way[future] = number, takes_data
+
+
+def _reply_of(future: Future[Reply]) -> Reply:
+    try:
+        return future.result()
+    except BrokenExecutor as error:
+        raise VisceraError(
+            f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= the "
+            "same call goes on from what was finished"
+        ) from error
+
+
+def _do(attempt: int, work: Callable[[Any, Any], Any], name: str, data: bytes | None, task: Any) -> Reply:
+    """One task, in a worker."""
+    if _is_fork:
+        raise VisceraError(
+            "the workers are forks of a process whose threads they lack; make the executor with "
+            'ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))'
+        )
+    worker = f"{socket.gethostname()} {os.getpid()}"
+    try:
+        shared = _shared[name]
+    except KeyError:
+        if data is None:
+            return Reply(worker, is_done=False)
+        for oldest in list(_shared)[: max(len(_shared) + 1 - KEPT, 0)]:
+            _shared.pop(oldest, None)
+        shared = _shared[name] = pickle.loads(data)
+    return Reply(worker, is_done=True, result=work(shared, task))
+
+
+@contextmanager
+def _at_hand(shared: Any) -> Iterator[str]:
+    """A name of the work, by which threads of this process have what it shares."""
+    name = uuid4().hex
+    _shared[name] = shared
+    try:
+        yield name
+    finally:
+        _shared.pop(name, None)
+
+
+def _report(progress: Progress | None, done: int, total: int) -> None:
+    if progress:
+        progress(done, total, "sweep")
