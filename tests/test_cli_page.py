@@ -91,3 +91,8 @@ def test_reduce_check_and_touch(folder: Path) -> None:
     assert set(run(folder, "view", model, "--export", str(folder / "site"))) == documented("view")
     case = str(folder / "case.toml")
     assert set(run(folder, "view", case, "--export", str(folder / "live"))) == documented("view CASE.toml")
+
+
+def test_doctor_and_completion(folder: Path) -> None:
+    assert set(run(folder, "doctor")) == documented("doctor")
+    assert set(run(folder, "completion", "bash")) == documented("completion")

@@ -13,11 +13,11 @@ from time import perf_counter
 from typing import NoReturn
 
 from viscera import _core, startup
-from viscera.cli import check, compare, demo, fit, inspect, reduce, solve, study, touch, view
+from viscera.cli import check, compare, completion, demo, doctor, fit, inspect, reduce, solve, study, touch, view
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 from viscera.errors import VisceraError
 
-VERBS = (demo, inspect, fit, solve, compare, reduce, check, touch, view, study)
+VERBS = (demo, inspect, fit, solve, compare, reduce, check, touch, view, study, doctor, completion)
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     startup.handle_interrupts()
     words = sys.argv[1:] if argv is None else list(argv)
     # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
-    args = _parser().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
+    args = command_line().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
     output = Output(args.json, is_quiet=args.quiet)
     began = perf_counter()
     try:
@@ -58,7 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return outcome.code
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
+    """The parser of all verbs."""
     parser = _Parser(prog="viscera", description="Organs you can touch: hyperelastic soft tissue, reduced off-line.")
     parser.add_argument("--version", action="version", version=f"viscera {_core.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

@@ -1,0 +1,49 @@
+"""Completion of verbs, options and files in the shell: prints what the shell has to read. For instance
+
+viscera completion bash > ~/.local/share/bash-completion/completions/viscera
+viscera completion zsh > ~/.zfunc/_viscera
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from viscera.cli.output import Outcome, Output
+
+SHELLS = ("bash", "zsh")
+FILES = ("FILE", "MESH", "CASE", "organ.viscera", "TEST.csv")
+"""What the words for files begin with; `DIR` is a folder."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera completion`."""
+    parser.add_argument("shell", choices=SHELLS, help=f"one of {', '.join(SHELLS)}")
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Print the script."""
+    import shtab
+
+    from viscera.cli import command_line
+
+    parser = command_line()
+    _mark_files(parser)
+    script = shtab.complete(parser, shell=args.shell)
+    if args.json != "-":
+        sys.stdout.write(script + "\n")
+    return Outcome("printed", facts={"shell": args.shell, "script": script})
+
+
+def _mark_files(parser: argparse.ArgumentParser) -> None:
+    """Names of files are completed where an option takes one."""
+    import shtab
+
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for verb in action.choices.values():
+                _mark_files(verb)
+        elif isinstance(action.metavar, str) and action.metavar.startswith(FILES):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+        elif action.metavar == "DIR":
+            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
