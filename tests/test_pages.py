@@ -20,6 +20,7 @@ def _load(path: Path) -> ModuleType:
 
 
 pages = _load(ROOT / "scripts" / "pages.py")
+figures = _load(ROOT / "scripts" / "figures.py")
 every_page = pytest.mark.parametrize("page", [*pages.PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda page: page.name)
 
 
@@ -109,6 +110,34 @@ def test_a_page_that_tells_a_falsehood_is_found(tmp_path: Path) -> None:
     assert pages.untrue(page(", varying", "41 cells"), run, with_long=False) != []
     assert pages.untrue(page(", long", "42 nodes"), run, with_long=False) == []
     assert pages.untrue(page(", long", "42 nodes"), run, with_long=True) != []
+
+
+@every_page
+def test_figures_of_a_page_stand_in_a_result(page: Path) -> None:
+    """Two pages that quote one result quote it alike."""
+    assert figures.unfounded(page.name, page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("prose", "unfounded"),
+    [
+        ("It takes 0.08 us.", []),
+        ("It takes 76 ns.", []),
+        ("It takes 0.11 us.", ["0.11 us"]),
+        ("It takes 81 ns.", ["81 ns"]),
+        ("It takes 46 s and 12 MB.", ["46 s", "12 MB"]),
+        ("Every 8 mm, at 60 Hz, as in 1.5e-3 s of code.", []),
+        ("It is 7.6 % of that.", []),
+        ("It is 7.5 % of that.", ["7.5 %"]),
+    ],
+)
+def test_a_figure_from_nowhere_is_found(
+    prose: str, unfounded: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figures, "RESULTS", tmp_path)
+    (tmp_path / "cell.txt").write_text("microseconds per cell\nneo_hookean  0.076\n", encoding="utf-8")
+    page = f"# Cells\nSee [the table](../benchmarks/results/cell.txt). {prose}\n# Others\nNothing.\n"
+    assert figures.unfounded("cells.md", page) == [f"{figure} (under 'Cells')" for figure in unfounded]
 
 
 @every_page
