@@ -8,7 +8,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  := cargo
 
-core_sources := Cargo.toml Cargo.lock $(shell find core live bindings/python -name '*.rs' -o -name Cargo.toml)
+core_sources := Cargo.toml Cargo.lock $(shell find core live mesher bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)

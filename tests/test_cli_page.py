@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import viscera as vs
 from viscera import VisceraError, cli
 from viscera.viewer import page
 
@@ -51,6 +52,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_inspect(folder: Path) -> None:
     assert set(run(folder, "inspect", "organ:artery")) == documented("inspect")
+
+
+def test_mesh(folder: Path) -> None:
+    pytest.importorskip("nibabel")
+    vs.Scan.of(vs.organs.beam(), voxel=0.03).write(folder / "labels.nii")
+    words = ("mesh", str(folder / "labels.nii"), "--edge", "90mm", "-o", str(folder / "mesh.vtu"))
+    assert set(run(folder, *words)) == documented("mesh")
 
 
 def test_fit(folder: Path) -> None:

@@ -33,8 +33,10 @@ from viscera.law import (
     Yeoh,
 )
 from viscera.mesh import Mesh, mesh, read
+from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
+from viscera.scan import Scan, image_fibres, scan
 from viscera.solver import ConjugateGradients
 from viscera.state import State
 from viscera.stepper import Frame, Hand, Stepper
@@ -62,6 +64,7 @@ __all__ = [
     "Organ",
     "Prony",
     "SaintVenantKirchhoff",
+    "Scan",
     "State",
     "Stepper",
     "Touch",
@@ -74,10 +77,13 @@ __all__ = [
     "compare",
     "fit",
     "helical_fibres",
+    "image_fibres",
     "laws",
     "load",
     "mesh",
+    "mesh_surface",
     "organs",
     "read",
+    "scan",
     "sweep",
 ]

@@ -58,6 +58,8 @@ class Mesh:
     """Ends (k, 2) of the edges whose midpoints are the last k points; none in a linear mesh."""
     cell_sets: Mapping[str, Indices] = field(default_factory=dict)
     """Named sets of cells, ascending indices: parts of another tissue."""
+    axes: str = ""
+    """World axes of the scan that it comes from, "RAS" or "LPS"; empty where nobody said."""
 
     def __post_init__(self) -> None:
         """Check arrays as `mesh` does where they are not ours: those of a mesh that was checked are read-only."""
@@ -205,10 +207,11 @@ class Mesh:
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node and cell sets go along, except in `.mesh`, which cannot hold them; midpoints, which follow, do not.
+        Node and cell sets go along, except in `.mesh`, which cannot hold them, and the world axes in `.vtu`; midpoints,
+        which follow, do not.
         """
         mesh = self.linear()
-        meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets)
+        meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
 
     def __repr__(self) -> str:
         sets = ", ".join(f"{name} ({len(nodes)})" for name, nodes in self.sets.items()) or "no node sets"
@@ -258,7 +261,8 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
     """Facts and problems of a mesh, without repairing or refusing anything.
 
     n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
-    regular tetrahedron), problems (sentences), sets {name: number of nodes}, cell_sets {name: number of cells},
+    regular tetrahedron), problems (sentences), axes ("RAS", "LPS" or None), sets {name: number of nodes}, cell_sets
+    {name: number of cells},
     parts (cells are of one part when they share a face), messages. Numbers that a broken mesh does not have are None.
     """
     result: dict[str, Any] = {
@@ -269,6 +273,7 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
         "volume_ml": None,
         "quality": None,
         "parts": None,
+        "axes": raw.axes or None,
         "sets": {name: len(nodes) for name, nodes in raw.sets.items()},
         "cell_sets": {name: len(cells) for name, cells in raw.cell_sets.items()},
         "messages": list(raw.messages),
@@ -366,7 +371,7 @@ def _checked(raw: RawMesh) -> Mesh:
         name: _read_only(_indices(chosen, len(cells), f"cell set {name!r}", "cell"))
         for name, chosen in raw.cell_sets.items()
     }
-    return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages), cell_sets=parts)
+    return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages), cell_sets=parts, axes=raw.axes)
 
 
 def _arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
@@ -406,7 +411,7 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     sets = {name: number[nodes] for name, nodes in kept.items() if len(nodes)}
     message = f"dropped {np.count_nonzero(~is_used)} of {len(is_used)} points that belong to no cell"
     log.warning(message)  # in a format without an end mark, all that shows of a file cut short
-    return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message))
+    return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message), raw.axes)
 
 
 def _members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floats, noun: str) -> Indices:

@@ -53,6 +53,8 @@ class RawMesh:
     sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     cell_sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
+    axes: str = ""
+    """World axes, "RAS" or "LPS", where the file states them."""
 
 
 def read(path: Path, units: str | float = "m") -> RawMesh:
@@ -64,7 +66,8 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
     try:
         found = febio.read(path.read_bytes()) if ending == ".feb" else _read_meshio(path, ending)
         points, blocks, sets, cell_sets = found
-        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets))
+        axes = _stated_axes(path) if ending == ".vtu" else ""
+        return _without_midpoints(RawMesh(scale * points, _tetrahedra(blocks), sets, cell_sets, axes=axes))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
@@ -78,8 +81,9 @@ def write(
     cells: NDArray[np.uint32],
     sets: Mapping[str, Any],
     cell_sets: Mapping[str, Any],
+    axes: str = "",
 ) -> None:
-    """Writes points, cells and the sets of both in the format of the file's ending."""
+    """Writes points, cells and the sets of both in the format of the file's ending; world axes in `.vtu`."""
     ending = _known_ending(path)
     if ending == ".feb":
         with replacing(path) as scratch:
@@ -114,6 +118,20 @@ def write(
     module = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}")
     with replacing(path) as scratch:
         module.write(str(scratch), meshio.Mesh(points, blocks, **extra), **options.get(ending, {}))
+        if axes and ending == ".vtu":
+            _state_axes(scratch, axes)
+
+
+def _state_axes(path: Path, axes: str) -> None:
+    """Puts the world axes into a comment, which every reader passes over, as not all do with a text in field data."""
+    head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
+    path.write_bytes(head + f"<!-- axes: {axes}, metres -->\n".encode() + tag + rest)
+
+
+def _stated_axes(path: Path) -> str:
+    with path.open("rb") as file:
+        stated = re.search(rb"<!-- axes: (RAS|LPS)\b", file.read(2000))
+    return stated[1].decode() if stated else ""
 
 
 def _escaped(name: str) -> str:
@@ -200,7 +218,7 @@ def _without_midpoints(raw: RawMesh) -> RawMesh:
     sets = {name: number[nodes[is_kept[nodes]]] for name, nodes in raw.sets.items()}
     message = "left out the midpoints of ten-node cells; the element P2 puts them back"
     kept = {name: nodes for name, nodes in sets.items() if len(nodes)}
-    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, (*raw.messages, message))
+    return RawMesh(points[is_kept], number[cells[:, :4]], kept, raw.cell_sets, (*raw.messages, message), raw.axes)
 
 
 def _sets_of_point_arrays(found: meshio.Mesh) -> Arrays:

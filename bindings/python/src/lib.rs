@@ -1,4 +1,4 @@
-//! The private module `viscera._core`: translation between NumPy arrays and `viscera-core`.
+//! The private module `viscera._core`: translation between NumPy arrays and `viscera-core` (and `viscera-mesher`).
 //!
 //! `python/viscera/_core.pyi` documents what is exported. No numerics here: every function
 //! converts its arguments, makes one call with the interpreter released, and converts the result.
@@ -13,6 +13,7 @@ mod interrupt;
 mod law;
 mod live;
 mod mesh;
+mod mesher;
 mod model;
 mod path;
 mod pgd;
@@ -28,6 +29,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::quadratic, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::quadratic_surface, m)?)?;
+    m.add_function(wrap_pyfunction!(mesher::mesh_labels, m)?)?;
+    m.add_function(wrap_pyfunction!(mesher::winding_numbers, m)?)?;
     m.add_function(wrap_pyfunction!(path::vector_pade, m)?)?;
     m.add_function(wrap_pyfunction!(touch::touch_series, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;

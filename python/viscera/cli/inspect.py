@@ -12,6 +12,8 @@ from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.mesh import inspect, report
 
+AXES = {"RAS": "right, anterior, superior", "LPS": "left, posterior, superior"}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera inspect`."""
@@ -33,6 +35,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         quality = facts["quality"]
         output.say(f"  quality       min {quality['min']:.3g}, mean {quality['mean']:.3g} (1 is best)")
         output.say(f"  parts         {facts['parts']}")
+    if facts["axes"]:
+        output.say(f"  axes          {facts['axes']} ({AXES[facts['axes']]}), in metres")
     for name, size in facts["sets"].items():
         output.say(f"  set           {name!r}: {size} nodes")
     for name, size in facts["cell_sets"].items():

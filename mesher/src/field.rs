@@ -1,0 +1,353 @@
+//! Who owns a place: each label's indicator, smoothed, with a bias that keeps the label's volume.
+
+use crate::vector::{Point, dot, norm, scale, sub};
+use rayon::prelude::*;
+
+/// A label map: `values[(i * dims[1] + j) * dims[2] + k]` is the label of voxel (i, j, k), whose centre lies at
+/// `affine * (i, j, k, 1)` [m].
+pub struct Labels<'a> {
+    /// Number of voxels along each axis.
+    pub dims: [usize; 3],
+    /// The label of each voxel.
+    pub values: &'a [u16],
+    /// From voxel indices to places [m].
+    pub affine: [[f64; 4]; 3],
+    /// Volume of each label that is meshed [m^3], where it is known better than by counting voxels.
+    pub volumes: Option<&'a [f64]>,
+}
+
+/// Standard deviation of the smoothing: in voxels, against the staircase, and in edges, against what is finer than
+/// the mesh. An axis with fine voxels takes part in the smoothing of the coarsest one, or slices would show.
+const BY_VOXEL: f64 = 0.8;
+const BY_EDGE: f64 = 0.25;
+const COARSEST: f64 = 0.5;
+
+/// Smoothed indicators on the part of the grid that holds the labels.
+pub struct Field {
+    dims: [usize; 3],
+    n_labels: usize,
+    /// `u[voxel * n_labels + label]`.
+    u: Vec<f32>,
+    to_index: Affine,
+    /// Added to each label's indicator; the outside has none.
+    pub bias: Vec<f64>,
+    /// Where the image ends within a label.
+    pub planes: Vec<Plane>,
+    /// Volume of each label's voxels [m^3].
+    pub volumes: Vec<f64>,
+    /// Lowest and highest corner of a box that holds the labels [m].
+    pub bounds: [Point; 2],
+    voxel_volume: f64,
+    reach: f64,
+}
+
+/// Half of space: beyond it where `normal . x > offset`, the normal being of unit length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    pub normal: Point,
+    pub offset: f64,
+}
+
+impl Plane {
+    pub fn distance(&self, x: Point) -> f64 {
+        dot(self.normal, x) - self.offset
+    }
+}
+
+/// `linear * x + shift`.
+struct Affine {
+    linear: [Point; 3],
+    shift: Point,
+}
+
+impl Affine {
+    fn apply(&self, x: Point) -> Point {
+        std::array::from_fn(|i| dot(self.linear[i], x) + self.shift[i])
+    }
+
+    fn new(rows: &[[f64; 4]; 3]) -> Self {
+        Affine { linear: rows.map(|r| [r[0], r[1], r[2]]), shift: rows.map(|r| r[3]) }
+    }
+
+    fn column(&self, k: usize) -> Point {
+        self.linear.map(|row| row[k])
+    }
+
+    fn determinant(&self) -> f64 {
+        dot(self.linear[0], crate::vector::cross(self.linear[1], self.linear[2]))
+    }
+
+    fn inverse(&self) -> Self {
+        use crate::vector::cross;
+        let [a, b, c] = self.linear;
+        let columns =
+            [cross(b, c), cross(c, a), cross(a, b)].map(|v| scale(v, 1.0 / self.determinant()));
+        let linear: [Point; 3] = std::array::from_fn(|i| columns.map(|column| column[i]));
+        let shift = linear.map(|row| -dot(row, self.shift));
+        Affine { linear, shift }
+    }
+}
+
+impl Field {
+    /// The field of some labels of a map. None of them may be absent from it.
+    pub fn new(map: &Labels, labels: &[u16], edge: f64) -> Self {
+        let to_world = Affine::new(&map.affine);
+        let spacing: [f64; 3] = std::array::from_fn(|k| norm(to_world.column(k)));
+        let coarsest = COARSEST * spacing.iter().copied().fold(0.0, f64::max);
+        let sigma = spacing.map(|step| (BY_VOXEL * step.max(coarsest)).max(BY_EDGE * edge) / step);
+        let held = box_of(map, labels);
+        let margin = sigma.map(|s| (3.0 * s).ceil() as usize + 2);
+        let low: [usize; 3] = std::array::from_fn(|k| held[0][k].saturating_sub(margin[k]));
+        let high: [usize; 3] =
+            std::array::from_fn(|k| (held[1][k] + 1 + margin[k]).min(map.dims[k]));
+        let dims: [usize; 3] = std::array::from_fn(|k| high[k] - low[k]);
+        let u = smoothed_indicators(map, labels, low, dims, sigma);
+        let to_index = to_world.inverse();
+        let mut planes = Vec::new();
+        for k in 0..3 {
+            let (row, length) = (to_index.linear[k], norm(to_index.linear[k]));
+            let mut plane = |sign: f64, end: f64| {
+                let normal = scale(row, sign / length);
+                planes.push(Plane { normal, offset: sign * (end - to_index.shift[k]) / length });
+            };
+            if held[0][k] == 0 {
+                plane(-1.0, -0.5);
+            }
+            if held[1][k] + 1 == map.dims[k] {
+                plane(1.0, map.dims[k] as f64 - 0.5);
+            }
+        }
+        let voxel_volume = to_world.determinant().abs();
+        let mut field = Field {
+            dims,
+            n_labels: labels.len(),
+            u,
+            bias: vec![0.0; labels.len()],
+            planes,
+            volumes: match map.volumes {
+                Some(known) => known.to_vec(),
+                None => volumes(map, labels, voxel_volume),
+            },
+            bounds: bounds(&to_world, held),
+            voxel_volume,
+            reach: (0..3).map(|k| sigma[k] * spacing[k]).fold(0.0, f64::max),
+            to_index: Affine { shift: sub(to_index.shift, low.map(|i| i as f64)), ..to_index },
+        };
+        for _ in 0..3 {
+            for label in 0..labels.len() {
+                field.bias[label] = field.level(label);
+            }
+        }
+        field
+    }
+
+    /// Half the width of the smoothed steps [m].
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// Number of labels; as a label, it is the outside.
+    pub fn outside(&self) -> usize {
+        self.n_labels
+    }
+
+    /// Scores of all labels and at last of the outside; who has the highest owns the place.
+    pub fn scores(&self, x: Point, scores: &mut Vec<f64>) {
+        scores.clear();
+        scores.extend_from_slice(&self.bias);
+        let (corners, weights, _) = self.voxels(x);
+        let mut sum = 0.0;
+        for (corner, weight) in corners.into_iter().zip(weights) {
+            let u = &self.u[corner * self.n_labels..][..self.n_labels];
+            for (score, &value) in scores.iter_mut().zip(u) {
+                *score += weight * f64::from(value);
+                sum += weight * f64::from(value);
+            }
+        }
+        scores.push(1.0 - sum);
+    }
+
+    /// Score and gradient of the difference between two owners.
+    pub fn difference(&self, a: usize, b: usize, x: Point) -> (f64, Point) {
+        let (corners, weights, slopes) = self.voxels(x);
+        let mut value = self.constant(a) - self.constant(b);
+        let mut slope = [0.0; 3];
+        for (i, corner) in corners.into_iter().enumerate() {
+            let u = &self.u[corner * self.n_labels..][..self.n_labels];
+            let at = self.part(a, u) - self.part(b, u);
+            value += weights[i] * at;
+            for k in 0..3 {
+                slope[k] += slopes[i][k] * at;
+            }
+        }
+        let gradient = std::array::from_fn(|j| {
+            (0..3).map(|k| slope[k] * self.to_index.linear[k][j]).sum::<f64>()
+        });
+        (value, gradient)
+    }
+
+    fn constant(&self, owner: usize) -> f64 {
+        if owner == self.n_labels { 1.0 } else { self.bias[owner] }
+    }
+
+    fn part(&self, owner: usize, u: &[f32]) -> f64 {
+        if owner == self.n_labels {
+            -u.iter().map(|&v| f64::from(v)).sum::<f64>()
+        } else {
+            f64::from(u[owner])
+        }
+    }
+
+    /// The eight voxels around a place, their trilinear weights and the slopes of these; beyond the grid, as at its
+    /// border.
+    fn voxels(&self, x: Point) -> ([usize; 8], [f64; 8], [Point; 8]) {
+        let index = self.to_index.apply(x);
+        let mut first = [0; 3];
+        let mut t = [0.0; 3];
+        let mut step = [0; 3];
+        let mut is_inside = [1.0; 3];
+        let stride = [self.dims[1] * self.dims[2], self.dims[2], 1];
+        for k in 0..3 {
+            let last = self.dims[k] - 1;
+            let clamped = index[k].clamp(0.0, last as f64);
+            first[k] = (clamped as usize).min(last.saturating_sub(1));
+            t[k] = clamped - first[k] as f64;
+            step[k] = if last == 0 { 0 } else { stride[k] };
+            is_inside[k] = f64::from(u8::from(clamped == index[k] && last > 0));
+        }
+        let origin: usize = (0..3).map(|k| first[k] * stride[k]).sum();
+        let mut corners = [0; 8];
+        let mut weights = [0.0; 8];
+        let mut slopes = [[0.0; 3]; 8];
+        for i in 0..8 {
+            let bit = [(i >> 2) & 1, (i >> 1) & 1, i & 1];
+            corners[i] = origin + (0..3).map(|k| bit[k] * step[k]).sum::<usize>();
+            let w: [f64; 3] = std::array::from_fn(|k| if bit[k] == 1 { t[k] } else { 1.0 - t[k] });
+            let d: [f64; 3] =
+                std::array::from_fn(|k| is_inside[k] * if bit[k] == 1 { 1.0 } else { -1.0 });
+            weights[i] = w[0] * w[1] * w[2];
+            slopes[i] = [d[0] * w[1] * w[2], w[0] * d[1] * w[2], w[0] * w[1] * d[2]];
+        }
+        (corners, weights, slopes)
+    }
+
+    /// The bias at which a label owns its volume, the others' unchanged, by counting voxels.
+    fn level(&self, label: usize) -> f64 {
+        let voxels = self.u.len() / self.n_labels;
+        let count = (self.volumes[label] / self.voxel_volume).round() as usize;
+        let count = count.clamp(1, voxels);
+        let mut needed: Vec<f64> = self
+            .u
+            .par_chunks(self.n_labels)
+            .map(|u| {
+                let outside = 1.0 - u.iter().map(|&v| f64::from(v)).sum::<f64>();
+                let others = (0..self.n_labels)
+                    .filter(|&l| l != label)
+                    .map(|l| f64::from(u[l]) + self.bias[l])
+                    .fold(outside, f64::max);
+                others - f64::from(u[label])
+            })
+            .collect();
+        needed.par_sort_unstable_by(f64::total_cmp);
+        0.5 * (needed[count - 1] + needed[count.min(needed.len() - 1)])
+    }
+}
+
+/// Lowest and highest index of the voxels that carry one of the labels.
+fn box_of(map: &Labels, labels: &[u16]) -> [[usize; 3]; 2] {
+    let [_, ny, nz] = map.dims;
+    let mut held = [map.dims, [0; 3]];
+    for (voxel, value) in map.values.iter().enumerate() {
+        if labels.contains(value) {
+            let index = [voxel / (ny * nz), voxel / nz % ny, voxel % nz];
+            for k in 0..3 {
+                held[0][k] = held[0][k].min(index[k]);
+                held[1][k] = held[1][k].max(index[k]);
+            }
+        }
+    }
+    held
+}
+
+fn volumes(map: &Labels, labels: &[u16], voxel: f64) -> Vec<f64> {
+    let count = |label| map.values.iter().filter(|&&value| value == label).count();
+    labels.iter().map(|&label| count(label) as f64 * voxel).collect()
+}
+
+/// A box around the voxels, a voxel wider.
+fn bounds(to_world: &Affine, held: [[usize; 3]; 2]) -> [Point; 2] {
+    let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    for i in 0..8 {
+        let corner = std::array::from_fn(|k| match (i >> k) & 1 {
+            0 => held[0][k] as f64 - 1.5,
+            _ => held[1][k] as f64 + 1.5,
+        });
+        let place = to_world.apply(corner);
+        for k in 0..3 {
+            bounds[0][k] = bounds[0][k].min(place[k]);
+            bounds[1][k] = bounds[1][k].max(place[k]);
+        }
+    }
+    bounds
+}
+
+/// Each label's indicator on a part of the map, smoothed by a Gaussian of `sigma` voxels; beyond the map it goes on as
+/// at its border.
+fn smoothed_indicators(
+    map: &Labels,
+    labels: &[u16],
+    low: [usize; 3],
+    dims: [usize; 3],
+    sigma: [f64; 3],
+) -> Vec<f32> {
+    let [nx, ny, nz] = dims;
+    let n = labels.len();
+    let at = |i: usize, j: usize, k: usize| {
+        map.values[((i + low[0]) * map.dims[1] + j + low[1]) * map.dims[2] + k + low[2]]
+    };
+    let mut u = vec![0.0_f32; nx * ny * nz * n];
+    u.par_chunks_mut(ny * nz * n).enumerate().for_each(|(i, slab)| {
+        for (voxel, values) in slab.chunks_mut(n).enumerate() {
+            let label = at(i, voxel / nz, voxel % nz);
+            if let Some(l) = labels.iter().position(|&known| known == label) {
+                values[l] = 1.0;
+            }
+        }
+    });
+    for axis in 0..3 {
+        u = smoothed_along(&u, dims, n, axis, &gaussian(sigma[axis]));
+    }
+    u
+}
+
+/// One side of the weights of a Gaussian, the middle first.
+fn gaussian(sigma: f64) -> Vec<f32> {
+    let reach = (3.0 * sigma).ceil() as i32;
+    let weights: Vec<f64> =
+        (0..=reach).map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp()).collect();
+    let sum = 2.0 * weights.iter().sum::<f64>() - weights[0];
+    weights.iter().map(|w| (w / sum) as f32).collect()
+}
+
+fn smoothed_along(u: &[f32], dims: [usize; 3], n: usize, axis: usize, weights: &[f32]) -> Vec<f32> {
+    let [_, ny, nz] = dims;
+    let stride = [ny * nz, nz, 1][axis];
+    let mut smooth = vec![0.0; u.len()];
+    smooth.par_chunks_mut(ny * nz * n).enumerate().for_each(|(i, slab)| {
+        for (within, values) in slab.chunks_mut(n).enumerate() {
+            let voxel = i * ny * nz + within;
+            let place = [i, within / nz, within % nz][axis];
+            let last = dims[axis] - 1;
+            for (l, value) in values.iter_mut().enumerate() {
+                let read = |p: usize| u[(voxel - place * stride + p * stride) * n + l];
+                let mut sum = weights[0] * read(place);
+                for (step, weight) in weights.iter().enumerate().skip(1) {
+                    sum += weight
+                        * (read(place.saturating_sub(step)) + read((place + step).min(last)));
+                }
+                *value = sum;
+            }
+        }
+    });
+    smooth
+}

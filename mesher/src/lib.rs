@@ -1,0 +1,308 @@
+//! Labelled images to conforming tetrahedral meshes with smooth boundaries.
+//!
+//! The labels' indicators are smoothed and biased so that each label keeps its volume ([`field`]). A body-centred cubic
+//! lattice is cut by the surfaces between the owners, nodes near a surface being moved onto it ([`cut`]: isosurface
+//! stuffing). Then nodes move, each on its surfaces, until no angle can be made better ([`improve`]).
+
+mod constraint;
+mod cut;
+mod field;
+mod improve;
+mod lattice;
+mod parts;
+pub mod quality;
+mod vector;
+mod winding;
+
+use cut::{Cutting, Surface};
+use field::Field;
+pub use field::Labels;
+use improve::{Improving, Interface};
+use rayon::prelude::*;
+use vector::Point;
+pub use winding::Winding;
+
+/// Why there is no mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Error {
+    /// The map's values are not as many as its dimensions say, its affine map is singular, or its volumes are none.
+    BadMap,
+    /// No voxel carries the label.
+    Absent(u16),
+    /// The lattice misses the label: the edge is too long for it.
+    Missed(u16),
+    /// None, or more than [`MOST_LABELS`].
+    TooManyLabels(usize),
+    /// Too many cells for 32-bit indices.
+    TooFine,
+    /// The watcher wants no more.
+    Cancelled,
+}
+
+/// Most labels of a mesh.
+pub const MOST_LABELS: usize = 60;
+
+impl std::fmt::Display for Error {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Error::BadMap => write!(
+                f,
+                "the label map's values or volumes do not fit it, or its affine map is singular"
+            ),
+            Error::Absent(label) => write!(f, "no voxel has the label {label}"),
+            Error::Missed(label) => write!(
+                f,
+                "the edge is too long for label {label}: no cell of it is left; use a shorter one"
+            ),
+            Error::TooManyLabels(count) => {
+                write!(f, "{count} labels at once; there may be 1 to {MOST_LABELS}")
+            }
+            Error::TooFine => write!(
+                f,
+                "the edge is so short that the lattice has more than 2^31 nodes; use a longer one"
+            ),
+            Error::Cancelled => write!(f, "cancelled"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// A mesh of several parts that share the nodes between them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Places of the nodes [m].
+    pub points: Vec<Point>,
+    /// Nodes of the cells, of positive volume.
+    pub cells: Vec<[u32; 4]>,
+    /// For each cell, its label's place in the list of labels.
+    pub owner: Vec<usize>,
+    /// Nodes on the flat ends where the image cuts a label.
+    pub cut: Vec<u32>,
+    /// Volume that each label was to have, that of its voxels unless another was given [m^3].
+    pub volumes: Vec<f64>,
+    /// Volume of each label that was dropped with parts that held little of any label [m^3].
+    pub dropped: Vec<f64>,
+    /// How many parts were dropped.
+    pub n_dropped: usize,
+}
+
+/// How often the biases are corrected by the volumes of the cut lattice, and by those of the mesh.
+const CORRECTIONS: usize = 3;
+const LAST_CORRECTIONS: usize = 2;
+const SWEEPS: i32 = 16;
+const LAST_SWEEPS: i32 = 4;
+
+/// Meshes some labels of a map with cells whose edges have about the length `edge` [m].
+///
+/// `watch(done, total)` is told how far it is; false ends the work.
+///
+/// # Errors
+/// Where the map or the list of labels is bad, the edge too long, or `watch` wants no more.
+pub fn mesh(
+    map: &Labels,
+    labels: &[u16],
+    edge: f64,
+    mut watch: impl FnMut(usize, usize) -> bool,
+) -> Result<Mesh, Error> {
+    check(map, labels)?;
+    let total = 2 + CORRECTIONS + SWEEPS as usize + LAST_CORRECTIONS * (1 + LAST_SWEEPS as usize);
+    let mut done = 0;
+    let mut step = || {
+        done += 1;
+        if watch(done - 1, total) { Ok(()) } else { Err(Error::Cancelled) }
+    };
+    step()?;
+    let mut field = Field::new(map, labels, edge);
+    let spacing = edge / lattice::MEAN_EDGE;
+    for _ in 0..CORRECTIONS {
+        step()?;
+        let cut = cut_lattice(&field, spacing)?;
+        correct(&mut field, labels, &cut.points, &cut)?;
+    }
+    let cut = cut_lattice(&field, spacing)?;
+    let meeting = improve::meeting(cut.points.len(), &cut.interfaces);
+    let mut points = {
+        let start = cut.points.clone();
+        let mut improving =
+            Improving::new(&field, spacing, start, &meeting, &cut.cells, &cut.owner);
+        for round in 0..SWEEPS {
+            step()?;
+            improving.sweep(round);
+        }
+        improving.points
+    };
+    for _ in 0..LAST_CORRECTIONS {
+        step()?;
+        correct(&mut field, labels, &points, &cut)?;
+        let mut improving =
+            Improving::new(&field, spacing, points, &meeting, &cut.cells, &cut.owner);
+        improving.return_to_surfaces();
+        for round in 0..LAST_SWEEPS {
+            step()?;
+            improving.sweep(round + 8);
+        }
+        points = improving.points;
+    }
+    step()?;
+    Ok(finished(field, &points, cut, &meeting))
+}
+
+/// The cells inside, and what is known of them.
+fn finished(field: Field, points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
+    let kept = (0..cut.cells.len()).filter(|&c| cut.owner[c] != field.outside());
+    let (cells, owner): (Vec<_>, Vec<_>) = kept.map(|c| (cut.cells[c], cut.owner[c])).unzip();
+    let (used, cells) = renumbered(points.len(), cells);
+    let is_cut = |i: u32| meeting[used[i as usize] as usize] & cut::BEYOND != 0;
+    Mesh {
+        points: used.iter().map(|&i| points[i as usize]).collect(),
+        cells,
+        owner,
+        cut: (0..used.len() as u32).filter(|&i| is_cut(i)).collect(),
+        volumes: field.volumes,
+        dropped: cut.dropped,
+        n_dropped: cut.n_dropped,
+    }
+}
+
+fn check(map: &Labels, labels: &[u16]) -> Result<(), Error> {
+    let count = map.dims.iter().try_fold(1_usize, |product, &n| product.checked_mul(n));
+    let rows = map.affine.map(|row| [row[0], row[1], row[2]]);
+    let determinant = vector::dot(rows[0], vector::cross(rows[1], rows[2]));
+    let is_volume = |v: &f64| *v > 0.0 && v.is_finite();
+    let are_volumes =
+        map.volumes.is_none_or(|v| v.len() == labels.len() && v.iter().all(is_volume));
+    if count != Some(map.values.len()) || !determinant.is_normal() || !are_volumes {
+        return Err(Error::BadMap);
+    }
+    if labels.is_empty() || labels.len() > MOST_LABELS {
+        return Err(Error::TooManyLabels(labels.len()));
+    }
+    match labels.iter().find(|label| !map.values.contains(label)) {
+        Some(&absent) => Err(Error::Absent(absent)),
+        None => Ok(()),
+    }
+}
+
+/// The lattice cut by all surfaces.
+struct Cut {
+    points: Vec<Point>,
+    cells: Vec<[u32; 4]>,
+    owner: Vec<usize>,
+    interfaces: Vec<Interface>,
+    dropped: Vec<f64>,
+    n_dropped: usize,
+}
+
+fn cut_lattice(field: &Field, spacing: f64) -> Result<Cut, Error> {
+    let [low, high] = field.bounds;
+    let count: f64 = (0..3).map(|k| (high[k] - low[k]) / spacing + 3.0).product();
+    if !(2.0 * count < f64::from(i32::MAX)) {
+        return Err(Error::TooFine);
+    }
+    let is_inside = |x| {
+        let mut scores = Vec::with_capacity(field.outside() + 1);
+        field.scores(x, &mut scores);
+        let outside = scores[field.outside()];
+        scores[..field.outside()].iter().any(|&score| score > outside)
+    };
+    let (points, cells) = lattice::lattice(field.bounds, spacing, is_inside);
+    let (points, cells) = packed(&points, cells);
+    let on = vec![0; points.len()];
+    let mut cutting = Cutting { field, spacing, points, on, cells, owned: Vec::new() };
+    if !field.planes.is_empty() {
+        cutting.cut(Surface::Beyond);
+    }
+    cutting.cut(Surface::Outside);
+    for label in 0..field.outside() - 1 {
+        cutting.cut(Surface::Label(label));
+    }
+    let rest = cutting.cells.iter().map(|&cell| (cell, field.outside() - 1));
+    let (cells, mut owner): (Vec<_>, Vec<_>) = cutting.owned.iter().copied().chain(rest).unzip();
+    let (used, cells) = renumbered(cutting.points.len(), cells);
+    let points: Vec<Point> = used.iter().map(|&i| cutting.points[i as usize]).collect();
+    let on: Vec<u64> = used.iter().map(|&i| cutting.on[i as usize]).collect();
+    let (dropped, n_dropped) = parts::tidy(field, &points, &cells, &mut owner);
+    let interfaces = improve::interfaces(&on, &cells, &owner, field.outside());
+    Ok(Cut { points, cells, owner, interfaces, dropped, n_dropped })
+}
+
+fn packed(points: &[Point], cells: Vec<[u32; 4]>) -> (Vec<Point>, Vec<[u32; 4]>) {
+    let (used, cells) = renumbered(points.len(), cells);
+    (used.iter().map(|&i| points[i as usize]).collect(), cells)
+}
+
+/// The points that cells use, ascending, and the cells by their new numbers.
+fn renumbered(n_points: usize, mut cells: Vec<[u32; 4]>) -> (Vec<u32>, Vec<[u32; 4]>) {
+    let mut number = vec![u32::MAX; n_points];
+    for &i in cells.iter().flatten() {
+        number[i as usize] = 0;
+    }
+    let used: Vec<u32> = (0..n_points as u32).filter(|&i| number[i as usize] == 0).collect();
+    for (new, &old) in used.iter().enumerate() {
+        number[old as usize] = new as u32;
+    }
+    for i in cells.iter_mut().flatten() {
+        *i = number[*i as usize];
+    }
+    (used, cells)
+}
+
+fn volumes(points: &[Point], cells: &[[u32; 4]], owner: &[usize], n_labels: usize) -> Vec<f64> {
+    let each: Vec<f64> = cells
+        .par_iter()
+        .map(|cell| quality::volume6(cell.map(|i| points[i as usize])) / 6.0)
+        .collect();
+    let mut volumes = vec![0.0; n_labels + 1];
+    for (volume, &label) in each.iter().zip(owner) {
+        volumes[label] += volume;
+    }
+    volumes
+}
+
+/// Moves the biases so that the mesh's volumes come closer to the voxels': a step of Newton's method, since a face of
+/// area `A` moves by `1 / |grad (s_a - s_b)|` when the bias of `a` grows by 1.
+fn correct(field: &mut Field, labels: &[u16], points: &[Point], cut: &Cut) -> Result<(), Error> {
+    let n = labels.len();
+    let volumes = volumes(points, &cut.cells, &cut.owner, n);
+    if let Some(missed) = volumes[..n].iter().position(|&volume| volume <= 0.0) {
+        return Err(Error::Missed(labels[missed]));
+    }
+    let mut slope = vec![vec![0.0; n + 1]; n + 1];
+    for face in &cut.interfaces {
+        let (a, Some(b)) = (face.owner, face.other) else { continue };
+        let [p, q, r] = face.nodes.map(|i| points[i as usize]);
+        let area = 0.5 * vector::norm(vector::cross(vector::sub(q, p), vector::sub(r, p)));
+        let (_, gradient) = field.difference(a, b, vector::mean([p, q, r]));
+        let rate = area / vector::norm(gradient).max(1e-3 / field.reach());
+        for (i, j) in [(a, b), (b, a)] {
+            slope[i][i] += rate;
+            slope[i][j] -= rate;
+        }
+    }
+    let wanted = (0..n).map(|l| field.volumes[l] - cut.dropped[l] - volumes[l]).collect();
+    for (bias, shift) in field.bias.iter_mut().zip(solved(slope, wanted)) {
+        *bias += shift.clamp(-0.1, 0.1);
+    }
+    Ok(())
+}
+
+/// Solves a small system with a dominant diagonal, of which the first rows are wanted; the last unknown is 0.
+fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
+    let n = b.len();
+    for i in 0..n {
+        let pivot = a[i][i].max(1e-300);
+        for j in i + 1..n {
+            let share = a[j][i] / pivot;
+            for k in i..n {
+                a[j][k] -= share * a[i][k];
+            }
+            b[j] -= share * b[i];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|k| a[i][k] * b[k]).sum();
+        b[i] = (b[i] - known) / a[i][i].max(1e-300);
+    }
+    b
+}

@@ -1,0 +1,242 @@
+"""Tetrahedra from labels on a grid, or from the surface of an organ; the work is done in the compiled mesher.
+
+The labels' indicators are smoothed by a Gaussian, each with a bias that keeps the label's volume; the cells of a
+body-centred lattice are cut along the surfaces between them (isosurface stuffing, Labelle and Shewchuk 2007); then
+nodes move on these surfaces until the worst dihedral angles are good.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.meshfile import metres_per_unit
+from viscera.quantity import Number
+from viscera.select import length
+
+Progress = Callable[[int, int, str], None]
+SURFACES = (".stl", ".obj", ".ply")
+VOXELS_PER_EDGE = 4
+"""Of the grid on which a surface's inside is found."""
+TURNED = "turned the surface round: its triangles looked inward"
+MOST_VOXELS = 2e8
+MOST_CELLS = 5e7
+MIDDLE_EDGE = 0.911
+"""Mean edge of the lattice, whose cells have a twelfth of the cube of its spacing, in spacings."""
+DIRECTIONS = {
+    "RAS": (("right", "left"), ("anterior", "posterior"), ("superior", "inferior")),
+    "LPS": (("left", "right"), ("posterior", "anterior"), ("superior", "inferior")),
+    "": (("+x", "-x"), ("+y", "-y"), ("+z", "-z")),
+}
+"""Where the world axes point to, and come from."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of a mesh: its name and the labels that belong to it."""
+
+    name: str
+    numbers: tuple[int, ...]
+
+
+def mesh_regions(
+    values: NDArray[np.uint16],
+    affine: Floats,
+    regions: Sequence[Region],
+    edge: float | str,
+    *,
+    axes: str = "",
+    volumes: list[float] | None = None,
+    progress: Progress | None = None,
+) -> Mesh:
+    """Conforming tetrahedra of regions of a label map (i, j, k), with the volumes [m^3] of their voxels or those given;
+    see `Scan.mesh`."""
+    size = length(edge, 0.0, "edge")
+    Number("m", above=0)(size, "edge")
+    order = np.zeros(65536, dtype=np.uint16)
+    for region in regions:
+        order[list(region.numbers)] = region.numbers[0]
+    voxel = abs(float(np.linalg.det(affine[:, :3])))
+    own = order[values]
+    for region in regions:
+        _check_edge(region.name, voxel * np.count_nonzero(own == region.numbers[0]), size)
+    cells = 12.0 * voxel * np.count_nonzero(own) * (MIDDLE_EDGE / size) ** 3
+    if cells > MOST_CELLS:
+        raise VisceraError(f"an edge of {1e3 * size:g} mm would make {cells:.2g} cells; give a longer one")
+    labels = [region.numbers[0] for region in regions]
+    tell = None if progress is None else lambda done, total: progress(done, total, "meshing")
+    made = _core.mesh_labels(own, affine, labels, volumes=volumes, edge=size, on_progress=tell)
+    cell_sets = {region.name: np.flatnonzero(made["owner"] == k) for k, region in enumerate(regions)}
+    sets = {"cut": made["cut"]} if len(made["cut"]) else {}
+    found = mesh(made["points"], made["cells"], sets, cell_sets)
+    messages = (*found.messages, *_messages(made, own, affine, axes, regions))
+    return replace(found, axes=axes, messages=messages)
+
+
+def mesh_surface(
+    surface: str | os.PathLike[str] | tuple[Any, Any],
+    *,
+    edge: float | str,
+    units: str | float = "m",
+    name: str = "organ",
+    progress: Progress | None = None,
+) -> Mesh:
+    """Tetrahedra inside a nearly closed surface: a file (STL, OBJ, PLY), or points (n, 3) and triangles (t, 3).
+
+    Inside is where the generalised winding number exceeds a half (Jacobson, Kavan and Sorkine-Hornung 2013), on a grid
+    of four voxels an edge: holes are closed, overlapping parts joined, and `messages` says so. A sound surface keeps
+    its volume; what is finer than a voxel is rounded. edge: as in `Scan.mesh`; units of the file or the points. Raises
+    `VisceraError` where nothing is inside.
+
+    >>> import viscera as vs
+    >>> beam = vs.organs.beam()
+    >>> vs.mesh_surface((beam.points, beam.surface), edge=0.1).messages
+    ()
+    """
+    size = Number("m", above=0)(length(edge, 0.0, "edge"), "edge")
+    points, triangles, axes = _surface(surface, units)
+    points, triangles, messages = _mended(points, triangles)
+    step = size / VOXELS_PER_EDGE
+    low, high = points.min(axis=0), points.max(axis=0)
+    shape = [int(n) for n in np.ceil((high - low) / step) + 8]
+    if np.prod(shape, dtype=float) > MOST_VOXELS:
+        raise VisceraError(
+            f"an edge of {1e3 * size:g} mm is too short for a surface of {1e3 * np.linalg.norm(high - low):.4g} mm: "
+            "the grid would have more than 2e8 voxels; give a longer one, or check the units"
+        )
+    affine = np.column_stack([step * np.eye(3), low - 3.5 * step])
+    tell = None if progress is None else lambda done, total: progress(done, total, "winding numbers")
+    winding = _core.winding_numbers(points, triangles, shape, affine, on_progress=tell)
+    inside = np.abs(winding) > 0.5
+    if not inside.any():
+        _check_edge(name, abs(_enclosed(points, triangles)), size)
+        raise VisceraError("nothing is inside the surface: its holes are too large, or it is flat")
+    twice = np.count_nonzero(np.abs(winding) > 1.5) * step**3
+    if twice > 0:
+        messages.append(f"parts of the surface overlap in {1e6 * twice:.3g} ml; they are joined")
+    if (turned := np.count_nonzero(winding < -0.5) * step**3) > 0:
+        messages.append(f"the triangles around {1e6 * turned:.3g} ml look inward; that is inside as well")
+    exact = None if messages and messages != [TURNED] else [_enclosed(points, triangles)]
+    region = Region(name, (1,))
+    found = mesh_regions(inside.astype(np.uint16), affine, [region], size, axes=axes, volumes=exact, progress=progress)
+    return replace(found, messages=(*messages, *found.messages))
+
+
+def least_angles(points: Floats, cells: Indices) -> Floats:
+    """The smallest dihedral angle of each cell (m,) [degrees]."""
+    x = points[cells]
+    least = np.full(len(cells), np.inf)
+    for i, j, left, right in ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2), (1, 2, 0, 3), (1, 3, 0, 2), (2, 3, 0, 1)):
+        edge = x[:, j] - x[:, i]
+        n, m = (np.cross(edge, x[:, corner] - x[:, i]) for corner in (left, right))
+        sine, cosine = np.linalg.norm(np.cross(n, m), axis=1), np.einsum("ij,ij->i", n, m)
+        least = np.minimum(least, np.degrees(np.arctan2(sine, cosine)))
+    return least
+
+
+def _check_edge(name: str, volume: float, edge: float) -> None:
+    across = (6.0 * volume / np.pi) ** (1.0 / 3.0)
+    if edge > across:
+        raise VisceraError(
+            f"the edge, {1e3 * edge:.4g} mm, is longer than {name!r}, which is {1e3 * across:.3g} mm across "
+            "(the diameter of a ball of its volume); give a shorter one"
+        )
+
+
+def _messages(
+    made: dict[str, Any], own: NDArray[np.uint16], affine: Floats, axes: str, regions: Sequence[Region]
+) -> list[str]:
+    messages = []
+    borders = [(k, side) for k in range(3) for side in (0, -1)]
+    for region in regions:
+        ends = [_end(affine, axes, k, side) for k, side in borders if (own.take(side, k) == region.numbers[0]).any()]
+        if ends:
+            messages.append(
+                f"the image's edge cuts {region.name!r} at its {' and '.join(ends)} end, which is flat there: set 'cut'"
+            )
+    if made["n_dropped"]:
+        lost = ", ".join(f"{1e6 * v:.2g} ml of {r.name!r}" for v, r in zip(made["dropped"], regions, strict=True) if v)
+        pieces = "a separate piece" if made["n_dropped"] == 1 else f"{made['n_dropped']} separate pieces"
+        messages.append(f"dropped {pieces} with less than 5 % of its label: {lost}")
+    return messages
+
+
+def _end(affine: Floats, axes: str, k: int, side: int) -> str:
+    """The patient's direction in which voxels begin (side 0) or end along index axis k."""
+    step = affine[:, k] * (1 if side else -1)
+    world = int(np.abs(step).argmax())
+    names = DIRECTIONS.get(axes, DIRECTIONS[""])
+    return names[world][int(step[world] < 0.0)]
+
+
+def _surface(surface: Any, units: str | float) -> tuple[Floats, Indices, str]:
+    """Points [m], triangles and world axes of a surface."""
+    factor = metres_per_unit(units)
+    if isinstance(surface, str | os.PathLike):
+        points, triangles, axes = _read_surface(Path(surface))
+    else:
+        (points, triangles), axes = surface, ""
+    points, triangles = np.asarray(points, dtype=np.float64), np.asarray(triangles)
+    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+        raise VisceraError(f"a surface needs points (n, 3) that are finite, not {points.shape}")
+    if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.size == 0:
+        raise VisceraError(f"a surface needs triangles (t, 3), not {triangles.shape}")
+    if triangles.min() < 0 or triangles.max() >= len(points):
+        raise VisceraError(f"a triangle names a point that is not one of {len(points)}")
+    return factor * points, triangles.astype(np.uint32), axes
+
+
+def _read_surface(path: Path) -> tuple[NDArray[Any], NDArray[Any], str]:
+    """Points and triangles of a file, and the world axes that 3D Slicer states in it."""
+    import meshio
+
+    if path.is_dir() or not path.exists():
+        raise VisceraError(f"{path}: {'is a folder, not a surface' if path.is_dir() else 'no such file'}")
+    if path.suffix.lower() not in SURFACES:
+        raise VisceraError(f"{path}: unknown surface format; the formats are {', '.join(SURFACES)}")
+    try:
+        module = {".stl": meshio.stl, ".obj": meshio.obj, ".ply": meshio.ply}[path.suffix.lower()]
+        with np.errstate(over="ignore"):  # of what an ASCII file would mean were it binary
+            found = module.read(str(path))
+    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
+        raise VisceraError(f"{path}: not a readable {path.suffix} file ({type(error).__name__}: {error})") from error
+    triangles = [block.data for block in found.cells if block.type == "triangle"]
+    triangles += [block.data[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) for block in found.cells if block.type == "quad"]
+    if not triangles:
+        raise VisceraError(f"{path}: it has no triangles")
+    with path.open("rb") as file:
+        stated = re.search(rb"SPACE=(RAS|LPS)", file.read(1000))
+    return found.points, np.concatenate(triangles), stated[1].decode() if stated else ""
+
+
+def _mended(points: Floats, triangles: Indices) -> tuple[Floats, Indices, list[str]]:
+    """Equal points joined, triangles turned outward; and what is wrong with the surface."""
+    messages = []
+    places, number = np.unique(points, axis=0, return_inverse=True)
+    triangles = number.reshape(-1)[triangles].astype(np.uint32)
+    if _enclosed(places, triangles) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+        messages.append(TURNED)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, count = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    if open_edges := np.count_nonzero(count == 1):
+        messages.append(f"the surface is open at {open_edges} edges; its holes are closed by the winding number")
+    if crowded := np.count_nonzero(count > 2):
+        messages.append(f"more than two triangles meet at {crowded} edges of the surface")
+    return places, triangles, messages
+
+
+def _enclosed(points: Floats, triangles: Indices) -> float:
+    """Signed volume [m^3] that triangles enclose, by the divergence theorem about their middle."""
+    a, b, c = (points[triangles[:, k]] - points.mean(axis=0) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)

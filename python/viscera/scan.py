@@ -1,0 +1,402 @@
+"""Labelled images of scans: where each voxel is in the patient, and whose it is (`pip install viscera[scan]`).
+
+World axes are right, anterior, superior (RAS, NIfTI) or left, posterior, superior (LPS, NRRD and DICOM). They are kept:
+a mesh has those of its scan, in metres.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core
+from viscera.atomic import replacing
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices, Mesh
+from viscera.meshing import Progress, Region, mesh_regions
+from viscera.quantity import Choice, Number
+
+AXES = ("RAS", "LPS")
+FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+MM = 1e-3
+NEAR = 0.75
+"""A node within this many voxels of a label touches it: smoothing moves boundaries by fractions of a voxel."""
+LISTED = 12
+"""Most labels that an error lists."""
+
+Labels = int | str | Sequence[int | str] | Mapping[str, int | Sequence[int]]
+"""A label's number, several, or numbers by name; a part of several numbers is their union."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """A label map in world axes: what `scan` reads, or arrays of your own.
+
+    >>> import numpy as np
+    >>> ball = np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0
+    >>> Scan(ball, np.diag([0.003, 0.003, 0.003, 1.0])).mesh({"ball": 1}, edge=0.008).cell_sets.keys()
+    dict_keys(['ball'])
+    """
+
+    values: NDArray[Any]
+    """Label of each voxel (i, j, k); 0 is none."""
+    affine: Floats
+    """Place of voxel (i, j, k) [m]: `affine[:3] @ (i, j, k, 1)`, shape (3, 4) or (4, 4)."""
+    axes: str = "RAS"
+    """World axes, "RAS" or "LPS"."""
+    names: Mapping[int, str] | None = None
+    """Names of labels, where the file has them."""
+
+    def __post_init__(self) -> None:
+        """Check what a file or a caller gives."""
+        Choice(AXES)(self.axes, "axes")
+        object.__setattr__(self, "values", _labels_of(np.asarray(self.values)))
+        affine = np.array(self.affine, dtype=np.float64)[:3]
+        if affine.shape != (3, 4) or not np.isfinite(affine).all() or abs(np.linalg.det(affine[:, :3])) < 1e-18:
+            raise VisceraError(f"the affine map {affine.tolist()} places no voxels; it must be (3, 4), and invertible")
+        object.__setattr__(self, "affine", affine)
+
+    @cached_property
+    def labels(self) -> dict[int, int]:
+        """Labels of the image and how many voxels each has; 0 is none."""
+        values, counts = np.unique(self.values, return_counts=True)
+        return {int(v): int(n) for v, n in zip(values, counts, strict=True) if v != 0}
+
+    @property
+    def spacing(self) -> Floats:
+        """Distance of voxels along i, j and k (3,) [m]."""
+        return np.asarray(np.linalg.norm(self.affine[:, :3], axis=0))
+
+    def mesh(
+        self,
+        labels: Labels | None = None,
+        *,
+        edge: float | str,
+        fixed: str | Sequence[str] = (),
+        progress: Progress | None = None,
+    ) -> Mesh:
+        """Conforming tetrahedra of some labels: a cell set for each, smooth boundaries, each label's volume kept.
+
+        labels: a number, several, or `{name: number}`; may be left out where the image has one label.
+        edge: mean length of the cells' edges [m], or words such as "8 mm". fixed: places whose nodes become the set
+        `fixed`: a condition ("z > 90%") or a set ("cut"), `label:63` (where the organ touches that label), or the file
+        of an image painted for this, its nonzero voxels or one label of it (`painted.nii.gz:2`).
+        The set `cut` holds the nodes where the image's edge cuts a label. What was dropped or cut is said in the mesh's
+        `messages`. progress: callback `(done, total, stage)`.
+        Raises `VisceraError` for labels that the image has not and for an edge longer than an organ.
+        """
+        regions = self.regions(labels)
+        supports = [fixed] if isinstance(fixed, str) else list(fixed)
+        places = [self._place(where) for where in supports]
+        found = mesh_regions(self.values, self.affine, regions, edge, axes=self.axes, progress=progress)
+        if not places:
+            return found
+        is_fixed = np.zeros(len(found.points), dtype=bool)
+        for where, place in zip(supports, places, strict=True):
+            nodes = place(found)
+            if len(nodes) == 0:
+                raise VisceraError(f"fixed {where!r} holds no node of the mesh")
+            is_fixed[nodes] = True
+        return found.with_sets(fixed=np.flatnonzero(is_fixed))
+
+    def regions(self, labels: Labels | None) -> list[Region]:
+        """The parts that some words mean; raises `VisceraError` for a label that is not in the image."""
+        if not self.labels:
+            raise VisceraError("the image has no labels: every voxel is 0")
+        if labels is None:
+            if len(self.labels) > 1:
+                raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
+            labels = next(iter(self.labels))
+        if isinstance(labels, Mapping):
+            named = dict(labels)
+        else:
+            several = [labels] if isinstance(labels, int | str | np.integer) else list(labels)
+            numbers = [self._number(label) for label in several]
+            named = {(self.names or {}).get(number, f"label_{number}"): number for number in numbers}
+        if not named:
+            raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
+        regions = [Region(name, tuple(self._number(n) for n in _several(numbers))) for name, numbers in named.items()]
+        seen: dict[int, str] = {}
+        for region in regions:
+            for number in region.numbers:
+                if seen.setdefault(number, region.name) != region.name:
+                    raise VisceraError(f"label {number} is given twice, as {seen[number]!r} and as {region.name!r}")
+        return regions
+
+    def _number(self, label: Any) -> int:
+        if isinstance(label, str) and not label.lstrip("-").isdigit():
+            found = [number for number, name in (self.names or {}).items() if name == label]
+            if not found:
+                raise VisceraError(f"the image has no label {label!r}; it has {self._listing()}")
+            return found[0]
+        if isinstance(label, bool) or not isinstance(label, int | str | np.integer):
+            raise VisceraError(f"a label is a whole number, got {label!r}")
+        if int(label) not in self.labels:
+            raise VisceraError(f"no voxel has the label {int(label)}; the image has {self._listing()}")
+        return int(label)
+
+    def _listing(self) -> str:
+        names = self.names or {}
+        largest = sorted(self.labels, key=lambda label: (-self.labels[label], label))[:LISTED]
+        listed = [f"{n}{f' {names[n]!r}' if n in names else ''} ({self.labels[n]} voxels)" for n in sorted(largest)]
+        more = len(self.labels) - len(listed)
+        return f"the labels {', '.join(listed)}{f' and {more} smaller ones' if more else ''}"
+
+    def _place(self, where: str) -> Callable[[Mesh], Indices]:
+        """What finds the nodes of a support in the mesh; bad words raise `VisceraError` here, before the work."""
+        if where.startswith("label:"):
+            number = self._number(where.removeprefix("label:"))
+            return lambda mesh: self.touching(mesh, number)
+        path, _, label = where.rpartition(":") if where.rpartition(":")[2].isdigit() else (where, "", "")
+        if not path.lower().endswith(FORMATS):
+            return lambda mesh: mesh.nodes(where)
+        painted = scan(path)
+        if painted.axes != self.axes:
+            painted = painted.in_axes(self.axes)
+        numbers = [painted._number(label)] if label else list(painted.labels)
+        if not numbers:
+            raise VisceraError(f"{path}: nothing is painted in it; every voxel is 0")
+        return lambda mesh: np.flatnonzero(painted.near(mesh.points, numbers)).astype(np.uint32)
+
+    def touching(self, mesh: Mesh, label: int) -> Indices:
+        """Nodes where a mesh of this scan touches a label: those shared with the label's cells where these are meshed,
+        else those of the surface at most 0.75 voxels from the label's voxels."""
+        is_theirs = self.at(mesh.centroids) == label
+        for cells in mesh.cell_sets.values():
+            if is_theirs[cells].mean() > 0.5:
+                others = np.delete(mesh.cells, cells, axis=0)
+                return np.intersect1d(mesh.cells[cells], others).astype(np.uint32)
+        return mesh.surface_nodes[self.near(mesh.points[mesh.surface_nodes], [label])]
+
+    def index(self, places: ArrayLike) -> Floats:
+        """Voxel indices (k, 3), fractions and those outside included, of places (k, 3) [m]."""
+        return np.asarray((np.asarray(places) - self.affine[:, 3]) @ np.linalg.inv(self.affine[:, :3]).T)
+
+    def at(self, places: ArrayLike) -> NDArray[Any]:
+        """Labels (k,) at places (k, 3) [m]; 0 outside the image."""
+        voxel = np.rint(self.index(places)).astype(np.int64)
+        is_inside = ((voxel >= 0) & (voxel < self.values.shape)).all(axis=1)
+        voxel[~is_inside] = 0
+        return np.where(is_inside, self.values[tuple(voxel.T)], 0)
+
+    def near(self, places: ArrayLike, labels: Sequence[int], reach: float = NEAR) -> NDArray[np.bool_]:
+        """Whether places (k, 3) [m] are at most `reach` <= 1 voxels from a voxel that has one of the labels."""
+        index = self.index(places)
+        is_label = np.isin(self.values, labels)
+        base = np.rint(index).astype(np.int64)
+        found = np.zeros(len(index), dtype=bool)
+        for offset in np.ndindex(3, 3, 3):
+            voxel = base + np.array(offset) - 1
+            gap = np.linalg.norm(np.maximum(np.abs(index - voxel) - 0.5, 0.0), axis=1)
+            candidate = np.flatnonzero((gap <= reach) & ((voxel >= 0) & (voxel < is_label.shape)).all(axis=1))
+            found[candidate] |= is_label[tuple(voxel[candidate].T)]
+        return found
+
+    def in_axes(self, axes: str) -> Scan:
+        """The same scan in other world axes: x and y change their sign between RAS and LPS."""
+        Choice(AXES)(axes, "axes")
+        sign = np.array([1.0, 1.0, 1.0] if axes == self.axes else [-1.0, -1.0, 1.0])
+        return Scan(self.values, sign[:, None] * self.affine, axes, self.names)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the label map: `.nii` or `.nii.gz` through nibabel, `.nrrd` or `.mha` through SimpleITK."""
+        ending = _ending(Path(path))
+        values = np.ascontiguousarray(self.values)
+        with replacing(path) as scratch:
+            if ending in (".nii", ".nii.gz"):
+                affine = np.vstack([self.in_axes("RAS").affine / MM, [0.0, 0.0, 0.0, 1.0]])
+                nibabel = _library("nibabel")
+                image = nibabel.Nifti1Image(values, affine)
+                image.header.set_xyzt_units("mm")
+                # A scratch file keeps only the last ending, which would not be compressed.
+                scratch.write_bytes(_compressed(image.to_bytes(), ending))
+                return
+            sitk = _library("SimpleITK")
+            affine = self.in_axes("LPS").affine / MM
+            image = sitk.GetImageFromArray(values.transpose(2, 1, 0))
+            spacing = np.linalg.norm(affine[:, :3], axis=0)
+            image.SetSpacing(spacing.tolist())
+            image.SetOrigin(affine[:, 3].tolist())
+            image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
+            sitk.WriteImage(image, str(scratch), True)
+
+    @staticmethod
+    def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
+        """The label map that a scanner would see of a mesh: 1 in its voxels, or 1, 2, ... in those of its cell sets.
+
+        voxel: side of the cubic voxels [m]; margin: voxels of nothing around it.
+
+        >>> import viscera as vs
+        >>> round(1e3 * 0.006**3 * Scan.of(vs.organs.liver(), voxel=0.006).labels[1], 1)  # litres
+        1.5
+        """
+        size = Number("m", above=0)(voxel, "voxel")
+        low, high = mesh.bounding_box
+        shape = tuple(int(n) for n in np.ceil((high - low) / size).astype(int) + 2 * margin)
+        affine = np.column_stack([size * np.eye(3), low - size * (margin - 0.5)])
+        parts = dict(mesh.cell_sets) or {"organ": np.arange(len(mesh.cells), dtype=np.uint32)}
+        values = np.zeros(shape, dtype=np.uint16)
+        for number, cells in enumerate(parts.values(), start=1):
+            surface = _core.surface(mesh.points, np.ascontiguousarray(mesh.cells[cells]))
+            inside = _core.winding_numbers(mesh.points, surface, shape, affine, on_progress=None) > 0.5
+            values[inside] = number
+        names = dict(enumerate(parts, start=1))
+        return Scan(values, affine, mesh.axes or "RAS", names)
+
+
+def scan(path: str | os.PathLike[str]) -> Scan:
+    """Reads a label map: NIfTI, NRRD, MetaImage, or a DICOM segmentation, with its world axes.
+
+    Raises `VisceraError` for images of other than three dimensions and for values that are no labels.
+    """
+    source = Path(path)
+    ending = _ending(source)
+    if source.is_dir() or not source.exists():
+        raise VisceraError(f"{source}: {'is a folder, not an image' if source.is_dir() else 'no such file'}")
+    try:
+        if ending == ".dcm":
+            return _read_dicom(source)
+        values, affine, axes = read_image(source)
+        if values.ndim != 3:
+            raise VisceraError(
+                f"it has {values.ndim} dimensions {values.shape}; a label map has three, so save one volume of it"
+            )
+        return Scan(values, affine, axes)
+    except VisceraError as error:
+        raise VisceraError(f"{source}: {error}") from None
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
+    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file."""
+    ending = _ending(path)
+    try:
+        if ending in (".nii", ".nii.gz"):
+            image = _library("nibabel").load(path)
+            values = np.asanyarray(image.dataobj)
+            unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
+            while values.ndim > 3 and values.shape[-1] == 1:
+                values = values[..., 0]
+            return values, unit * image.affine[:3], "RAS"
+        sitk = _library("SimpleITK")
+        image = sitk.ReadImage(str(path))
+    except VisceraError:
+        raise
+    except Exception as error:  # the readers raise whatever their parsers meet
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a readable {ending} image ({reason})") from error
+    n = image.GetDimension()
+    values = sitk.GetArrayFromImage(image)
+    is_vector = image.GetNumberOfComponentsPerPixel() > 1
+    values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
+    if n != 3:
+        return values, np.eye(3, 4), "LPS"
+    direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    return values, MM * np.column_stack([direction, image.GetOrigin()]), "LPS"
+
+
+def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]) -> Floats:
+    """Fibre directions per cell (2, m, 3), two families, from one or two vector images (both families from one).
+
+    images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world axes
+    and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
+    eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` where a cell
+    lies outside the image, or where no direction is given around it.
+    """
+    if len(images) not in (1, 2):
+        raise VisceraError(f"fibres need one image or two, got {len(images)}")
+    families = [_directions(mesh, image, str(k)) for k, image in enumerate(images, start=1)]
+    return np.stack([families[0], families[-1]])
+
+
+def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
+    """Unit directions (m, 3) at the centroids."""
+    if isinstance(image, str | os.PathLike):
+        name, (vectors, affine, axes) = str(image), read_image(Path(image))
+    else:
+        (vectors, affine), axes = image, mesh.axes
+    vectors = np.asarray(vectors, dtype=np.float64)
+    if vectors.ndim == 5 and vectors.shape[3] == 1:
+        vectors = vectors[:, :, :, 0]  # NIfTI keeps the components of vectors in the fifth dimension
+    if vectors.ndim != 4 or vectors.shape[3] != 3:
+        raise VisceraError(f"image {name} of fibres has the shape {vectors.shape}; it needs three components per voxel")
+    grid = Scan(np.zeros(vectors.shape[:3], dtype=np.uint16), np.asarray(affine), axes or "RAS")
+    if mesh.axes and mesh.axes != grid.axes:
+        grid, vectors = grid.in_axes(mesh.axes), vectors * [-1.0, -1.0, 1.0]
+    index = grid.index(mesh.centroids)
+    outside = np.flatnonzero(((index < -0.5) | (index > np.array(vectors.shape[:3]) - 0.5)).any(axis=1))
+    if len(outside):
+        place = mesh.centroids[outside[0]].round(4).tolist()
+        raise VisceraError(f"{len(outside)} cells lie outside image {name} of fibres, the first at {place} m")
+    first = np.floor(index).astype(np.int64)
+    tensor = np.zeros((len(index), 3, 3))
+    for offset in np.ndindex(2, 2, 2):
+        voxel = first + offset
+        weight = np.prod(1.0 - np.abs(index - voxel), axis=1)
+        v = vectors[tuple(np.clip(voxel, 0, np.array(vectors.shape[:3]) - 1).T)]
+        tensor += weight[:, None, None] * v[:, :, None] * v[:, None, :]
+    values, frames = np.linalg.eigh(tensor)
+    blank = np.flatnonzero(~(values[:, 2] > 0.0))
+    if len(blank):
+        raise VisceraError(f"image {name} has no direction around {len(blank)} cells, the first of which is {blank[0]}")
+    return np.asarray(frames[:, :, 2])
+
+
+def _read_dicom(path: Path) -> Scan:
+    """A DICOM segmentation: its segments, which may not overlap, by their numbers and names."""
+    highdicom = _library("highdicom")
+    try:
+        found = highdicom.seg.segread(path)
+        volume = found.get_volume(combine_segments=True)
+        names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
+    except Exception as error:
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
+    return Scan(volume.array, MM * volume.affine[:3], "LPS", names)
+
+
+def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:
+    if values.ndim != 3 or values.size == 0:
+        raise VisceraError(f"a label map has three dimensions, not the shape {values.shape}")
+    if values.dtype.kind not in "biuf":
+        raise VisceraError(f"a label map holds whole numbers, not {values.dtype}")
+    if values.dtype.kind == "f":
+        wrong = values[~(values == np.rint(values))]
+        if wrong.size:
+            raise VisceraError(f"it holds {wrong.flat[0]:.6g}, which is no label; give a segmentation, not the scan")
+    if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 65535):
+        raise VisceraError(f"its values go from {values.min()} to {values.max()}; labels are 0 to 65535")
+    return np.ascontiguousarray(values.astype(np.uint16))
+
+
+def _several(numbers: Any) -> list[Any]:
+    return [numbers] if isinstance(numbers, int | str | np.integer) else list(numbers)
+
+
+def _ending(path: Path) -> str:
+    name = path.name.lower()
+    found = [ending for ending in FORMATS if name.endswith(ending)]
+    if not found:
+        raise VisceraError(f"{path}: unknown image format; the formats are {', '.join(FORMATS)}")
+    return max(found, key=len)
+
+
+def _compressed(data: bytes, ending: str) -> bytes:
+    import gzip
+
+    return gzip.compress(data, mtime=0) if ending.endswith(".gz") else data
+
+
+def _library(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise VisceraError(f"this image needs the package {name}: pip install viscera[scan]") from None

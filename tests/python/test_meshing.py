@@ -1,0 +1,274 @@
+"""Tetrahedra from label maps and surfaces: angles, volumes, what is cut, dropped, healed and refused."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera.meshing import least_angles
+
+VOXEL = 0.003
+HUMAN = "scans/totalsegmentator_example_seg.nii.gz"
+LABELS = {"spleen": 1, "right kidney": 2, "left kidney": 3, "gallbladder": 4, "liver": 5}
+
+
+@pytest.fixture(scope="module")
+def liver() -> vs.Scan:
+    """The built-in liver as a scanner with voxels of 3 mm would see it, with a vein through it: labels 1 and 2."""
+    scan = vs.Scan.of(vs.organs.liver(), voxel=VOXEL)
+    place = np.moveaxis(np.indices(scan.values.shape), 0, -1) * VOXEL + scan.affine[:, 3]
+    vein = np.hypot(place[..., 0] + 0.03, place[..., 1] - 0.01) < 0.008
+    values = np.where(vein & (place[..., 2] > -0.05), 2, scan.values)
+    return vs.Scan(values, scan.affine, names={1: "liver", 2: "vein"})
+
+
+def volume_errors(scan: vs.Scan, mesh: vs.Mesh, labels: dict[str, int]) -> dict[str, float]:
+    voxel = abs(np.linalg.det(scan.affine[:, :3]))
+    cells = mesh.facts["cell_volumes"]
+    return {name: cells[mesh.cell_sets[name]].sum() / (voxel * scan.labels[n]) - 1.0 for name, n in labels.items()}
+
+
+def box(low: float, high: float) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Points and outward triangles of a cube, turned so that no face lies along a grid."""
+    points = np.array(list(np.ndindex(2, 2, 2))) * (high - low) + low
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    triangles = [[q[0], q[k], q[k + 1]] for q in quads for k in (1, 2)]
+    turn, _ = np.linalg.qr([[1.0, 0.3, 0.2], [-0.2, 1.0, 0.4], [0.1, -0.5, 1.0]])
+    return points @ (turn * np.linalg.det(turn)).T, np.array(triangles, dtype=np.uint32)
+
+
+def test_an_organ_keeps_its_volume_and_has_good_angles(liver: vs.Scan) -> None:
+    mesh = liver.mesh({"liver": 1}, edge="10 mm")
+    assert abs(volume_errors(liver, mesh, {"liver": 1})["liver"]) < 0.01
+    assert least_angles(mesh.points, mesh.cells).min() > 8.0
+    edges = np.linalg.norm(
+        mesh.points[mesh.cells[:, [0, 0, 0, 1, 1, 2]]] - mesh.points[mesh.cells[:, [1, 2, 3, 2, 3, 3]]], axis=2
+    )
+    assert edges.mean() == pytest.approx(0.010, rel=0.05)
+    assert mesh.axes == "RAS"
+
+
+def test_a_meshed_organ_is_solved(liver: vs.Scan) -> None:
+    mesh = liver.mesh({"liver": 1}, edge=0.014, fixed="z > 80%")
+    organ = vs.Organ(mesh, vs.NeoHookean(young=3e3, poisson=0.45), fixed="fixed")
+    state = organ.solve(gravity=(0, 0, -9.81), density=1060)
+    assert state.is_converged
+    weight = 1060 * 9.81 * mesh.volume
+    assert state.reaction("fixed")[2] == pytest.approx(weight, rel=1e-6)
+
+
+def test_labels_share_their_nodes_and_every_cell_has_one(liver: vs.Scan) -> None:
+    labels = {"liver": 1, "vein": 2}
+    mesh = liver.mesh(labels, edge=0.008)
+    assert least_angles(mesh.points, mesh.cells).min() > 5.0
+    errors = volume_errors(liver, mesh, labels)
+    assert abs(errors["liver"]) < 0.01
+    assert abs(errors["vein"]) < 0.05
+    cells = np.concatenate([mesh.cell_sets[name] for name in labels])
+    assert np.array_equal(np.sort(cells), np.arange(len(mesh.cells)))
+    # Conforming: the area between the two parts is what their surfaces add up to more than the whole's.
+    parts = [vs.mesh(*packed(mesh, mesh.cell_sets[name])) for name in labels]
+    areas = [area(part) for part in parts]
+    shared = np.intersect1d(mesh.cells[mesh.cell_sets["vein"]], mesh.cells[mesh.cell_sets["liver"]])
+    assert len(shared) > 50
+    between = 0.5 * (sum(areas) - area(mesh))
+    assert between > 0.5 * areas[1]
+    assert mesh.facts["n_parts"] == 1
+
+
+def packed(mesh: vs.Mesh, cells: NDArray[np.uint32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    used, numbers = np.unique(mesh.cells[cells], return_inverse=True)
+    return mesh.points[used], numbers.reshape(-1, 4)
+
+
+def area(mesh: vs.Mesh) -> float:
+    a, b, c = (mesh.points[mesh.surface[:, k]] for k in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+def test_the_boundary_is_smooth() -> None:
+    """A tilted half space, whose voxels are stairs: the mesh's boundary is a plane to a fraction of a voxel."""
+    normal = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
+    depth = np.tensordot(normal, np.indices((40, 40, 40)) - 19.5, axes=1)
+    mesh = vs.Scan(depth < 0.0, VOXEL * np.eye(3, 4)).mesh({"block": 1}, edge=0.006)
+    free = np.setdiff1d(mesh.surface_nodes, mesh.sets["cut"])
+    off = mesh.points[free] @ normal / VOXEL - 19.5 * normal.sum()
+    assert np.abs(off).max() < 0.3, "stairs would be off by 0.5 to 1"
+    assert off.std() < 0.1
+
+
+def test_supports_by_condition_label_and_paint(liver: vs.Scan, tmp_path: Path) -> None:
+    alone = liver.mesh({"liver": 1}, edge=0.012, fixed="label:vein")
+    where = alone.points[alone.sets["fixed"]]
+    assert (np.hypot(where[:, 0] + 0.03, where[:, 1] - 0.01) < 0.008 + 1.5 * VOXEL).all()
+    together = liver.mesh({"liver": 1, "vein": 2}, edge=0.010, fixed="label:2")
+    shared = np.intersect1d(together.cells[together.cell_sets["vein"]], together.cells[together.cell_sets["liver"]])
+    assert np.array_equal(together.sets["fixed"], shared)
+    painted = np.zeros_like(liver.values)
+    painted[liver.at(liver_places(liver)).reshape(painted.shape) == 1] = 1
+    painted[:, :, : painted.shape[2] // 2] = 0
+    vs.Scan(painted, liver.affine).in_axes("LPS").write(tmp_path / "paint.nii.gz")
+    held = liver.mesh({"liver": 1}, edge=0.014, fixed=str(tmp_path / "paint.nii.gz"))
+    middle = liver.affine[2, 3] + VOXEL * (painted.shape[2] // 2)
+    assert held.points[held.sets["fixed"]][:, 2].min() > middle - 1.3 * VOXEL
+    for bad, words in {"label:9": "no voxel has the label 9", "x < -90%": "selects no node"}.items():
+        with pytest.raises(vs.VisceraError, match=words):
+            liver.mesh({"liver": 1}, edge=0.02, fixed=bad)
+
+
+def liver_places(scan: vs.Scan) -> NDArray[np.float64]:
+    index = np.moveaxis(np.indices(scan.values.shape), 0, -1).reshape(-1, 3)
+    return np.asarray(index @ scan.affine[:, :3].T + scan.affine[:, 3])
+
+
+def test_refusals_say_what_to_do(liver: vs.Scan) -> None:
+    with pytest.raises(
+        vs.VisceraError, match=r"name the labels to mesh; the image has the labels 1 'liver' \(\d+ voxels\)"
+    ):
+        liver.mesh(edge=0.01)
+    with pytest.raises(vs.VisceraError, match="no voxel has the label 7; the image has the labels 1"):
+        liver.mesh(7, edge=0.01)
+    with pytest.raises(vs.VisceraError, match=r"the edge, 50 mm, is longer than 'vein', which is \d\d\.?\d* mm across"):
+        liver.mesh({"liver": 1, "vein": 2}, edge="50 mm")
+    with pytest.raises(vs.VisceraError, match="the edge is too long for label 2: no cell of it is left"):
+        liver.mesh({"liver": 1, "vein": 2}, edge="30 mm")
+    with pytest.raises(vs.VisceraError, match=r"an edge of 0.01 mm would make .* cells; give a longer one"):
+        liver.mesh(1, edge="0.01 mm")
+    with pytest.raises(vs.VisceraError, match="label 1 is given twice, as 'a' and as 'b'"):
+        liver.mesh({"a": 1, "b": [1, 2]}, edge=0.01)
+    with pytest.raises(vs.VisceraError, match="edge must be a number above 0"):
+        liver.mesh(1, edge=-0.01)
+    with pytest.raises(vs.VisceraError, match="every voxel is 0"):
+        vs.Scan(np.zeros((4, 4, 4)), np.eye(4)).mesh(edge=0.01)
+
+
+def test_whoever_watches_can_end_it(liver: vs.Scan) -> None:
+    def watch(done: int, total: int, stage: str) -> None:
+        assert 0 <= done < total
+        assert stage == "meshing"
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        liver.mesh(1, edge=0.02, progress=watch)
+
+
+def test_a_surface_is_filled(tmp_path: Path) -> None:
+    points, triangles = box(-40.0, 40.0)
+    meshio.write(tmp_path / "box.stl", meshio.Mesh(points, [("triangle", triangles.astype(np.int64))]))
+    mesh = vs.mesh_surface(tmp_path / "box.stl", edge="10 mm", units="mm")
+    assert mesh.messages == ()
+    assert mesh.volume == pytest.approx(0.08**3, rel=1e-3)
+    assert least_angles(mesh.points, mesh.cells).min() > 8.0
+    corners = np.stack([points.min(axis=0), points.max(axis=0)])
+    assert np.allclose(mesh.bounding_box, 1e-3 * corners, atol=4e-3), "corners are rounded"
+
+
+def test_holes_overlaps_and_turned_triangles_are_healed_and_told() -> None:
+    points, triangles = box(-0.04, 0.04)
+    whole = vs.mesh_surface((points, triangles), edge=0.012).volume
+    assert whole == pytest.approx(0.08**3, rel=1e-3)
+    turned = vs.mesh_surface((points, triangles[:, ::-1]), edge=0.012)
+    assert turned.messages == ("turned the surface round: its triangles looked inward",)
+    assert turned.volume == pytest.approx(whole, rel=1e-3)
+    more, faces = box(0.0, 0.07)
+    two = vs.mesh_surface((np.concatenate([points, more]), np.concatenate([triangles, faces + 8])), edge=0.012)
+    told = re.search(r"parts of the surface overlap in ([\d.]+) ml; they are joined", " ".join(two.messages))
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1e6 * 0.04**3, rel=0.02)
+    assert two.volume == pytest.approx(0.08**3 + 0.07**3 - 0.04**3, rel=0.01)
+    assert two.facts["n_parts"] == 1
+
+
+def test_a_ball_with_a_hole_is_closed() -> None:
+    """A hole of 4 % of a ball's surface: the winding number closes it with a shallow cap."""
+    ball = vs.Scan(np.linalg.norm(np.indices((30, 30, 30)) - 14.5, axis=0) < 11.0, VOXEL * np.eye(3, 4))
+    mesh = ball.mesh(1, edge=0.006)
+    middles = mesh.points[mesh.surface].mean(axis=1)
+    height = (middles[:, 2] - 14.5 * VOXEL) / (11.0 * VOXEL)
+    open_surface = mesh.surface[height < 0.92]
+    healed = vs.mesh_surface((mesh.points, open_surface), edge=0.008)
+    assert any("the surface is open at" in message for message in healed.messages)
+    assert healed.volume == pytest.approx(mesh.volume, rel=0.02)
+    assert healed.facts["n_parts"] == 1
+
+
+@pytest.mark.parametrize(
+    ("surface", "words"),
+    [
+        ((np.zeros((3, 3)), np.array([[0, 1, 2]])), "is longer than 'organ'"),
+        ((np.zeros((3, 2)), np.array([[0, 1, 2]])), "points"),
+        ((np.zeros((3, 3)), np.array([[0, 1, 5]])), "names a point that is not one of 3"),
+        ("missing.stl", "no such file"),
+        ("surface.docx", "no such file|unknown surface format"),
+    ],
+)
+def test_surfaces_that_are_none_are_refused(surface: object, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        vs.mesh_surface(surface, edge=0.01)  # type: ignore[arg-type]
+
+
+def test_directions_of_a_vector_image_become_those_of_cells(tmp_path: Path) -> None:
+    ball = vs.Scan(np.linalg.norm(np.indices((24, 24, 24)) - 11.5, axis=0) < 9.0, VOXEL * np.eye(3, 4))
+    mesh = ball.mesh(1, edge=0.008)
+    place = np.moveaxis(np.indices((24, 24, 24)), 0, -1) * VOXEL - 11.5 * VOXEL
+    around = np.cross([0.0, 0.0, 1.0], place)
+    around[..., 2] = 1e-6
+    around[::2] *= -1.0  # a fibre has no sense
+    fibres = vs.image_fibres(mesh, (around, ball.affine))
+    expected = np.cross([0.0, 0.0, 1.0], mesh.centroids - 11.5 * VOXEL)
+    is_off_axis = np.linalg.norm(expected, axis=1) > 2.0 * VOXEL
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    cosine = np.abs(np.einsum("ij,ij->i", fibres[0], expected))
+    assert cosine[is_off_axis].min() > np.cos(np.radians(10.0))
+    assert np.array_equal(fibres[0], fibres[1])
+    law = vs.HolzapfelGasserOgden(c=1e3, k1=2e3, k2=1.0, poisson=0.45, fibres=fibres, dispersion=0.1)
+    assert law is not None
+    nibabel = pytest.importorskip("nibabel")
+    affine = np.vstack([1e3 * ball.affine, [0, 0, 0, 1]])
+    nibabel.save(nibabel.Nifti1Image(around[:, :, :, None, :].astype(np.float32), affine), tmp_path / "fibres.nii")
+    assert np.allclose(np.abs(vs.image_fibres(mesh, tmp_path / "fibres.nii")), np.abs(fibres), atol=1e-4)
+    with pytest.raises(vs.VisceraError, match="lie outside image 1 of fibres"):
+        vs.image_fibres(mesh, (around[:12], ball.affine))
+    with pytest.raises(vs.VisceraError, match="has no direction around"):
+        vs.image_fibres(mesh, (0.0 * around, ball.affine))
+    with pytest.raises(vs.VisceraError, match="needs three components per voxel"):
+        vs.image_fibres(mesh, (around[..., :2], ball.affine))
+
+
+@pytest.fixture(scope="module")
+def human(shared: Path) -> vs.Scan:
+    if not (shared / HUMAN).exists():
+        pytest.skip(f"no human scan in {shared}; name its folder in VISCERA_SHARED")
+    pytest.importorskip("nibabel")
+    return vs.scan(shared / HUMAN)
+
+
+@pytest.mark.parametrize("organ", LABELS)
+def test_organs_of_a_human_scan(human: vs.Scan, organ: str) -> None:
+    radius = (0.75 / np.pi * VOXEL**3 * human.labels[LABELS[organ]]) ** (1 / 3)
+    for edge, tolerance in ((radius / 6.0, 0.01), (0.008, 0.03)):
+        mesh = human.mesh({organ: LABELS[organ]}, edge=edge)
+        assert abs(volume_errors(human, mesh, {organ: LABELS[organ]})[organ]) < tolerance
+        assert least_angles(mesh.points, mesh.cells).min() > 8.0
+        is_cut = any("the image's edge cuts" in message for message in mesh.messages)
+        assert is_cut == (organ != "gallbladder")
+        assert not [m for m in mesh.messages if "edge cuts" not in m]
+
+
+def test_a_human_liver_with_its_veins(human: vs.Scan) -> None:
+    labels = {"portal vein": 64, "vena cava": 63, "liver": 5}
+    mesh = human.mesh(labels, edge=0.003, fixed="label:63")
+    errors = volume_errors(human, mesh, labels)
+    assert abs(errors["liver"]) < 0.01
+    assert max(abs(errors["portal vein"]), abs(errors["vena cava"])) < 0.05
+    assert least_angles(mesh.points, mesh.cells).min() > 5.0
+    assert mesh.facts["n_parts"] == 1
+    cava = np.unique(mesh.cells[mesh.cell_sets["vena cava"]])
+    assert np.isin(mesh.sets["fixed"], cava).all()

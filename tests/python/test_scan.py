@@ -1,0 +1,185 @@
+"""Label maps in and out: places, world axes, what is refused, and `viscera mesh`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera import cli
+
+AFFINE = np.array([[0.0, -2e-3, 0.0, 0.08], [1.5e-3, 0.0, 0.0, -0.12], [0.0, 0.0, 3e-3, 0.9]])
+SHAPE = (40, 30, 20)
+
+
+@pytest.fixture
+def labelled() -> vs.Scan:
+    """A box of label 7 beside one of label 300, on a turned grid with three spacings."""
+    values = np.zeros(SHAPE, dtype=np.uint16)
+    values[8:20, 6:24, 4:16] = 7
+    values[20:32, 6:24, 4:16] = 300
+    return vs.Scan(values, AFFINE)
+
+
+@pytest.mark.parametrize("name", ["labels.nii.gz", "labels.nii", "labels.nrrd", "labels.mha"])
+def test_a_label_map_is_where_it_was(labelled: vs.Scan, tmp_path: Path, name: str) -> None:
+    pytest.importorskip("nibabel" if ".nii" in name else "SimpleITK")
+    labelled.write(tmp_path / name)
+    again = vs.scan(tmp_path / name)
+    assert again.axes == ("RAS" if ".nii" in name else "LPS")
+    assert np.array_equal(again.values, labelled.values)
+    assert np.allclose(again.in_axes("RAS").affine, AFFINE, atol=1e-8)
+    assert again.labels == {7: 12 * 18 * 12, 300: 12 * 18 * 12}
+    place = AFFINE[:, :3] @ [25, 10, 10] + AFFINE[:, 3]
+    assert again.in_axes("RAS").at([place, [9.0, 9.0, 9.0]]).tolist() == [300, 0]
+
+
+def test_both_libraries_see_a_nifti_file_in_the_same_place(labelled: vs.Scan, tmp_path: Path) -> None:
+    pytest.importorskip("nibabel")
+    sitk = pytest.importorskip("SimpleITK")
+    labelled.write(tmp_path / "labels.nii.gz")
+    image = sitk.ReadImage(str(tmp_path / "labels.nii.gz"))
+    index = (25, 10, 10)
+    lps = 1e-3 * np.array(image.TransformIndexToPhysicalPoint(index))
+    assert np.allclose(lps * [-1, -1, 1], AFFINE[:, :3] @ index + AFFINE[:, 3], atol=1e-8)
+    assert image[index] == 300
+
+
+def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
+    highdicom = pytest.importorskip("highdicom")
+    from highdicom.sr.coding import CodedConcept
+    from pydicom.dataset import Dataset, FileMetaDataset
+    from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, generate_uid
+
+    study, series, frame = (generate_uid(entropy_srcs=[word]) for word in ("study", "series", "frame"))
+    slices = []
+    for k in range(4):
+        ct = Dataset()
+        ct.file_meta = FileMetaDataset()
+        ct.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
+        ct.SOPClassUID, ct.SOPInstanceUID = CTImageStorage, generate_uid(entropy_srcs=[f"slice {k}"])
+        ct.StudyInstanceUID, ct.SeriesInstanceUID, ct.FrameOfReferenceUID = study, series, frame
+        ct.PatientID, ct.PatientName, ct.PatientBirthDate, ct.PatientSex = "1", "A", "", ""
+        ct.StudyID, ct.StudyDate, ct.StudyTime, ct.AccessionNumber = "1", "20260101", "000000", ""
+        ct.ReferringPhysicianName, ct.Modality, ct.SeriesNumber, ct.InstanceNumber = "", "CT", 1, k + 1
+        ct.ImagePositionPatient, ct.ImageOrientationPatient = [10.0, 20.0, 30.0 + 3.0 * k], [1, 0, 0, 0, 1, 0]
+        ct.PixelSpacing, ct.SliceThickness, ct.Rows, ct.Columns = [2.0, 1.5], 3.0, 6, 8
+        ct.SamplesPerPixel, ct.PhotometricInterpretation = 1, "MONOCHROME2"
+        ct.BitsAllocated, ct.BitsStored, ct.HighBit, ct.PixelRepresentation = 16, 16, 15, 0
+        ct.PixelData = np.zeros((6, 8), dtype=np.uint16).tobytes()
+        slices.append(ct)
+    code = CodedConcept("10200004", "SCT", "Liver")
+    organ = CodedConcept("123037004", "SCT", "Anatomical Structure")
+    described = highdicom.seg.SegmentDescription(1, "liver", organ, code, "MANUAL")
+    voxels = np.zeros((4, 6, 8), dtype=np.uint8)
+    voxels[1:3, 2:4, 5:7] = 1
+    segmentation = highdicom.seg.Segmentation(
+        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
+        omit_empty_frames=False,
+    )  # fmt: skip
+    segmentation.save_as(tmp_path / "liver.dcm")
+    found = vs.scan(tmp_path / "liver.dcm")
+    assert found.names == {1: "liver"}
+    assert found.labels == {1: 8}
+    assert found.axes == "LPS"
+    first = 1e-3 * np.array([10.0 + 1.5 * 5, 20.0 + 2.0 * 2, 33.0])
+    assert found.at([first, first - [1.5e-3, 0, 0]]).tolist() == [1, 0]
+
+
+def test_images_that_are_no_label_map_are_refused(labelled: vs.Scan, tmp_path: Path) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    eye = np.eye(4)
+    nibabel.save(nibabel.Nifti1Image(np.zeros((4, 4, 4, 3), dtype=np.int16), eye), tmp_path / "four.nii")
+    with pytest.raises(vs.VisceraError, match=r"four.nii: it has 4 dimensions \(4, 4, 4, 3\); a label map has three"):
+        vs.scan(tmp_path / "four.nii")
+    nibabel.save(nibabel.Nifti1Image(np.full((4, 4, 4), 0.5), eye), tmp_path / "half.nii")
+    with pytest.raises(vs.VisceraError, match=r"it holds 0.5, which is no label"):
+        vs.scan(tmp_path / "half.nii")
+    nibabel.save(nibabel.Nifti1Image(np.full((4, 4, 4), -3, dtype=np.int16), eye), tmp_path / "minus.nii")
+    with pytest.raises(vs.VisceraError, match="its values go from -3 to -3; labels are 0 to 65535"):
+        vs.scan(tmp_path / "minus.nii")
+    (tmp_path / "broken.nii").write_bytes(b"nothing")
+    for name, words in {
+        "broken.nii": "not a readable .nii image",
+        "none.nii": "no such file",
+        "x.png": "unknown",
+    }.items():
+        with pytest.raises(vs.VisceraError, match=words):
+            vs.scan(tmp_path / name)
+    with pytest.raises(vs.VisceraError, match="places no voxels"):
+        vs.Scan(labelled.values, np.zeros((3, 4)))
+    with pytest.raises(vs.VisceraError, match="axes 'LAS' is unknown"):
+        vs.Scan(labelled.values, AFFINE, "LAS")
+
+
+def test_a_mesh_keeps_the_axes_of_its_scan(labelled: vs.Scan, tmp_path: Path) -> None:
+    mesh = labelled.in_axes("LPS").mesh({"a": 7, "b": 300}, edge=0.006)
+    mesh.write(tmp_path / "mesh.vtu")
+    again = vs.read(tmp_path / "mesh.vtu")
+    assert (mesh.axes, again.axes) == ("LPS", "LPS")
+    assert again.quadratic().axes == "LPS"
+    middle = AFFINE[:, :3] @ [19.5, 14.5, 9.5] + AFFINE[:, 3]
+    assert np.allclose(mesh.bounding_box.mean(axis=0), middle * [-1, -1, 1], atol=1e-3)
+    plain = vs.organs.beam()
+    plain.write(tmp_path / "plain.vtu")
+    assert vs.read(tmp_path / "plain.vtu").axes == ""
+
+
+def test_the_command_line(labelled: vs.Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("nibabel")
+    labels, target = str(tmp_path / "labels.nii.gz"), str(tmp_path / "organ.vtu")
+    labelled.write(labels)
+    words = ["mesh", labels, "--label", "left=7", "--label", "right=300", "--edge", "6mm", "--fixed", "label:300"]
+    assert cli.main([*words, "-o", target, "--json", str(tmp_path / "mesh.json")]) == 0
+    told = capsys.readouterr().out
+    assert "40 x 30 x 20 voxels of 1.5 x 2 x 3 mm, axes RAS" in told
+    assert "in metres, axes RAS" in told
+    facts = json.loads((tmp_path / "mesh.json").read_text(encoding="utf-8"))
+    assert set(facts["parts"]) == {"left", "right"}
+    for part in facts["parts"].values():
+        assert part["volume"] == pytest.approx(part["voxel_volume"], rel=0.01)
+    assert facts["least_angle"] > 8.0
+    mesh = vs.read(target)
+    assert set(mesh.cell_sets) == {"left", "right"}
+    assert len(mesh.nodes("fixed")) == facts["sets"]["fixed"]
+    assert cli.main(["inspect", target]) == 0
+    assert "axes          RAS (right, anterior, superior), in metres" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--edge", "6mm"], "name the labels to mesh; the image has the labels 7 (2592 voxels), 300 (2592 voxels)"),
+        (["--edge", "6mm", "--label", "5"], "no voxel has the label 5"),
+        (["--edge", "90mm", "--label", "7"], "is longer than 'label_7'"),
+        (["--edge", "6mm", "--label", "a=x"], "--label a=x is not NAME=NUMBER"),
+        (["--edge", "6mm", "--label", "7", "--units", "mm"], "--units is for surfaces"),
+    ],
+)
+def test_bad_words_are_one_sentence(
+    labelled: vs.Scan, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    pytest.importorskip("nibabel")
+    labelled.write(tmp_path / "labels.nii.gz")
+    assert cli.main(["mesh", str(tmp_path / "labels.nii.gz"), *words, "-o", str(tmp_path / "organ.vtu")]) == 2
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "organ.vtu").exists()
+
+
+def test_a_surface_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    beam = vs.organs.beam()
+    lines = [f"v {x} {y} {z}" for x, y, z in (1e3 * beam.points).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (beam.surface + 1).tolist()]
+    (tmp_path / "beam.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    words = ["mesh", str(tmp_path / "beam.obj"), "--edge", "80mm", "-o", str(tmp_path / "beam.vtu")]
+    assert cli.main(words) == 2
+    assert "a surface needs its --units" in capsys.readouterr().err
+    assert cli.main([*words, "--units", "mm", "--fixed", "x < 10%"]) == 0
+    mesh = vs.read(tmp_path / "beam.vtu")
+    assert mesh.volume == pytest.approx(beam.volume, rel=1e-3)
+    assert len(mesh.nodes("fixed")) > 3
