@@ -62,7 +62,7 @@ def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
         ct.file_meta.TransferSyntaxUID = ExplicitVRLittleEndian
         ct.SOPClassUID, ct.SOPInstanceUID = CTImageStorage, generate_uid(entropy_srcs=[f"slice {k}"])
         ct.StudyInstanceUID, ct.SeriesInstanceUID, ct.FrameOfReferenceUID = study, series, frame
-        ct.PatientID, ct.PatientName, ct.PatientBirthDate, ct.PatientSex = "1", "A", "", ""
+        ct.PatientID, ct.PatientName, ct.PatientBirthDate, ct.PatientSex = "1", "A^B", "", ""
         ct.StudyID, ct.StudyDate, ct.StudyTime, ct.AccessionNumber = "1", "20260101", "000000", ""
         ct.ReferringPhysicianName, ct.Modality, ct.SeriesNumber, ct.InstanceNumber = "", "CT", 1, k + 1
         ct.ImagePositionPatient, ct.ImageOrientationPatient = [10.0, 20.0, 30.0 + 3.0 * k], [1, 0, 0, 0, 1, 0]
@@ -77,7 +77,7 @@ def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
     voxels = np.zeros((4, 6, 8), dtype=np.uint8)
     voxels[1:3, 2:4, 5:7] = 1
     segmentation = highdicom.seg.Segmentation(
-        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
+        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1", content_creator_name="A^B",
         omit_empty_frames=False,
     )  # fmt: skip
     segmentation.save_as(tmp_path / "liver.dcm")
