@@ -77,8 +77,8 @@ def test_a_dicom_segmentation_brings_names(tmp_path: Path) -> None:
     voxels = np.zeros((4, 6, 8), dtype=np.uint8)
     voxels[1:3, 2:4, 5:7] = 1
     segmentation = highdicom.seg.Segmentation(
-        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1", content_creator_name="A^B",
-        omit_empty_frames=False,
+        slices, voxels, "BINARY", [described], generate_uid(), 1, generate_uid(), 1, "M", "M", "1", "1",
+        content_creator_name="A^B", omit_empty_frames=False,
     )  # fmt: skip
     segmentation.save_as(tmp_path / "liver.dcm")
     found = vs.scan(tmp_path / "liver.dcm")

@@ -12,7 +12,7 @@ import sys
 from viscera.cli.output import Outcome, Output
 
 SHELLS = ("bash", "zsh")
-FILES = ("FILE", "MESH", "CASE", "organ.viscera", "TEST.csv")
+FILES = ("FILE", "MESH", "CASE", "LABELS", "organ.viscera", "TEST.csv")
 """What the words for files begin with; `DIR` is a folder."""
 
 
