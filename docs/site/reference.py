@@ -8,6 +8,7 @@ import viscera
 
 GROUPS = {
     "Meshes": ("Mesh", "read", "mesh", "organs", "helical_fibres"),
+    "Scans": ("Scan", "scan", "mesh_surface", "image_fibres"),
     "Laws": (
         "laws",
         "NeoHookean",
