@@ -10,9 +10,9 @@ import importlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +94,7 @@ def write(
     blocks: list[tuple[str, NDArray[Any]]] = [("tetra", cells.astype(np.int64))]
     extra: dict[str, Any] = {}
     if ending in (".vtu", ".vtk"):
-        written = _escaped if ending == ".vtu" else str  # a name such as "x < 10%" goes into XML as it is
+        written = escape if ending == ".vtu" else str  # a name such as "x < 10%" goes into XML as it is
         extra["point_data"] = {written(SET_PREFIX + name): _mask(each, len(points)) for name, each in sets.items()}
         extra["cell_data"] = {written(SET_PREFIX + name): [_mask(each, len(cells))] for name, each in cell_sets.items()}
     elif ending == ".inp":
@@ -132,10 +132,6 @@ def _stated_axes(path: Path) -> str:
     with path.open("rb") as file:
         stated = re.search(rb"<!-- axes: (RAS|LPS)\b", file.read(2000))
     return stated[1].decode() if stated else ""
-
-
-def _escaped(name: str) -> str:
-    return escape(name, {'"': "&quot;"})
 
 
 def metres_per_unit(units: str | float) -> float:

@@ -14,7 +14,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 
 from viscera import _core
@@ -68,6 +67,8 @@ def write(path: str | os.PathLike[str], mesh: Mesh, displacement: Floats, fields
 
 
 def _write_volume(path: Path, ending: str, mesh: Mesh, fields: Mapping[str, Floats]) -> None:
+    import meshio
+
     is_quadratic = len(mesh.edges) > 0
     cells = _core.quadratic(mesh.n_corners, mesh.cells)[1] if is_quadratic else mesh.cells
     kind = "tetra10" if is_quadratic else "tetra"
@@ -86,6 +87,8 @@ def _write_surface(path: Path, ending: str, points: Floats, triangles: Indices, 
     if ending in (".glb", ".gltf"):
         path.write_bytes(_gltf(points, triangles, fields, is_binary=ending == ".glb"))
         return
+    import meshio
+
     surface = meshio.Mesh(points, [("triangle", triangles.astype(np.int32))])
     if ending == ".ply":
         axes = ("x", "y", "z")
