@@ -31,7 +31,7 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: docs gallery bench bench-haptic studies pages check-pages pictures clean
+.PHONY: docs gallery bench bench-haptic studies study-trust pages check-pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -116,6 +116,10 @@ studies: $(extension) ## the full studies of the papers; their tables go where t
 
 docs: $(extension) ## the documentation site, in out/site; a warning is an error
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
+
+study-trust: $(extension) ## what trust is worth: 5,000 touches of ten bodies under all laws; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py
