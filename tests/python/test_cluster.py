@@ -22,6 +22,7 @@ from viscera import cluster
 from viscera.checkpoint import Batches, Checkpoint
 from viscera.offline import Offline
 from viscera.regions import positions_of, regions_of
+from viscera.study import beam, curves
 
 PLACE = "top and x > 60%"
 SETTINGS: dict[str, Any] = {"order": 2, "depth": 0.03, "radius": 0.06}
@@ -250,3 +251,12 @@ def test_states_of_a_sweep_come_back(organ: vs.Organ, pool: Executor) -> None:
 
 def bent(organ: vs.Organ, tip: float) -> vs.State:
     return organ.solve(force={"tip": (0, 0, tip)})
+
+
+def test_a_study_is_the_same_on_any_workers(pool: Executor) -> None:
+    key = "neo_hookean"
+    case = beam.beam_case(key, *beam.LAWS[key])
+    here, there = curves.compute(case, 3), curves.compute(case, 3, pool)
+    assert there.in_one_step == here.in_one_step
+    assert there.increments == here.increments
+    assert any(here.in_one_step)

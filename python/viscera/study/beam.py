@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,13 @@ LAWS: dict[str, tuple[str, Law]] = {
 }
 
 
-def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, Any]:
-    """Write the report into a folder and return its numbers; quick samples less, to see what is written."""
+def run(
+    folder: str | Path, quick: bool = False, say: Say = print, *, executor: Executor | None = None
+) -> dict[str, Any]:
+    """Write the report into a folder and return its numbers; quick samples less, to see what is written.
+
+    executor: whose workers do what is not timed.
+    """
     page = Report("A beam under a load anywhere on its top face", folder)
     mesh = organs.beam()
     page.text(
@@ -41,7 +47,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
         page.heading(law)
         case = beam_case(key, law, material)
         say(f"{law}: curves up to {case.load:.3g} N")
-        found = curves.compute(case, 8 if quick else 20)
+        found = curves.compute(case, 8 if quick else 20, executor)
         facts[key] = curves.report(page, case, found, {"svk": "as figure 6", "neo_hookean": "figure 13"}[key])
         facts[key] |= _report_shapes(page, case, found)
         pgd, direct, routes = separation.report_routes(page, case, (0.05,) if quick else (0.1, 0.03, 0.01), say)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -11,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from viscera import _core
+from viscera.cluster import sweep
 from viscera.mesh import Floats
 from viscera.path import Path
 from viscera.picture import ACCENT, INK, PAPER
@@ -46,8 +48,8 @@ class Curves:
     seconds: dict[str, float]
 
 
-def compute(case: Case, samples: int) -> Curves:
-    """All curves of a case, at equal load factors."""
+def compute(case: Case, samples: int, executor: Executor | None = None) -> Curves:
+    """All curves of a case, at equal load factors; what is not timed, on the workers of an executor if there is one."""
     loads = np.linspace(0.0, 1.0, samples + 1)[1:]
     seconds: dict[str, float] = {}
     began = perf_counter()
@@ -70,12 +72,17 @@ def compute(case: Case, samples: int) -> Curves:
     newton += [None] * (samples - len(newton))
     statuses += [""] * (samples - len(statuses))
     seconds["Newton with line search"] = perf_counter() - began
-    in_one_step = [_plain(case, a, 1) == 1 for a in loads]
-    return Curves(loads, series, path, newton, statuses, in_one_step, _plain(case, 1.0, samples), seconds)
+    tasks = [*((float(a), 1) for a in loads), (1.0, samples)]
+    if executor is None:
+        *went, increments = (_plain(case, task) for task in tasks)
+    else:
+        *went, increments = sweep(_plain, case, tasks, executor=executor)
+    return Curves(loads, series, path, newton, statuses, [each == 1 for each in went], increments, seconds)
 
 
-def _plain(case: Case, a: float, increments: int) -> int:
-    """Increments that Newton with full steps went."""
+def _plain(case: Case, task: tuple[float, int]) -> int:
+    """Increments that Newton with full steps went, of a load factor reached in so many."""
+    a, increments = task
     return _core.plain_newton(
         case.organ._body, force=a * case.force, increments=increments, max_iterations=50, tolerance=1e-8
     )[1]

@@ -5,6 +5,7 @@ E = 0.17 MPa and nu = 0.48 are the paper's, for the neo-Hookean liver; Saint Ven
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,12 @@ def run(
     mesh: Mesh | None = None,
     fixed: Where = "hilum",
     touchable: Where | None = "anterior",
+    executor: Executor | None = None,
 ) -> dict[str, Any]:
     """Write the report into a folder and return its numbers; quick takes fewer positions, to see what is written.
 
     mesh: another organ than the built-in liver, held at `fixed` and loaded anywhere on `touchable`.
+    executor: whose workers do what is not timed.
     """
     page = Report("A liver under a load anywhere on its surface", folder)
     mesh = organs.liver() if mesh is None else mesh
@@ -58,7 +61,7 @@ def run(
         page.heading(law)
         case = liver_case(key, law, Organ(mesh, material, fixed, element="P1"), touchable, quick)
         say(f"{law}: curves up to {case.load:.3g} N")
-        found = curves.compute(case, 8 if quick else 20)
+        found = curves.compute(case, 8 if quick else 20, executor)
         facts[key] = curves.report(page, case, found, {"svk": "figure 6", "neo_hookean": "figure 14"}[key])
         _report_vertical(page, case, found)
         pgd, direct, routes = separation.report_routes(page, case, (0.1,) if quick else (0.1, 0.03, 0.01), say)
