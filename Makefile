@@ -13,6 +13,7 @@ extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
+vulkan       := /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json
 
 # What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
 # Nothing may ask for 128 MiB at once; each thread that factorises keeps a pool of 64.
@@ -31,7 +32,7 @@ debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get 
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: docs gallery bench bench-haptic studies study-trust pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust pages check-pages pictures clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,10 +44,11 @@ setup: ## make .venv and build the package into it; quick when nothing changed
 demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(BIN)/viscera demo --no-view --output out
 
-test: setup lint docs test-core test-c test-python test-web ## everything that must be green
+test: setup lint docs test-core test-c test-python test-web test-gpu-if-any ## everything that must be green
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
+	$(CARGO) fmt --manifest-path gpu/Cargo.toml --check
 	$(CARGO) clippy --target-dir target/lint --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -54,6 +56,7 @@ lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without war
 
 format: $(VENV)/installed $(VENV)/rust-tools ## put every file in its standard form
 	$(CARGO) fmt --all
+	$(CARGO) fmt --manifest-path gpu/Cargo.toml
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
@@ -70,6 +73,18 @@ test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser,
 	$(BIN)/pytest tests/web
 
 viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
+
+# Mesa's drivers make a Vulkan device of the processor: no measure of speed, and the same answers.
+test-gpu: $(VENV)/vulkan ## the kernels on this machine's graphics processor, or on software in its place
+	$(CARGO) clippy --release --quiet --manifest-path gpu/Cargo.toml --target-dir target/lint --all-targets -- -D warnings
+	VISCERA_GPU=required $(CARGO) test --release --quiet --manifest-path gpu/Cargo.toml --target-dir target
+
+test-gpu-if-any:
+	if ls $(vulkan) 2>/dev/null | grep -q json; then $(MAKE) test-gpu; else \
+		echo '*** NOT TESTED: the graphics processor. This machine has no Vulkan driver; make test-gpu installs one in software. ***'; fi
+
+bench-gpu: ## kernels of the graphics processor against docs/gpu.md; results are kept from real devices alone
+	$(CARGO) run --release --quiet --manifest-path gpu/Cargo.toml --target-dir target --example bench
 
 sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
@@ -172,6 +187,10 @@ $(VENV)/installed: pyproject.toml
 
 $(extension): $(VENV)/installed $(core_sources)
 	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --skip-install
+	touch $@
+
+$(VENV)/vulkan: | $(VENV)/installed
+	ls $(vulkan) 2>/dev/null | grep -q json || $(debian) mesa-vulkan-drivers
 	touch $@
 
 $(VENV)/rust-tools: $(VENV)/installed

@@ -1,0 +1,133 @@
+//! Measures the kernels on this machine's device beside the plan of docs/gpu.md, and conjugate gradients beside those of
+//! one thread of the processor: paper B says more than twenty times.
+//!
+//!     cargo run --release --manifest-path gpu/Cargo.toml --example bench [CUBES_PER_SIDE]
+//!
+//! On software in the place of a device the numbers say nothing of speed, and the output says so.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use std::sync::Arc;
+use std::time::Instant;
+use support::{Block, device, laws};
+use viscera_gpu::plan::Plan;
+use viscera_gpu::{Cells, Settings, System};
+
+/// Iterations of a timed solve; its tolerance is out of reach.
+const ITERATIONS: usize = 200;
+
+const RUNS: usize = 5;
+
+fn main() {
+    let side = std::env::args().nth(1).map_or(15, |word| word.parse().expect("CUBES_PER_SIDE"));
+    let Some(gpu) = device() else { return };
+    let about = gpu.about();
+    println!("{}, {}, {}", about.name, about.driver, about.backend);
+    if about.is_software {
+        println!("SOFTWARE ON THE PROCESSOR: no measure of a graphics processor, not to be kept");
+    }
+    let block = Block::new(side);
+    let (_, law, row) = laws(0.45).remove(2);
+    let rows = [row];
+    let solid = block.solid(&law, &rows);
+    let pairs = block.pairs();
+    let plan = Plan::new(&solid, &pairs, gpu.largest_binding()).expect("the block is sound");
+    let (cells, mut system) = Cells::new(&gpu, &solid, &pairs).expect("the block is sound");
+    system.hold(&block.is_held(), &[]).expect("the device works");
+    println!(
+        "{} cells, {} nodes, {} chunks, padding {:.2}",
+        plan.cells, plan.nodes, plan.chunks, plan.padding
+    );
+
+    let u = block.bent(0.05);
+    let assembly = least(|| {
+        cells.linearize(&mut system, &u, 0.0).expect("the device works");
+        cells.internal_force(&system, &u).expect("the device works"); // waits
+    });
+    let bytes: f64 = plan.assembly.iter().map(|work| work.bytes).sum();
+    println!(
+        "assembly and force       {:9.3} ms, at least {:6.2} GB/s",
+        1e3 * assembly,
+        1e-9 * bytes / assembly
+    );
+
+    let b: Vec<f64> = (0..u.len()).map(|k| (1.3 * k as f64).sin()).collect();
+    let settings =
+        Settings { tolerance: 1e-30, max_iterations: ITERATIONS, check_every: ITERATIONS };
+    let mut count = 0;
+    let solve = least(|| count = system.solve(&b, &settings).expect("the device works").iterations);
+    let bytes: f64 = plan.iteration.iter().map(|work| work.bytes).sum();
+    let per = solve / count.max(1) as f64;
+    println!("iteration, {count:4} of them  {:9.3} us, {:6.2} GB/s", 1e6 * per, 1e-9 * bytes / per);
+
+    let empty = per_dispatch(&gpu);
+    println!("dispatch of next to nothing {:6.3} us", 1e6 * empty);
+
+    if about.is_software {
+        return;
+    }
+    let on_cpu = processor(&block, &pairs);
+    println!("iteration of a plain loop on one thread, double precision {:9.3} us", 1e6 * on_cpu);
+    println!("paper B: more than 20 times; here {:.1} times", on_cpu / per);
+}
+
+fn least(mut act: impl FnMut()) -> f64 {
+    let once = |_| {
+        let clock = Instant::now();
+        act();
+        clock.elapsed().as_secs_f64()
+    };
+    (0..RUNS).map(once).fold(f64::INFINITY, f64::min)
+}
+
+/// Iterations of a body of eight points, each two dispatches, take their overhead.
+fn per_dispatch(gpu: &Arc<viscera_gpu::Gpu>) -> f64 {
+    let block = Block::new(1);
+    let pairs = block.pairs();
+    let mut system = System::new(gpu, block.points.len(), &pairs).expect("the block is sound");
+    let unit = |&(a, b): &(u32, u32)| {
+        (0..9).map(move |k| f64::from(u8::from(a == b && k % 4 == 0)) * (1.0 + f64::from(a)) + 1e-3)
+    };
+    system.load(&pairs.iter().flat_map(unit).collect::<Vec<_>>(), 0.0).expect("the device works");
+    let b: Vec<f64> = (0..3 * block.points.len()).map(|k| (k as f64).cos()).collect();
+    let settings =
+        Settings { tolerance: 1e-30, max_iterations: ITERATIONS, check_every: ITERATIONS };
+    // Those that come after the end are dispatched, too.
+    least(|| drop(system.solve(&b, &settings))) / (2 * ITERATIONS) as f64
+}
+
+/// Seconds of an iteration of block-Jacobi conjugate gradients: the product of the blocks, and the vectors.
+fn processor(block: &Block, pairs: &[(u32, u32)]) -> f64 {
+    let n = 3 * block.points.len();
+    let values: Vec<[f64; 9]> = pairs.iter().map(|&(a, b)| [1.0 + f64::from(a + b); 9]).collect();
+    let inverse = vec![[0.5f64; 9]; n / 3];
+    let [mut x, mut r, mut z, mut p, mut w] = [(); 5].map(|()| vec![1e-3f64; n]);
+    let count = 20;
+    let seconds = least(|| {
+        for _ in 0..count {
+            w.fill(0.0);
+            for (&(a, b), v) in pairs.iter().zip(&values) {
+                let (a, b) = (3 * a as usize, 3 * b as usize);
+                for i in 0..3 {
+                    w[a + i] += v[3 * i] * p[b] + v[3 * i + 1] * p[b + 1] + v[3 * i + 2] * p[b + 2];
+                    if a != b {
+                        w[b + i] += v[i] * p[a] + v[3 + i] * p[a + 1] + v[6 + i] * p[a + 2];
+                    }
+                }
+            }
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let alpha = 1e-9 * dot(&r, &z) / (1.0 + dot(&p, &w).abs());
+            x.iter_mut().zip(&p).for_each(|(x, p)| *x += alpha * p);
+            r.iter_mut().zip(&w).for_each(|(r, w)| *r -= alpha * w);
+            for (k, d) in inverse.iter().enumerate() {
+                for i in 0..3 {
+                    z[3 * k + i] = (0..3).map(|j| d[3 * i + j] * r[3 * k + j]).sum();
+                }
+            }
+            p.iter_mut().zip(&z).for_each(|(p, z)| *p = z + 1e-3 * *p);
+        }
+    });
+    assert!(x.iter().all(|x| x.is_finite()));
+    seconds / f64::from(count)
+}

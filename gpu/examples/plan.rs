@@ -1,0 +1,68 @@
+//! Prints what docs/gpu.md plans: work of each kernel, and frames a second on three devices by their data sheets.
+//!
+//!     cargo run --release --manifest-path gpu/Cargo.toml --example plan [CUBES_PER_SIDE ...]
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use support::{Block, laws};
+use viscera_gpu::plan::{Plan, Sheet};
+
+/// What a device must bind at once in WebGPU.
+const BINDING: u64 = 128 << 20;
+
+/// Cubes of six cells per side of the blocks; 55 makes a million cells, and takes a while.
+const SIDES: [usize; 5] = [6, 9, 15, 26, 40];
+
+/// Iterations of block-Jacobi in a frame of the livers of benchmarks/results/stepper.txt.
+const ITERATIONS: usize = 60;
+
+const SHEETS: [Sheet; 3] = [
+    Sheet { name: "Intel Iris Xe, 96 EU", bandwidth: 68e9, speed: 2.1e12, per_dispatch: 10e-6 },
+    Sheet { name: "Apple M2, 10 cores", bandwidth: 100e9, speed: 3.6e12, per_dispatch: 10e-6 },
+    Sheet { name: "NVIDIA RTX 4070", bandwidth: 504e9, speed: 29.1e12, per_dispatch: 5e-6 },
+];
+
+fn main() {
+    let (_, law, row) = laws(0.45).remove(2);
+    let rows = [row];
+    let plan_of = |n: usize| {
+        let block = Block::new(n);
+        Plan::new(&block.solid(&law, &rows), &block.pairs(), BINDING).expect("the block is sound")
+    };
+    let plan = plan_of(15);
+    println!("neo-Hookean block, {} cells, {} nodes", plan.cells, plan.nodes);
+    println!("kernel          bytes/cell  operations/cell  operations/byte");
+    for work in plan.assembly.iter().chain(&plan.iteration) {
+        let (bytes, operations) =
+            (work.bytes / plan.cells as f64, work.operations / plan.cells as f64);
+        println!("{:14} {bytes:11.0} {operations:16.0} {:16.2}", work.kernel, operations / bytes);
+    }
+    println!(
+        "\na frame: assembly and {ITERATIONS} iterations, on the device alone; least time by the data sheet [ms]"
+    );
+    println!(
+        "   cells  chunks  padding  repeated  dispatches  device                  roofline  dispatches  frames/s"
+    );
+    let sides: Vec<usize> =
+        std::env::args().skip(1).map(|word| word.parse().expect("cubes per side")).collect();
+    for &n in if sides.is_empty() { &SIDES[..] } else { &sides } {
+        let plan = plan_of(n);
+        for sheet in &SHEETS {
+            let dispatches = plan.dispatches(ITERATIONS);
+            let overhead = dispatches as f64 * sheet.per_dispatch;
+            let all = plan.frame(ITERATIONS, sheet);
+            println!(
+                "{:8} {:7} {:8.2} {:9.2} {dispatches:11}  {:22} {:9.2} {:11.2} {:9.0}",
+                plan.cells,
+                plan.chunks,
+                plan.padding,
+                plan.repeated,
+                sheet.name,
+                1e3 * (all - overhead),
+                1e3 * overhead,
+                1.0 / all
+            );
+        }
+    }
+}

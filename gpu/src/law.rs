@@ -1,0 +1,193 @@
+//! What a cell answers with: a strain energy as a program, or one of the two kinematic models that are no function of the
+//! invariants; and its text for the kernels.
+
+use crate::Error;
+use crate::program::{Invariant, Operation, Program, Value};
+use std::fmt::Write;
+
+/// A stress at rest below this part of its terms is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// A law.
+#[derive(Clone, Debug)]
+pub enum Law {
+    /// `psi(I1, I2, J)`, the last value of a program over a cell's parameters.
+    Energy(Program),
+    /// Linear elasticity; parameters mu, lam.
+    Linear,
+    /// Corotated linear elasticity with its exact tangent; parameters mu, lam.
+    Corotated,
+}
+
+impl Law {
+    /// Length of a row of parameters.
+    pub fn n_parameters(&self) -> usize {
+        match self {
+            Law::Energy(program) => program.n_parameters(),
+            Law::Linear | Law::Corotated => 2,
+        }
+    }
+
+    /// Whether a cell turned inside out is outside the law's domain.
+    pub fn forbids_inversion(&self) -> bool {
+        !matches!(self, Law::Linear)
+    }
+
+    /// Checks rows of parameters: one for all cells, or one for each.
+    pub(crate) fn check(&self, rows: &[Vec<f64>], n_cells: usize) -> Result<(), Error> {
+        if rows.len() != 1 && rows.len() != n_cells {
+            return Err(Error::Input(format!(
+                "{} rows of parameters for {n_cells} cells; give one for all or one for each",
+                rows.len()
+            )));
+        }
+        let n = self.n_parameters();
+        for (row, values) in rows.iter().enumerate() {
+            if values.len() < n || !values.iter().all(|v| v.is_finite()) {
+                return Err(Error::Input(format!(
+                    "row {row} of parameters is {values:?}; the law reads {n} finite numbers"
+                )));
+            }
+        }
+        if matches!(self, Law::Energy(program) if program.operations().is_empty()) {
+            return Err(Error::Input("a law without operations has no energy".to_string()));
+        }
+        Ok(())
+    }
+
+    /// The law's part of the kernel of cells, in WGSL.
+    pub(crate) fn source(&self, rows: &[Vec<f64>]) -> String {
+        let stride = if rows.len() == 1 { 0 } else { self.n_parameters() };
+        let kernel = match self {
+            Law::Energy(program) => {
+                return format!(
+                    "const STRIDE = {stride}u;\n{}\n{}",
+                    energy_source(program, rows),
+                    include_str!("kernels/energy.wgsl")
+                );
+            }
+            Law::Linear => include_str!("kernels/linear.wgsl"),
+            Law::Corotated => include_str!("kernels/corotated.wgsl"),
+        };
+        format!("const STRIDE = {stride}u;\n{kernel}")
+    }
+
+    /// Operations that the law adds to each cell, by those of its program that the kernels evaluate.
+    pub fn operations(&self, rows: &[Vec<f64>]) -> usize {
+        match self {
+            Law::Energy(program) => {
+                let Derivatives { program, outputs } = Derivatives::new(program, rows);
+                let needed = program.needed(&outputs.map(|(_, value)| value));
+                let counts = |o: &Operation| {
+                    !matches!(
+                        o,
+                        Operation::Constant(_) | Operation::Parameter(_) | Operation::Invariant(_)
+                    )
+                };
+                let used = program.operations().iter().zip(needed);
+                used.filter(|(operation, needed)| *needed && counts(operation)).count()
+            }
+            Law::Linear | Law::Corotated => 0,
+        }
+    }
+}
+
+/// First and second derivatives of an energy, written about rest.
+struct Derivatives {
+    program: Program,
+    /// Names of the fields that the kernel reads, and their values.
+    outputs: [(&'static str, Value); 10],
+}
+
+impl Derivatives {
+    fn new(program: &Program, rows: &[Vec<f64>]) -> Self {
+        let mut program = program.clone();
+        let psi = program.operations().len() - 1;
+        let first = Invariant::ALL.map(|i| program.derivative(psi, i));
+        let [one, two, three] = first;
+        let mut second = |of: Value, by: Invariant| program.derivative(of, by);
+        let pairs = [
+            second(one, Invariant::I1),
+            second(one, Invariant::I2),
+            second(one, Invariant::J),
+            second(two, Invariant::I2),
+            second(two, Invariant::J),
+            second(three, Invariant::J),
+        ];
+        // 2 psi_1 + 4 psi_2 + psi_J: the pressure of an undeformed cell, zero at rest.
+        let two_of = program.constant(2.0);
+        let four_of = program.constant(4.0);
+        let of_one = program.add(Operation::Multiply(two_of, one));
+        let of_two = program.add(Operation::Multiply(four_of, two));
+        let sum = program.add(Operation::Add(of_one, of_two));
+        let pressure = program.add(Operation::Add(sum, three));
+
+        let values = [&first[..], &pairs[..], &[pressure]].concat();
+        let (mut about, split) = program.about_rest(&values);
+        let vanishes = rows.iter().all(|row| {
+            let at_rest = about.evaluate([0.0; 3], row);
+            let size = at_rest[split[0].rest].abs()
+                + at_rest[split[1].rest].abs()
+                + at_rest[split[2].rest].abs();
+            at_rest[split[9].rest].abs() <= ROUNDING * size
+        });
+        let totals: Vec<Value> = split.iter().map(|&value| about.total(value)).collect();
+        let pressure = if vanishes { split[9].deviation } else { totals[9] };
+        let outputs = [
+            ("pressure", pressure),
+            ("d1", totals[0]),
+            ("d2", totals[1]),
+            ("dJ", totals[2]),
+            ("d11", totals[3]),
+            ("d12", totals[4]),
+            ("d1J", totals[5]),
+            ("d22", totals[6]),
+            ("d2J", totals[7]),
+            ("dJJ", totals[8]),
+        ];
+        Derivatives { program: about, outputs }
+    }
+}
+
+/// `fn energy(i1, i2, j, row)`, `i1 = I1 - 3`, `i2 = I2 - 3`, `j = J - 1`.
+fn energy_source(program: &Program, rows: &[Vec<f64>]) -> String {
+    let Derivatives { program, outputs } = Derivatives::new(program, rows);
+    let needed = program.needed(&outputs.map(|(_, value)| value));
+    let mut text = String::from("fn energy(i1: f32, i2: f32, j: f32, row: u32) -> Energy {\n");
+    for (value, (&operation, _)) in
+        program.operations().iter().zip(&needed).enumerate().filter(|(_, (_, needed))| **needed)
+    {
+        let _ = writeln!(text, "    let v{value} = {};", expression(operation));
+    }
+    text += "    var e: Energy;\n";
+    for (name, value) in outputs {
+        let _ = writeln!(text, "    e.{name} = v{value};");
+    }
+    text + "    return e;\n}\n"
+}
+
+fn expression(operation: Operation) -> String {
+    use Operation::*;
+    match operation {
+        Constant(c) => number(c),
+        Parameter(k) => format!("parameters[row + {k}u]"),
+        Invariant(invariant) => ["i1", "i2", "j"][invariant as usize].to_string(),
+        Add(a, b) => format!("v{a} + v{b}"),
+        Subtract(a, b) => format!("v{a} - v{b}"),
+        Multiply(a, b) => format!("v{a} * v{b}"),
+        Negate(a) => format!("-v{a}"),
+        Reciprocal(a) => format!("1.0 / v{a}"),
+        Logarithm(a) => format!("log(v{a})"),
+        Exponential(a) => format!("exp(v{a})"),
+        Power(a, c) => format!("pow(v{a}, v{c})"),
+        Step(a) => format!("select(0.0, 1.0, v{a} > 0.0)"),
+        LogarithmOfOnePlus(a) => format!("logarithm_of_one_plus(v{a})"),
+        ExponentialMinusOne(a) => format!("exponential_minus_one(v{a})"),
+    }
+}
+
+/// A number that is one in WGSL: finite in single precision, with a point.
+fn number(c: f64) -> String {
+    let c = (c as f32).clamp(f32::MIN, f32::MAX);
+    if c < 0.0 { format!("({c:e}f)") } else { format!("{c:e}f") }
+}

@@ -1,0 +1,24 @@
+//! Viscera on a graphics processor.
+//!
+//! Through `wgpu` (Vulkan, Metal, DX12, WebGPU), in WGSL and single precision: stresses and tangents of all cells from a law
+//! that comes as a [`Program`], gathered node by node in a fixed order, and conjugate gradients whose scalars never leave
+//! the device. The same input gives the same bits on the same device, for no sum depends on what runs first.
+//!
+//! Single precision bounds what a solution alone reaches. The caller forms the residual in double precision and asks
+//! again: each answer corrects the last one.
+
+mod cells;
+mod device;
+mod error;
+mod law;
+mod layout;
+pub mod plan;
+mod program;
+mod system;
+
+pub use cells::{Cells, Solid};
+pub use device::{About, Gpu};
+pub use error::Error;
+pub use law::Law;
+pub use program::{Invariant, Operation, Program, Value};
+pub use system::{Ending, MOST_MEANS, Mean, Settings, Solution, System};

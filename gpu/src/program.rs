@@ -1,0 +1,419 @@
+//! A strain energy `psi(I1, I2, J)` as a straight-line program: a list of operations, each on results of earlier ones.
+//!
+//! The program is differentiated operation by operation, and rewritten about the rest state: every value becomes its
+//! value at rest and the rest of it, `a = a0 + da`, with rules that never subtract nearly equal numbers. The kernels are
+//! made from that form, so that single precision resolves stresses of small strains.
+
+use std::collections::HashMap;
+
+/// Whole exponents up to here are products.
+const LARGEST_PRODUCT: f64 = 4.0;
+
+/// What the energy is a function of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Invariant {
+    /// `I1 = tr C`, 3 at rest.
+    I1,
+    /// `I2 = |cof F|^2`, 3 at rest.
+    I2,
+    /// `J = det F`, 1 at rest.
+    J,
+}
+
+impl Invariant {
+    /// All of them, in the order of derivatives.
+    pub const ALL: [Invariant; 3] = [Invariant::I1, Invariant::I2, Invariant::J];
+
+    /// Its value at rest.
+    pub fn at_rest(self) -> f64 {
+        [3.0, 3.0, 1.0][self as usize]
+    }
+}
+
+/// The place of a result in its program.
+pub type Value = usize;
+
+/// An operation on earlier results.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Operation {
+    /// A number.
+    Constant(f64),
+    /// The parameter of this number in a cell's row.
+    Parameter(usize),
+    /// An invariant; less its value at rest in a program written about rest.
+    Invariant(Invariant),
+    /// `a + b`.
+    Add(Value, Value),
+    /// `a - b`.
+    Subtract(Value, Value),
+    /// `a b`.
+    Multiply(Value, Value),
+    /// `-a`.
+    Negate(Value),
+    /// `1 / a`.
+    Reciprocal(Value),
+    /// Natural logarithm.
+    Logarithm(Value),
+    /// Exponential.
+    Exponential(Value),
+    /// `a^c` for positive `a`; the exponent depends on no invariant.
+    Power(Value, Value),
+    /// 1 where `a > 0`, else 0.
+    Step(Value),
+    /// `ln(1 + a)`.
+    LogarithmOfOnePlus(Value),
+    /// `exp(a) - 1`.
+    ExponentialMinusOne(Value),
+}
+
+use Operation::*;
+
+/// A list of operations. What was asked for before is not added again, and constants are folded.
+#[derive(Clone, Debug, Default)]
+pub struct Program {
+    operations: Vec<Operation>,
+    known: HashMap<(u8, u64, u64), Value>,
+}
+
+/// A value about rest: `rest + deviation`, the deviation exactly zero there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AboutRest {
+    pub rest: Value,
+    pub deviation: Value,
+}
+
+impl Program {
+    /// Without operations.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The operations, in order.
+    pub fn operations(&self) -> &[Operation] {
+        &self.operations
+    }
+
+    /// Number of parameters that it reads.
+    pub fn n_parameters(&self) -> usize {
+        let number = |operation: &Operation| match operation {
+            Parameter(k) => k + 1,
+            _ => 0,
+        };
+        self.operations.iter().map(number).max().unwrap_or(0)
+    }
+
+    /// Adds an operation, and gives its value.
+    ///
+    /// # Panics
+    /// An operand that is no value of this program.
+    pub fn add(&mut self, operation: Operation) -> Value {
+        assert!(operands(operation).iter().flatten().all(|&v| v < self.operations.len()));
+        let operation = self.simplified(operation);
+        if let Some(same) = self.same_as(operation) {
+            return same;
+        }
+        let key = key(operation);
+        *self.known.entry(key).or_insert_with(|| {
+            self.operations.push(operation);
+            self.operations.len() - 1
+        })
+    }
+
+    /// The value that an operation leaves as it is: `a + 0`, `a - 0`, `1 a`, `-(-a)`.
+    fn same_as(&self, operation: Operation) -> Option<Value> {
+        let is = |v: Value, c: f64| self.operations[v] == Constant(c);
+        match operation {
+            Add(a, b) if is(a, 0.0) => Some(b),
+            Add(a, b) | Subtract(a, b) if is(b, 0.0) => Some(a),
+            Multiply(a, b) if is(a, 1.0) => Some(b),
+            Multiply(a, b) if is(b, 1.0) => Some(a),
+            Negate(a) => match self.operations[a] {
+                Negate(inner) => Some(inner),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// Folds constants, and products with zero.
+    fn simplified(&self, operation: Operation) -> Operation {
+        let given = operands(operation).map(|operand| match operand.map(|v| self.operations[v]) {
+            Some(Constant(x)) => Some(x),
+            _ => None,
+        });
+        match (operation, given) {
+            (Multiply(..), [Some(0.0), _] | [_, Some(0.0)]) => Constant(0.0),
+            (Subtract(_, b), [Some(0.0), None]) => Negate(b),
+            (Constant(_) | Parameter(_) | Invariant(_), _) => operation,
+            (Add(..) | Subtract(..) | Multiply(..) | Power(..), [Some(a), Some(b)]) => {
+                Constant(apply(operation, [a, b]))
+            }
+            (Add(..) | Subtract(..) | Multiply(..) | Power(..), _) => operation,
+            (_, [Some(a), _]) => Constant(apply(operation, [a, 0.0])),
+            _ => operation,
+        }
+    }
+
+    /// A number.
+    pub fn constant(&mut self, value: f64) -> Value {
+        self.add(Constant(value))
+    }
+
+    /// All values, of the invariants and a row of parameters.
+    pub fn evaluate(&self, invariants: [f64; 3], parameters: &[f64]) -> Vec<f64> {
+        let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
+        for &operation in &self.operations {
+            let value = match operation {
+                Constant(c) => c,
+                Parameter(k) => parameters[k],
+                Invariant(i) => invariants[i as usize],
+                _ => apply(operation, operands(operation).map(|v| v.map_or(0.0, |v| values[v]))),
+            };
+            values.push(value);
+        }
+        values
+    }
+
+    /// The derivative of a value with respect to an invariant, added to the program.
+    pub fn derivative(&mut self, of: Value, by: Invariant) -> Value {
+        let mut slopes: Vec<Value> = Vec::with_capacity(of + 1);
+        for value in 0..=of {
+            let slope = self.slope(value, by, &slopes);
+            slopes.push(slope);
+        }
+        slopes[of]
+    }
+
+    /// The derivative of a value from those of earlier ones.
+    fn slope(&mut self, value: Value, by: Invariant, slopes: &[Value]) -> Value {
+        match self.operations[value] {
+            Constant(_) | Parameter(_) | Step(_) => self.constant(0.0),
+            Invariant(invariant) => self.constant(f64::from(u8::from(invariant == by))),
+            Add(a, b) => self.add(Add(slopes[a], slopes[b])),
+            Subtract(a, b) => self.add(Subtract(slopes[a], slopes[b])),
+            Multiply(a, b) => {
+                let left = self.add(Multiply(slopes[a], b));
+                let right = self.add(Multiply(a, slopes[b]));
+                self.add(Add(left, right))
+            }
+            Negate(a) => self.add(Negate(slopes[a])),
+            Reciprocal(a) => {
+                let square = self.add(Multiply(value, value));
+                let factor = self.add(Negate(square));
+                self.add(Multiply(factor, slopes[a]))
+            }
+            Logarithm(a) => {
+                let factor = self.add(Reciprocal(a));
+                self.add(Multiply(factor, slopes[a]))
+            }
+            Exponential(a) => self.add(Multiply(value, slopes[a])),
+            Power(a, c) => {
+                let one = self.constant(1.0);
+                let less = self.add(Subtract(c, one));
+                let power = self.power(a, less);
+                let factor = self.add(Multiply(c, power));
+                self.add(Multiply(factor, slopes[a]))
+            }
+            LogarithmOfOnePlus(a) => {
+                let one = self.constant(1.0);
+                let sum = self.add(Add(one, a));
+                let factor = self.add(Reciprocal(sum));
+                self.add(Multiply(factor, slopes[a]))
+            }
+            ExponentialMinusOne(a) => {
+                let factor = self.add(Exponential(a));
+                self.add(Multiply(factor, slopes[a]))
+            }
+        }
+    }
+
+    /// `a^c`, small whole powers by products: they serve values of any sign.
+    pub fn power(&mut self, a: Value, c: Value) -> Value {
+        match self.operations[c] {
+            Constant(c) if c.fract() == 0.0 && c.abs() <= LARGEST_PRODUCT => {
+                let one = self.constant(1.0);
+                let power =
+                    (0..c.abs() as usize).fold(one, |power, _| self.add(Multiply(power, a)));
+                if c < 0.0 { self.add(Reciprocal(power)) } else { power }
+            }
+            _ => self.add(Power(a, c)),
+        }
+    }
+
+    /// The same values written about rest, in a program whose invariants are those less their values at rest.
+    pub(crate) fn about_rest(&self, values: &[Value]) -> (Program, Vec<AboutRest>) {
+        let mut out = Program::new();
+        let mut split: Vec<AboutRest> = Vec::with_capacity(self.operations.len());
+        for &operation in &self.operations {
+            let about = out.split(operation, &split);
+            split.push(about);
+        }
+        let wanted = values.iter().map(|&v| split[v]).collect();
+        (out, wanted)
+    }
+
+    /// The parts of an operation's result from those of its operands.
+    fn split(&mut self, operation: Operation, of: &[AboutRest]) -> AboutRest {
+        let zero = self.constant(0.0);
+        match operation {
+            Constant(_) | Parameter(_) => AboutRest { rest: self.add(operation), deviation: zero },
+            Invariant(invariant) => AboutRest {
+                rest: self.constant(invariant.at_rest()),
+                deviation: self.add(operation),
+            },
+            Add(a, b) => AboutRest {
+                rest: self.add(Add(of[a].rest, of[b].rest)),
+                deviation: self.add(Add(of[a].deviation, of[b].deviation)),
+            },
+            Subtract(a, b) => AboutRest {
+                rest: self.add(Subtract(of[a].rest, of[b].rest)),
+                deviation: self.add(Subtract(of[a].deviation, of[b].deviation)),
+            },
+            Multiply(a, b) => {
+                // a0 db + b0 da + da db
+                let left = self.add(Multiply(of[a].rest, of[b].deviation));
+                let right = self.add(Multiply(of[b].rest, of[a].deviation));
+                let both = self.add(Multiply(of[a].deviation, of[b].deviation));
+                let sum = self.add(Add(left, right));
+                AboutRest {
+                    rest: self.add(Multiply(of[a].rest, of[b].rest)),
+                    deviation: self.add(Add(sum, both)),
+                }
+            }
+            Negate(a) => AboutRest {
+                rest: self.add(Negate(of[a].rest)),
+                deviation: self.add(Negate(of[a].deviation)),
+            },
+            Reciprocal(a) => {
+                // 1/(a0 + da) - 1/a0 = -da / (a0 (a0 + da))
+                let whole = self.total(of[a]);
+                let inverse = self.add(Reciprocal(whole));
+                let rest = self.add(Reciprocal(of[a].rest));
+                let factor = self.add(Multiply(inverse, rest));
+                let product = self.add(Multiply(of[a].deviation, factor));
+                AboutRest { rest, deviation: self.add(Negate(product)) }
+            }
+            Logarithm(a) => {
+                let ratio = self.ratio(of[a]);
+                AboutRest {
+                    rest: self.add(Logarithm(of[a].rest)),
+                    deviation: self.add(LogarithmOfOnePlus(ratio)),
+                }
+            }
+            Exponential(a) => {
+                let rest = self.add(Exponential(of[a].rest));
+                let growth = self.add(ExponentialMinusOne(of[a].deviation));
+                AboutRest { rest, deviation: self.add(Multiply(rest, growth)) }
+            }
+            Power(a, c) if self.operations[of[a].rest] == Constant(0.0) => {
+                AboutRest { rest: zero, deviation: self.power(of[a].deviation, of[c].rest) }
+            }
+            Power(a, c) => {
+                let ratio = self.ratio(of[a]);
+                let logarithm = self.add(LogarithmOfOnePlus(ratio));
+                let exponent = self.add(Multiply(of[c].rest, logarithm));
+                let growth = self.add(ExponentialMinusOne(exponent));
+                let rest = self.power(of[a].rest, of[c].rest);
+                AboutRest { rest, deviation: self.add(Multiply(rest, growth)) }
+            }
+            Step(a) => {
+                let whole = self.total(of[a]);
+                AboutRest { rest: zero, deviation: self.add(Step(whole)) }
+            }
+            LogarithmOfOnePlus(a) => {
+                let one = self.constant(1.0);
+                let sum =
+                    AboutRest { rest: self.add(Add(one, of[a].rest)), deviation: of[a].deviation };
+                let ratio = self.ratio(sum);
+                AboutRest {
+                    rest: self.add(LogarithmOfOnePlus(of[a].rest)),
+                    deviation: self.add(LogarithmOfOnePlus(ratio)),
+                }
+            }
+            ExponentialMinusOne(a) => {
+                let factor = self.add(Exponential(of[a].rest));
+                let growth = self.add(ExponentialMinusOne(of[a].deviation));
+                AboutRest {
+                    rest: self.add(ExponentialMinusOne(of[a].rest)),
+                    deviation: self.add(Multiply(factor, growth)),
+                }
+            }
+        }
+    }
+
+    /// `a0 + da`.
+    pub(crate) fn total(&mut self, a: AboutRest) -> Value {
+        self.add(Add(a.rest, a.deviation))
+    }
+
+    /// `da / a0`.
+    fn ratio(&mut self, a: AboutRest) -> Value {
+        let inverse = self.add(Reciprocal(a.rest));
+        self.add(Multiply(a.deviation, inverse))
+    }
+
+    /// Which values those wanted are made from, themselves among them.
+    pub(crate) fn needed(&self, wanted: &[Value]) -> Vec<bool> {
+        let mut needed = vec![false; self.operations.len()];
+        wanted.iter().for_each(|&v| needed[v] = true);
+        for value in (0..self.operations.len()).rev() {
+            if needed[value] {
+                operands(self.operations[value]).iter().flatten().for_each(|&v| needed[v] = true);
+            }
+        }
+        needed
+    }
+}
+
+/// The values that an operation works on.
+fn operands(operation: Operation) -> [Option<Value>; 2] {
+    match operation {
+        Constant(_) | Parameter(_) | Invariant(_) => [None, None],
+        Add(a, b) | Subtract(a, b) | Multiply(a, b) | Power(a, b) => [Some(a), Some(b)],
+        Negate(a)
+        | Reciprocal(a)
+        | Logarithm(a)
+        | Exponential(a)
+        | Step(a)
+        | LogarithmOfOnePlus(a)
+        | ExponentialMinusOne(a) => [Some(a), None],
+    }
+}
+
+fn apply(operation: Operation, [a, b]: [f64; 2]) -> f64 {
+    match operation {
+        Constant(_) | Parameter(_) | Invariant(_) => f64::NAN, // they have no operands
+        Add(..) => a + b,
+        Subtract(..) => a - b,
+        Multiply(..) => a * b,
+        Negate(_) => -a,
+        Reciprocal(_) => a.recip(),
+        Logarithm(_) => a.ln(),
+        Exponential(_) => a.exp(),
+        Power(..) => a.powf(b),
+        Step(_) => f64::from(u8::from(a > 0.0)),
+        LogarithmOfOnePlus(_) => a.ln_1p(),
+        ExponentialMinusOne(_) => a.exp_m1(),
+    }
+}
+
+/// Equal operations have equal keys; sums and products in either order.
+fn key(operation: Operation) -> (u8, u64, u64) {
+    let ordered = |a: Value, b: Value| (a.min(b) as u64, a.max(b) as u64);
+    match operation {
+        Constant(c) => (0, c.to_bits(), 0),
+        Parameter(k) => (1, k as u64, 0),
+        Invariant(i) => (2, i as u64, 0),
+        Add(a, b) => (3, ordered(a, b).0, ordered(a, b).1),
+        Subtract(a, b) => (4, a as u64, b as u64),
+        Multiply(a, b) => (5, ordered(a, b).0, ordered(a, b).1),
+        Negate(a) => (6, a as u64, 0),
+        Reciprocal(a) => (7, a as u64, 0),
+        Logarithm(a) => (8, a as u64, 0),
+        Exponential(a) => (9, a as u64, 0),
+        Power(a, c) => (10, a as u64, c as u64),
+        Step(a) => (11, a as u64, 0),
+        LogarithmOfOnePlus(a) => (12, a as u64, 0),
+        ExponentialMinusOne(a) => (13, a as u64, 0),
+    }
+}

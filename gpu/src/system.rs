@@ -1,0 +1,532 @@
+//! Linear systems on the device: a symmetric matrix of 3x3 blocks, what is held, and conjugate gradients with the inverse
+//! diagonal blocks as preconditioner. All scalars stay on the device; only every so many iterations it is asked whether
+//! it is done.
+
+use crate::Error;
+use crate::device::{Gpu, THREADS, dispatch, workgroups};
+use crate::layout::{Layout, PADDING, SLICE};
+use bytemuck::{Pod, Zeroable};
+use std::sync::Arc;
+use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
+
+/// Partial sums of a scalar product, over all chunks.
+const MOST_PARTS: usize = 1024;
+
+/// Prescribed means that the kernels take.
+pub const MOST_MEANS: usize = 48;
+
+/// When conjugate gradients stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Residual to reach, relative to the right-hand side.
+    pub tolerance: f64,
+    /// Iterations after which to stop with what there is.
+    pub max_iterations: usize,
+    /// Iterations between two questions whether the device is done.
+    pub check_every: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings { tolerance: 1e-4, max_iterations: 2000, check_every: 16 }
+    }
+}
+
+/// How conjugate gradients ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// The tolerance is reached.
+    Solved,
+    /// The budget of iterations is spent.
+    Spent,
+    /// A direction of negative curvature was met, or rounding that looks like one.
+    Indefinite,
+    /// A number is not finite.
+    NotFinite,
+}
+
+/// What conjugate gradients found.
+#[derive(Clone, Debug)]
+pub struct Solution {
+    /// The solution, as far as it got; zero on what is held.
+    pub x: Vec<f64>,
+    /// The last direction.
+    pub direction: Vec<f64>,
+    /// Iterations.
+    pub iterations: usize,
+    /// `|r| / |b|`, `r` the residual of the recurrence.
+    pub residual: f64,
+    /// How they ended.
+    pub ending: Ending,
+}
+
+/// A prescribed mean: degrees of freedom and weights.
+pub type Mean = Vec<(u32, f64)>;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+struct State {
+    gamma: f32,
+    alpha: f32,
+    ended: u32,
+    iterations: u32,
+    first: f32,
+    now: f32,
+    goal: f32,
+    most: u32,
+}
+
+/// Buffers of a run of rows.
+pub(crate) struct ChunkBuffers {
+    pub values: Buffer,
+    product: BindGroup,
+    n_groups: u32,
+    inverse: BindGroup,
+    of_inverse: Buffer,
+}
+
+struct Kernels {
+    product: ComputePipeline,
+    update: ComputePipeline,
+    begin: ComputePipeline,
+    invert: ComputePipeline,
+    prepare: ComputePipeline,
+    project: ComputePipeline,
+}
+
+/// What the vectors of all solves need.
+struct Vectors {
+    xp: Buffer,
+    rs: Buffer,
+    z: Buffer,
+    w: Buffer,
+    inverse: Buffer,
+    held: Buffer,
+    sums: Buffer,
+    state: Buffer,
+}
+
+/// Prescribed means on the device.
+struct Border {
+    prepare: BindGroup,
+    /// After the start and odd iterations, after even ones.
+    project: [BindGroup; 2],
+}
+
+/// A matrix on the device with all that solves with it.
+pub struct System {
+    gpu: Arc<Gpu>,
+    pub(crate) layout: Layout,
+    pub(crate) chunks: Vec<ChunkBuffers>,
+    kernels: Kernels,
+    vectors: Vectors,
+    /// Of even and odd iterations.
+    update: [BindGroup; 2],
+    begin: BindGroup,
+    n_update: u32,
+    border: Option<Border>,
+    is_held: Vec<bool>,
+}
+
+impl System {
+    /// On the pattern whose upper triangle has blocks at `pairs` of row and column, row <= column, the diagonal among
+    /// them; in the order in which their values will come.
+    ///
+    /// # Errors
+    /// A pattern that is none; too little memory; a driver that refuses.
+    pub fn new(gpu: &Arc<Gpu>, n_nodes: usize, pairs: &[(u32, u32)]) -> Result<Self, Error> {
+        Self::with_cells(gpu, n_nodes, pairs, &[])
+    }
+
+    /// The same in chunks small enough for the responses of `cells`.
+    pub(crate) fn with_cells(
+        gpu: &Arc<Gpu>,
+        n_nodes: usize,
+        pairs: &[(u32, u32)],
+        cells: &[[u32; 4]],
+    ) -> Result<Self, Error> {
+        let layout = Layout::new(n_nodes, pairs, cells, gpu.largest_binding())?;
+        let kernels = Kernels::new(gpu)?;
+        let vectors = Vectors::new(gpu, n_nodes)?;
+        let most = (MOST_PARTS / layout.chunks.len().max(1)).max(1);
+        let (mut chunks, mut n_product) = (Vec::new(), 0);
+        for chunk in &layout.chunks {
+            let n_groups = workgroups(chunk.rows.len(), most);
+            chunks.push(ChunkBuffers::new(gpu, &kernels, &vectors, chunk, n_product, n_groups)?);
+            n_product += n_groups;
+        }
+        let n_update = workgroups(n_nodes, MOST_PARTS);
+        let size = |parity| gpu.uniform([n_nodes as u32, parity, n_product, n_update]);
+        let bind = |kernel, parity| {
+            let Vectors { xp, rs, z, w, inverse, sums, state, .. } = &vectors;
+            gpu.bind(kernel, &[xp, rs, z, w, inverse, sums, state, &size(parity)])
+        };
+        let update = [bind(&kernels.update, 0), bind(&kernels.update, 1)];
+        let begin = bind(&kernels.begin, 0);
+        gpu.check()?;
+        Ok(System {
+            gpu: gpu.clone(),
+            layout,
+            chunks,
+            kernels,
+            vectors,
+            update,
+            begin,
+            n_update,
+            border: None,
+            is_held: vec![false; 3 * n_nodes],
+        })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Number of degrees of freedom.
+    pub fn n_dofs(&self) -> usize {
+        self.is_held.len()
+    }
+
+    /// Bytes of matrix that a product reads: values, columns, padding among them.
+    pub fn matrix_bytes(&self) -> usize {
+        40 * self.layout.n_places()
+    }
+
+    /// Runs of rows, each with buffers of its own.
+    pub fn n_chunks(&self) -> usize {
+        self.chunks.len()
+    }
+
+    /// Holds degrees of freedom at zero, and means at theirs; the next [`System::load`] goes by it.
+    ///
+    /// # Errors
+    /// A wrong length; more than [`MOST_MEANS`] means; a mean of nothing.
+    pub fn hold(&mut self, is_held: &[bool], means: &[Mean]) -> Result<(), Error> {
+        if is_held.len() != self.n_dofs() {
+            return Err(Error::Input(format!(
+                "{} flags of what is held for {} degrees of freedom",
+                is_held.len(),
+                self.n_dofs()
+            )));
+        }
+        self.is_held.copy_from_slice(is_held);
+        let mut masks = vec![0u32; self.layout.n_rows()];
+        for (node, &row) in self.layout.row_of.iter().enumerate() {
+            masks[row as usize] = (0..3).map(|i| u32::from(is_held[3 * node + i]) << i).sum();
+        }
+        self.gpu.write(&self.vectors.held, &masks);
+        self.border = self.bordered(means)?;
+        self.gpu.check()
+    }
+
+    fn bordered(&self, means: &[Mean]) -> Result<Option<Border>, Error> {
+        if means.is_empty() {
+            return Ok(None);
+        }
+        if means.len() > MOST_MEANS {
+            return Err(Error::Limit(format!(
+                "{} means are held; the kernels take {MOST_MEANS}, three for each patch",
+                means.len()
+            )));
+        }
+        let mut nodes: Vec<u32> = means.iter().flatten().map(|&(dof, _)| dof / 3).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        let mut weights = vec![0.0f32; means.len() * 3 * nodes.len()];
+        for (k, mean) in means.iter().enumerate() {
+            for &(dof, weight) in mean.iter().filter(|(dof, _)| !self.is_held[*dof as usize]) {
+                let n = nodes.partition_point(|&node| node < dof / 3);
+                weights[3 * (k * nodes.len() + n) + dof as usize % 3] = weight as f32;
+            }
+            if weights[3 * k * nodes.len()..3 * (k + 1) * nodes.len()].iter().all(|&w| w == 0.0) {
+                return Err(Error::Input(format!("mean {k} is one of nothing that is free")));
+            }
+        }
+        let rows: Vec<u32> = nodes.iter().map(|&node| self.layout.row_of[node as usize]).collect();
+        let (gpu, vectors, kernels) = (&self.gpu, &self.vectors, &self.kernels);
+        let nodes = gpu.buffer("nodes of means", &rows)?;
+        let influence = gpu.zeros::<f32>("influence of means", weights.len())?;
+        let weights = gpu.buffer("weights of means", &weights)?;
+        let schur = gpu.zeros::<f32>("means", 2 * means.len() * means.len())?;
+        let size = |parity| gpu.uniform([rows.len() as u32, means.len() as u32, parity, 0]);
+        let Vectors { z, rs, sums, inverse, .. } = vectors;
+        let of_prepare =
+            [(0, inverse), (1, &nodes), (2, &weights), (3, &influence), (4, &schur), (8, &size(0))];
+        let project = |parity| {
+            let buffers = [&nodes, &weights, &influence, &schur, z, rs, sums, &size(parity)];
+            let bound: Vec<_> = (1..).zip(buffers).collect();
+            gpu.bind_at(&kernels.project, &bound)
+        };
+        let prepare = gpu.bind_at(&kernels.prepare, &of_prepare);
+        Ok(Some(Border { prepare, project: [project(0), project(1)] }))
+    }
+
+    /// Takes over nine values for each block of the upper triangle, row-major, and adds `shift` to the diagonal.
+    ///
+    /// # Errors
+    /// A wrong number of values; the device.
+    pub fn load(&mut self, values: &[f64], shift: f64) -> Result<(), Error> {
+        let (blocks, rest) = values.as_chunks::<9>();
+        let chunks = self.layout.chunks.iter();
+        let last = chunks.flat_map(|chunk| &chunk.source).filter(|s| **s != PADDING).max();
+        if !rest.is_empty() || last.is_some_and(|&last| last as usize / 2 >= blocks.len()) {
+            return Err(Error::Input(format!("{} values do not fill the blocks", values.len())));
+        }
+        for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
+            let mut packed = vec![0.0f32; 9 * chunk.source.len()];
+            for (place, &source) in chunk.source.iter().enumerate().filter(|(_, s)| **s != PADDING)
+            {
+                let block = &blocks[source as usize / 2];
+                let at = 9 * SLICE * (place / SLICE) + place % SLICE;
+                for e in 0..9 {
+                    let entry = if source % 2 == 0 { e } else { 3 * (e % 3) + e / 3 };
+                    packed[at + SLICE * e] = block[entry] as f32;
+                }
+            }
+            self.gpu.write(&buffers.values, &packed);
+        }
+        let mut encoder = self.gpu.encoder();
+        self.encode_preparation(&mut encoder, shift);
+        self.gpu.submit(encoder);
+        self.gpu.check()
+    }
+
+    /// Preconditioner and border of the values that the matrix then has.
+    pub(crate) fn encode_preparation(&self, encoder: &mut CommandEncoder, shift: f64) {
+        for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
+            let words =
+                [chunk.rows.start as u32, chunk.rows.len() as u32, (shift as f32).to_bits(), 0];
+            self.gpu.write(&buffers.of_inverse, &words);
+            let n_groups = workgroups(chunk.rows.len(), usize::MAX);
+            dispatch(encoder, &self.kernels.invert, &buffers.inverse, n_groups);
+        }
+        if let Some(border) = &self.border {
+            dispatch(encoder, &self.kernels.prepare, &border.prepare, 1);
+        }
+    }
+
+    /// Solves `A x = b` on what is free, among the `x` that leave the means alone.
+    ///
+    /// # Errors
+    /// A right-hand side of a wrong length or not finite; settings out of range; the device.
+    pub fn solve(&mut self, b: &[f64], settings: &Settings) -> Result<Solution, Error> {
+        settings.check()?;
+        let size = self.put(b)?;
+        if size == 0.0 {
+            let zeros = vec![0.0; b.len()];
+            let ending = Ending::Solved;
+            return Ok(Solution {
+                x: zeros.clone(),
+                direction: zeros,
+                iterations: 0,
+                residual: 0.0,
+                ending,
+            });
+        }
+        self.set_goal(settings);
+        let mut encoder = self.gpu.encoder();
+        self.encode_begin(&mut encoder);
+        let mut done = 0;
+        let state = loop {
+            let batch =
+                settings.check_every.min(settings.max_iterations + 1 - done).next_multiple_of(2);
+            self.encode_iterations(&mut encoder, batch);
+            done += batch;
+            let state: Vec<State> = self.gpu.read(encoder, &self.vectors.state, 2)?;
+            if state[0].ended != 0 || done > settings.max_iterations {
+                break state[0];
+            }
+            encoder = self.gpu.encoder();
+        };
+        let xp: Vec<f32> = self.gpu.read(self.gpu.encoder(), &self.vectors.xp, 2 * b.len())?;
+        let of = |offset: usize| {
+            let rows = self.layout.row_of.iter();
+            rows.flat_map(|&row| (0..3).map(move |i| 6 * row as usize + offset + i))
+                .map(|k| size * f64::from(xp[k]))
+                .collect::<Vec<f64>>()
+        };
+        Ok(Solution {
+            x: of(0),
+            direction: of(3),
+            iterations: state.iterations as usize,
+            residual: if state.first > 0.0 {
+                f64::from(state.now / state.first).sqrt()
+            } else {
+                0.0
+            },
+            ending: match state.ended {
+                1 => Ending::Solved,
+                2 => Ending::Indefinite,
+                3 => Ending::NotFinite,
+                _ => Ending::Spent,
+            },
+        })
+    }
+
+    /// `A x` on what is free, in single precision.
+    ///
+    /// # Errors
+    /// A vector of a wrong length or not finite; the device.
+    pub fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, Error> {
+        let size = self.scale_of(x)?;
+        let placed = self.placed(x, size, false);
+        self.gpu.write(&self.vectors.z, &placed);
+        let mut encoder = self.gpu.encoder();
+        self.encode_product(&mut encoder);
+        let y: Vec<f32> = self.gpu.read(encoder, &self.vectors.w, x.len())?;
+        Ok(self.in_order(&y, size))
+    }
+
+    /// Puts a right-hand side where [`System::encode_begin`] looks for it, scaled to 1; its scale.
+    fn put(&self, b: &[f64]) -> Result<f64, Error> {
+        let size = self.scale_of(b)?;
+        self.gpu.write(&self.vectors.w, &self.placed(b, size, true));
+        Ok(size)
+    }
+
+    fn set_goal(&self, settings: &Settings) {
+        let goal = (settings.tolerance * settings.tolerance) as f32;
+        let state = State { goal, most: settings.max_iterations as u32, ..State::default() };
+        self.gpu.write(&self.vectors.state, &[state, state]);
+    }
+
+    pub(crate) fn scale_of(&self, values: &[f64]) -> Result<f64, Error> {
+        if values.len() != self.n_dofs() {
+            return Err(Error::Input(format!(
+                "{} values for {} degrees of freedom",
+                values.len(),
+                self.n_dofs()
+            )));
+        }
+        match values.iter().position(|v| !v.is_finite()) {
+            Some(dof) => Err(Error::Input(format!("value {} of point {}", values[dof], dof / 3))),
+            None => Ok(values.iter().fold(0.0f64, |size, v| size.max(v.abs()))),
+        }
+    }
+
+    /// A vector in the order of the rows, over its scale.
+    pub(crate) fn placed(&self, values: &[f64], size: f64, without_held: bool) -> Vec<f32> {
+        let (mut placed, factor) =
+            (vec![0.0f32; values.len()], if size > 0.0 { size.recip() } else { 0.0 });
+        for (node, &row) in self.layout.row_of.iter().enumerate() {
+            for i in 0..3 {
+                if !(without_held && self.is_held[3 * node + i]) {
+                    placed[3 * row as usize + i] = (factor * values[3 * node + i]) as f32;
+                }
+            }
+        }
+        placed
+    }
+
+    pub(crate) fn in_order(&self, placed: &[f32], size: f64) -> Vec<f64> {
+        let rows = self.layout.row_of.iter();
+        let dofs = rows.flat_map(|&row| (0..3).map(move |i| 3 * row as usize + i));
+        dofs.map(|k| size * f64::from(placed[k])).collect()
+    }
+
+    fn encode_product(&self, encoder: &mut CommandEncoder) {
+        for chunk in &self.chunks {
+            dispatch(encoder, &self.kernels.product, &chunk.product, chunk.n_groups);
+        }
+    }
+
+    /// Starts from zero with the right-hand side in `w`.
+    fn encode_begin(&self, encoder: &mut CommandEncoder) {
+        dispatch(encoder, &self.kernels.begin, &self.begin, self.n_update);
+        if let Some(border) = &self.border {
+            // Twice: the force of a tool may be many times what is left without it, and so would be its rounding.
+            dispatch(encoder, &self.kernels.project, &border.project[0], 1);
+        }
+    }
+
+    /// An even number of iterations; once the device is done, they do nothing.
+    fn encode_iterations(&self, encoder: &mut CommandEncoder, count: usize) {
+        for iteration in 0..count {
+            let parity = iteration % 2;
+            self.encode_product(encoder);
+            dispatch(encoder, &self.kernels.update, &self.update[parity], self.n_update);
+            if let Some(border) = &self.border {
+                dispatch(encoder, &self.kernels.project, &border.project[1 - parity], 1);
+            }
+        }
+    }
+
+    /// Dispatches of an iteration.
+    pub fn dispatches_per_iteration(&self) -> usize {
+        self.chunks.len() + 1 + usize::from(self.border.is_some())
+    }
+}
+
+impl Settings {
+    fn check(&self) -> Result<(), Error> {
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0)
+            || self.max_iterations == 0
+            || self.check_every == 0
+        {
+            return Err(Error::Input(format!(
+                "conjugate gradients: tolerance {}, {} iterations, a check every {}; give a tolerance between 0 and 1, \
+                 and at least one of the others",
+                self.tolerance, self.max_iterations, self.check_every
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl Kernels {
+    fn new(gpu: &Gpu) -> Result<Self, Error> {
+        let sum = include_str!("kernels/sum.wgsl");
+        let with_sums = |source: &str| format!("{sum}\n{source}");
+        let product = with_sums(include_str!("kernels/product.wgsl"));
+        let update = with_sums(include_str!("kernels/update.wgsl"));
+        let border = with_sums(include_str!("kernels/border.wgsl"));
+        Ok(Kernels {
+            product: gpu.kernel(&product, "multiply")?,
+            update: gpu.kernel(&update, "update")?,
+            begin: gpu.kernel(&update, "begin")?,
+            invert: gpu.kernel(include_str!("kernels/invert.wgsl"), "invert")?,
+            prepare: gpu.kernel(&border, "prepare")?,
+            project: gpu.kernel(&border, "project")?,
+        })
+    }
+}
+
+impl Vectors {
+    fn new(gpu: &Gpu, n_nodes: usize) -> Result<Self, Error> {
+        Ok(Vectors {
+            xp: gpu.zeros::<f32>("solution and direction", 6 * n_nodes)?,
+            rs: gpu.zeros::<f32>("residual and its change", 6 * n_nodes)?,
+            z: gpu.zeros::<f32>("preconditioned residual", 3 * n_nodes)?,
+            w: gpu.zeros::<f32>("product", 3 * n_nodes)?,
+            inverse: gpu.zeros::<f32>("preconditioner", 6 * n_nodes)?,
+            held: gpu.zeros::<u32>("what is held", n_nodes)?,
+            sums: gpu.zeros::<f32>("partial sums", 5 * MOST_PARTS + 4)?,
+            state: gpu.zeros::<State>("state", 2)?,
+        })
+    }
+}
+
+impl ChunkBuffers {
+    fn new(
+        gpu: &Gpu,
+        kernels: &Kernels,
+        vectors: &Vectors,
+        chunk: &crate::layout::Chunk,
+        first_part: u32,
+        n_groups: u32,
+    ) -> Result<Self, Error> {
+        let values = gpu.zeros::<f32>("blocks", 9 * chunk.columns.len())?;
+        let columns = gpu.buffer("columns", &chunk.columns)?;
+        let starts = gpu.buffer("slices", &chunk.starts)?;
+        let diagonal = gpu.buffer("diagonal", &chunk.diagonal)?;
+        let Vectors { z, w, held, sums, inverse, .. } = vectors;
+        let (first, n_rows) = (chunk.rows.start as u32, chunk.rows.len() as u32);
+        let size = gpu.uniform([first, n_rows, first_part, THREADS]);
+        let of_inverse = gpu.uniform([first, n_rows, 0, 0]);
+        let product =
+            gpu.bind(&kernels.product, &[&values, &columns, &starts, held, z, w, sums, &size]);
+        let inverse = gpu.bind(&kernels.invert, &[&values, &diagonal, held, inverse, &of_inverse]);
+        Ok(ChunkBuffers { values, product, n_groups, inverse, of_inverse })
+    }
+}
