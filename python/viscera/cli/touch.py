@@ -1,6 +1,6 @@
 """One on-line evaluation: a contact point and its displacement give the force and its stiffness.
 
-viscera touch out/liver.viscera --at -15mm -59mm 49mm --push 0 8mm -6mm
+viscera touch out/liver.viscera --at -15mm -59mm 49mm --push 0 5mm -3mm
 """
 
 from __future__ import annotations
