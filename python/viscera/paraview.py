@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import meshio
-
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
@@ -21,6 +19,8 @@ def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
 
     Points are at rest [m]; ParaView's filter Warp By Vector deforms them.
     """
+    import meshio
+
     if path.suffix != ".pvd":
         raise VisceraError(f"{path}: a time series is listed in a .pvd file; name one")
     if not frames:

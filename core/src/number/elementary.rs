@@ -1,5 +1,14 @@
 //! Logarithm, cube root and its inverse of volume ratios without calls and branches, so that the lanes of a batch go through
 //! them side by side.
+//!
+//! The logarithm's method and constants are those of FDLIBM, whose notice is:
+//!
+//! > Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved.
+//! >
+//! > Developed at SunPro, a Sun Microsystems, Inc. business.
+//! > Permission to use, copy, modify, and distribute this
+//! > software is freely granted, provided that this notice
+//! > is preserved.
 
 /// Where these functions hold: far beyond the volume ratios of any tissue.
 const PLAIN: std::ops::Range<f64> = 1e-100..1e100;

@@ -16,7 +16,6 @@ from viscera import progress
 from viscera.case import read_case
 from viscera.cli.output import Outcome, Output
 from viscera.touch import load
-from viscera.viewer import export, export_case, serve, serve_live
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +37,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 def export_page(model: str, folder: str, output: Output) -> Outcome:
     """Write the page of a model file into a folder."""
+    from viscera.viewer import export
+
     with progress.bar(output.is_quiet) as bar:
         bar(0, 1, "web version of the model")
         written = export(load(model), folder, name_of(model))
@@ -54,6 +55,8 @@ def export_page(model: str, folder: str, output: Output) -> Outcome:
 
 def export_stepped(case: str, folder: str, output: Output) -> Outcome:
     """Write the page of a case file, which steps it, into a folder."""
+    from viscera.viewer import export_case
+
     written = export_case(read_case(case), folder, name_of(case))
     output.say(
         f"{written.folder}: {', '.join(written.files)}\n"
@@ -64,6 +67,8 @@ def export_stepped(case: str, folder: str, output: Output) -> Outcome:
 
 def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:
     """Serve the page of a model file, or of a case, until Ctrl-C."""
+    from viscera.viewer import serve, serve_live
+
     name = name_of(model)
     server = serve_live(read_case(model), name, port) if is_case(model) else serve(load(model), name, port)
     output.say(f"{server.url}\nCtrl-C ends the viewer")
