@@ -187,7 +187,15 @@ class _Problem:
             return np.empty(0)
         low, high = np.array(self.kind.exponent_bounds).T
         starts = sorted(self.kind.starts, key=lambda start: float(np.square(self.residual(np.array(start))).sum()))
-        settings = {"bounds": (low, high), "xtol": 1e-12, "ftol": 1e-12, "max_nfev": 200}
+        settings = {
+            "bounds": (low, high),
+            "xtol": 1e-12,
+            "ftol": 1e-12,
+            "gtol": 1e-14,
+            "jac": "3-point",
+            "x_scale": "jac",
+            "max_nfev": 200,
+        }
         runs = [least_squares(self.residual, start, **settings) for start in starts[:N_SEARCHES]]
         return np.asarray(min(runs, key=lambda run: run.cost).x)
 
