@@ -21,6 +21,9 @@ fuzz_profile   := CARGO_PROFILE_RELEASE_OPT_LEVEL=1 CARGO_PROFILE_RELEASE_LTO=of
 FUZZ_SECONDS   ?= 60
 HAPTIC_SECONDS ?= 600
 
+# Processes that share the Python tests, file by file.
+WORKERS ?= 2
+
 # The viewer's page is a build product inside the package; without Node everything else still builds and tests.
 page         := python/viscera/viewer/static/viewer.js
 page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
@@ -30,9 +33,15 @@ node_page    := $(if $(shell command -v npm),$(page))
 
 debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
 
+# Targets one after the other, then how long each took.
+stages = @times=; for stage in $(1); do \
+	began=$$(date +%s); $(MAKE) --no-print-directory $$stage || exit; \
+	times="$$times$$(printf '%-13s %5d s' $$stage $$(($$(date +%s) - began)))\n"; done; printf "$$times"
+
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust pages check-pages pictures clean
+.PHONY: reduced-liver build-times
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -41,10 +50,14 @@ help: ## this list
 setup: ## make .venv and build the package into it; quick when nothing changed
 	$(MAKE) --jobs=2 $(extension) $(node_page)
 
-demo: setup ## reduce the built-in liver, check it against Newton, draw it; results in out/
+demo: ## reduce the built-in liver, check it against Newton, draw it; results in out/
+	$(call stages,setup reduced-liver)
+
+reduced-liver: $(extension)
 	$(BIN)/viscera demo --no-view --output out
 
-test: setup lint docs test-core test-c test-python test-web test-gpu-if-any ## everything that must be green
+test: ## everything that must be green
+	$(call stages,setup lint docs test-core test-c test-python test-web test-gpu-if-any)
 
 lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
@@ -67,7 +80,7 @@ test-c: $(extension) c-library ## the C library: programs in C and C++ against P
 	$(BIN)/pytest $(c_tests)
 
 test-python: $(extension) $(node_page) ## the Python tests and doctests
-	$(BIN)/pytest --ignore=$(c_tests) --ignore=tests/web
+	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile --ignore=$(c_tests) --ignore=tests/web
 
 test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser, against Python
 	$(BIN)/pytest tests/web
@@ -120,6 +133,9 @@ bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated hapti
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
 		exit $$status
 
+build-times: $(extension) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
+	$(BIN)/python scripts/build_times.py | tee benchmarks/results/build.txt
+
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
 
@@ -143,7 +159,7 @@ pages: $(extension) ## run the marked programs of README and docs/, and write th
 check-docs: $(extension) ## the documentation site, in out/site; a warning is an error
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
 
-pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
+check-pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
 	$(BIN)/python scripts/pages.py --check
 
 gallery: $(extension) ## run the examples and keep their pictures for docs/

@@ -37,8 +37,9 @@ ALTERNATIVES = re.compile(r"(licen[cs]e-(apache|zlib|bsd|unlicense).*|unlicense|
 HEAD = """Third-party notices of Viscera
 ==============================
 
-Viscera's own terms stand in LICENSE-MIT and LICENSE-APACHE. Its binaries, which are the compiled core and the scripts and
-WebAssembly modules of the viewer's page, hold code of the projects below.
+Viscera's own terms stand in LICENSE-MIT and LICENSE-APACHE. Its binaries, which
+are the compiled core and the scripts and WebAssembly modules of the viewer's
+page, hold code of the projects below.
 
 Written by scripts/notices.py; packages locked: {digest}
 """
@@ -56,18 +57,22 @@ Copyright (c) The Rust Project Contributors
 Taken under the MIT licence, of which the text follows under "MIT".""",
 }
 MIT = """\
-Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated documentation
-files (the "Software"), to deal in the Software without restriction, including without limitation the rights to use, copy,
-modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom the
-Software is furnished to do so, subject to the following conditions:
+Permission is hereby granted, free of charge, to any person obtaining a copy of
+this software and associated documentation files (the "Software"), to deal in
+the Software without restriction, including without limitation the rights to
+use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of
+the Software, and to permit persons to whom the Software is furnished to do so,
+subject to the following conditions:
 
-The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
-Software.
+The above copyright notice and this permission notice shall be included in all
+copies or substantial portions of the Software.
 
-THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
-WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
-COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
-OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE."""
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR
+IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS
+FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
+COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER
+IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE."""
 
 
 def digest(root: Path = ROOT) -> str:
@@ -87,7 +92,9 @@ def linked() -> list[dict[str, Any]]:
         told = json.loads(subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout)
         packages = {package["id"]: package for package in told["packages"]}
         needs = {
-            node["id"]: [need["pkg"] for need in node["deps"] if any(kind["kind"] is None for kind in need["dep_kinds"])]
+            node["id"]: [
+                need["pkg"] for need in node["deps"] if any(kind["kind"] is None for kind in need["dep_kinds"])
+            ]
             for node in told["resolve"]["nodes"]
         }
         ahead = [name for name, package in packages.items() if package["name"] in SHIPPED]

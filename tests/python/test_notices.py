@@ -16,7 +16,8 @@ REMEDY = "run `.venv/bin/python scripts/notices.py`"
 @pytest.fixture(scope="module")
 def notices() -> ModuleType:
     spec = importlib.util.spec_from_file_location("notices", ROOT / "scripts" / "notices.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -51,7 +52,7 @@ def test_they_name_what_the_page_bundles(notices: ModuleType) -> None:
 
 def test_the_logarithm_keeps_the_notice_of_its_source(text: str) -> None:
     """FDLIBM asks for it, in the source and in what is made of it."""
-    (source,) = (ROOT / "core" / "src" / "number").glob("elementary.rs")
+    source = ROOT / "core" / "src" / "number" / "elementary.rs"
     plain = re.sub(r"//! ?>? ?", "", source.read_text(encoding="utf-8"))
     notice = re.search(r"Copyright \(C\) 1993 by Sun Microsystems.*?is preserved\.", plain, re.DOTALL)
     assert notice is not None
