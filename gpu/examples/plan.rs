@@ -24,6 +24,14 @@ const SHEETS: [Sheet; 3] = [
 ];
 
 fn main() {
+    for Sheet { name, bandwidth, speed, per_dispatch } in &SHEETS {
+        println!(
+            "{name:22} {:4.0} GB/s, {:4.1} Tflop/s; assumed: {:2.0} us a dispatch",
+            1e-9 * bandwidth,
+            1e-12 * speed,
+            1e6 * per_dispatch
+        );
+    }
     let (_, law, row) = laws(0.45).remove(2);
     let rows = [row];
     let plan_of = |n: usize| {
@@ -31,7 +39,7 @@ fn main() {
         Plan::new(&block.solid(&law, &rows), &block.pairs(), BINDING).expect("the block is sound")
     };
     let plan = plan_of(15);
-    println!("neo-Hookean block, {} cells, {} nodes", plan.cells, plan.nodes);
+    println!("\nneo-Hookean block, {} cells, {} nodes", plan.cells, plan.nodes);
     println!("kernel          bytes/cell  operations/cell  operations/byte");
     for work in plan.assembly.iter().chain(&plan.iteration) {
         let (bytes, operations) =
