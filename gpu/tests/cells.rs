@@ -2,6 +2,7 @@
 
 mod support;
 use support::*;
+use viscera_gpu::plan::Plan;
 use viscera_gpu::{Cells, Law};
 
 #[test]
@@ -73,6 +74,15 @@ fn every_cell_has_its_own_parameters_in_any_number_of_chunks() {
         let Some(gpu) = device_with(largest) else { return };
         let (cells, mut system) = Cells::new(&gpu, &solid, &block.pairs()).unwrap();
         assert_eq!(system.n_chunks() > 1, largest < u64::MAX);
+        // The plan on paper is of the same layout.
+        let plan = Plan::new(&solid, &block.pairs(), largest).unwrap();
+        assert_eq!(plan.chunks, system.n_chunks());
+        let of_iteration: usize = plan.iteration.iter().map(|work| work.dispatches).sum();
+        assert_eq!(of_iteration, system.dispatches_per_iteration());
+        assert_eq!(plan.repeated, cells.n_responses() as f64 / block.cells.len() as f64);
+        let of_matrix = plan.iteration[0].bytes - 28.0 * block.points.len() as f64;
+        assert_eq!(of_matrix, system.matrix_bytes() as f64);
+
         cells.linearize(&mut system, &u, 0.0).unwrap();
         forces.push(cells.internal_force(&system, &u).unwrap());
         forces.push(system.multiply(&u).unwrap());
