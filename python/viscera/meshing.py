@@ -162,13 +162,22 @@ def _messages(
         ends = [_end(affine, axes, k, side) for k, side in borders if (own.take(side, k) == region.numbers[0]).any()]
         if ends:
             messages.append(
-                f"the image's edge cuts {region.name!r} at its {' and '.join(ends)} end, which is flat there: set 'cut'"
+                f"the image's edge cuts {region.name!r} at its {_listed(ends)} end, which is flat there: set 'cut'"
             )
     if made["n_dropped"]:
         lost = ", ".join(f"{1e6 * v:.2g} ml of {r.name!r}" for v, r in zip(made["dropped"], regions, strict=True) if v)
         pieces = "a separate piece" if made["n_dropped"] == 1 else f"{made['n_dropped']} separate pieces"
         messages.append(f"dropped {pieces} with less than 5 % of its label: {lost}")
     return messages
+
+
+def _listed(words: list[str]) -> str:
+    """Words with commas, and `and` before the last.
+
+    >>> _listed(["left", "right", "inferior"]), _listed(["superior"])
+    ('left, right and inferior', 'superior')
+    """
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _end(affine: Floats, axes: str, k: int, side: int) -> str:
