@@ -1,4 +1,4 @@
-"""The studies behind the two papers, measured anew: one HTML report with every figure as PNG and every table as CSV.
+"""The studies behind the two papers and a measured beam: one HTML report, figures as PNG and tables as CSV.
 
 viscera study liver -o out/liver
 viscera study liver kidney.vtu --units mm --fixed "z < 15%" -o out/kidney
@@ -15,8 +15,8 @@ from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError
 
-STUDIES = ("artery", "beam", "liver")
-"""Modules of `viscera.study`."""
+STUDIES = ("artery", "beam", "liver", "measured-beam")
+"""Modules of `viscera.study`, with an underscore for the hyphen."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Run the study, which writes its own report."""
     organ = _organ(args)
-    study = import_module(f"viscera.study.{args.name}")  # with matplotlib, which no other verb has to wait for
+    study = import_module(f"viscera.study.{args.name.replace('-', '_')}")  # with matplotlib, which no other verb has to wait for
     facts: dict[str, Any] = study.run(args.output, quick=args.quick, say=output.say, **organ)
     output.say(f"report: {facts['report']}")
     return Outcome(facts.pop("status"), facts=facts)
