@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib.util
 import itertools
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import hypothesis
 import numpy as np
@@ -88,6 +91,30 @@ def wire() -> vs.Mesh:
     points, cells = block((240, 1, 1), (0.6, 0.0025, 0.0025))
     ends = {"root": np.flatnonzero(points[:, 0] == 0), "tip": np.flatnonzero(points[:, 0] == 0.6)}
     return vs.mesh(points, cells, ends)
+
+
+def program(name: str) -> ModuleType:
+    """A program of the folder `benchmarks`, which may import its neighbours."""
+    path = ROOT / "benchmarks" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def locking() -> ModuleType:
+    """The program benchmarks/locking.py."""
+    return program("locking")
+
+
+@pytest.fixture(scope="session")
+def stress(locking: ModuleType) -> ModuleType:
+    """The program benchmarks/stress.py."""
+    return program("stress")
 
 
 @pytest.fixture(scope="session")

@@ -18,6 +18,7 @@ from viscera.case import Case
 from viscera.case import read_case as case
 from viscera.cluster import sweep
 from viscera.comparison import compare
+from viscera.deformed import Deformed, Moved, Probe
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
@@ -37,9 +38,11 @@ from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.scan import Scan, image_fibres, scan
+from viscera.series import write_series
 from viscera.solver import ConjugateGradients
 from viscera.state import State
 from viscera.stepper import Frame, Hand, Stepper
+from viscera.stress import principal
 from viscera.touch import Answer, Touch, load
 from viscera.vary import Vary
 
@@ -49,6 +52,7 @@ __all__ = [
     "Case",
     "ConjugateGradients",
     "Corotated",
+    "Deformed",
     "Fit",
     "Frame",
     "Hand",
@@ -57,11 +61,13 @@ __all__ = [
     "MaterialTest",
     "Mesh",
     "MooneyRivlin",
+    "Moved",
     "NeoHookean",
     "Newmark",
     "NotConverged",
     "Ogden",
     "Organ",
+    "Probe",
     "Prony",
     "SaintVenantKirchhoff",
     "Scan",
@@ -83,7 +89,9 @@ __all__ = [
     "mesh",
     "mesh_surface",
     "organs",
+    "principal",
     "read",
     "scan",
     "sweep",
+    "write_series",
 ]

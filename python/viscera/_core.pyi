@@ -102,6 +102,13 @@ class Surface:
     def closest(self, point: Floats) -> tuple[int, list[float], float]:
         """Triangle, weights of its corners, and distance [m]."""
 
+class Locator:
+    """Cells (m, 4) over points (n, 3), to be found by place."""
+
+    def __init__(self, points: Floats, cells: Indices) -> None: ...
+    def find(self, places: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """The cell (k,) that holds each place (k, 3), -1 where none does, and its barycentric coordinates (k, 4)."""
+
 class Factor:
     """A direct solver of a symmetric matrix, given by its upper triangle in compressed columns, rows ascending and the
     diagonal last in each: "cholesky" where it is positive definite, "ldlt" where it may be indefinite."""
@@ -172,6 +179,9 @@ class Body:
         residuals (list of lists per load step, relative), seconds (dict)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
+    def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
+        """Deformation gradient F (m, q, 3, 3), first Piola-Kirchhoff stress P (m, q, 3, 3) [Pa] of the element and
+        strain energy density (m, q) [J/m^3] at the q quadrature points of each cell, of equal weight."""
     def gravity(self, gravity: Floats, density: Floats) -> Floats:
         """Nodal forces (n, 3) of a body force density * gravity; density (1,) or (m,) [kg/m^3]."""
     def lumped_areas(self) -> Floats:

@@ -11,24 +11,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
+from viscera.deformed import Deformed
 from viscera.errors import VisceraError
-from viscera.mesh import Floats
+from viscera.mesh import Floats, Mesh
 from viscera.progress import shown
 from viscera.select import offset
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
+    from viscera.organ import Organ
     from viscera.touch import Touch
 
 Touches = Sequence[tuple[ArrayLike, ArrayLike]]
 """Contact point (3,) at rest [m] and displacement (3,) [m] of each."""
 
 
-class Held:
+class Held(Deformed):
     """What a grasp gives back. Field and assessment are made when first asked for: a haptic loop needs neither."""
 
-    def __init__(self, held: _core.Held) -> None:
-        self._held = held
+    def __init__(self, held: _core.Held, touch: Touch) -> None:
+        self._held, self._touch = held, touch
         facts = held.facts
         self.force: Floats = facts["force"]
         """Force (k, 3) [N] by which each tool holds the organ."""
@@ -52,6 +54,12 @@ class Held:
     def displacement(self) -> Floats:
         """Displacement of all nodes (n, 3) [m]."""
         return self._held.displacement()
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self._touch.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._touch._whole(self.displacement)
 
     @property
     def error_estimate(self) -> float:
@@ -80,8 +88,8 @@ class Held:
 class Grasp:
     """Contacts that hold an organ at some points, to be displaced at 1 kHz. Made by `Galerkin.grasp`."""
 
-    def __init__(self, grasp: _core.Grasp, points: Floats) -> None:
-        self._grasp = grasp
+    def __init__(self, grasp: _core.Grasp, points: Floats, touch: Touch) -> None:
+        self._grasp, self._touch = grasp, touch
         self.points = points
         """Contact points (k, 3) at rest [m]."""
 
@@ -140,7 +148,7 @@ class Grasp:
         over the status is "out of time", and the next search `from_last` goes on from there; one step is always taken,
         with its tangent where it needs one.
         """
-        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget))
+        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget), self._touch)
 
     def superposed(self, displacements: ArrayLike) -> Floats:
         """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""
@@ -189,7 +197,7 @@ class Galerkin:
             raise VisceraError(f"contact points have shape {shape}; they must be (k, 3)")
         given = [points] if len(shape) == 1 else list(points)  # type: ignore[arg-type]
         rows = np.array([point_of(row, self.touch.mesh, f"contact point {k}") for k, row in enumerate(given)])
-        return Grasp(self._core.grasp(rows, wait), rows)
+        return Grasp(self._core.grasp(rows, wait), rows, self.touch)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
         """The answer to touches `[(point, displacement), ...]` [m]; holds on as long as the points stay the same."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core, defaults, navigation
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
+from viscera.deformed import Moved
 from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Law
@@ -174,7 +175,7 @@ class Organ:
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
-        state = State(self.mesh, result, patches, seconds, has_pressure=bool(pressure))
+        state = State(self, result, patches, seconds, has_pressure=bool(pressure))
         if state.is_converged and not any(np.any(each) for each in (moved.values, means, applied, weight, pressures)):
             state.message = NOTHING_ACTS
         if throw and not state.is_converged:
@@ -263,7 +264,12 @@ class Organ:
             tolerance=tolerance,
             max_expansions=max_expansions,
         )
-        return Path([Expansion(**expansion) for expansion in expansions])
+        return Path([Expansion(**expansion) for expansion in expansions], self)
+
+    def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
+        """The organ moved by any displacement (n, 3) [m] from rest, one of a `path` say: its stress, files, probes."""
+        given = displacement_of(displacement, self.mesh)
+        return Moved(self, np.zeros_like(self.mesh.points) if given is None else given)
 
     @shown
     def unloaded(

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+from viscera import statefile
 from viscera.atomic import replacing
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 
-Frame = tuple[float, Mapping[str, Floats]]
-"""A moment, and its point data by name."""
+Frame = tuple[float, Mapping[str, Floats]] | tuple[float, Mapping[str, Floats], Mapping[str, Floats]]
+"""A moment, its point data by name, and its cell data."""
 
 
 def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
@@ -27,15 +28,14 @@ def write_series(path: Path, mesh: Mesh, frames: Sequence[Frame]) -> list[Path]:
         raise VisceraError(f"{path}: there is no moment to write")
     path.parent.mkdir(parents=True, exist_ok=True)
     files = []
-    for index, (_, data) in enumerate(frames):
+    for index, (_, data, *cells) in enumerate(frames):
         target = path.with_name(f"{path.stem}_{index:04d}.vtu")
-        grid = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], point_data=dict(data))
         with replacing(target) as scratch:
-            grid.write(scratch)
+            meshio.vtu.write(scratch, statefile.volume(mesh, data, cells[0] if cells else {}))
         files.append(target)
     listing = "".join(
         f'<DataSet timestep="{time!r}" file={quoteattr(file.name)}/>\n'
-        for (time, _), file in zip(frames, files, strict=True)
+        for (time, *_), file in zip(frames, files, strict=True)
     )
     with replacing(path) as scratch:
         scratch.write_text(

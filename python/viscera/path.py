@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+import pathlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
+from viscera.quantity import Whole
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ
 
 
 @dataclass(frozen=True)
@@ -40,8 +47,25 @@ class Path:
     """The expansions of a path, in order; each starts where the one before it ends."""
 
     expansions: list[Expansion]
+    organ: Organ = field(repr=False)
+    """The organ whose path it is."""
 
     def curve(self, samples: int = 10) -> tuple[Floats, Floats]:
         """Load factors (k,) and displacements (k, n, 3) [m] at equal steps of a within every expansion."""
         points = [expansion.at(a) for expansion in self.expansions for a in np.linspace(0.0, expansion.range, samples)]
         return np.array([load for load, _ in points]), np.array([u for _, u in points])
+
+    def write(self, path: str | os.PathLike[str], samples: int = 10) -> list[pathlib.Path]:
+        """Writes the shapes of `curve` as a series, see `viscera.write_series`; all paths written.
+
+        The time of a shape is its load factor, or its number where the load does not rise all along the path.
+        """
+        from viscera.series import write_series
+
+        loads, shapes = self.curve(Whole(2, 10_000)(samples, "samples"))
+        first = np.arange(len(loads)) % samples > 0  # an expansion begins where the one before it ends
+        first[0] = True
+        loads, shapes = loads[first], shapes[first]
+        times = loads if (np.diff(loads) > 0.0).all() else np.arange(len(loads))
+        moments = [(float(time), self.organ.moved(shape)) for time, shape in zip(times, shapes, strict=True)]
+        return write_series(path, moments)

@@ -28,6 +28,13 @@ INK, PAPER, ACCENT = "#22262e", "#ffffff", "#0b4f6c"
 PARTS = ("#0b4f6c", "#6a8d3a", "#7a4b94", "#c98b1b")
 TISSUE = LinearSegmentedColormap.from_list("tissue", ["#f3e3d7", "#eab08f", "#d9654f", "#a31f3a", "#4f0f2b"])
 SIGNED = LinearSegmentedColormap.from_list("signed", ["#123f5a", "#4f93b0", "#f3eee8", "#dd7a5c", "#8a1c33"])
+COLOURS = {
+    "displacement": ("displacement [mm]", 1e3),
+    "von_mises": ("von Mises stress [kPa]", 1e-3),
+    "pressure": ("pressure [kPa]", 1e-3),
+    "energy_density": ("strain energy density [kJ/m³]", 1e-3),
+}
+"""What may colour an organ: its words with the unit, and that unit per SI unit."""
 LIGHT = np.array([-0.35, 0.55, 0.76])  # in view axes: right, up, towards the eye
 PIECES = 30_000  # small triangles of one picture: enough for smooth shading, a second or two to draw
 
@@ -37,6 +44,8 @@ def draw(
     surface: Indices,
     displacement: Floats,
     *,
+    values: Floats | None = None,
+    colour: str = "displacement",
     force: tuple[Floats, Floats] | None = None,
     view: tuple[float, float] = (20.0, -60.0),
     title: str = "",
@@ -44,21 +53,23 @@ def draw(
 ) -> Figure:
     """Draw the deformed organ, and save it as a PNG where a path is given.
 
-    points (n, 3) at rest [m]; surface (t, 3) triangles, outward; displacement (n, 3) [m]; force: where it acts (3,) [m]
-    and the force (3,) [N]; view: elevation and azimuth of the eye [degrees].
+    points (n, 3) at rest [m]; surface (t, 3) triangles, outward; displacement (n, 3) [m]; values (n,) that colour it,
+    lengths of displacements without, and what they are, one of `COLOURS`; force: where it acts (3,) [m] and the force
+    (3,) [N]; view: elevation and azimuth of the eye [degrees].
     """
     axes = view_axes(*view)
     rest, shape = 1e3 * points @ axes.T, 1e3 * (points + displacement) @ axes.T
-    length = 1e3 * np.linalg.norm(displacement, axis=1)
+    label, factor = COLOURS[colour]
+    shown = factor * (np.linalg.norm(displacement, axis=1) if values is None else values)
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
     FigureCanvasAgg(figure)
     plot = figure.add_subplot()
-    scale = Normalize(0.0, max(length.max(), 1e-9))
-    _organ(plot, rest, shape, surface, length, scale)
+    scale = Normalize(min(0.0, shown.min()), max(shown.max(), 1e-9))
+    _organ(plot, rest, shape, surface, shown, scale)
     if force is not None:
         _arrow(plot, 1e3 * force[0] @ axes.T, force[1], axes, reach=0.22 * float(np.ptp(rest[:, :2], axis=0).max()))
     _scale_bar(plot, np.concatenate([rest, shape]))
-    _colour_bar(figure, scale, plot)
+    _colour_bar(figure, scale, plot, label)
     plot.set_title(title, color=INK, loc="left", fontsize=11)
     return _saved(figure, path)
 
@@ -105,9 +116,11 @@ def _organ(plot: Axes, rest: Floats, shape: Floats, surface: Indices, values: Fl
     plot.autoscale_view()
 
 
-def _colour_bar(figure: Figure, scale: Normalize, plots: Axes | list[Axes]) -> None:
+def _colour_bar(
+    figure: Figure, scale: Normalize, plots: Axes | list[Axes], label: str = COLOURS["displacement"][0]
+) -> None:
     bar = figure.colorbar(ScalarMappable(scale, TISSUE), ax=plots, shrink=0.6, pad=0.02, aspect=28)
-    bar.set_label("displacement [mm]", color=INK)
+    bar.set_label(label, color=INK)
     bar.outline.set_visible(False)
 
 

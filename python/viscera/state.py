@@ -9,32 +9,38 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from viscera import _core, statefile
+from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
+from viscera.quantity import Choice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from viscera.organ import Organ
 
-class State:
+
+class State(Deformed):
     """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
 
     def __init__(
         self,
-        mesh: Mesh,
+        organ: Organ,
         result: Mapping[str, Any],
         patches: list[_core.Patch],
         seconds: float,
         *,
         has_pressure: bool = False,
     ) -> None:
-        self.mesh = mesh
+        self._organ = organ
+        self.mesh = organ.mesh
         self.displacement: Floats = result["displacement"]
         """Displacement (n, 3) [m]."""
+        self._displacement_from_rest = self.displacement
         self.energy: float = result["energy"]
         """Strain energy [J]."""
-        self.volume_ratio: float = result["volume"] / mesh.volume
+        self.volume_ratio: float = result["volume"] / organ.mesh.volume
         """Deformed over rest volume."""
         self.status: str = result["status"]
         self.is_converged: bool = result["is_converged"]
@@ -61,6 +67,12 @@ class State:
         self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]
 
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._organ, self._displacement_from_rest
+
     @property
     def max_displacement(self) -> float:
         """Largest displacement of a node [m]."""
@@ -82,16 +94,25 @@ class State:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the solution; the ending chooses the format, which is checked first.
 
-        `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, `displacement` [m] and `reaction` [N]. `.ply`, `.glb`,
-        `.gltf`: the deformed surface with both fields on its vertices. `.obj`, `.stl`: the deformed surface alone.
+        `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `reaction` [N],
+        `von_mises` and `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and
+        `energy_density` [J/m^3]. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its
+        vertices. `.obj`, `.stl`: the deformed surface alone. Where a cell is turned inside out, no stress is written.
         """
-        statefile.write(path, self.mesh, self.displacement, {"displacement": self.displacement, "reaction": self._held})
+        moved = {"displacement": self.displacement, "reaction": self._held}
+        points, cells = self.fields()
+        statefile.write(path, self.mesh, self.displacement, moved | points, cells)
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The deformed organ over its rest shape, coloured by displacement; a PNG where a path is given."""
-        from viscera.picture import draw
+    def plot(self, path: str | os.PathLike[str] | None = None, *, colour: str = "displacement") -> Figure:
+        """The deformed organ over its rest shape; a PNG where a path is given.
 
-        return draw(self.mesh.points, self.mesh.surface, self.displacement, path=path)
+        colour: "displacement", "von_mises", "pressure" or "energy_density", the last three as they are at nodes.
+        """
+        from viscera.picture import COLOURS, draw
+
+        Choice(COLOURS)(colour, "the colour")
+        values = None if colour == "displacement" else getattr(self, colour)("nodes")
+        return draw(self.mesh.points, self.mesh.surface, self.displacement, values=values, colour=colour, path=path)
 
     def __repr__(self) -> str:
         return f"State({self.status}, load={self.load:g}, max_displacement={self.max_displacement:g} m)"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
+from viscera.deformed import Deformed
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
 from viscera.grasp import Grasp
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Frame:
+class Frame(Deformed):
     """The organ after one frame, and what the frame did."""
 
     displacement: Floats
@@ -70,6 +71,7 @@ class Frame:
     _patches: list[_core.Patch]
     _patch_forces: Floats
     _organ: Organ
+    _relaxes: bool
 
     def __repr__(self) -> str:
         flags = {
@@ -82,6 +84,21 @@ class Frame:
         }
         said = ", ".join(word for word, is_true in flags.items() if is_true)
         return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self._organ.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._organ, self.displacement
+
+    def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
+        """Stress as in `State.stress`; refused where the tissue relaxes, since a frame does not hold its past."""
+        if self._relaxes:
+            raise VisceraError(
+                "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
+                "step without relaxation, or solve"
+            )
+        return super().stress(measure, at)
 
     @property
     def positions(self) -> Floats:
@@ -130,6 +147,7 @@ class Stepper:
         self._faces: dict[Any, Indices] = {}
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
+        self._relaxes = settings["relaxation"] is not None
         self._core = _core.Stepper(organ._body, start=start, **settings)
         self._hold(self._grasp)
 
@@ -215,6 +233,7 @@ class Stepper:
             _patches=self._grasp.patches,
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
+            _relaxes=self._relaxes,
         )
 
     def _hold(self, grasp: Grasp) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from viscera import _core, defaults, law
 from viscera.atomic import replacing
+from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.quantity import vector
@@ -36,10 +37,10 @@ log = logging.getLogger("viscera")
 T = TypeVar("T")
 
 
-class Answer:
+class Answer(Deformed):
     """What a touch gives back."""
 
-    def __init__(self, model: _core.Model, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
+    def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
         self._model, self._touch = model, (point, displacement)
         self.force: Floats = result["force"]
         """Contact force (3,) [N] by which the tool holds the organ."""
@@ -66,7 +67,13 @@ class Answer:
     @cached_property
     def displacement(self) -> Floats:
         """Displacement of all nodes (n, 3) [m], evaluated when first asked for: a haptic loop needs the force alone."""
-        return np.asarray(self._model.evaluate(*self._touch, True)["displacement"])
+        return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self._model.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._model._whole(self.displacement)
 
     @property
     def max_displacement(self) -> float:
@@ -104,7 +111,7 @@ class Touch:
         Both also in words: `touch("(100, 50, 80) mm", [0, 0, "-10 mm"])`.
         """
         at, push = self._point(point), self._push(displacement)
-        return Answer(self._model, at, push, self._asked(self._model.evaluate, at, push, False))
+        return Answer(self, at, push, self._asked(self._model.evaluate, at, push, False))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
@@ -175,6 +182,14 @@ class Touch:
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
         return Organ(self.rest, full, fixed=self._model.array("fixed"), element=self.element)
+
+    @cached_property
+    def _full(self) -> Organ:
+        return self.organ()
+
+    def _whole(self, displacement: Floats) -> tuple[Organ, Floats]:
+        """The full organ, and its displacement from rest where a touch adds this to the preload."""
+        return self._full, displacement if self.preload is None else self.preload + displacement
 
     def surface_displacement(self, point: Lengths, displacement: Lengths) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""

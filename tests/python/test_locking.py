@@ -2,24 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-
-
-@pytest.fixture(scope="module")
-def locking() -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / "benchmarks" / "locking.py"
-    spec = importlib.util.spec_from_file_location("locking", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
 
 NEARLY_INCOMPRESSIBLE = 0.4999
 

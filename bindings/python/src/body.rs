@@ -8,7 +8,7 @@ use crate::{
     model::Model,
     path, stepper,
 };
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
@@ -17,6 +17,10 @@ use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem}
 use viscera_core::reduced::{Batches, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
+
+/// Deformation gradients and stresses (m, q, 3, 3), energy densities (m, q).
+type Responses<'py> =
+    (Bound<'py, PyArray4<f64>>, Bound<'py, PyArray4<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// Mesh + law + fixed nodes.
 #[pyclass(frozen, module = "viscera._core")]
@@ -120,6 +124,24 @@ impl Body {
     fn energy(&self, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
         Ok(self.body.energy(&u))
+    }
+
+    fn responses<'py>(
+        &self,
+        py: Python<'py>,
+        displacement: PyReadonlyArray2<f64>,
+    ) -> PyResult<Responses<'py>> {
+        let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
+        let found = py.detach(|| self.body.responses(&u));
+        let m = self.body.cells().len();
+        let q = found.len() / m;
+        let tensors = |of: fn(&body::Response) -> [[f64; 3]; 3]| {
+            let entries: Vec<f64> =
+                found.iter().flat_map(|r| of(r).into_iter().flatten()).collect();
+            PyArray1::from_vec(py, entries).reshape([m, q, 3, 3])
+        };
+        let energies = PyArray1::from_vec(py, found.iter().map(|r| r.energy).collect());
+        Ok((tensors(|r| r.gradient)?, tensors(|r| r.stress)?, energies.reshape([m, q])?))
     }
 
     fn gravity<'py>(

@@ -39,6 +39,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<factor::Factor>()?;
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Surface>()?;
+    m.add_class::<mesh::Locator>()?;
     m.add_class::<mesh::Patch>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;

@@ -86,6 +86,34 @@ pub fn inspect<'py>(
     Ok(facts)
 }
 
+/// Cells to be found by place.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Locator {
+    locator: mesh::Locator,
+}
+
+#[pymethods]
+impl Locator {
+    #[new]
+    fn new(points: PyReadonlyArray2<f64>, cells: PyReadonlyArray2<u32>) -> PyResult<Self> {
+        let (points, cells) = checked(&points, &cells)?;
+        Ok(Locator { locator: mesh::Locator::new(&points, &cells) })
+    }
+
+    fn find<'py>(
+        &self,
+        py: Python<'py>,
+        places: PyReadonlyArray2<f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>)> {
+        let places = convert::points("places", &places)?;
+        let found = py.detach(|| self.locator.find_all(&places));
+        let cells = found.iter().map(|at| at.map_or(-1, |at| i64::from(at.cell))).collect();
+        let weights: Vec<[f64; 4]> =
+            found.iter().map(|at| at.map_or([0.0; 4], |at| at.weights)).collect();
+        Ok((PyArray1::from_vec(py, cells), convert::table(py, &weights)?))
+    }
+}
+
 /// A weighted mean over surface nodes.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Patch {

@@ -66,7 +66,7 @@ pub(super) struct Volumes {
     /// `dJ_e/dF g_k` of each batch.
     slopes: Vec<[Vec3<Lane>; 3]>,
     /// `J_c`.
-    clusters: Vec<f64>,
+    pub(super) clusters: Vec<f64>,
 }
 
 /// What clusters give to the tangent at a displacement.
@@ -237,7 +237,7 @@ impl Clusters {
 }
 
 /// `s = 1 - (2 mu / 3) / K`, none for materials that expand sideways when pulled.
-fn averaged_part(material: &Material, cell: usize) -> f64 {
+pub(super) fn averaged_part(material: &Material, cell: usize) -> f64 {
     let [shear, bulk] = material.moduli(material.of_cell(cell));
     (1.0 - 2.0 / 3.0 * shear / bulk).max(0.0)
 }

@@ -14,6 +14,7 @@ mod cut;
 mod kernels;
 mod partition;
 mod product;
+mod responses;
 mod series;
 mod tangent;
 #[cfg(test)]
@@ -23,6 +24,7 @@ pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
 pub use cut::{Cut, Seams};
 pub use kernels::UPRIGHT;
 pub use product::TangentProduct;
+pub use responses::Response;
 pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
@@ -33,7 +35,7 @@ use crate::number::Lanes;
 use crate::simd;
 use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
-use cells::{Cells, deformation, pairs_of};
+use cells::{Cells, pairs_of};
 use clusters::Clusters;
 use kernels::Alone;
 use partition::Partition;
@@ -356,13 +358,7 @@ impl Body {
 impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// `det F` at the quadrature points, cell by cell.
     fn jacobians(&self, geometry: &[Geometry], u: &[f64]) -> Vec<f64> {
-        let at = |nodes: &[u32; N], geometry: &Geometry, point: usize| {
-            let value = |a: usize, i: usize| u[3 * nodes[a] as usize + i];
-            let f = deformation(E::slopes(point), &geometry.gradients, value);
-            determinant(&f, &cofactor(&f))
-        };
-        let cells = self.nodes.iter().zip(geometry);
-        cells.flat_map(|(nodes, g)| (0..E::POINTS).map(move |point| at(nodes, g, point))).collect()
+        self.gradients(geometry, u).iter().map(|f| determinant(f, &cofactor(f))).collect()
     }
 
     /// Calls with cell, node and the integral of the node's shape function over a cell of volume 1.

@@ -127,6 +127,34 @@ fn the_tangent_without_a_matrix_is_the_matrix() {
     }
 }
 
+/// `f . v = int P : dF`, where `dF` is the change of `F` by `v`, and `W = int psi`, cluster or not.
+#[test]
+#[allow(non_snake_case)]
+fn responses_are_what_force_and_energy_integrate() {
+    for law in Material::NAMES {
+        for body in bodies(law) {
+            let u = state(&body);
+            let v: Vec<f64> = noise(u.len(), 3).iter().map(|n| 1e-3 * n).collect();
+            let (here, there) = (body.responses(&u), body.responses(&along(&u, 1.0, &v)));
+            let points = here.len() / body.cells().len();
+            let (mut work, mut energy) = (0.0, 0.0);
+            for (k, (response, moved)) in here.iter().zip(&there).enumerate() {
+                let volume = body.geometry[k / points].volume / points as f64;
+                let (P, F, G) = (response.stress, response.gradient, moved.gradient);
+                let change = |i: usize, j: usize| P[i][j] * (G[i][j] - F[i][j]);
+                work += volume * (0..9).map(|e| change(e / 3, e % 3)).sum::<f64>();
+                energy += volume * response.energy;
+            }
+            let force = force(&body, &u);
+            let expected: f64 = force.iter().zip(&v).map(|(f, v)| f * v).sum();
+            let size = largest(&force) * largest(&v);
+            assert!((work - expected).abs() < 1e-10 * size, "{law}: {work} {expected}");
+            let exact = body.energy(&u);
+            assert!((energy - exact).abs() < 1e-11 * exact.abs(), "{law}: {energy} {exact}");
+        }
+    }
+}
+
 #[test]
 fn tangent_is_the_derivative_of_the_force_and_symmetric() {
     for law in Material::NAMES {

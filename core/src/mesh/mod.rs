@@ -5,6 +5,7 @@
 
 mod closest;
 mod conformity;
+mod locate;
 mod patch;
 mod quadratic;
 mod report;
@@ -13,6 +14,7 @@ pub(crate) mod samples;
 mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
+pub use locate::{Located, Locator};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};

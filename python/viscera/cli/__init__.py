@@ -13,11 +13,11 @@ from time import perf_counter
 from typing import NoReturn
 
 from viscera import _core, startup
-from viscera.cli import check, compare, completion, demo, doctor, fit, inspect, mesh, reduce, solve, study, touch, view
+from viscera.cli import check, compare, completion, demo, doctor, fit, inspect, mesh, reduce, solve, study, touch, view, warp
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 from viscera.errors import VisceraError
 
-VERBS = (demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, study, doctor, completion)
+VERBS = (demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, warp, study, doctor, completion)
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 

@@ -1,0 +1,75 @@
+"""A scan after the organ has moved: an image or a label map, deformed by a solution.
+
+viscera warp scan.nii.gz --with solved.vtu -o moved.nii.gz
+The organ takes its voxels along; what it has left gets the background, all else stays as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from viscera import grid, statefile
+from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
+
+MOST_LABELS = 256
+"""Different values of an image up to which it is taken for a label map."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera warp`."""
+    parser.add_argument("image", metavar="IMAGE", help=f"the scan, or its labels: {', '.join(grid.FORMATS)}")
+    parser.add_argument(
+        "--with", dest="state", metavar="STATE.vtu", required=True, help="as `viscera solve -o` wrote it"
+    )
+    parser.add_argument("-o", "--output", metavar="IMAGE", help="the image deformed")
+    parser.add_argument("--axes", default="RAS", help="world axes of the mesh: RAS (default) or LPS")
+    parser.add_argument(
+        "--interpolation", choices=grid.INTERPOLATIONS,
+        help="default: nearest for a label map (whole numbers from 0, at most 256 different ones), otherwise linear",
+    )  # fmt: skip
+    parser.add_argument("--background", type=float, help="of what the organ has left (default: the smallest value)")
+    parser.add_argument(
+        "--field", metavar="IMAGE",
+        help="write the displacement from the image deformed to the image given, mm in LPS: a transform of ITK and 3D "
+        "Slicer that resamples images",
+    )  # fmt: skip
+    parser.add_argument(
+        "--forward-field", metavar="IMAGE", help="likewise from the image given to the image deformed: it moves points"
+    )
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Read, map, deform, write."""
+    wanted = [path for path in (args.output, args.field, args.forward_field) if path]
+    if not wanted:
+        raise VisceraError("nothing to write; name -o, --field or --forward-field")
+    for path in wanted:
+        grid.checked(path)
+    mesh, displacement = statefile.read(args.state)
+    image = grid.read(args.image)
+    places = grid.Grid.of(image, args.axes)
+    forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
+    facts: dict[str, Any] = {"voxels": int(forward.inside.sum()), "voxels_moved": int(inverse.inside.sum())}
+    output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
+    if args.output:
+        interpolation = args.interpolation or ("nearest" if _is_label_map(image) else "linear")
+        warped = grid.warp(image, forward, inverse, interpolation=interpolation, background=args.background)
+        grid.write(args.output, warped)
+        output.say(f"written to {args.output}, {interpolation} interpolation")
+        facts |= {"interpolation": interpolation}
+    for path, field in ((args.field, inverse), (args.forward_field, forward)):
+        if path:
+            field.write(path)
+            output.say(f"field written to {path}")
+    return Outcome("written", facts=facts)
+
+
+def _is_label_map(image: object) -> bool:
+    voxels = grid.sitk().GetArrayViewFromImage(image)
+    if not np.issubdtype(voxels.dtype, np.integer) or voxels.min() < 0:
+        return False
+    return len(np.unique(voxels)) <= MOST_LABELS

@@ -1,0 +1,177 @@
+"""What every shape of an organ can tell, solved or reduced: stress, strain, what is at a place, files, image grids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Mesh
+from viscera.meshfile import EDGES
+from viscera.quantity import Choice, numbers_of, refused
+from viscera.select import has_words
+from viscera.select import point as point_of
+from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure, von_mises
+
+if TYPE_CHECKING:
+    import os
+
+    from viscera.grid import Field
+    from viscera.organ import Organ
+
+
+class Deformed:
+    """What knows the displacement of an organ, and so everything about its shape."""
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        """The mesh and the displacement (n, 3) [m] counted from it."""
+        raise NotImplementedError
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        """The organ and its displacement (n, 3) [m] from the shape free of load, which strain counts from."""
+        raise NotImplementedError
+
+    @cached_property
+    def _response(self) -> Response:
+        organ, displacement = self._from_rest()
+        gradient, pk1, energy = organ._body.responses(np.ascontiguousarray(displacement))
+        return Response(organ.mesh, gradient, pk1, energy, is_linear=organ.law.name == "linear")
+
+    def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
+        """Stress (m, 3, 3) [Pa]: "cauchy" sigma = P F^T / J, "pk1" P = d psi / dF, or "pk2" S = F^-1 P.
+
+        at: "cells" (m, 3, 3), their mean over the cell at rest; "points" (m, q, 3, 3), the quadrature points, one in a
+            linear cell and four in a quadratic one; "nodes" (n, 3, 3), the mean over the cells around each node,
+            weighted by volume; in quadratic cells the linear function through the points, but for the pressure, of
+            which the cell has one, its mean.
+        The stress is that which the element balances: with "P1 mean volume" its pressure is that of the cluster.
+        The law `Linear` has one stress for all three. Nodes between two tissues get the mean of both sides, though
+        stress may jump there. Raises `VisceraError` where a cell is turned inside out, but for "pk1".
+        """
+        response = self._response.even() if at == "nodes" else self._response
+        return response.at(response.stress(measure), at)
+
+    def strain(self, measure: str = "green", at: str = "cells") -> Floats:
+        """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.
+
+        at: as in `stress`. Green's strain is in the axes at rest, the logarithmic one in those deformed. F is that of
+        the cell's own nodes, shared changes of volume or not.
+        """
+        return self._response.at(self._response.strain(measure), at)
+
+    def pressure(self, at: str = "cells") -> Floats:
+        """Pressure (m,) [Pa], -tr(sigma) / 3, positive where the tissue is compressed; at: as in `stress`."""
+        return pressure(self.stress("cauchy", at))
+
+    def von_mises(self, at: str = "cells") -> Floats:
+        """Von Mises stress (m,) [Pa] of the Cauchy stress at this place, a mean or not; at: as in `stress`."""
+        return von_mises(self.stress("cauchy", at))
+
+    def energy_density(self, at: str = "cells") -> Floats:
+        """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
+
+        at: as in `stress`, but for nodes, which get the mean of the means of the cells: it is never negative.
+        """
+        energy = self._response.energy
+        return self._response.at(energy.mean(axis=1, keepdims=True) if at == "nodes" else energy, at)
+
+    def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
+        """What files hold by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`, `green_strain`
+        and `energy_density`. Where a cell is turned inside out, there is no stress in them.
+        """
+        strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
+        if not (self._response.is_linear or (self._response.volume_ratio > 0.0).all()):
+            return {}, strain
+        cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")
+        stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}
+        return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
+
+    def at(self, points: ArrayLike) -> Probe:
+        """What is at places (k, 3) [m] of the mesh, before the displacement: displacement, stress and strain there.
+
+        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside of all cells.
+        """
+        mesh, displacement = self._seen()
+        places = point_of(points, mesh, "the place") if has_words(points) else numbers_of(points)
+        if places is None or places.ndim not in {1, 2} or places.shape[-1] != 3:
+            raise refused("the places", "an array (k, 3) [m]", points)
+        places = places.reshape(-1, 3)
+        cells, weights = _core.Locator(mesh.points, mesh.cells).find(places)
+        outside = np.flatnonzero(cells < 0)
+        if len(outside):
+            surface = _core.Surface(mesh.points, mesh.surface)
+            place = places[outside[0]]
+            away = surface.closest(place)[2] if np.isfinite(place).all() else np.inf
+            raise VisceraError(
+                f"place {outside[0]} at {place.tolist()} m lies outside the organ, {away:.3g} m from its surface "
+                f"({len(outside)} of {len(places)} do)"
+            )
+        return Probe(places, _interpolated(mesh, displacement, cells, weights), cells, weights, self)
+
+    def on_grid(
+        self,
+        image: str | os.PathLike[str],
+        *,
+        axes: str = "RAS",
+        inverse: bool = False,
+        margin: float | None = None,
+    ) -> Field:
+        """The displacement at the voxels of an image: `viscera.grid.on_grid` says what comes back, and how."""
+        from viscera.grid import Grid, on_grid
+
+        return on_grid(*self._seen(), Grid.of(image, axes), inverse=inverse, margin=margin)
+
+
+class Moved(Deformed):
+    """An organ moved by a displacement that nobody needs to have solved for. Made by `Organ.moved`."""
+
+    def __init__(self, organ: Organ, displacement: Floats) -> None:
+        self.organ = organ
+        self.displacement = displacement
+        """Displacement (n, 3) [m] from rest."""
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self.organ.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self.organ, self.displacement
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What is at k places of a deformed organ."""
+
+    places: Floats
+    """Where they are without the displacement (k, 3) [m]."""
+    displacement: Floats
+    """Displacement (k, 3) [m], with the shape functions of the element."""
+    cells: NDArray[np.int64]
+    """The cell (k,) that holds each."""
+    _weights: Floats
+    _of: Deformed
+
+    def stress(self, measure: str = "cauchy") -> Floats:
+        """Stress (k, 3, 3) [Pa] as in `State.stress`: of the cell, linear within a quadratic one but for pressure."""
+        return self._within(self._of._response.even().stress(Choice(STRESSES)(measure, "the stress")))
+
+    def strain(self, measure: str = "green") -> Floats:
+        """Strain (k, 3, 3) as in `State.strain`, likewise."""
+        return self._within(self._of._response.strain(Choice(STRAINS)(measure, "the strain")))
+
+    def _within(self, values: Floats) -> Floats:
+        return np.asarray(np.einsum("ka,ka...->k...", self._weights, corner_values(values[self.cells])))
+
+
+def _interpolated(mesh: Mesh, field: Floats, cells: NDArray[np.int64], weights: Floats) -> Floats:
+    """A nodal field (n, 3) at places (k, 3) with the shape functions of the element."""
+    if not len(mesh.edges):
+        return np.asarray(np.einsum("ka,kai->ki", weights, field[mesh.cells[cells]]))
+    nodes = _core.quadratic(mesh.n_corners, mesh.cells)[1][cells]
+    edges = [4.0 * weights[:, a] * weights[:, b] for a, b in EDGES]
+    shapes = np.column_stack([weights * (2.0 * weights - 1.0), *edges])
+    return np.asarray(np.einsum("ka,kai->ki", shapes, field[nodes]))

@@ -1,0 +1,323 @@
+"""A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install viscera[scan]`).
+
+World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS): the same but for the sign of x and y.
+A mesh is in metres in either; files of images are read and written through SimpleITK, which speaks LPS and millimetres.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera import _core
+from viscera.atomic import replacing, writable
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices, Mesh
+from viscera.quantity import Choice, Number
+
+AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
+"""Sign by which coordinates become those of LPS, and back."""
+FORMATS = (".nii", ".nii.gz", ".nrrd", ".mha")
+INTERPOLATIONS = ("linear", "nearest")
+MM = 1e-3
+CHUNK = 1 << 20
+"""Voxels looked up at once."""
+EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8],
+                  [4, 9, 8, 5]])  # fmt: skip
+"""The linear cells that stand for a quadratic one."""
+
+
+def sitk() -> Any:
+    """The library of images; raises `VisceraError` where it is not installed."""
+    try:
+        import SimpleITK
+    except ImportError:
+        raise VisceraError("images need the package SimpleITK: pip install viscera[scan]") from None
+    return SimpleITK
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where the voxels of an image are: index (i, j, k) at `origin + matrix @ index`."""
+
+    shape: tuple[int, int, int]
+    """Voxels along i, j, k."""
+    matrix: Floats
+    """Steps between voxels, one column for each of i, j, k (3, 3) [m]."""
+    origin: Floats
+    """Centre of voxel (0, 0, 0) (3,) [m]."""
+    axes: str
+    """"RAS" or "LPS", the world axes of both and of the mesh."""
+
+    @staticmethod
+    def of(image: str | os.PathLike[str] | Any, axes: str = "RAS") -> Grid:
+        """The grid of an image file, or of a SimpleITK image, in the world axes of the mesh."""
+        Choice(AXES)(axes, "the axes")
+        if isinstance(image, str | os.PathLike):
+            image = read(image)
+        sign = MM * AXES[axes]
+        direction = np.array(image.GetDirection()).reshape(3, 3)
+        matrix = sign[:, None] * direction * np.array(image.GetSpacing())
+        size = image.GetSize()
+        return Grid((size[0], size[1], size[2]), matrix, sign * np.array(image.GetOrigin()), axes)
+
+    @property
+    def spacing(self) -> Floats:
+        """Distance of voxels along i, j, k (3,) [m]."""
+        return np.asarray(np.linalg.norm(self.matrix, axis=0))
+
+    def index(self, places: Floats) -> Floats:
+        """Indices (..., 3), fractions and those outside included, of places (..., 3) [m]."""
+        return np.asarray((places - self.origin) @ np.linalg.inv(self.matrix).T)
+
+    def places(self, index: NDArray[Any]) -> Floats:
+        """Places (..., 3) [m] of indices (..., 3)."""
+        return np.asarray(self.origin + index @ self.matrix.T)
+
+    def part(self, first: NDArray[Any], shape: tuple[int, int, int]) -> Grid:
+        """The grid of some of its voxels, from index `first` (3,) on."""
+        return replace(self, shape=shape, origin=self.places(np.asarray(first)))
+
+    def image(self, voxels: NDArray[Any]) -> Any:
+        """Voxels (i, j, k) or (i, j, k, 3) as a SimpleITK image."""
+        axes = (2, 1, 0, 3)[: voxels.ndim]
+        image = sitk().GetImageFromArray(np.ascontiguousarray(voxels.transpose(axes)), isVector=voxels.ndim == 4)
+        sign = AXES[self.axes]
+        image.SetOrigin((sign * self.origin / MM).tolist())
+        image.SetSpacing((self.spacing / MM).tolist())
+        image.SetDirection((sign[:, None] * self.matrix / self.spacing).ravel().tolist())
+        return image
+
+
+@dataclass(frozen=True)
+class Field:
+    """A displacement at the voxels of a part of an image: the box around the organ."""
+
+    grid: Grid
+    """Of the box."""
+    first: NDArray[np.int64]
+    """Index (3,) of its first voxel in the image."""
+    displacement: Floats
+    """At voxels (i, j, k, 3) [m]; zero where nothing is known."""
+    inside: NDArray[np.bool_]
+    """Whether a voxel's centre (i, j, k) is in the organ."""
+    is_known: NDArray[np.bool_]
+    """Whether there is a displacement: inside, and within the margin."""
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """The field as a vector image of millimetres in LPS, as ITK and 3D Slicer read displacement fields."""
+        vectors = AXES[self.grid.axes] * self.displacement / MM
+        write(path, self.grid.image(vectors.astype(np.float32)))
+
+    def write_mask(self, path: str | os.PathLike[str]) -> None:
+        """Where the field is known: 2 in the organ, 1 in the margin around it, 0 elsewhere."""
+        write(path, self.grid.image(self.is_known.astype(np.uint8) + self.inside.astype(np.uint8)))
+
+
+def on_grid(
+    mesh: Mesh, displacement: Floats, grid: Grid, *, inverse: bool = False, margin: float | None = None
+) -> Field:
+    """The displacement of an organ at the voxels of a grid, linear between its nodes.
+
+    Forward, at a voxel X of the organ before it moves: x = X + u(X). With `inverse`, at a voxel x of the moved organ:
+    X = x + v(x), which is what resampling an image asks for.
+    margin: distance [m] from the surface up to which a voxel outside moves with the nearest point of the surface; by
+        default the diagonal of a voxel, so that images whose edge is not quite that of the mesh move whole, and whoever
+        interpolates the field between voxels finds a displacement on both sides of the surface.
+    Raises `VisceraError` where no voxel lies in the organ.
+    """
+    reach = float(np.linalg.norm(grid.spacing)) if margin is None else Number("m", low=0)(margin, "the margin")
+    moved = mesh.points + displacement
+    source, vectors = (moved, -displacement) if inverse else (mesh.points, displacement)
+    low, high = _box(grid, source, reach)
+    shape = tuple(int(n) for n in high - low)
+    box = grid.part(low, (shape[0], shape[1], shape[2]))
+    cells = _linear_cells(mesh)
+    locator = _core.Locator(source, cells)
+    field, inside = np.zeros((*box.shape, 3)), np.zeros(box.shape, dtype=bool)
+    rows = max(1, CHUNK // (shape[1] * shape[2]))
+    for start in range(0, shape[0], rows):
+        block = slice(start, min(start + rows, shape[0]))
+        index = np.stack(np.meshgrid(np.arange(block.start, block.stop), *map(np.arange, shape[1:]), indexing="ij"), -1)
+        found, weights = locator.find(box.places(index).reshape(-1, 3))
+        held = found >= 0
+        values = np.zeros((len(found), 3))
+        values[held] = np.einsum("ka,kai->ki", weights[held], vectors[cells[found[held]]])
+        field[block], inside[block] = values.reshape(*index.shape), held.reshape(index.shape[:-1])
+    if not inside.any():
+        raise VisceraError(
+            f"no voxel of the image lies in the organ, which spans {_span(source)} m in {grid.axes}; the image spans "
+            f"{_span(grid.places(_corners(grid.shape)))} m: are they of one scan, and are the mesh's axes {grid.axes}?"
+        )
+    is_known = _extended(box, field, inside, source, mesh.surface, vectors, reach)
+    return Field(box, low, field, inside, is_known)
+
+
+def _box(grid: Grid, points: Floats, reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First voxel, and one past the last, of the box around the points and their surroundings."""
+    index = grid.index(points)
+    more = reach * np.linalg.norm(np.linalg.inv(grid.matrix), axis=1) + 1.0
+    low = np.clip(np.floor(index.min(axis=0) - more), 0, np.array(grid.shape) - 1)
+    high = np.clip(np.ceil(index.max(axis=0) + more) + 1, low + 1, grid.shape)
+    return low.astype(np.int64), high.astype(np.int64)
+
+
+def _linear_cells(mesh: Mesh) -> Indices:
+    """Cells between neighbouring nodes: eight for a quadratic one."""
+    if not len(mesh.edges):
+        return mesh.cells
+    return np.ascontiguousarray(_core.quadratic(mesh.n_corners, mesh.cells)[1][:, EIGHT].reshape(-1, 4))
+
+
+def _extended(
+    box: Grid,
+    field: Floats,
+    inside: NDArray[np.bool_],
+    points: Floats,
+    triangles: Indices,
+    vectors: Floats,
+    reach: float,
+) -> NDArray[np.bool_]:
+    """Gives voxels within reach of the surface the displacement of its nearest point, in place; which ones have one."""
+    steps = np.ceil(reach * np.linalg.norm(np.linalg.inv(box.matrix), axis=1)).astype(int)
+    near: NDArray[np.bool_] = inside.copy()
+    for axis, count in enumerate(steps):
+        near = _spread(near, axis, int(count))
+    surface = _core.Surface(points, triangles)
+    index = np.argwhere(near & ~inside)
+    is_known: NDArray[np.bool_] = inside.copy()
+    for (i, j, k), place in zip(index.tolist(), box.places(index), strict=True):
+        triangle, weights, distance = surface.closest(place)
+        if distance <= reach:
+            field[i, j, k] = np.asarray(weights) @ vectors[triangles[triangle]]
+            is_known[i, j, k] = True
+    return is_known
+
+
+def _spread(mask: NDArray[np.bool_], axis: int, count: int) -> NDArray[np.bool_]:
+    """What lies within so many voxels of a mask along an axis."""
+    wide: NDArray[np.bool_] = mask.copy()
+    for step in range(1, min(count, mask.shape[axis] - 1) + 1):
+        ahead, behind = [slice(None)] * 3, [slice(None)] * 3
+        ahead[axis], behind[axis] = slice(step, None), slice(None, -step)
+        wide[tuple(ahead)] |= mask[tuple(behind)]
+        wide[tuple(behind)] |= mask[tuple(ahead)]
+    return wide
+
+
+def _corners(shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    return np.array([[0, 0, 0], [n - 1 for n in shape]])
+
+
+def _span(places: Floats) -> str:
+    low, high = places.min(axis=0), places.max(axis=0)
+    return f"{np.round(low, 3).tolist()} to {np.round(high, 3).tolist()}"
+
+
+def warp(
+    image: Any, forward: Field, inverse: Field, *, interpolation: str = "linear", background: float | None = None
+) -> Any:
+    """An image (SimpleITK) of the moved organ: a voxel x of it takes the value that was at X = x + v(x).
+
+    interpolation: "linear", or "nearest" for label maps. Voxels that the organ has left take `background`, by default
+    the smallest value of the image; all others stay as they are, for what surrounds the organ is not known to move.
+    Raises `VisceraError` where the image has several values at a voxel.
+    """
+    Choice(INTERPOLATIONS)(interpolation, "the interpolation")
+    if image.GetNumberOfComponentsPerPixel() > 1:
+        raise VisceraError("the image has several values at a voxel; give one of a single value")
+    voxels = sitk().GetArrayFromImage(image).transpose(2, 1, 0)
+    empty = voxels.min() if background is None else background
+    if not _holds(voxels.dtype, empty):
+        raise VisceraError(f"the background {empty} is no value of an image of {voxels.dtype}")
+    left, covered = (np.argwhere(field.is_known) + field.first for field in (forward, inverse))
+    values = _sampled(voxels, covered + _steps(inverse), interpolation, float(empty))
+    moved = voxels.copy()
+    moved[tuple(left.T)] = empty
+    is_whole = np.issubdtype(voxels.dtype, np.integer)
+    moved[tuple(covered.T)] = (np.rint(values) if is_whole else values).astype(voxels.dtype)
+    warped = sitk().GetImageFromArray(np.ascontiguousarray(moved.transpose(2, 1, 0)))
+    warped.CopyInformation(image)
+    return warped
+
+
+def _holds(kind: np.dtype[Any], value: Any) -> bool:
+    if not np.issubdtype(kind, np.integer):
+        return bool(np.isfinite(value))
+    return float(value).is_integer() and np.iinfo(kind).min <= value <= np.iinfo(kind).max
+
+
+def _steps(field: Field) -> Floats:
+    """The displacement (k, 3) of known voxels in voxels."""
+    return np.asarray(field.displacement[field.is_known] @ np.linalg.inv(field.grid.matrix).T)
+
+
+def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: float) -> Floats:
+    """Values (k,) of an image at indices (k, 3); `empty` outside."""
+    size = np.array(voxels.shape)
+    values = np.full(len(index), empty)
+    inside = ((index > -0.5) & (index < size - 0.5)).all(axis=1)
+    at = index[inside]
+    if interpolation == "nearest":
+        values[inside] = voxels[tuple(np.rint(at).astype(np.int64).T)]
+        return values
+    at = np.clip(at, 0, size - 1)
+    low = np.minimum(np.floor(at).astype(np.int64), np.maximum(size - 2, 0))
+    part = at - low
+    total = np.zeros(len(at))
+    for corner in np.ndindex(2, 2, 2):
+        weight = np.prod(np.where(corner, part, 1.0 - part), axis=1)
+        total += weight * voxels[tuple(np.minimum(low + corner, size - 1).T)]
+    values[inside] = total
+    return values
+
+
+def read(path: str | os.PathLike[str]) -> Any:
+    """A volume image as SimpleITK holds it; raises `VisceraError` where the file is missing, damaged or no volume."""
+    name = os.fspath(path)
+    _ending(name)
+    if not Path(name).is_file():
+        raise VisceraError(f"{name}: no such image")
+    try:
+        image = sitk().ReadImage(name)
+    except RuntimeError as error:
+        raise VisceraError(f"{name}: not a readable image ({_reason(error)})") from None
+    if image.GetDimension() != 3:
+        raise VisceraError(f"{name}: has {image.GetDimension()} dimensions; a volume has 3, so take one of its frames")
+    return image
+
+
+def write(path: str | os.PathLike[str], image: Any) -> None:
+    """An image in the format of the ending, whole or not at all."""
+    name = os.fspath(path)
+    ending = _ending(name)
+    with replacing(name) as scratch:
+        whole = scratch.with_name(scratch.name + ending)
+        try:
+            sitk().WriteImage(image, os.fspath(whole), useCompression=True)
+            os.replace(whole, scratch)
+        finally:
+            whole.unlink(missing_ok=True)
+
+
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path, or an error where its format or its folder cannot take an image: asked before the work."""
+    _ending(os.fspath(path))
+    return writable(path)
+
+
+def _ending(name: str) -> str:
+    ending = next((ending for ending in FORMATS if name.lower().endswith(ending)), None)
+    if ending is None:
+        raise VisceraError(f"{name}: no image format is known by this ending; known: {', '.join(FORMATS)}")
+    return ending
+
+
+def _reason(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return lines[-1] if lines else type(error).__name__

@@ -1,0 +1,70 @@
+"""Shapes in time, or along a load: volumes with every field for ParaView, a moving surface for viewers of glTF."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from viscera import statefile
+from viscera.atomic import replacing
+from viscera.deformed import Deformed
+from viscera.errors import VisceraError
+from viscera.mesh import Indices
+from viscera.quantity import Number
+
+MOST_SHAPES = 256
+"""Morph targets of a glTF file; viewers keep all of them in the memory of the graphics card."""
+
+
+def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, Deformed]]) -> list[Path]:
+    """Writes shapes of one organ at rising times [s], load factors or the like: `[(time, state), ...]`.
+
+    A moment is a state, a frame, the answer of a reduced model or `Organ.moved` of a displacement along a path.
+    `.pvd`: a time series for ParaView, with one VTU file per moment beside it: `displacement`, stresses and strains as
+    in `State.write`. `.glb`, `.gltf`: the surface before it moves and an animation that blends from shape to shape,
+    z turned up. Returns all paths written.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".pvd", ".glb", ".gltf"):
+        raise VisceraError(f"{target}: a series is written as .pvd for ParaView, or as .glb or .gltf for other viewers")
+    times = _rising([time for time, _ in moments], target)
+    seen = [shape._seen() for _, shape in moments]
+    mesh = seen[0][0]
+    for index, (other, _) in enumerate(seen):
+        if other is not mesh and not (
+            np.array_equal(other.points, mesh.points) and np.array_equal(other.cells, mesh.cells)
+        ):
+            raise VisceraError(f"moment {index} is one of another mesh; write a series for each")
+    if target.suffix.lower() == ".pvd":
+        from viscera import paraview  # and with it meshio, which takes its time
+
+        frames: list[paraview.Frame] = []
+        for time, (_, shape), (_, displacement) in zip(times, moments, seen, strict=True):
+            at_nodes, in_cells = shape.fields()
+            frames.append((time, {"displacement": displacement} | at_nodes, in_cells))
+        return paraview.write_series(target, mesh, frames)
+    if len(times) > MOST_SHAPES:
+        raise VisceraError(
+            f"{target}: {len(times)} moments; glTF viewers take at most {MOST_SHAPES}, so leave some out"
+        )
+    corners: Indices = np.unique(mesh.surface)
+    triangles = np.searchsorted(corners, mesh.surface).astype(np.uint32)
+    motion = times, [displacement[corners] for _, displacement in seen]
+    is_binary = target.suffix.lower() == ".glb"
+    with replacing(target) as scratch:
+        scratch.write_bytes(statefile.gltf(mesh.points[corners], triangles, {}, is_binary=is_binary, motion=motion))
+    return [target]
+
+
+def _rising(times: Sequence[float], path: Path) -> list[float]:
+    if not times:
+        raise VisceraError(f"{path}: there is no moment to write")
+    checked = [Number()(time, f"the time of moment {index}") for index, time in enumerate(times)]
+    for index, (before, after) in enumerate(pairwise(checked), start=1):
+        if after <= before:
+            raise VisceraError(f"times must rise: moment {index} is at {after:g}, the one before it at {before:g}")
+    return checked

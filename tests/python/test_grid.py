@@ -1,0 +1,215 @@
+"""Displacements on image grids and images deformed: read back by SimpleITK, whose conventions are the measure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera import grid
+from viscera.cli import main
+
+sitk = pytest.importorskip("SimpleITK", reason="images need SimpleITK: pip install viscera[scan]")
+
+Floats = NDArray[np.float64]
+LAW = vs.NeoHookean(young=1e4, poisson=0.3)
+RAS = np.array([-1.0, -1.0, 1.0])
+TURN = np.linalg.qr(np.array([[1.0, 0.2, 0.1], [-0.3, 1.0, 0.2], [0.1, -0.2, 1.0]]))[0]
+TURN *= np.sign(np.diag(TURN))
+"""Directions of an oblique scan."""
+GRADIENT = np.array([[0.05, 0.1, 0.0], [0.0, -0.1, 0.05], [0.1, 0.0, 0.1]])
+
+
+def scan(direction: Floats = TURN, spacing: tuple[float, float, float] = (3.0, 4.0, 5.0)) -> Any:
+    """An empty scan [mm, LPS] around the cube of 100 mm, whichever axes its mesh is in."""
+    counts = [int(320 / step) for step in spacing]
+    image = sitk.Image(counts, sitk.sitkUInt8)
+    image.SetSpacing(spacing)
+    image.SetDirection(direction.ravel().tolist())
+    middle = direction @ (np.array(spacing) * (np.array(counts) - 1) / 2)
+    image.SetOrigin((-middle).tolist())
+    return image
+
+
+def affine(cube: vs.Mesh, element: str = "P1") -> vs.Moved:
+    """The cube about the origin under a uniform gradient."""
+    mesh = vs.mesh(cube.points - 0.05, cube.cells, cube.sets)
+    organ = vs.Organ(mesh, LAW, fixed="bottom", element=element)
+    return organ.moved(organ.mesh.points @ GRADIENT.T + [0.01, 0.0, -0.005])
+
+
+def after(x: Floats) -> Floats:
+    return np.asarray(x + x @ GRADIENT.T + [0.01, 0.0, -0.005])
+
+
+@pytest.mark.parametrize("ending", [".nii.gz", ".nrrd", ".mha"])
+@pytest.mark.parametrize("axes", ["RAS", "LPS"])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_itk_moves_points_as_the_organ_moves(
+    cube: vs.Mesh, tmp_path: Path, axes: str, ending: str, element: str
+) -> None:
+    """A field on file, taken for a transform by ITK [mm, LPS], maps X to x; the inverse one maps x to X."""
+    shape = affine(cube, element)
+    sitk.WriteImage(scan(), str(tmp_path / "scan.nii.gz"))
+    sign = RAS if axes == "RAS" else np.ones(3)
+    places = np.random.default_rng(0).uniform(-0.045, 0.045, (40, 3))
+    for inverse, start, end in ((False, places, after(places)), (True, after(places), places)):
+        field = shape.on_grid(tmp_path / "scan.nii.gz", axes=axes, inverse=inverse)
+        field.write(tmp_path / f"field{ending}")
+        image = sitk.ReadImage(str(tmp_path / f"field{ending}"), sitk.sitkVectorFloat64)
+        transform = sitk.DisplacementFieldTransform(image)
+        for X, x in zip(start, end, strict=True):
+            moved = transform.TransformPoint((1e3 * sign * X).tolist())
+            assert np.array(moved) == pytest.approx(1e3 * sign * x, abs=2e-3), "single precision, and spacing of files"
+
+
+def test_nifti_says_ras_to_those_who_read_it_so(cube: vs.Mesh, tmp_path: Path) -> None:
+    nibabel = pytest.importorskip("nibabel")
+    field = affine(cube).on_grid(scan(), axes="RAS")
+    field.write_mask(tmp_path / "mask.nii.gz")
+    image = nibabel.load(tmp_path / "mask.nii.gz")
+    assert image.affine[:3, :3] == pytest.approx(1e3 * field.grid.matrix, abs=1e-4)
+    assert image.affine[:3, 3] == pytest.approx(1e3 * field.grid.origin, abs=1e-3)
+    kept = np.asarray(image.dataobj)
+    assert ((kept == 2) == field.inside).all()
+    assert ((kept > 0) == field.is_known).all()
+
+
+def test_inside_is_where_the_cube_is(cube: vs.Mesh) -> None:
+    image = scan()
+    field = affine(cube).on_grid(image, axes="LPS")
+    for index in np.ndindex(field.inside.shape):
+        x = 1e-3 * np.array(image.TransformIndexToPhysicalPoint((np.array(index) + field.first).tolist()))
+        depth = 0.05 - np.abs(x).max()
+        if abs(depth) > 1e-9:
+            assert field.inside[index] == (depth > 0.0)
+        if field.inside[index]:
+            assert field.displacement[index] == pytest.approx(after(x) - x, abs=1e-12)
+    outside = ~field.is_known
+    assert not field.displacement[outside].any()
+    assert field.is_known.sum() > field.inside.sum()
+    bare = affine(cube).on_grid(image, axes="LPS", margin=0.0)
+    assert bare.is_known.sum() == bare.inside.sum() == field.inside.sum()
+
+
+def labels_of(inside: Any, image: Any) -> Any:
+    """A label map: 3 where `inside` says so of places [m, RAS], 7 far away, 0 elsewhere."""
+    places = grid.Grid.of(image, "RAS")
+    index = np.stack(np.meshgrid(*map(np.arange, places.shape), indexing="ij"), -1)
+    x = places.places(index)
+    voxels = np.where(inside(x), 3, np.where(x[..., 2] < -0.11, 7, 0)).astype(np.uint8)
+    return places.image(voxels)
+
+
+def voxels_of(image: Any) -> NDArray[Any]:
+    return np.asarray(sitk.GetArrayFromImage(image).transpose(2, 1, 0))
+
+
+def in_cube(x: Floats) -> NDArray[np.bool_]:
+    return np.asarray((np.abs(x) < 0.05).all(axis=-1))
+
+
+def in_moved_cube(x: Floats) -> NDArray[np.bool_]:
+    back = np.linalg.inv(np.eye(3) + GRADIENT)
+    return in_cube((x - [0.01, 0.0, -0.005]) @ back.T)
+
+
+def test_a_label_map_moves_with_the_organ_and_leaves_nothing_behind(cube: vs.Mesh) -> None:
+    """Every voxel but those that the surface cuts is as if the moved organ had been segmented anew."""
+    image = scan(spacing=(2.5, 2.5, 2.5))
+    shape = affine(cube)
+    before, exact = labels_of(in_cube, image), voxels_of(labels_of(in_moved_cube, image))
+    fields = [shape.on_grid(image, inverse=inverse) for inverse in (False, True)]
+    warped = grid.warp(before, *fields, interpolation="nearest")
+    found = voxels_of(warped)
+    assert set(np.unique(found)) == {0, 3, 7}
+    assert (found == 7).sum() == (exact == 7).sum()
+    assert abs((found == 3).sum() / (exact == 3).sum() - 1) < 0.02
+    depth = fields[1].is_known ^ fields[1].inside
+    box = tuple(slice(first, first + n) for first, n in zip(fields[1].first, depth.shape, strict=True))
+    assert (found[box] == exact[box])[fields[1].inside].mean() > 0.98
+    elsewhere = np.ones(found.shape, dtype=bool)
+    elsewhere[box] = ~fields[1].is_known
+    assert (found == 3)[elsewhere].sum() == 0, "no shell of the organ stays where it was"
+
+
+def test_an_image_resampled_by_itk_is_the_same_inside(cube: vs.Mesh) -> None:
+    image = scan(spacing=(4.0, 4.0, 4.0))
+    places = grid.Grid.of(image, "RAS")
+    index = np.stack(np.meshgrid(*map(np.arange, places.shape), indexing="ij"), -1)
+    x = places.places(index)
+    scene = places.image((100 * np.sin(40 * x[..., 0]) + 5e2 * x[..., 1] + 1e3 * x[..., 2] ** 2).astype(np.float32))
+    fields = [affine(cube).on_grid(image, inverse=inverse) for inverse in (False, True)]
+    ours = voxels_of(grid.warp(scene, *fields))
+    vectors = fields[1].grid.image(RAS * fields[1].displacement * 1e3)
+    theirs = voxels_of(sitk.Resample(scene, scene, sitk.DisplacementFieldTransform(vectors), sitk.sitkLinear))
+    at = tuple((np.argwhere(fields[1].inside) + fields[1].first).T)
+    assert len(at[0]) > 5000
+    assert ours[at] == pytest.approx(theirs[at], abs=1e-3)
+
+
+@pytest.fixture(name="files")
+def files_fixture(cube: vs.Mesh, tmp_path: Path) -> Path:
+    mesh = vs.mesh(cube.points - 0.05, cube.cells, cube.sets)
+    organ = vs.Organ(mesh, LAW, fixed="bottom", element="P2")
+    organ.solve(force={"top": (5.0, 0.0, -5.0)}).write(tmp_path / "state.vtu")
+    sitk.WriteImage(labels_of(in_cube, scan(spacing=(5.0, 5.0, 5.0))), str(tmp_path / "labels.nii.gz"))
+    return tmp_path
+
+
+def test_warp_from_the_command_line(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [str(files / "labels.nii.gz"), "--with", str(files / "state.vtu")]
+    written = ["-o", str(files / "moved.nrrd"), "--field", str(files / "field.nii.gz"), "--json", str(files / "said")]
+    assert main(["warp", *words, *written]) == 0
+    keys = {"status", "seconds", "voxels", "voxels_moved", "interpolation"}
+    assert set(json.loads((files / "said").read_text())) == keys, "as docs/cli.md says"
+    assert "nearest interpolation" in capsys.readouterr().out
+    moved = voxels_of(sitk.ReadImage(str(files / "moved.nrrd")))
+    before = voxels_of(sitk.ReadImage(str(files / "labels.nii.gz")))
+    assert set(np.unique(moved)) == {0, 3, 7}
+    assert (moved != before).sum() > 100
+    field = sitk.ReadImage(str(files / "field.nii.gz"))
+    assert field.GetNumberOfComponentsPerPixel() == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (["--axes", "RPS"], "the axes 'RPS' is unknown"),
+        (["--with", "{0}/labels.nii.gz"], "is no solution with its volume"),
+        (["-o", "{0}/moved.png"], "no image format is known by this ending"),
+        (["-o", "{0}/there/moved.nii"], "does not exist; create it first"),
+        (["--background", "0.5"], "the background 0.5 is no value of an image of uint8"),
+    ],
+)
+def test_warp_refuses_in_a_sentence(
+    files: Path, capsys: pytest.CaptureFixture[str], change: list[str], words: str
+) -> None:
+    line = ["warp", str(files / "labels.nii.gz"), "--with", str(files / "state.vtu"), "-o", str(files / "moved.nii")]
+    assert main(line + [word.format(files) for word in change]) == 2
+    assert words in capsys.readouterr().err
+    assert not (files / "moved.nii").exists()
+
+
+def test_an_image_of_another_place_or_kind_is_refused(cube: vs.Mesh, tmp_path: Path) -> None:
+    shape = affine(cube)
+    away = scan()
+    away.SetOrigin([5e3, 0.0, 0.0])
+    with pytest.raises(vs.VisceraError, match=r"no voxel of the image lies in the organ.*are they of one scan"):
+        shape.on_grid(away)
+    (tmp_path / "broken.nrrd").write_text("NRRD")
+    with pytest.raises(vs.VisceraError, match="not a readable image"):
+        shape.on_grid(tmp_path / "broken.nrrd")
+    with pytest.raises(vs.VisceraError, match="no such image"):
+        shape.on_grid(tmp_path / "none.nrrd")
+    sitk.WriteImage(sitk.Image([4, 4], sitk.sitkUInt8), str(tmp_path / "flat.nrrd"))
+    with pytest.raises(vs.VisceraError, match="has 2 dimensions"):
+        shape.on_grid(tmp_path / "flat.nrrd")
+    field = shape.on_grid(scan())
+    with pytest.raises(vs.VisceraError, match="several values at a voxel"):
+        grid.warp(field.grid.image(field.displacement), field, field)

@@ -1,0 +1,115 @@
+"""Series of shapes: for ParaView with every field, for glTF as an animation."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+
+
+def listed(path: Path) -> list[tuple[float, Path]]:
+    """Times and files of a .pvd."""
+    sets = ElementTree.parse(path).getroot().iter("DataSet")
+    return [(float(entry.attrib["timestep"]), path.parent / entry.attrib["file"]) for entry in sets]
+
+
+def test_frames_become_a_time_series_with_their_stress(organ: vs.Organ, tmp_path: Path) -> None:
+    stepper = organ.stepper(density=1000.0, time_step=0.01, dynamics="newmark")
+    frames = [(0.01 * k, stepper.frame(gravity=(0, 0, -9.81))) for k in range(1, 4)]
+    written = vs.write_series(tmp_path / "swing.pvd", frames)
+    assert [path.name for path in written] == ["swing.pvd", *(f"swing_{k:04d}.vtu" for k in range(3))]
+    for (time, path), (expected, frame) in zip(listed(tmp_path / "swing.pvd"), frames, strict=True):
+        found = meshio.read(path)
+        assert time == expected
+        assert found.point_data["displacement"] == pytest.approx(frame.displacement)
+        assert found.cell_data["cauchy_stress"][0].reshape(-1, 3, 3) == pytest.approx(frame.stress(), abs=1e-6)
+
+
+def test_quadratic_states_and_recorded_touches_too(bar: vs.Mesh, organ: vs.Organ, tmp_path: Path) -> None:
+    quadratic = vs.Organ(bar, organ.law, fixed="root", element="P2")
+    loads = [(f, quadratic.solve(force={"tip": (0.0, 0.0, -f)})) for f in (1.0, 2.0)]
+    vs.write_series(tmp_path / "load.pvd", loads)
+    assert len(meshio.read(tmp_path / "load_0001.vtu").cells_dict["tetra10"]) == len(bar.cells)
+    touch = organ.reduce(touchable=lambda x: x[:, 2] > 0.099, radius=0.08, depth=0.005, order=3)
+    point = touch.mesh.points[touch._model.array("positions")[3]]
+    record = [(1e-3 * k, touch(point, (0.0, 0.0, -1e-3 * k))) for k in range(3)]
+    vs.write_series(tmp_path / "touch.pvd", record)
+    last = meshio.read(tmp_path / "touch_0002.vtu").point_data["displacement"]
+    assert last == pytest.approx(record[-1][1].displacement)
+
+
+def test_a_path_is_a_series_over_the_load(organ: vs.Organ, tmp_path: Path) -> None:
+    path = organ.path(force={"tip": (0.0, 0.0, -20.0)}, until=1.0)
+    path.write(tmp_path / "path.pvd", samples=4)
+    times = [time for time, _ in listed(tmp_path / "path.pvd")]
+    assert len(times) == 1 + 3 * len(path.expansions)
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(1.0)
+    assert (np.diff(times) > 0).all()
+    end = meshio.read(listed(tmp_path / "path.pvd")[-1][1]).point_data["displacement"]
+    assert end == pytest.approx(path.curve(4)[1][-1])
+
+
+def scene_of(data: bytes) -> tuple[dict[str, Any], bytes]:
+    """The scene of a glTF file and its buffer."""
+    if data[:4] != b"glTF":
+        scene = json.loads(data)
+        return scene, base64.b64decode(scene["buffers"][0]["uri"].partition(",")[2])
+    (length,) = struct.unpack("<I", data[12:16])
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+@pytest.mark.parametrize("ending", [".glb", ".gltf"])
+def test_gltf_blends_from_shape_to_shape(organ: vs.Organ, tmp_path: Path, ending: str) -> None:
+    states = [(t, organ.solve(force={"tip": (0.0, 0.0, -f)})) for t, f in ((1.0, 0.0), (1.5, 1.0), (3.0, 2.0))]
+    vs.write_series(tmp_path / f"bend{ending}", states)
+    scene, buffer = scene_of((tmp_path / f"bend{ending}").read_bytes())
+
+    def array(index: int) -> NDArray[np.float32]:
+        start = scene["bufferViews"][scene["accessors"][index]["bufferView"]]["byteOffset"]
+        accessor = scene["accessors"][index]
+        width = {"VEC3": 3, "SCALAR": 1}[accessor["type"]]
+        return np.frombuffer(buffer, "<f4", width * accessor["count"], start).reshape(-1, width)
+
+    nodes = organ.mesh.surface_nodes
+    primitive = scene["meshes"][0]["primitives"][0]
+    assert array(primitive["attributes"]["POSITION"]) == pytest.approx(organ.mesh.points[nodes], abs=1e-7)
+    targets = primitive["targets"]
+    (animation,) = scene["animations"]
+    (sampler,) = animation["samplers"]
+    assert animation["channels"] == [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]
+    assert array(sampler["input"]).ravel().tolist() == [0.0, 0.5, 2.0]
+    assert (array(sampler["output"]).reshape(3, 3) == np.eye(3)).all()
+    for (_, state), target in zip(states, targets, strict=True):
+        assert array(target["POSITION"]) == pytest.approx(state.displacement[nodes], abs=1e-7)
+
+
+def test_what_is_no_series_is_refused(organ: vs.Organ, cube: vs.Mesh, tmp_path: Path) -> None:
+    state = organ.solve(force={"tip": (0.0, 0.0, -1.0)})
+    other = vs.Organ(cube, organ.law, fixed="bottom").moved(np.zeros_like(cube.points))
+    with pytest.raises(vs.VisceraError, match="there is no moment to write"):
+        vs.write_series(tmp_path / "none.pvd", [])
+    with pytest.raises(vs.VisceraError, match="times must rise: moment 1 is at 1, the one before it at 1"):
+        vs.write_series(tmp_path / "twice.pvd", [(1.0, state), (1.0, state)])
+    with pytest.raises(vs.VisceraError, match="moment 1 is one of another mesh"):
+        vs.write_series(tmp_path / "mixed.pvd", [(0.0, state), (1.0, other)])
+    with pytest.raises(vs.VisceraError, match=r"a series is written as \.pvd"):
+        vs.write_series(tmp_path / "series.vtu", [(0.0, state)])
+    with pytest.raises(vs.VisceraError, match="257 moments; glTF viewers take at most 256"):
+        vs.write_series(tmp_path / "long.glb", [(float(k), state) for k in range(257)])
+    assert not list(tmp_path.iterdir())
