@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Run the study, which writes its own report."""
     organ = _organ(args)
-    study = import_module(f"viscera.study.{args.name.replace('-', '_')}")  # with matplotlib, which no other verb has to wait for
+    module = args.name.replace("-", "_")
+    study = import_module(f"viscera.study.{module}")  # with matplotlib, which no other verb has to wait for
     facts: dict[str, Any] = study.run(args.output, quick=args.quick, say=output.say, **organ)
     output.say(f"report: {facts['report']}")
     return Outcome(facts.pop("status"), facts=facts)
