@@ -2,9 +2,9 @@
 
     exec(open("examples/slicer/show.py").read()); show("scan.nii.gz", "inverse.nii.gz")
 
-`inverse.nii.gz` is what `viscera warp scan.nii.gz --with solved.vtu --field inverse.nii.gz` writes: at each voxel of the
-deformed organ the way back to the scan, in millimetres and LPS. Slicer takes it for a transform "from parent", by which it
-resamples volumes; the transform stays editable in the module Transforms until it is hardened.
+`inverse.nii.gz` is what `viscera warp scan.nii.gz --with solved.vtu --field inverse.nii.gz` writes: at each voxel of
+the deformed organ the way back to the scan, in millimetres and LPS. Slicer takes it for a transform "from parent", by
+which it resamples volumes; the transform stays editable in the module Transforms until it is hardened.
 """
 
 from __future__ import annotations

@@ -13,7 +13,22 @@ from time import perf_counter
 from typing import NoReturn
 
 from viscera import _core, startup
-from viscera.cli import check, compare, completion, demo, doctor, fit, inspect, mesh, reduce, solve, study, touch, view, warp
+from viscera.cli import (
+    check,
+    compare,
+    completion,
+    demo,
+    doctor,
+    fit,
+    inspect,
+    mesh,
+    reduce,
+    solve,
+    study,
+    touch,
+    view,
+    warp,
+)
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 from viscera.errors import VisceraError
 
