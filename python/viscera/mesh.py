@@ -235,7 +235,7 @@ def mesh(
 
 
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:
-    """Reads a mesh file: VTU, legacy VTK, Gmsh (2.2, 4.1), Medit, Abaqus, FEBio.
+    """Reads a mesh file: VTU, legacy VTK, Gmsh (1, 2.2, 4.1), Medit, Abaqus, FEBio.
 
     `units` of the file: "m", "cm", "mm", "um", "inch", or metres per unit. Node sets come from point sets and integer
     point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio); cell sets from

@@ -1,4 +1,5 @@
-"""Mesh files in and out, through meshio, and FEBio through `febio`. Nothing is judged here: that is `mesh`'s part.
+"""Mesh files in and out, through meshio, FEBio through `febio`, Gmsh's first version through `gmsh1`. Nothing is judged
+here: that is `mesh`'s part.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
@@ -155,15 +156,11 @@ Arrays = dict[str, NDArray[Any]]
 
 def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays, Arrays]:
     """Points, node indices of the cells by kind, node sets and cell sets."""
+    # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     with path.open("rb") as file:
         is_first_gmsh = ending == ".msh" and file.read(1000).lstrip().startswith(b"$NOD")
-    if is_first_gmsh:
-        raise VisceraError(
-            "Gmsh's format of version 1 ($NOD, $ELM) is not read; save it anew as version 4.1: "
-            f"gmsh {path.name} -save -format msh41 -o new.msh"
-        )
-    # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
-    found = importlib.import_module(f"meshio.{MESHIO_MODULES[ending]}").read(str(path))
+    reader = importlib.import_module("viscera.gmsh1" if is_first_gmsh else f"meshio.{MESHIO_MODULES[ending]}")
+    found = reader.read(path)
     declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
     if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
         raise VisceraError(f"cut short: it declares {int(declared[1])} cells and holds fewer")

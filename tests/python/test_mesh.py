@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import viscera as vs
 from viscera import meshfile
@@ -267,6 +270,55 @@ def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, 
     )
     meshio.medit.write(str(tmp_path / "bar.mesh"), medit)
     assert np.array_equal(vs.read(tmp_path / "bar.mesh").nodes("ref:2:4"), bar.sets["root"])
+
+
+def first_gmsh(points: NDArray[Any], elements: list[tuple[int, int, list[int]]]) -> str:
+    """A Gmsh file of version 1: node k is called 7 + 3 k; elements are type, physical region and nodes."""
+    nodes = [f"{7 + 3 * k} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist())]
+    lines = [
+        f"{k} {kind} {region} 1 {len(cell)} {' '.join(str(7 + 3 * node) for node in cell)}"
+        for k, (kind, region, cell) in enumerate(elements, start=1)
+    ]
+    parts = ["$NOD", str(len(nodes)), *nodes, "$ENDNOD", "$ELM", str(len(lines)), *lines, "$ENDELM"]
+    return "\n".join(parts) + "\n"
+
+
+def test_gmsh_files_of_the_first_version_are_read(bar: vs.Mesh, tmp_path: Path) -> None:
+    root = bar.surface[np.isin(bar.surface, bar.sets["root"]).all(axis=1)]
+    faces = [(2, 5, face) for face in root.tolist()]
+    cells = [(4, 1 + (k >= 100), cell) for k, cell in enumerate(bar.cells.tolist())]
+    (tmp_path / "old.msh").write_text(first_gmsh(bar.points, [*faces, *cells, (15, 9, [80])]))
+    found = vs.read(tmp_path / "old.msh", units="cm")
+    np.testing.assert_allclose(found.points, 0.01 * bar.points)
+    assert np.array_equal(found.cells, bar.cells)
+    assert np.array_equal(found.nodes("physical:2:5"), bar.sets["root"])
+    assert found.nodes("physical:0:9").tolist() == [80]
+    assert found.cell_sets["physical:3:2"].tolist() == list(range(100, len(bar.cells)))
+
+
+def test_ten_node_cells_of_gmsh_1_have_its_order_of_nodes(tmp_path: Path) -> None:
+    """The last two midpoints are swapped: of the edges 2-3 and 1-3 in the manual, 1-3 and 2-3 elsewhere."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    edges = [(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)]
+    points = np.vstack([corners, [corners[list(edge)].mean(axis=0) for edge in edges]])
+    (tmp_path / "old.msh").write_text(first_gmsh(points, [(11, 1, list(range(10)))]))
+    assert np.array_equal(vs.read(tmp_path / "old.msh").points, corners)
+
+
+def test_bad_gmsh_files_of_the_first_version(bar: vs.Mesh, tmp_path: Path) -> None:
+    good = first_gmsh(bar.points, [(4, 1, cell) for cell in bar.cells.tolist()])
+    cases = {
+        good[: good.index("\n100 4 1 1 4")]: "cut short",
+        good.replace("$ENDELM", ""): "its end stands where $ENDELM is due",
+        good.replace("$ENDNOD", "12 0 0 0"): "12 stands where $ENDNOD is due",
+        good.replace("\n10 ", "\n7 ", 1): "two nodes of number 7",
+        good.replace("\n1 4 1 1 4 ", "\n1 4 1 1 3 "): "element 1 is of type 4 with 3 nodes",
+        good.replace("\n1 4 1 1 4 7 ", "\n1 4 1 1 4 8 "): "element 1 names node 8, which is not there",
+    }
+    for text, sentence in cases.items():
+        (tmp_path / "bad.msh").write_text(text)
+        with pytest.raises(VisceraError, match=re.escape(sentence)):
+            vs.read(tmp_path / "bad.msh")
 
 
 def test_integer_point_arrays_are_sets(bar: vs.Mesh, tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -98,12 +97,6 @@ def test_a_density_in_other_units_is_shown(organ: vs.Organ, caplog: pytest.LogCa
     assert [record.message for record in caplog.records] == [
         "a density of 1.06 kg/m^3 is 0.00106 g/cm^3, lighter than any tissue; soft tissue has about 1000 kg/m^3"
     ]
-
-
-def test_gmsh_of_the_first_version_is_named(tmp_path: Path) -> None:
-    (tmp_path / "old.msh").write_text("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n")
-    with pytest.raises(vs.VisceraError, match=r"version 1 .* is not read; .* gmsh old.msh -save -format msh41"):
-        vs.read(tmp_path / "old.msh")
 
 
 class Preset(vs.NeoHookean):
