@@ -12,6 +12,7 @@ mod clusters;
 mod convex;
 mod cut;
 mod kernels;
+mod outliers;
 mod partition;
 mod product;
 mod responses;
@@ -23,6 +24,7 @@ mod tests;
 pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
 pub use cut::{Cut, Seams};
 pub use kernels::UPRIGHT;
+pub use outliers::Outlier;
 pub use product::TangentProduct;
 pub use responses::Response;
 pub use tangent::Curvature;
@@ -243,6 +245,15 @@ impl Body {
         jacobians.iter().enumerate().fold((f64::INFINITY, 0), |best, (k, &j)| {
             if j < best.0 { (j, k / points) } else { best }
         })
+    }
+
+    /// The quadrature points whose `J` is not inside of an open range, cell by cell; none for laws that do not forbid
+    /// inversion.
+    pub fn outliers(&self, u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
+        if !self.material.forbids_inversion() {
+            return Vec::new();
+        }
+        on_cells!(self, cells => cells.outliers(&self.geometry, u, range))
     }
 
     /// Nodal forces of a body force `density * gravity` [N], the work of a constant force per

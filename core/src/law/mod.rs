@@ -252,6 +252,11 @@ impl Material {
         self.visit(Moduli(parameters))
     }
 
+    /// Whether no cell may be turned inside out.
+    pub fn forbids_inversion(&self) -> bool {
+        self.visit(ForbidsInversion)
+    }
+
     /// The law of some of the cells, in this order.
     pub fn of_cells(&self, cells: &[usize]) -> Self {
         if self.parameters.len() == 1 {
@@ -278,6 +283,15 @@ impl LawVisitor for Moduli<'_> {
         // dP_01/dF_01 and its like; they differ where a law has a direction.
         let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
         [shear, law.pressure_and_modulus(&1.0)[1]]
+    }
+}
+
+struct ForbidsInversion;
+
+impl LawVisitor for ForbidsInversion {
+    type Output = bool;
+    fn visit<L: Law>(self, _: fn(&[f64]) -> L) -> bool {
+        L::FORBIDS_INVERSION
     }
 }
 

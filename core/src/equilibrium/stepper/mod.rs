@@ -7,6 +7,7 @@
 
 mod balance;
 mod frame;
+mod guard;
 mod mass;
 mod motion;
 mod pressed;
@@ -30,6 +31,7 @@ use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
 use frame::check_vector;
+use guard::Guard;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
@@ -60,9 +62,8 @@ pub struct Stepper {
     force_scale: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
-    /// Volume ratios that cells may have.
-    range: [f64; 2],
-    cells_at_bound: usize,
+    /// Keeps the volume ratios of cells within bounds.
+    guard: Guard,
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
     pace: f64,
     hands_move: bool,
@@ -119,7 +120,7 @@ impl Stepper {
         }
         let is_sound =
             body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
-        let range = if is_sound { SOUND } else { UPRIGHT };
+        let guard = Guard::new(if is_sound { SOUND } else { UPRIGHT }, body, &displacement);
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()
         } else {
@@ -156,8 +157,7 @@ impl Stepper {
             pressure: Pressure::default(),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
-            range,
-            cells_at_bound: 0,
+            guard,
             pace: 1.0,
             hands_move: false,
             tail: Duration::ZERO,
@@ -267,6 +267,7 @@ impl Stepper {
             Ok(progress) => progress,
             Err(error) => {
                 self.displacement.copy_from_slice(&self.start);
+                self.guard.begin(body, &self.displacement);
                 return Err(error);
             }
         };
@@ -275,9 +276,9 @@ impl Stepper {
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual: progress.residual,
-            is_settled: progress.is_settled(self.settings.settled) && self.cells_at_bound == 0,
+            is_settled: progress.is_settled(self.settings.settled) && self.guard.is_idle(),
             steps: progress.steps,
-            cells_at_bound: self.cells_at_bound,
+            cells_at_bound: self.guard.n_cells(),
             taken: progress.taken,
             is_unstable: progress.is_unstable,
             iterations: progress.iterations,

@@ -1,5 +1,6 @@
 //! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell,
-//! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body.
+//! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body. Cells that come
+//! close to a bound all the same are held by a barrier, see [`Guard`](super::guard::Guard).
 
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
@@ -10,16 +11,12 @@ use crate::error::Error;
 use crate::linear::FactorError;
 
 /// Halvings of a step before a frame stands still.
-const MAX_CUTS: i32 = 10;
+const MAX_CUTS: i32 = 14;
 
 /// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
 /// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
 /// its volume either: a step that says so has been yanked too far for its tangent.
 pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
-
-/// A volume ratio below so many times the lower bound, or above this part of the upper, is next to it.
-const NEXT_TO_LOW: f64 = 2.0;
-const NEXT_TO_HIGH: f64 = 0.8;
 
 /// Slowest pace of hands whose way is cut again and again.
 const SLOWEST_PACE: f64 = 1e-3;
@@ -129,6 +126,10 @@ impl Stepper {
             relaxation.apply(&self.displacement, &mut self.internal);
             relaxation.soften(&mut self.tangent);
         }
+        if !self.guard.is_idle() {
+            self.guard.add_force(body, &mut self.internal);
+            self.guard.add_stiffness(body, self.tangent.blocks_mut());
+        }
         self.press(body);
         self.stiffen(body);
         if is_first {
@@ -201,7 +202,7 @@ impl Stepper {
         gap
     }
 
-    /// Takes as much of the step as leaves all cells sound and takes no free node farther than the body is long
+    /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
     /// at once; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
         let longest = self.way.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
@@ -214,39 +215,35 @@ impl Stepper {
             let energy = self.force_within_bounds(body);
             if energy.is_finite() {
                 std::mem::swap(&mut self.displacement, &mut self.trial);
-                self.remember();
+                self.complete(body);
                 return (taken, energy);
             }
         }
         let energy = body.internal_force(&self.displacement, &mut self.internal);
-        self.remember();
+        self.complete(body);
         (0.0, energy)
     }
 
-    /// Strain energy and internal force on trial, infinite where a cell is out of bounds; and how many are next to one.
+    /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one.
     fn force_within_bounds(&mut self, body: &Body) -> f64 {
-        let [low, high] = self.range;
-        let inner = [NEXT_TO_LOW * low, NEXT_TO_HIGH * high];
-        let energy = body.internal_force_within(&self.trial, inner, &mut self.internal);
-        self.cells_at_bound = 0;
+        let (u, force) = (&self.trial, &mut self.internal);
+        let energy = body.internal_force_within(u, self.guard.inner(), force);
         if energy.is_finite() {
+            self.guard.forget();
             return energy;
         }
-        let energy = body.internal_force_within(&self.trial, self.range, &mut self.internal);
-        if energy.is_finite() {
-            let ratios = body.volume_ratios(&self.trial);
-            let points = ratios.len() / body.cells().len();
-            let is_inside = |j: &f64| *j > inner[0] && *j < inner[1];
-            let cells = ratios.chunks(points);
-            self.cells_at_bound = cells.filter(|cell| !cell.iter().all(is_inside)).count();
+        let energy = body.internal_force_within(u, self.guard.range(), force);
+        if energy.is_finite() && !self.guard.follow(body, u) {
+            return f64::INFINITY;
         }
         energy
     }
 
-    /// From the law's internal force to that of tissue that remembers.
-    fn remember(&mut self) {
+    /// From the law's internal force to that of tissue that remembers, and of cells next to a bound.
+    fn complete(&mut self, body: &Body) {
         if let Some(relaxation) = &self.relaxation {
             relaxation.apply(&self.displacement, &mut self.internal);
         }
+        self.guard.add_force(body, &mut self.internal);
     }
 }

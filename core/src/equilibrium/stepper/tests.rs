@@ -3,6 +3,7 @@
 
 mod inertia;
 mod memory;
+mod overload;
 
 use super::*;
 use crate::equilibrium::{ConjugateGradients, Method, Newton, Preconditioner};

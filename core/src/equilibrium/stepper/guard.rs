@@ -1,0 +1,135 @@
+//! What keeps the volume ratios of cells within bounds that a law does not know: a barrier next to each of them.
+//!
+//! With the distance `d` of `J` from a bound, 1 where the barrier begins and 0 at the bound, its energy per volume at rest
+//! is `kappa b(d)`, `b(d) = -(1 - d)^2 ln d`: smooth to the second derivative where it begins, without limit at the bound.
+//! A cell that a load presses against a bound comes to rest before it, may go back or along, and the others go on.
+//! Li et al., Incremental Potential Contact, SIGGRAPH 2020, with volume ratios in the place of distances.
+//!
+//! `J` is cubic in the displacement. Close to the bound its linear part, which is all that a Newton step knows, is true
+//! for a short way only, and a body with many cells there would stand still, under whatever load or none. So a step must
+//! leave each cell most of its distance: what it takes in many steps the barrier has time to give back.
+
+use crate::body::{Body, Outlier, SymmetricBlocks};
+
+/// A volume ratio below so many times the lower bound, or above this part of the upper, is next to it.
+const NEXT_TO_LOW: f64 = 2.0;
+const NEXT_TO_HIGH: f64 = 0.8;
+
+/// Distance that a step may always leave.
+const FAR: f64 = 0.5;
+/// Part of its distance that a step must leave a cell which has less.
+const KEPT: f64 = 0.9;
+
+/// The barrier, with the quadrature points that are next to a bound.
+pub(super) struct Guard {
+    range: [f64; 2],
+    points: Vec<Outlier>,
+}
+
+impl Guard {
+    /// Bounds of the volume ratio, and where the body begins.
+    pub fn new(range: [f64; 2], body: &Body, u: &[f64]) -> Self {
+        let mut guard = Guard { range, points: Vec::new() };
+        guard.begin(body, u);
+        guard
+    }
+
+    /// Begins anew at a displacement.
+    pub fn begin(&mut self, body: &Body, u: &[f64]) {
+        self.points = body.outliers(u, self.inner());
+    }
+
+    /// The bounds.
+    pub fn range(&self) -> [f64; 2] {
+        self.range
+    }
+
+    /// Volume ratios that are not next to a bound.
+    pub fn inner(&self) -> [f64; 2] {
+        [NEXT_TO_LOW * self.range[0], NEXT_TO_HIGH * self.range[1]]
+    }
+
+    /// Goes with a step to a displacement within the bounds, unless it leaves a cell too little of its distance; whether
+    /// it went.
+    pub fn follow(&mut self, body: &Body, u: &[f64]) -> bool {
+        let now = body.outliers(u, self.inner());
+        let mut before = self.points.iter().peekable();
+        let leaves_enough = now.iter().all(|now| {
+            while before.next_if(|old| old.point < now.point).is_some() {}
+            let old = before.next_if(|old| old.point == now.point);
+            let from = old.map_or(1.0, |old| self.distance(old.volume_ratio)[0]);
+            self.distance(now.volume_ratio)[0] >= FAR.min(KEPT * from)
+        });
+        if leaves_enough {
+            self.points = now;
+        }
+        leaves_enough
+    }
+
+    /// No point is next to a bound any more.
+    pub fn forget(&mut self) {
+        self.points.clear();
+    }
+
+    /// Whether no point is next to a bound.
+    pub fn is_idle(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// Number of cells next to a bound.
+    pub fn n_cells(&self) -> usize {
+        self.points.chunk_by(|a, b| a.cell == b.cell).count()
+    }
+
+    /// Adds the force of the barrier, the derivative of its energy [N].
+    pub fn add_force(&self, body: &Body, force: &mut [f64]) {
+        for point in &self.points {
+            let [_, pull, _] = self.energy(body, point);
+            for (node, slope) in &point.slopes {
+                (0..3).for_each(|i| force[3 * *node as usize + i] += pull * slope[i]);
+            }
+        }
+    }
+
+    /// Adds its stiffness [N/m] less what it has from the curvature of `J`, which is not definite.
+    pub fn add_stiffness(&self, body: &Body, blocks: &mut SymmetricBlocks) {
+        for point in &self.points {
+            let [_, _, stiffness] = self.energy(body, point);
+            for (row, a) in &point.slopes {
+                for (column, b) in point.slopes.iter().filter(|(column, _)| column >= row) {
+                    let block = std::array::from_fn(|k| stiffness * a[k / 3] * b[k % 3]);
+                    let position = body.pattern().position(*row, *column);
+                    position.into_iter().for_each(|position| blocks.add(position, &block));
+                }
+            }
+        }
+    }
+
+    /// Energy of the barrier at a point [J], and its first and second derivative in `J`. The scale `kappa` is the modulus
+    /// of uniaxial strain times the range of `J` that the barrier takes.
+    pub fn energy(&self, body: &Body, point: &Outlier) -> [f64; 3] {
+        let material = body.material();
+        let [shear, bulk] = material.moduli(material.of_cell(point.cell));
+        let [d, slope] = self.distance(point.volume_ratio);
+        let scale = (bulk + 4.0 / 3.0 * shear) / slope.abs() * point.volume;
+        let [energy, first, second] = barrier(d);
+        [scale * energy, scale * slope * first, scale * slope * slope * second]
+    }
+
+    /// Distance from the bound next to it, and its derivative in `J`.
+    fn distance(&self, volume_ratio: f64) -> [f64; 2] {
+        let ([low, high], [from, to]) = (self.range, self.inner());
+        if volume_ratio < from {
+            [(volume_ratio - low) / (from - low), 1.0 / (from - low)]
+        } else {
+            [(high - volume_ratio) / (high - to), -1.0 / (high - to)]
+        }
+    }
+}
+
+/// `b(d)` and its first two derivatives.
+fn barrier(d: f64) -> [f64; 3] {
+    let (gap, log) = (1.0 - d, d.ln());
+    let steep = gap / d;
+    [-gap * gap * log, 2.0 * gap * log - gap * steep, -2.0 * log + 4.0 * steep + steep * steep]
+}

@@ -1,0 +1,173 @@
+//! Loads that no law bears: cells come to the bounds of their volume, and the body comes back when the loads are gone.
+
+use super::super::guard::Guard;
+use super::*;
+use crate::equilibrium::tangent::Tangent;
+
+/// Of the bar that is pulled [m].
+const SIZE: [f64; 3] = [0.4, 0.2, 0.2];
+/// Seven times Young's modulus times the cross-section [N].
+const LOAD: f64 = 3000.0;
+
+fn lame(young: f64, poisson: f64) -> Vec<f64> {
+    let shear = young / (2.0 * (1.0 + poisson));
+    vec![shear, 2.0 * shear * poisson / (1.0 - 2.0 * poisson)]
+}
+
+/// Pulls the end of a bar for 60 frames, with a force that no law bears, and lets it go for 240: the longest
+/// displacement under the load, the last one, the most cells that were at a bound, and the last frame.
+fn overloaded(
+    law: (&str, &[f64]),
+    direction: [f64; 3],
+    settings: StepperSettings,
+) -> (f64, f64, usize, Frame) {
+    let body = body(law.0, law.1, [4, 2, 2], SIZE);
+    let mut stepper = Stepper::new(&body, &root(&body), None, settings).unwrap();
+    let end = nodes(&body, |x| x[0] == SIZE[0]);
+    let mut force = vec![0.0; body.n_dofs()];
+    for &node in &end {
+        (0..3).for_each(|i| force[3 * node as usize + i] = LOAD * direction[i] / end.len() as f64);
+    }
+    let largest = |u: &[f64]| u.iter().fold(0.0f64, |largest, u| largest.max(u.abs()));
+    let (mut farthest, mut at_bound, mut last) = (0.0f64, 0, None);
+    for k in 0..300 {
+        let force: &[f64] = if k < 60 { &force } else { &[] };
+        let frame = stepper.frame(&body, &Input { force, ..STILL }).unwrap();
+        assert!(body.smallest_jacobian(stepper.displacement()).0 > 0.05, "frame {k}: {frame:?}");
+        if k < 60 {
+            farthest = farthest.max(largest(stepper.displacement()));
+        }
+        at_bound = at_bound.max(frame.cells_at_bound);
+        last = Some(frame);
+    }
+    (farthest, largest(stepper.displacement()), at_bound, last.unwrap())
+}
+
+/// The laws of the bar, none of which bears the load.
+fn laws() -> [(&'static str, Vec<f64>); 3] {
+    let lame = lame(1e4, 0.45);
+    [
+        ("saint_venant_kirchhoff", lame.clone()),
+        ("corotated", lame),
+        ("mooney_rivlin ln J", vec![1e3, 7e2, 3e4]),
+    ]
+}
+
+/// Statics, backward Euler and Newmark.
+fn schemes() -> [StepperSettings; 3] {
+    let moving = |integration| {
+        let mut settings = dynamic(integration, Mass::Lumped, 0.02);
+        settings.dynamics.as_mut().unwrap().damping = [0.1, 0.1];
+        settings
+    };
+    [StepperSettings::default(), moving(Integration::BackwardEuler), moving(TRAPEZOID)]
+}
+
+fn comes_back(law: &str, parameters: &[f64], direction: [f64; 3], settings: &StepperSettings) {
+    let (farthest, rest, at_bound, last) =
+        overloaded((law, parameters), direction, settings.clone());
+    let case = format!("{law} {direction:?} {settings:?}: {rest} of {farthest} m, {last:?}");
+    assert!(at_bound > 0 && farthest > 0.2, "no overload: {case}");
+    assert!(rest < 0.01 * farthest && last.cells_at_bound == 0 && last.taken == 1.0, "{case}");
+}
+
+#[test]
+fn a_body_comes_back_from_an_overload() {
+    for (law, parameters) in laws() {
+        for settings in schemes() {
+            for direction in [[1.0, 0.0, 0.0], [-1.0, 0.1, 0.0], [0.0, 0.0, -1.0]] {
+                comes_back(law, &parameters, direction, &settings);
+            }
+        }
+    }
+}
+
+#[test]
+fn so_it_does_by_conjugate_gradients_and_in_three_iterations_a_frame() {
+    let method = Method::ConjugateGradients(ConjugateGradients::default());
+    for (law, parameters) in laws() {
+        for settings in schemes() {
+            let by_cg = StepperSettings { method, ..settings.clone() };
+            let thrice = StepperSettings { iterations: 3, ..settings };
+            for settings in [by_cg, thrice] {
+                comes_back(law, &parameters, [0.0, 0.0, -1.0], &settings);
+            }
+        }
+    }
+}
+
+/// A bar whose noise takes cells next to both bounds, with their points.
+fn strained(element: Element) -> (Body, Vec<f64>) {
+    let (points, cells) = block([2, 1, 1], [0.2, 0.1, 0.1]);
+    let material = Material::new("saint_venant_kirchhoff", vec![lame(1e4, 0.3)]).unwrap();
+    let body = Body::with_element(element, points, cells, material).unwrap();
+    let u = noise(body.n_dofs(), 11);
+    (body, u.iter().map(|u| 0.02 * u).collect())
+}
+
+/// `dJ/du` against differences, in every element.
+#[test]
+fn slopes_of_the_volume_ratio_are_its_derivative() {
+    for element in Element::ALL {
+        let (body, u) = strained(element);
+        let nothing = [1.0, 1.0];
+        let points = body.outliers(&u, nothing);
+        assert_eq!(points.len(), body.volume_ratios(&u).len());
+        let way = noise(u.len(), 12);
+        let moved = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let [ahead, behind] = [1e-6, -1e-6].map(|h| body.volume_ratios(&moved(h)));
+        for (point, exact) in points.iter().zip(body.volume_ratios(&u)) {
+            assert!((point.volume_ratio - exact).abs() < 1e-14);
+            let along = |(node, slope): &(u32, [f64; 3])| -> f64 {
+                (0..3).map(|i| slope[i] * way[3 * *node as usize + i]).sum()
+            };
+            let slope: f64 = point.slopes.iter().map(along).sum();
+            let difference = (ahead[point.point] - behind[point.point]) / 2e-6;
+            assert!((slope - difference).abs() < 1e-6 * slope.abs().max(1.0), "{element:?}");
+        }
+    }
+}
+
+/// Force and stiffness of the barrier against differences of its energy; what the stiffness leaves out is that of `J`.
+#[test]
+fn the_barrier_pushes_with_the_derivative_of_its_energy() {
+    for element in Element::ALL {
+        let (body, u) = strained(element);
+        let (way, h) = (noise(u.len(), 13), 1e-5);
+        // Bounds between which every point is next to the one or the other.
+        let ratios = body.volume_ratios(&u);
+        let [least, most] =
+            ratios.iter().fold([f64::INFINITY, 0.0f64], |[a, b], &j| [a.min(j), b.max(j)]);
+        let guard = |u: &[f64]| Guard::new([0.6 * least, 1.2 * most], &body, u);
+        let moved = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let energy = |h: f64| -> f64 {
+            let u = moved(h);
+            let guard = guard(&u);
+            body.outliers(&u, guard.inner()).iter().map(|point| guard.energy(&body, point)[0]).sum()
+        };
+        let here = guard(&u);
+        assert!(!here.is_idle(), "{element:?}");
+        let dot = |a: &[f64]| a.iter().zip(&way).map(|(a, w)| a * w).sum::<f64>();
+        let mut force = vec![0.0; u.len()];
+        here.add_force(&body, &mut force);
+        let slope = (energy(h) - energy(-h)) / (2.0 * h);
+        assert!((dot(&force) - slope).abs() < 1e-6 * slope.abs(), "{element:?} {slope}");
+
+        let mut tangent = Tangent::matrix(&body);
+        here.add_stiffness(&body, tangent.blocks_mut());
+        let mut product = vec![0.0; u.len()];
+        tangent.multiply(&way, &mut product);
+        let ratios = [h, 0.0, -h].map(|h| body.volume_ratios(&moved(h)));
+        let curved = |point: &crate::body::Outlier| {
+            let [ahead, now, behind] = [0, 1, 2].map(|k| ratios[k][point.point]);
+            here.energy(&body, point)[1] * (ahead - 2.0 * now + behind) / (h * h)
+        };
+        let left_out: f64 = body.outliers(&u, here.inner()).iter().map(curved).sum();
+        let curvature = (energy(h) - 2.0 * energy(0.0) + energy(-h)) / (h * h);
+        let found = dot(&product) + left_out;
+        assert!(
+            (found - curvature).abs() < 1e-3 * curvature.abs(),
+            "{element:?} {found} {curvature}"
+        );
+    }
+}
