@@ -259,7 +259,7 @@ def test_a_jump_is_cut_back_and_said(organ: vs.Organ) -> None:
 
 
 def overloaded(mesh: vs.Mesh, stepper: vs.Stepper, force: Any, frames: int) -> tuple[float, float, int]:
-    """Pulls the tip for some frames and lets it go for 400 at most: the largest displacement, what part of it is left in
+    """Pulls the tip for some frames, lets it go for 400 at most: the largest displacement, what part of it is left in
     the end, and the most cells that were at a bound."""
     most, largest = 0, 0.0
     for k in range(frames + 400):
