@@ -35,6 +35,8 @@ pub fn surface<'py>(
 
 /// Rows of indices.
 type Table<'py> = Bound<'py, PyArray2<u32>>;
+/// Cells by place, and the weights of their corners there.
+type Places<'py> = (Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>);
 
 #[pyfunction]
 pub fn quadratic<'py>(
@@ -100,11 +102,7 @@ impl Locator {
         Ok(Locator { locator: mesh::Locator::new(&points, &cells) })
     }
 
-    fn find<'py>(
-        &self,
-        py: Python<'py>,
-        places: PyReadonlyArray2<f64>,
-    ) -> PyResult<(Bound<'py, PyArray1<i64>>, Bound<'py, PyArray2<f64>>)> {
+    fn find<'py>(&self, py: Python<'py>, places: PyReadonlyArray2<f64>) -> PyResult<Places<'py>> {
         let places = convert::points("places", &places)?;
         let found = py.detach(|| self.locator.find_all(&places));
         let cells = found.iter().map(|at| at.map_or(-1, |at| i64::from(at.cell))).collect();

@@ -5,6 +5,7 @@
 
 mod closest;
 mod conformity;
+#[cfg(feature = "solvers")]
 mod locate;
 mod patch;
 mod quadratic;
@@ -14,6 +15,7 @@ pub(crate) mod samples;
 mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
+#[cfg(feature = "solvers")]
 pub use locate::{Located, Locator};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
