@@ -24,6 +24,7 @@ GROUPS = {
         "Fit",
     ),
     "Organs and equilibrium": ("Organ", "State", "ConjugateGradients", "compare", "Unloaded", "case", "Case"),
+    "Stress, strain and results": ("Deformed", "Moved", "Probe", "principal", "write_series"),
     "Reduced models": ("Touch", "Answer", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),

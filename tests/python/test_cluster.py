@@ -41,7 +41,9 @@ def whole(organ: vs.Organ) -> vs.Touch:
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[Executor]:
-    with ProcessPoolExecutor(2, mp_context=SPAWN) as pool:
+    """Its workers import this module by its name, so they need the folder that holds `tests`."""
+    with pytest.MonkeyPatch.context() as patch, ProcessPoolExecutor(2, mp_context=SPAWN) as pool:
+        patch.syspath_prepend(str(Path(__file__).resolve().parents[2]))
         yield pool
 
 

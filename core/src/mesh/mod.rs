@@ -42,6 +42,7 @@ pub(crate) fn norm(a: Vector) -> f64 {
 }
 
 /// Length of the diagonal of the box around points.
+#[cfg(feature = "solvers")]
 pub(crate) fn diagonal(points: &[Vector]) -> f64 {
     let extent = |i: usize| {
         let values = points.iter().map(|p| p[i]);
