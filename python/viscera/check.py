@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from viscera import _core, defaults
+from viscera.display import Tabled
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.organ import Progress
@@ -77,7 +78,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Tabled):
     """All rows, and what they say by depth."""
 
     rows: list[Row]
@@ -129,6 +130,9 @@ class Check:
             "                        |   median      worst |   median      worst |   median      worst",
         ]
         return "\n".join(head + [line for summary in self.depths for line in _lines(summary)])
+
+    def __repr__(self) -> str:
+        return f"Check({self.verdict}, {len(self.rows)} answers, {self.trusted_share:.0%} trusted)"
 
 
 PATIENCE = {"smallest_step": 1 / 4, "max_iterations": 25, "tolerance": 1e-6}

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera.atomic import replacing
+from viscera.display import Pictured, Tabled
 from viscera.errors import VisceraError, did_you_mean
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.loads import prescribed
@@ -81,7 +82,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Pictured, Tabled):
     """The models on one case, in the order of `models`."""
 
     mesh: Mesh

@@ -10,17 +10,23 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core, meshfile
+from viscera.display import Pictured
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import RawMesh
 from viscera.quantity import Number
 from viscera.select import Lengths, conditional, extent, indices, is_condition, length
 from viscera.select import point as point_of
+
+if TYPE_CHECKING:
+    import os
+
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.uint32]
@@ -35,7 +41,7 @@ PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Mesh(Pictured):
     """Straight tetrahedra, positively oriented. Made by `mesh` and `read`, which check it; arrays are read-only.
 
     A mesh is linear; `quadratic` gives it the midpoints of its edges as further points.
@@ -212,6 +218,13 @@ class Mesh:
         """
         mesh = self.linear()
         meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The mesh, its cell sets as wireframes within; a PNG where a path is given."""
+        from viscera.picture import draw_rest
+
+        parts = {name: _core.surface(self.points, self.cells[cells]) for name, cells in self.cell_sets.items()}
+        return draw_rest(self.points, self.surface, fixed=np.empty(0, dtype=np.uint32), parts=parts, path=path)
 
     def __repr__(self) -> str:
         sets = ", ".join(f"{name} ({len(nodes)})" for name, nodes in self.sets.items()) or "no node sets"

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from viscera import _core, defaults, navigation
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
 from viscera.deformed import Moved
+from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.law import Law
@@ -65,7 +66,7 @@ Progress = Callable[[int, int, str], None]
 """Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
 
 
-class Organ:
+class Organ(Pictured):
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
     mesh: `viscera.Mesh`; law: one of `viscera.laws`.

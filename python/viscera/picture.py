@@ -155,7 +155,8 @@ def draw_rest(
     seen = _visible(rest, surface, fixed)
     hidden, shown = rest[fixed[~seen]], rest[fixed[seen]]
     plot.scatter(hidden[:, 0], hidden[:, 1], s=7, color=INK, alpha=0.2, linewidths=0.0, zorder=4)
-    plot.scatter(shown[:, 0], shown[:, 1], s=9, color=INK, zorder=4, label=f"fixed ({len(fixed)} nodes)")
+    if len(fixed):
+        plot.scatter(shown[:, 0], shown[:, 1], s=9, color=INK, zorder=4, label=f"fixed ({len(fixed)} nodes)")
     for (name, inner), colour in zip(parts.items(), itertools.cycle(PARTS)):
         lines = _wireframe(rest, inner, width=0.8, alpha=0.2)
         lines.set(color=colour, alpha=0.8, zorder=5, label=name)

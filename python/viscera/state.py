@@ -10,6 +10,7 @@ import numpy as np
 
 from viscera import _core, statefile
 from viscera.deformed import Deformed
+from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
 
 
-class State(Deformed):
+class State(Deformed, Pictured):
     """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
 
     def __init__(

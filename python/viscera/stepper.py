@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.deformed import Deformed
+from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
 from viscera.grasp import Grasp
@@ -33,11 +35,13 @@ from viscera.solver import Solver, core_solver
 from viscera.support import require_held
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from viscera.organ import Organ
 
 
 @dataclass(frozen=True, repr=False)
-class Frame(Deformed):
+class Frame(Deformed, Pictured):
     """The organ after one frame, and what the frame did."""
 
     displacement: Floats
@@ -104,6 +108,13 @@ class Frame(Deformed):
     def positions(self) -> Floats:
         """Positions of the nodes (n, 3) [m]."""
         return self._organ.mesh.points + self.displacement
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The organ in this frame over its rest shape, coloured by displacement; a PNG where a path is given."""
+        from viscera.picture import draw
+
+        mesh = self._organ.mesh
+        return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
     def reaction(self, where: Where | Hand) -> Floats:
         """Force (3,) [N] with which a place is held: by a hand, of a grasped patch, or summed over nodes."""

@@ -18,6 +18,7 @@ import numpy as np
 from viscera import _core, defaults, law
 from viscera.atomic import replacing
 from viscera.deformed import Deformed
+from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.quantity import vector
@@ -88,7 +89,7 @@ class Answer(Deformed):
         return f"Answer(force={np.round(self.force, 4).tolist()} N, {trust})"
 
 
-class Touch:
+class Touch(Pictured):
     """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
 
     Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
@@ -213,6 +214,13 @@ class Touch:
         answer = self(point, displacement)
         arrow = (answer.contact_point + self._push(displacement), answer.force)
         return draw(self.mesh.points, self.mesh.surface, answer.displacement, force=arrow, title=title, path=path)
+
+    def _picture(self) -> Figure:
+        from viscera.picture import draw_rest
+
+        mesh = self.mesh
+        none = np.empty(0, dtype=np.uint32)
+        return draw_rest(mesh.points, mesh.surface, fixed=none, parts={"touchable": self.touchable_triangles})
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
         """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.

@@ -1,0 +1,41 @@
+"""What a notebook shows of an object by itself: a picture of what has a shape, a table of what has rows."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH = 560
+"""Of a picture in a notebook [pixels of the page]; it is stored with twice as many."""
+
+
+class Pictured:
+    """What has a `plot()` appears as that picture when it is the last line of a notebook's cell."""
+
+    plot: Callable[..., Figure]
+    """Draws the picture."""
+
+    def _picture(self) -> Figure:
+        """What is shown without being asked for more."""
+        return self.plot()
+
+    def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
+        figure = self._picture()
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=2 * WIDTH / figure.get_figwidth())
+        return buffer.getvalue(), {"width": WIDTH}
+
+
+class Tabled:
+    """What has a `table()` appears as that table."""
+
+    table: Callable[[], str]
+    """Aligned text."""
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.table())}</pre>"
