@@ -105,6 +105,10 @@ class Organ(Pictured):
         """As pickle and copy have it: the compiled body is made anew."""
         return _again, (self.mesh, self.law, self.fixed, self.element)
 
+    def __repr__(self) -> str:
+        size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
+        return f"Organ({size}, {type(self.law).__name__}, {self.element}, {len(self.fixed)} fixed nodes)"
+
     def with_law(self, law: Law) -> Organ:
         """The same mesh, supports and element with another law."""
         return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
