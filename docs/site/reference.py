@@ -69,4 +69,4 @@ def verbs(module: str) -> list[str]:
 
 
 def slug(group: str) -> str:
-    return group.lower().replace(" ", "-")
+    return group.lower().replace(",", "").replace(" ", "-")
