@@ -19,7 +19,7 @@ mod single;
 
 pub use dual::{Gradient, Hessian};
 pub use jet::Jet;
-pub use lanes::Lanes;
+pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub(crate) use monomials::degree_of;
 pub use monomials::{Monomials, evaluate_monomials};
 #[cfg(feature = "solvers")]
