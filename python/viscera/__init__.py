@@ -23,13 +23,18 @@ from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.fitting import Fit, MaterialTest, fit
 from viscera.law import (
+    ArrudaBoyce,
     Corotated,
+    Fung,
     HolzapfelGasserOgden,
     Linear,
     MooneyRivlin,
     NeoHookean,
     Ogden,
     SaintVenantKirchhoff,
+    StableNeoHookean,
+    StrainEnergy,
+    VerondaWestmann,
     Yeoh,
 )
 from viscera.mesh import Mesh, mesh, read
@@ -43,12 +48,14 @@ from viscera.vary import Vary
 
 __all__ = [
     "Answer",
+    "ArrudaBoyce",
     "BackwardEuler",
     "Case",
     "ConjugateGradients",
     "Corotated",
     "Fit",
     "Frame",
+    "Fung",
     "Hand",
     "HolzapfelGasserOgden",
     "Linear",
@@ -62,11 +69,14 @@ __all__ = [
     "Organ",
     "Prony",
     "SaintVenantKirchhoff",
+    "StableNeoHookean",
     "State",
     "Stepper",
+    "StrainEnergy",
     "Touch",
     "Unloaded",
     "Vary",
+    "VerondaWestmann",
     "VisceraError",
     "Yeoh",
     "__version__",

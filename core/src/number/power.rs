@@ -5,7 +5,7 @@
 //! On the axis `ln t` the trapezoidal rule of step `h` errs by `exp(-2 pi^2/h)`; beyond the nodes the resolvent is a
 //! geometric series in `x/t` or `t/x`, and the rule's sums over it are closed forms.
 
-use crate::number::Scalar;
+use super::Scalar;
 use std::f64::consts::PI;
 
 /// Step of the trapezoidal rule: its error is 1e-17.
