@@ -166,6 +166,7 @@ impl Reduction {
             tolerance: self.tolerance,
             diagonal,
             errors: Errors { compression, ..Errors::default() },
+            interpolation_shares: None,
             seconds: 0.0,
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),
@@ -176,15 +177,12 @@ impl Reduction {
             ..assemble(body, surface, fixed, &members, solved)
         };
         let mut model = ReducedModel::new(metadata, arrays)?;
-        // Measured is what is stored, of every order as the series has it.
-        let sketch = std::mem::take(&mut model.arrays.answers.sketch);
         self.measure_interpolation(&members, &mut model, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
                 self.measure_parameter(&expand(member)?, *value, &mut model, progress)?;
             }
         }
-        model.arrays.answers.sketch = sketch;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;
         }

@@ -88,10 +88,10 @@ impl ReducedModel {
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
         let sum = here.sum(monomials, d);
-        let (orders, correction) = here.force(monomials, d);
-        let force = weighted(&sum.weights, &orders);
-        let stiffness = here.stiffness(d, &orders, &sum.weights);
-        let estimates = here.error_estimates(monomials, force, &orders, correction, &sum);
+        let parts = here.force(monomials, d);
+        let force = weighted(&sum.weights, &parts.0);
+        let stiffness = here.stiffness(d, &parts.0, &sum.weights);
+        let estimates = here.error_estimates(monomials, force, &parts, &sum);
         let depth = norm(d);
         Response {
             force,
