@@ -145,7 +145,7 @@ fn frame([a, b, c, d]: [Vector; 4]) -> (Vector, [Vector; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::samples::{block, noise};
+    use crate::samples::{block, noise};
 
     #[test]
     fn places_inside_are_found_in_a_cell_that_holds_them() {
