@@ -2,9 +2,8 @@
 //!
 //! Failure to converge is no error but a status in a result (`crate::equilibrium`).
 
-#[cfg(feature = "solvers")]
-use crate::linear::FactorError;
 use std::fmt;
+use viscera_linear::FactorError;
 
 /// What can be wrong with what a user gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +20,6 @@ pub enum Error {
     /// A model file that is cut short, inconsistent or holds values it may not.
     ModelFile(String),
     /// A linear system that could not be factorised or solved.
-    #[cfg(feature = "solvers")]
     Factor(FactorError),
     /// The caller's progress callback asked to stop.
     Cancelled,
@@ -42,7 +40,6 @@ impl fmt::Display for Error {
                 write!(f, "no law is called {name:?}; there are {known}")
             }
             Error::ModelFile(sentence) => write!(f, "not a usable model file: {sentence}"),
-            #[cfg(feature = "solvers")]
             Error::Factor(error) => error.fmt(f),
             Error::Cancelled => f.write_str("stopped on request"),
         }
@@ -51,9 +48,17 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
-#[cfg(feature = "solvers")]
 impl From<FactorError> for Error {
     fn from(error: FactorError) -> Self {
         Error::Factor(error)
+    }
+}
+
+impl From<viscera_touch::Error> for Error {
+    fn from(error: viscera_touch::Error) -> Self {
+        match error {
+            viscera_touch::Error::Input(sentence) => Error::Input(sentence),
+            viscera_touch::Error::ModelFile(sentence) => Error::ModelFile(sentence),
+        }
     }
 }

@@ -7,31 +7,19 @@
 //!
 //! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
 
-#[cfg(feature = "solvers")]
 pub mod body;
-#[cfg(feature = "solvers")]
-pub mod clock;
 pub mod element;
-#[cfg(feature = "solvers")]
 pub mod equilibrium;
 pub mod error;
-#[cfg(feature = "solvers")]
 pub mod galerkin;
-#[cfg(feature = "solvers")]
 pub mod law;
-#[cfg(feature = "solvers")]
-pub mod linear;
-pub mod mesh;
-pub mod number;
-#[cfg(feature = "solvers")]
 pub mod pgd;
 pub mod reduced;
-#[cfg(feature = "solvers")]
 pub mod series;
-pub mod simd;
-pub mod tensor;
-#[cfg(feature = "solvers")]
-mod threads;
-mod unroll;
 
 pub use error::Error;
+use viscera_linear::threads;
+pub use viscera_linear::{self as linear, clock};
+pub use viscera_mesh as mesh;
+use viscera_number::unroll;
+pub use viscera_number::{self as number, simd, tensor};

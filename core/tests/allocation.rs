@@ -3,8 +3,9 @@
 mod block;
 mod counting;
 
-use block::{SIZE, block, samples};
+use block::{SIZE, block};
 use counting::allocations;
+use viscera_core::mesh::samples;
 
 #[test]
 fn the_counter_counts() {

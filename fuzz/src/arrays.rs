@@ -1,7 +1,7 @@
 //! The arrays of a model by number, and what an edit does to one.
 
 use crate::Script;
-use viscera_core::reduced::Arrays;
+use viscera_touch::Arrays;
 
 /// One array of a model.
 pub(crate) enum Field<'a> {

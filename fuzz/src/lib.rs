@@ -9,8 +9,8 @@ mod arrays;
 
 use arrays::Field;
 use std::sync::LazyLock;
-use viscera_core::reduced::{Metadata, ReducedModel, Trust};
 use viscera_live::Live;
+use viscera_touch::{Metadata, ReducedModel, Trust};
 
 /// A valid model of a small block, that edits begin with. Changed bytes of it are refused by its checksums; a file of the
 /// format before them lies beside it, so that what is behind the checksums is looked into too.

@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::status::{self, Status};
 use crate::{all_finite, put, vector};
-use viscera_core::reduced::{Contact, ReducedModel, Response, Trust};
+use viscera_touch::{Contact, ReducedModel, Response, Trust};
 
 /// `viscera_model`, opaque to C.
 pub struct Model {

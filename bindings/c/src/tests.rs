@@ -9,9 +9,11 @@ use crate::guard::*;
 use crate::load::{viscera_free, viscera_load};
 use crate::model::*;
 use crate::status;
-use block::{SIZE, block, samples};
+use block::{SIZE, block};
 use counting::allocations;
 use std::ptr;
+use viscera_core::mesh::samples;
+use viscera_core::reduced::recompressed;
 
 #[test]
 fn a_tick_allocates_nothing() {
@@ -92,7 +94,7 @@ fn a_flipped_bit_is_refused_and_a_file_without_checksums_comes_with_a_warning() 
 #[test]
 fn force_and_shape_have_a_status_of_their_own() {
     let full = block();
-    let models = [full.to_bytes(), full.compressed(0.3).unwrap().to_bytes()];
+    let models = [full.to_bytes(), recompressed(&full, 0.3).unwrap().to_bytes()];
     let [mut trusted, mut drawn] = [[0; 2]; 2];
     for (which, bytes) in models.into_iter().enumerate() {
         let model = Model::from_bytes(&bytes.unwrap()).unwrap();

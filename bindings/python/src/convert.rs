@@ -8,10 +8,10 @@ use viscera_core::equilibrium::Pressure;
 
 pyo3::import_exception!(viscera.errors, VisceraError);
 
-/// The one map from core errors to Python exceptions.
-pub fn error(error: Error) -> PyErr {
-    match error {
-        Error::Cancelled => PyKeyboardInterrupt::new_err(error.to_string()),
+/// The one map from errors of the core and of the evaluator to Python exceptions.
+pub fn error(error: impl Into<Error>) -> PyErr {
+    match error.into() {
+        error @ Error::Cancelled => PyKeyboardInterrupt::new_err(error.to_string()),
         other => VisceraError::new_err(other.to_string()),
     }
 }

@@ -90,5 +90,5 @@ impl Factor {
 }
 
 fn error(error: FactorError) -> PyErr {
-    convert::error(error.into())
+    convert::error(viscera_core::Error::from(error))
 }

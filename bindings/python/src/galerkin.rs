@@ -112,7 +112,7 @@ impl Grasp {
     ) -> PyResult<Held> {
         let d = convert::points("displacements", &displacements)?;
         let budget = budget.map(duration).transpose().map_err(convert::error)?;
-        let solve = |grasp: &mut galerkin::Grasp| {
+        let solve = |grasp: &mut galerkin::Grasp| -> Result<Held, Error> {
             let solution = grasp.solve_within(&d, from_last, with_stiffness, budget)?;
             Ok(Held { hold: Arc::clone(grasp.hold()), solution })
         };

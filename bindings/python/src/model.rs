@@ -8,7 +8,7 @@ use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use viscera_core::reduced::{Contact, ReducedModel, Trust, View};
+use viscera_core::reduced::{Contact, ReducedModel, Trust, View, recompressed};
 
 /// A loaded reduced model.
 #[pyclass(frozen, module = "viscera._core")]
@@ -99,17 +99,14 @@ impl Model {
     }
 
     fn at(&self, py: Python<'_>, value: f64, law_parameters: Vec<f64>) -> PyResult<Self> {
-        py.detach(|| {
-            let mut model = self.model.clone();
-            model.set_parameter(value)?;
-            model.set_law_parameters(law_parameters)?;
-            Ok(Model { model })
-        })
-        .map_err(convert::error)
+        let mut model = self.model.clone();
+        py.detach(|| model.set_parameter(value)).map_err(convert::error)?;
+        model.set_law_parameters(law_parameters).map_err(convert::error)?;
+        Ok(Model { model })
     }
 
     fn compressed(&self, py: Python<'_>, tolerance: f64) -> PyResult<Self> {
-        let model = py.detach(|| self.model.compressed(tolerance)).map_err(convert::error)?;
+        let model = py.detach(|| recompressed(&self.model, tolerance)).map_err(convert::error)?;
         Ok(Model { model })
     }
 

@@ -1,7 +1,7 @@
 //! A model as a page uses it: one contact at a time, surface nodes only, buffers that are reused.
 
 use serde_json::json;
-use viscera_core::reduced::{Contact, ReducedModel, Trust};
+use viscera_touch::{Contact, ReducedModel, Trust};
 
 /// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
 const ANSWER_LEN: usize = 17;

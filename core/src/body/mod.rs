@@ -104,7 +104,7 @@ impl Body {
         cells: Vec<[u32; 4]>,
         material: Material,
     ) -> Result<Self, Error> {
-        simd::check()?;
+        simd::check().map_err(Error::input)?;
         let geometry = check::mesh(&points, &cells)?;
         check::parameter_rows(&material, cells.len())?;
         Ok(Self::assemble(element, points, cells, geometry, material, Partition::new))

@@ -1,10 +1,10 @@
 //! The results of all regions, put in the order of positions and edges.
 
-use super::model::{Answers, Arrays};
 use super::solve::{Expanded, Solved};
 use crate::body::Body;
 use crate::mesh::Surface;
 use std::ops::Range;
+use viscera_touch::{Answers, Arrays};
 
 /// The arrays of a model.
 ///

@@ -4,8 +4,6 @@
 
 use super::assemble::assemble;
 use super::batch::{Batches, Nowhere};
-use super::metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
-use super::model::{Arrays, ReducedModel};
 use super::positions::Positions;
 use super::preload;
 use super::solve::{EDGE_ORDER, Expanded};
@@ -13,6 +11,8 @@ use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::{Surface, diagonal};
+use std::mem::take;
+use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, Parameter, ReducedModel};
 
 /// Settings of a reduction.
 #[derive(Clone, Debug)]
@@ -170,25 +170,34 @@ impl Reduction {
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),
         };
-        let arrays = Arrays {
+        let mut arrays = Arrays {
             preload: self.preload.clone(),
             parameter_cells: family.map_or(Vec::new(), |f| f.cells.clone()),
             ..assemble(body, surface, fixed, &members, solved)
         };
-        let mut model = ReducedModel::new(metadata, arrays)?;
         // Measured is what is stored, of every order as the series has it.
-        let sketch = std::mem::take(&mut model.arrays.answers.sketch);
-        self.measure_interpolation(&members, &mut model, progress)?;
+        let sketches = (take(&mut arrays.answers.sketch), take(&mut arrays.family.sketch));
+        let mut model = ReducedModel::new(metadata, arrays)?;
+        let mut errors = model.metadata().errors;
+        self.measure_interpolation(&members, &mut model, &mut errors, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
-                self.measure_parameter(&expand(member)?, *value, &mut model, progress)?;
+                self.measure_parameter(
+                    &expand(member)?,
+                    *value,
+                    &mut model,
+                    &mut errors,
+                    progress,
+                )?;
             }
         }
-        model.arrays.answers.sketch = sketch;
+        let (metadata, mut arrays) = model.into_parts();
+        (arrays.answers.sketch, arrays.family.sketch) = sketches;
+        let seconds = clock.elapsed().as_secs_f64();
+        let mut model = ReducedModel::new(Metadata { errors, seconds, ..metadata }, arrays)?;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;
         }
-        model.metadata.seconds = clock.elapsed().as_secs_f64();
         Ok(model)
     }
 

@@ -3,7 +3,6 @@
 
 use super::attend::attend;
 use super::build::{Progress, Reduction};
-use super::model::ReducedModel;
 use super::solve::Expanded;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -11,6 +10,7 @@ use crate::number::evaluate_monomials;
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
+use viscera_touch::{Errors, ReducedModel};
 
 /// Points between positions at which a model is measured.
 const INTERPOLATION_CHECKS: usize = 32;
@@ -23,13 +23,14 @@ impl Reduction {
         &self,
         members: &[Expanded],
         model: &mut ReducedModel,
+        worst: &mut Errors,
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(), Error> {
         let total = members[0].positions.nodes.len();
-        let n_triangles = model.triangles.len();
+        let n_triangles = model.triangles().len();
         let count = INTERPOLATION_CHECKS.min(n_triangles);
         let triangles: Vec<usize> = (0..count).map(|k| k * n_triangles / count).collect();
-        let nodes = model.metadata.parameter.as_ref().map(|p| p.nodes.clone());
+        let nodes = model.metadata().parameter.as_ref().map(|p| p.nodes.clone());
         for (j, Expanded { expansion, .. }) in members.iter().enumerate() {
             if let Some(nodes) = &nodes {
                 model.set_parameter(nodes[j])?;
@@ -44,7 +45,6 @@ impl Reduction {
             if !is_wanted() {
                 return Err(Error::Cancelled);
             }
-            let worst = &mut model.metadata.errors;
             for [half, full] in errors.into_iter().flatten() {
                 worst.interpolation_half_depth = worst.interpolation_half_depth.max(half);
                 worst.interpolation = worst.interpolation.max(full);
@@ -60,6 +60,7 @@ impl Reduction {
         unseen: &Expanded,
         value: f64,
         model: &mut ReducedModel,
+        worst: &mut Errors,
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(), Error> {
         model.set_parameter(value)?;
@@ -76,21 +77,20 @@ impl Reduction {
             Ok(series.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect::<Vec<_>>())
         })?;
         let mut workspace = vec![0.0; model.workspace_len()];
-        let mut worst: f64 = 0.0;
+        let mut largest: f64 = 0.0;
         for (&place, series) in places.iter().zip(&series) {
-            let Some(contact) = model.locate(model.positions[place]) else { continue };
+            let Some(contact) = model.locate(model.position(place)) else { continue };
             for (share, axis) in [0.1, 1.0].iter().flat_map(|s| (0..6).map(move |axis| (s, axis))) {
                 let d = along(axis, share * self.depth);
                 let (exact, force) = evaluate_series(series, model, d);
                 let mut field = vec![0.0; exact.len()];
                 model.displacement(&contact, d, &mut workspace, &mut field);
-                worst = worst.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
+                largest = largest.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
                 let answer = model.respond(&contact, d).force;
-                worst = worst.max(relative(&mut answer.into_iter(), &force));
+                largest = largest.max(relative(&mut answer.into_iter(), &force));
             }
         }
-        let errors = &mut model.metadata.errors;
-        errors.parameter = errors.parameter.max(worst);
+        worst.parameter = worst.parameter.max(largest);
         Ok(())
     }
 
@@ -141,7 +141,7 @@ fn evaluate_series(
     d: [f64; 3],
 ) -> (Vec<f64>, [f64; 3]) {
     let mut monomials = vec![0.0; model.n_terms()];
-    evaluate_monomials(&model.exponents, d, &mut monomials);
+    evaluate_monomials(model.exponents(), d, &mut monomials);
     let mut field = vec![0.0; series.displacement[0].len()];
     let mut force = [0.0; 3];
     for ((u, f), m) in series.displacement.iter().zip(&series.force).zip(&monomials) {

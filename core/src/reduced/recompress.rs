@@ -4,114 +4,113 @@
 //! then its fields' coordinates in Q, and of them the fewest principal directions are kept, as
 //! off-line (`region.rs`). Forces, stiffness and their error estimate are kept as they are.
 
-use super::model::{Answers, Arrays, ReducedModel};
 use super::region::{Amplitudes, Exact, Region, compress_again, decode};
 use crate::error::Error;
 use faer::{Col, Mat};
 use rayon::prelude::*;
+use viscera_touch::{Answers, Arrays, Metadata, ReducedModel};
 
-impl ReducedModel {
-    /// The model with the fewest modes whose fields differ from the present ones by less than
-    /// `tolerance` at full depth, relative to them, at the worst position, root mean square over
-    /// directions; what is lost is added to the stored compression errors.
-    ///
-    /// # Errors
-    /// A tolerance that is not between 0 and 1; a decomposition that does not converge.
-    pub fn compressed(&self, tolerance: f64) -> Result<ReducedModel, Error> {
-        if !(tolerance > 0.0 && tolerance < 1.0) {
-            return Err(Error::input(format!(
-                "tolerance = {tolerance}; it must be above 0 and below 1"
-            )));
-        }
-        let regions = (0..self.arrays.region_start.len() as u32 - 1)
-            .into_par_iter()
-            .map(|region| Stored::new(self, region).compressed(tolerance))
-            .collect::<Result<Vec<_>, _>>()?;
-        let mut model = self.with_modes(regions, tolerance as f32)?;
-        let compression = model.worst_compression();
-        model.metadata.tolerance = (model.metadata.tolerance + tolerance).min(1.0);
-        model.metadata.errors.compression = compression;
-        if let Some(parameter) = &model.metadata.parameter {
-            model.set_parameter(parameter.value)?;
-        }
-        Ok(model)
+/// The model with the fewest modes whose fields differ from the present ones by less than
+/// `tolerance` at full depth, relative to them, at the worst position, root mean square over
+/// directions; what is lost is added to the stored compression errors.
+///
+/// # Errors
+/// A tolerance that is not between 0 and 1; a decomposition that does not converge.
+pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel, Error> {
+    if !(tolerance > 0.0 && tolerance < 1.0) {
+        return Err(Error::input(format!(
+            "tolerance = {tolerance}; it must be above 0 and below 1"
+        )));
     }
+    let regions = (0..model.arrays().region_start.len() as u32 - 1)
+        .into_par_iter()
+        .map(|region| Stored::new(model, region).compressed(tolerance))
+        .collect::<Result<Vec<_>, _>>()?;
+    let arrays = with_modes(model, &regions, tolerance as f32);
+    let mut metadata = model.metadata().clone();
+    metadata.tolerance = (metadata.tolerance + tolerance).min(1.0);
+    metadata.errors.compression = worst_compression(answers(&metadata, &arrays).0);
+    let parameter = metadata.parameter.as_ref().map(|parameter| parameter.value);
+    let mut model = ReducedModel::new(metadata, arrays)?;
+    if let Some(value) = parameter {
+        model.set_parameter(value)?;
+    }
+    Ok(model)
+}
 
-    /// Answers at each node of a parameter, or those there are; how many.
-    fn answers(&self) -> (&Answers, usize) {
-        match &self.metadata.parameter {
-            Some(parameter) => (&self.arrays.family, parameter.nodes.len()),
-            None => (&self.arrays.answers, 1),
-        }
+/// Answers at each node of a parameter, or those there are; how many.
+fn answers<'a>(metadata: &Metadata, arrays: &'a Arrays) -> (&'a Answers, usize) {
+    match &metadata.parameter {
+        Some(parameter) => (&arrays.family, parameter.nodes.len()),
+        None => (&arrays.answers, 1),
     }
+}
 
-    /// The model with other modes, and the amplitudes that belong to them.
-    fn with_modes(&self, regions: Vec<Region>, tolerance: f32) -> Result<ReducedModel, Error> {
-        let a = &self.arrays;
-        let mut arrays = Arrays {
-            region_start: vec![0],
-            mode_scale: Vec::new(),
-            surface_modes: Vec::new(),
-            interior_modes: Vec::new(),
-            ..a.clone()
-        };
-        for region in &regions {
-            arrays.mode_scale.extend(&region.scales);
-            arrays.region_start.push(arrays.mode_scale.len() as u32);
-            for mode in region.modes.chunks_exact(a.points.len()) {
-                let (surface, interior) = mode.split_at(3 * a.surface_nodes.len());
-                arrays.surface_modes.extend(surface);
-                arrays.interior_modes.extend(interior);
-            }
+/// The arrays with other modes, and the amplitudes that belong to them.
+fn with_modes(model: &ReducedModel, regions: &[Region], tolerance: f32) -> Arrays {
+    let a = model.arrays();
+    let mut arrays = Arrays {
+        region_start: vec![0],
+        mode_scale: Vec::new(),
+        surface_modes: Vec::new(),
+        interior_modes: Vec::new(),
+        ..a.clone()
+    };
+    for region in regions {
+        arrays.mode_scale.extend(&region.scales);
+        arrays.region_start.push(arrays.mode_scale.len() as u32);
+        for mode in region.modes.chunks_exact(a.points.len()) {
+            let (surface, interior) = mode.split_at(3 * a.surface_nodes.len());
+            arrays.surface_modes.extend(surface);
+            arrays.interior_modes.extend(interior);
         }
-        let (_, members) = self.answers();
-        arrays.answers = self.with_amplitudes(&a.answers, &regions, 1, tolerance);
-        if self.metadata.parameter.is_some() {
-            arrays.family = self.with_amplitudes(&a.family, &regions, members, tolerance);
-        }
-        ReducedModel::new(self.metadata.clone(), arrays)
     }
+    arrays.answers = with_amplitudes(a, &a.answers, regions, 1, tolerance);
+    if let (_, members @ 2..) = answers(model.metadata(), a) {
+        arrays.family = with_amplitudes(a, &a.family, regions, members, tolerance);
+    }
+    arrays
+}
 
-    /// The answers of some members, with new amplitudes and what these lose in addition.
-    fn with_amplitudes(
-        &self,
-        answers: &Answers,
-        regions: &[Region],
-        members: usize,
-        tolerance: f32,
-    ) -> Answers {
-        let mut all = Answers {
-            position_coefficients: Vec::new(),
-            edge_coefficients: Vec::new(),
-            ..answers.clone()
-        };
-        all.linear_compression.resize(all.compression.len(), 0.0);
-        for j in 0..members {
-            let mut next = vec![0; regions.len()];
-            for (p, &region) in self.arrays.position_region.iter().enumerate() {
-                let Amplitudes { positions, errors, linear_errors, .. } =
-                    &regions[region as usize].members[j];
-                let (k, place) = (next[region as usize], j * self.n_positions() + p);
-                all.position_coefficients.extend(&positions[k]);
-                // Edges may lose the tolerance where their ends lose less.
-                all.compression[place] += errors[k].max(tolerance);
-                all.linear_compression[place] += linear_errors[k];
-                next[region as usize] += 1;
-            }
-            next.fill(0);
-            for &region in &self.arrays.edge_region {
-                let edges = &regions[region as usize].members[j].edges;
-                all.edge_coefficients.extend(&edges[next[region as usize]]);
-                next[region as usize] += 1;
-            }
+/// The answers of some members, with new amplitudes and what these lose in addition.
+fn with_amplitudes(
+    a: &Arrays,
+    answers: &Answers,
+    regions: &[Region],
+    members: usize,
+    tolerance: f32,
+) -> Answers {
+    let mut all = Answers {
+        position_coefficients: Vec::new(),
+        edge_coefficients: Vec::new(),
+        ..answers.clone()
+    };
+    all.linear_compression.resize(all.compression.len(), 0.0);
+    for j in 0..members {
+        let mut next = vec![0; regions.len()];
+        for (p, &region) in a.position_region.iter().enumerate() {
+            let Amplitudes { positions, errors, linear_errors, .. } =
+                &regions[region as usize].members[j];
+            let (k, place) = (next[region as usize], j * a.positions.len() + p);
+            all.position_coefficients.extend(&positions[k]);
+            // Edges may lose the tolerance where their ends lose less.
+            all.compression[place] += errors[k].max(tolerance);
+            all.linear_compression[place] += linear_errors[k];
+            next[region as usize] += 1;
         }
-        all
+        next.fill(0);
+        for &region in &a.edge_region {
+            let edges = &regions[region as usize].members[j].edges;
+            all.edge_coefficients.extend(&edges[next[region as usize]]);
+            next[region as usize] += 1;
+        }
     }
+    all
+}
 
-    fn worst_compression(&self) -> f64 {
-        let largest = |worst: f64, &error: &f32| worst.max(f64::from(error));
-        self.answers().0.compression.iter().fold(0.0, largest)
-    }
+fn worst_compression(answers: &Answers) -> f64 {
+    let largest = |worst: f64, &error: &f32| worst.max(f64::from(error));
+    answers.compression.iter().fold(0.0, largest)
 }
 
 /// A region as it is stored.
@@ -124,7 +123,7 @@ struct Stored<'a> {
 
 impl<'a> Stored<'a> {
     fn new(model: &'a ReducedModel, region: u32) -> Self {
-        let a = &model.arrays;
+        let a = model.arrays();
         let range = model.region_modes(region);
         let scales = &a.mode_scale[range.clone()];
         let part = |modes: &[i16], rows: usize| {
@@ -146,8 +145,8 @@ impl<'a> Stored<'a> {
         }
         let orthonormal = self.modes.qr();
         let (basis, lengths) = (orthonormal.compute_thin_Q(), orthonormal.thin_R().to_owned());
-        let (answers, members) = model.answers();
-        let a = &model.arrays;
+        let (answers, members) = answers(model.metadata(), model.arrays());
+        let a = model.arrays();
         let fields: Vec<[Vec<Vec<Vec<f64>>>; 2]> = (0..members)
             .map(|j| {
                 let of = |regions: &[u32], offsets: &[usize], coefficients: &[f32]| {
@@ -157,15 +156,19 @@ impl<'a> Stored<'a> {
                     rows.map(|rows| coordinates(&lengths, &coefficients[rows])).collect()
                 };
                 [
-                    of(&a.position_region, &model.position_offset, &answers.position_coefficients),
-                    of(&a.edge_region, &model.edge_offset, &answers.edge_coefficients),
+                    of(
+                        &a.position_region,
+                        model.position_offsets(),
+                        &answers.position_coefficients,
+                    ),
+                    of(&a.edge_region, model.edge_offsets(), &answers.edge_coefficients),
                 ]
             })
             .collect();
         let exact = fields.iter().map(|[positions, edges]| Exact {
-            exponents: &model.exponents,
-            edge_terms: model.edge_terms,
-            depth: model.metadata.depth,
+            exponents: model.exponents(),
+            edge_terms: model.edge_terms(),
+            depth: model.metadata().depth,
             positions: positions.iter().map(|fields| &fields[..]).collect(),
             edges: edges.iter().map(|fields| &fields[..]).collect(),
         });

@@ -5,7 +5,6 @@ use super::batch::Batches;
 use super::build::{Progress, Reduction};
 use super::positions::Positions;
 use super::region::{Exact, FIRST_ORDER, Region, compress};
-use super::resummation::SKETCH;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -15,6 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
+use viscera_touch::SKETCH;
 
 /// Orders up to this one are also solved at edge midpoints.
 pub(super) const EDGE_ORDER: usize = 3;

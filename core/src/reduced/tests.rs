@@ -7,7 +7,6 @@ mod preload;
 mod recompress;
 mod work;
 
-use super::evaluate::allowance;
 use super::*;
 use crate::body::Body;
 use crate::error::Error;
@@ -17,6 +16,7 @@ use crate::mesh::{Patch, Surface, surface};
 use crate::number::evaluate_monomials;
 use crate::series::{TouchExpansion, TouchSeries};
 use std::sync::LazyLock;
+use viscera_touch::to_bytes;
 
 const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
 const DEPTH: f64 = 0.004;
@@ -69,7 +69,7 @@ fn series(patch: &Patch) -> TouchSeries {
 
 fn exact(series: &TouchSeries, d: [f64; 3]) -> (Vec<f64>, [f64; 3]) {
     let mut monomials = vec![0.0; MODEL.n_terms()];
-    evaluate_monomials(&MODEL.exponents, d, &mut monomials);
+    evaluate_monomials(MODEL.exponents(), d, &mut monomials);
     let mut field = vec![0.0; series.displacement[0].len()];
     let mut force = [0.0; 3];
     for (t, m) in monomials.iter().enumerate() {
@@ -108,7 +108,7 @@ fn directions() -> Vec<[f64; 3]> {
 
 #[test]
 fn at_a_position_force_and_field_are_those_of_the_series() {
-    for (p, &node) in MODEL.arrays.positions.iter().enumerate() {
+    for (p, &node) in MODEL.arrays().positions.iter().enumerate() {
         let point = ORGAN.body.points()[node as usize];
         let contact = MODEL.locate(point).unwrap();
         assert!(contact.distance < 1e-15 && MODEL.is_on_surface(&contact));
@@ -120,7 +120,7 @@ fn at_a_position_force_and_field_are_those_of_the_series() {
             assert!(relative(&MODEL.respond(&contact, d).force, &force) < 1e-10, "position {p}");
             let error = relative(&field(&MODEL, &contact, d), &u);
             // What is measured off-line, and single precision with negligible modes on top.
-            assert!(error < MODEL.metadata.errors.compression + 2e-5, "position {p}: {error:e}");
+            assert!(error < MODEL.metadata().errors.compression + 2e-5, "position {p}: {error:e}");
             squares += error * error / directions().len() as f64;
         }
         assert!(squares.sqrt() < TOLERANCE, "position {p}: {:e}", squares.sqrt());
@@ -130,7 +130,7 @@ fn at_a_position_force_and_field_are_those_of_the_series() {
 /// The first order between positions is no interpolation but the solution for the blended patch.
 #[test]
 fn between_positions_the_first_order_is_exact() {
-    for triangle in 0..MODEL.triangles.len() {
+    for triangle in 0..MODEL.triangles().len() {
         let contact = inside(triangle, [0.2, 0.5, 0.3]);
         let series = series(&MODEL.patch(&contact));
         let d = [3e-10, -2e-10, 5e-10];
@@ -145,7 +145,7 @@ fn between_positions_the_first_order_is_exact() {
 #[test]
 fn interpolation_errors_are_those_the_model_admits() {
     let mut worst: f64 = 0.0;
-    for triangle in 0..MODEL.triangles.len() {
+    for triangle in 0..MODEL.triangles().len() {
         let contact = MODEL.centroid(triangle);
         let series = series(&MODEL.patch(&contact));
         for axis in 0..6 {
@@ -166,9 +166,9 @@ fn interpolation_errors_are_those_the_model_admits() {
             );
         }
     }
-    let admitted = MODEL.metadata.errors.interpolation;
+    let admitted = MODEL.metadata().errors.interpolation;
     assert!((worst - admitted).abs() < 1e-6 && admitted > 0.0, "{worst:e}, said {admitted:e}");
-    assert!(MODEL.metadata.errors.interpolation_half_depth < admitted);
+    assert!(MODEL.metadata().errors.interpolation_half_depth < admitted);
 }
 
 /// Central differences over 1e-7 m of forces of about 1 N: exact to about 1e-8.
@@ -198,7 +198,7 @@ fn orders_are_cut_where_they_are_asked_to_be() {
     let contact = inside(5, [0.2, 0.5, 0.3]);
     let mut workspace = vec![0.0; MODEL.workspace_len()];
     let mut surface = |d: [f64; 3], order: usize| {
-        let mut out = vec![0.0; 3 * MODEL.arrays.surface_nodes.len()];
+        let mut out = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
         MODEL.surface_displacement_to_order(&contact, d, order, &mut workspace, &mut out);
         out.into_iter().map(f64::from).collect::<Vec<f64>>()
     };
@@ -231,14 +231,14 @@ fn orders_are_cut_where_they_are_asked_to_be() {
 #[test]
 fn answers_are_continuous_across_edges() {
     let mut crossed = 0;
-    for edge in 0..MODEL.arrays.edges.len() / 2 {
-        let ends = &MODEL.arrays.edges[2 * edge..2 * edge + 2];
+    for edge in 0..MODEL.arrays().edges.len() / 2 {
+        let ends = &MODEL.arrays().edges[2 * edge..2 * edge + 2];
         let on_edge = |t: usize| {
             let share = |p: u32| 0.3 * f64::from(p == ends[0]) + 0.7 * f64::from(p == ends[1]);
-            inside(t, MODEL.triangles[t].map(share))
+            inside(t, MODEL.triangles()[t].map(share))
         };
-        let has_ends = |&t: &usize| ends.iter().all(|p| MODEL.triangles[t].contains(p));
-        let sides: Vec<usize> = (0..MODEL.triangles.len()).filter(has_ends).collect();
+        let has_ends = |&t: &usize| ends.iter().all(|p| MODEL.triangles()[t].contains(p));
+        let sides: Vec<usize> = (0..MODEL.triangles().len()).filter(has_ends).collect();
         let [one, other] = sides[..] else { continue };
         crossed += 1;
         let d = [0.002, -0.001, -0.003];
@@ -262,11 +262,11 @@ fn trust_ends_at_the_depth_and_where_the_series_does() {
     assert_eq!(answer(&MODEL, 1.01 * DEPTH).trust, Trust::BeyondDepth);
     let still = answer(&MODEL, 0.0);
     assert_eq!((still.trust, still.force, still.error_estimate), (Trust::Trusted, [0.0; 3], 0.0));
-    let mut deeper = MODEL.clone();
-    deeper.metadata.depth = 0.025;
+    let (metadata, arrays) = MODEL.clone().into_parts();
+    let deeper = ReducedModel::new(Metadata { depth: 0.025, ..metadata }, arrays).unwrap();
     let response = answer(&deeper, 0.024);
     assert_eq!(response.trust, Trust::ErrorTooLarge);
-    assert!(response.error_estimate > allowance(0.024 / MODEL.metadata.diagonal));
+    assert!(response.error_estimate > allowance(0.024 / MODEL.metadata().diagonal));
     assert!(response.error_estimate <= 1.0);
     let (small, large) = (answer(&MODEL, 0.5 * DEPTH), answer(&MODEL, DEPTH));
     assert!(small.error_estimate < large.error_estimate);
@@ -346,10 +346,9 @@ fn progress_reaches_the_end_and_may_stop_the_work() {
 fn the_model_is_the_same_on_any_number_of_threads() {
     let files = [1, 2, 3].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut model = pool.install(|| reduce(&settings()).unwrap());
-        model.metadata.seconds = 0.0;
-        model.to_bytes().unwrap()
+        let (metadata, arrays) = pool.install(|| reduce(&settings()).unwrap()).into_parts();
+        to_bytes(&Metadata { seconds: 0.0, ..metadata }, &arrays).unwrap()
     });
-    assert!(MODEL.arrays.region_start.len() > 2, "one region is no test");
+    assert!(MODEL.arrays().region_start.len() > 2, "one region is no test");
     assert!(files[0] == files[1] && files[0] == files[2]);
 }

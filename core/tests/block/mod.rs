@@ -1,12 +1,8 @@
 //! The reduced model that the tests of allocations touch.
 
-#[path = "../../src/mesh/samples.rs"]
-#[allow(dead_code)]
-pub mod samples;
-
 use viscera_core::body::Body;
 use viscera_core::law::Material;
-use viscera_core::mesh::{Surface, surface};
+use viscera_core::mesh::{Surface, samples, surface};
 use viscera_core::reduced::{ReducedModel, Reduction};
 
 /// Lengths of its edges [m].

@@ -1,14 +1,15 @@
 //! The model file: a round trip, and every kind of damage refused with the array's name.
 
 use super::*;
+use crate::element::Element;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 #[test]
 fn the_file_gives_the_model_back() {
     let bytes = MODEL.to_bytes().unwrap();
     let again = ReducedModel::from_bytes(&bytes).unwrap();
-    assert!(again.metadata == MODEL.metadata && again.arrays == MODEL.arrays);
-    assert_eq!(again.metadata.user["note"], "a block");
+    assert!(again.metadata() == MODEL.metadata() && again.arrays() == MODEL.arrays());
+    assert_eq!(again.metadata().user["note"], "a block");
     assert!(again.to_bytes().unwrap() == bytes);
     let (contact, d) = (MODEL.centroid(5), [0.001, 0.002, -0.003]);
     assert_eq!(again.respond(&contact, d), MODEL.respond(&contact, d));
@@ -19,7 +20,7 @@ fn the_file_gives_the_model_back() {
 fn sentence(bytes: &[u8]) -> String {
     match ReducedModel::from_bytes(bytes) {
         Ok(_) => "accepted".to_string(),
-        Err(Error::ModelFile(sentence)) => sentence,
+        Err(viscera_touch::Error::ModelFile(sentence)) => sentence,
         Err(other) => panic!("not an error of the file: {other}"),
     }
 }
@@ -64,7 +65,7 @@ fn rewritten(name: &str, dtype: Dtype, shape: Option<Vec<usize>>) -> String {
 #[test]
 fn arrays_missing_or_of_another_form_are_named() {
     let n = MODEL.n_points();
-    let edges = MODEL.arrays.edges.len() / 2;
+    let edges = MODEL.arrays().edges.len() / 2;
     let cases = [
         (rewritten("points", Dtype::F64, Some(vec![n, 3])), "accepted"),
         (rewritten("norms", Dtype::F32, None), "array norms is missing"),
@@ -83,9 +84,9 @@ fn arrays_missing_or_of_another_form_are_named() {
 }
 
 fn changed(change: impl Fn(&mut Metadata, &mut Arrays)) -> String {
-    let mut model = MODEL.clone();
-    change(&mut model.metadata, &mut model.arrays);
-    sentence(&model.to_bytes().unwrap())
+    let (mut metadata, mut arrays) = MODEL.clone().into_parts();
+    change(&mut metadata, &mut arrays);
+    sentence(&to_bytes(&metadata, &arrays).unwrap())
 }
 
 #[test]
@@ -171,19 +172,19 @@ fn damage_is_called_damage() {
 fn a_file_of_the_format_before_is_read_and_written_in_this_one() {
     let old = include_bytes!("../../../../tests/data/format-1.viscera");
     let model = ReducedModel::from_bytes(old).unwrap();
-    assert!(model.metadata.format_version == 1 && !model.metadata.is_sealed());
+    assert!(model.metadata().format_version == 1 && !model.metadata().is_sealed());
     let again = ReducedModel::from_bytes(&model.to_bytes().unwrap()).unwrap();
-    assert!(again.metadata.is_sealed() && again.arrays == model.arrays);
+    assert!(again.metadata().is_sealed() && again.arrays() == model.arrays());
     let contact = model.centroid(0);
-    let d = [0.0, 0.0, -model.metadata.depth];
+    let d = [0.0, 0.0, -model.metadata().depth];
     assert_eq!(again.respond(&contact, d), model.respond(&contact, d));
 }
 
 #[test]
 fn another_format_is_refused() {
     for version in [0, 3] {
-        let metadata = Metadata { format_version: version, ..MODEL.metadata.clone() };
-        let error = ReducedModel::new(metadata, MODEL.arrays.clone()).unwrap_err().to_string();
+        let metadata = Metadata { format_version: version, ..MODEL.metadata().clone() };
+        let error = ReducedModel::new(metadata, MODEL.arrays().clone()).unwrap_err().to_string();
         let expected = format!("format version {version}; this version reads 1 and 2");
         assert!(error.contains(&expected), "{error}");
     }
@@ -204,4 +205,12 @@ fn metadata_out_of_their_domain_are_named() {
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
     }
+}
+
+#[test]
+fn a_file_that_names_no_element_has_linear_cells() {
+    let mut written = serde_json::to_value(MODEL.metadata()).unwrap();
+    written.as_object_mut().unwrap().remove("element");
+    let read: Metadata = serde_json::from_value(written).unwrap();
+    assert_eq!(read.element, Element::P1.name());
 }

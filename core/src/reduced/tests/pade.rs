@@ -11,16 +11,16 @@ static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
 
 /// The same model, its orders summed as a polynomial.
 static POLYNOMIAL: LazyLock<ReducedModel> = LazyLock::new(|| {
-    let mut model = PADE.clone();
-    model.arrays.answers.sketch.clear();
-    model
+    let (metadata, mut arrays) = PADE.clone().into_parts();
+    arrays.answers.sketch.clear();
+    ReducedModel::new(metadata, arrays).unwrap()
 });
 
 /// Contacts at positions, where nothing is interpolated, and directions.
 fn touches() -> Vec<(Contact, [f64; 3])> {
     let mut touches = Vec::new();
     for (k, d) in directions().into_iter().enumerate().step_by(3) {
-        let node = PADE.arrays.positions[k % PADE.n_positions()] as usize;
+        let node = PADE.arrays().positions[k % PADE.n_positions()] as usize;
         let contact = PADE.locate(ORGAN.body.points()[node]).unwrap();
         touches.push((contact, d.map(|x| x / DEPTH)));
     }

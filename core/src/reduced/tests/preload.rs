@@ -67,14 +67,14 @@ fn the_loaded_shape_is_what_is_touched() {
     let model = reduce(&Reduction { preload: loaded.clone(), ..settings() }).unwrap();
     for (node, x) in ORGAN.body.points().iter().enumerate() {
         for i in 0..3 {
-            assert_eq!(model.arrays.points[3 * node + i], x[i] + loaded[3 * node + i]);
+            assert_eq!(model.arrays().points[3 * node + i], x[i] + loaded[3 * node + i]);
         }
     }
-    let node = model.arrays.positions[7] as usize;
-    let point: [f64; 3] = std::array::from_fn(|i| model.arrays.points[3 * node + i]);
+    let node = model.arrays().positions[7] as usize;
+    let point: [f64; 3] = std::array::from_fn(|i| model.arrays().points[3 * node + i]);
     assert!(model.locate(point).unwrap().distance < 1e-15);
     let again = ReducedModel::from_bytes(&model.to_bytes().unwrap()).unwrap();
-    assert!(again.arrays == model.arrays && again.arrays.preload == loaded);
+    assert!(again.arrays() == model.arrays() && again.arrays().preload == loaded);
 }
 
 #[test]

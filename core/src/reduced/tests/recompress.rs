@@ -6,17 +6,17 @@ use std::collections::BTreeSet;
 
 const COARSE: f64 = 0.02;
 
-static SMALL: LazyLock<ReducedModel> = LazyLock::new(|| MODEL.compressed(COARSE).unwrap());
+static SMALL: LazyLock<ReducedModel> = LazyLock::new(|| recompressed(&MODEL, COARSE).unwrap());
 
 /// Touches within all triangles, of all depths.
 fn touches() -> Vec<(Contact, [f64; 3])> {
-    let random = noise(6 * 40 * MODEL.triangles.len(), 17);
+    let random = noise(6 * 40 * MODEL.triangles().len(), 17);
     let touch = |(k, r): (usize, &[f64])| {
         let corners = [1.0 + r[0], 1.0 + r[1], 1.0 + r[2]];
         let sum: f64 = corners.iter().sum();
         let way: [f64; 3] = [r[3], r[4], r[5]];
         let depth = DEPTH * (k % 20 + 1) as f64 / 20.0;
-        let contact = inside(k % MODEL.triangles.len(), corners.map(|w| w / sum));
+        let contact = inside(k % MODEL.triangles().len(), corners.map(|w| w / sum));
         (contact, way.map(|x| depth * x / norm(&way)))
     };
     random.chunks_exact(6).enumerate().map(touch).collect()
@@ -54,7 +54,7 @@ fn the_estimate_of_the_shape_covers_what_is_lost() {
 fn the_tolerance_is_kept_and_the_model_smaller() {
     assert!(SMALL.n_modes() < MODEL.n_modes());
     assert!(SMALL.to_bytes().unwrap().len() < MODEL.to_bytes().unwrap().len());
-    for &node in &MODEL.arrays.positions {
+    for &node in &MODEL.arrays().positions {
         let contact = MODEL.locate(ORGAN.body.points()[node as usize]).unwrap();
         let squares = directions()
             .into_iter()
@@ -62,15 +62,15 @@ fn the_tolerance_is_kept_and_the_model_smaller() {
         let mean = (squares.sum::<f64>() / directions().len() as f64).sqrt();
         assert!(mean < COARSE, "position {node}: {mean:e}");
     }
-    let (errors, tolerance) = (SMALL.metadata.errors, SMALL.metadata.tolerance);
-    assert!(errors.compression > MODEL.metadata.errors.compression && errors.compression < 0.1);
+    let (errors, tolerance) = (SMALL.metadata().errors, SMALL.metadata().tolerance);
+    assert!(errors.compression > MODEL.metadata().errors.compression && errors.compression < 0.1);
     assert!((tolerance - TOLERANCE - COARSE).abs() < 1e-15);
-    assert!(MODEL.arrays.answers.linear_compression.iter().all(|&e| e < 1e-4), "kept exactly");
+    assert!(MODEL.arrays().answers.linear_compression.iter().all(|&e| e < 1e-4), "kept exactly");
 }
 
 #[test]
 fn a_family_is_compressed_at_all_its_values() {
-    let mut small = FAMILY.compressed(COARSE).unwrap();
+    let mut small = recompressed(&FAMILY, COARSE).unwrap();
     assert!(small.n_modes() < FAMILY.n_modes());
     for value in [1.0, 3.1, 9.0] {
         let mut full = FAMILY.clone();
@@ -88,7 +88,7 @@ fn the_surface_alone_answers_alike() {
     let alone = MODEL.surface_alone().unwrap();
     let surface = |model: &ReducedModel, contact: &Contact, d: [f64; 3]| {
         let mut workspace = vec![0.0; model.workspace_len()];
-        let mut out = vec![0.0; 3 * MODEL.arrays.surface_nodes.len()];
+        let mut out = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
         model.surface_displacement(contact, d, &mut workspace, &mut out);
         out
     };
@@ -96,17 +96,19 @@ fn the_surface_alone_answers_alike() {
         assert_eq!(alone.respond(&contact, d), MODEL.respond(&contact, d));
         assert_eq!(surface(&alone, &contact, d), surface(&MODEL, &contact, d));
     }
-    assert!(alone.n_points() == MODEL.arrays.surface_nodes.len() && alone.arrays.cells.is_empty());
+    assert!(
+        alone.n_points() == MODEL.arrays().surface_nodes.len() && alone.arrays().cells.is_empty()
+    );
     let again = ReducedModel::from_bytes(&alone.to_bytes().unwrap()).unwrap();
-    assert!(again.arrays == alone.arrays);
-    assert!(alone.compressed(COARSE).unwrap().n_modes() < alone.n_modes());
-    assert!(FAMILY.surface_alone().unwrap().metadata.parameter.is_none());
+    assert!(again.arrays() == alone.arrays());
+    assert!(recompressed(&alone, COARSE).unwrap().n_modes() < alone.n_modes());
+    assert!(FAMILY.surface_alone().unwrap().metadata().parameter.is_none());
 }
 
 #[test]
 fn tolerances_without_meaning_are_refused() {
     for tolerance in [0.0, -1.0, 1.0, f64::NAN, f64::INFINITY] {
-        let error = MODEL.compressed(tolerance).unwrap_err().to_string();
+        let error = recompressed(&MODEL, tolerance).unwrap_err().to_string();
         assert!(error.contains("it must be above 0 and below 1"), "{error}");
     }
 }

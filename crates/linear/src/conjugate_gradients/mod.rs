@@ -1,0 +1,270 @@
+//! Preconditioned conjugate gradients for positive definite systems, matrix-free, without allocation.
+//!
+//! Where it differs from the textbook: it starts from the caller's guess; the residual that ends it is computed
+//! anew from the solution, not carried by the recurrence; and every failure leaves the last iterate in `x`.
+
+mod block_jacobi;
+mod error;
+mod incomplete_cholesky;
+#[cfg(test)]
+mod tests;
+
+use super::Pattern;
+use crate::clock::Instant;
+use viscera_number::simd::{Kernel, dispatch};
+
+pub use block_jacobi::BlockJacobi;
+pub use error::Error;
+pub use incomplete_cholesky::IncompleteCholesky;
+
+/// A symmetric linear map.
+pub trait Operator {
+    /// Number of rows.
+    fn n(&self) -> usize;
+
+    /// `y = A x`.
+    fn apply(&self, x: &[f64], y: &mut [f64]);
+}
+
+/// An approximate inverse, symmetric and positive definite.
+pub trait Preconditioner {
+    /// Number of rows.
+    fn n(&self) -> usize;
+
+    /// `z = M⁻¹ r`.
+    fn apply(&mut self, r: &[f64], z: &mut [f64]);
+}
+
+/// The symmetric matrix with `values` on `pattern`.
+#[derive(Clone, Copy)]
+pub struct Matrix<'a> {
+    /// Where the entries of the upper triangle are.
+    pub pattern: &'a Pattern,
+    /// The entries, parallel to [`Pattern::row`].
+    pub values: &'a [f64],
+}
+
+impl Operator for Matrix<'_> {
+    fn n(&self) -> usize {
+        self.pattern.n
+    }
+
+    fn apply(&self, x: &[f64], y: &mut [f64]) {
+        self.pattern.multiply(self.values, x, y);
+    }
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Residual to reach, `|b - A x| <= relative_tolerance |b|`; default 1e-8.
+    pub relative_tolerance: f64,
+    /// Budget of iterations, each one product with the operator; default 1000.
+    pub max_iterations: usize,
+    /// Time at which to stop with what there is; default none.
+    pub deadline: Option<Instant>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { relative_tolerance: 1e-8, max_iterations: 1000, deadline: None }
+    }
+}
+
+/// How a solve went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Info {
+    /// Iterations used.
+    pub iterations: usize,
+    /// `|b - A x| / |b|` of the iterate returned.
+    pub relative_residual: f64,
+}
+
+/// The vectors of an iteration, made once and used for any number of solves.
+#[derive(Clone, Debug)]
+pub struct Workspace {
+    residual: Vec<f64>,
+    preconditioned: Vec<f64>,
+    direction: Vec<f64>,
+    image: Vec<f64>,
+}
+
+impl Workspace {
+    /// Room for systems of `n` rows.
+    pub fn new(n: usize) -> Self {
+        let zeros = vec![0.0; n];
+        Self {
+            residual: zeros.clone(),
+            preconditioned: zeros.clone(),
+            direction: zeros.clone(),
+            image: zeros,
+        }
+    }
+
+    /// The direction of the last iteration: where an indefinite operator has its negative curvature.
+    pub fn direction(&self) -> &[f64] {
+        &self.direction
+    }
+
+    /// Sets out from `x` afresh: computes the residual and returns its norm.
+    fn restart(&mut self, operator: &(impl Operator + ?Sized), b: &[f64], x: &[f64]) -> f64 {
+        if x.iter().all(|&x| x == 0.0) {
+            self.residual.copy_from_slice(b);
+        } else {
+            operator.apply(x, &mut self.residual);
+            self.residual.iter_mut().zip(b).for_each(|(r, b)| *r = b - *r);
+        }
+        self.direction.fill(0.0);
+        norm(&self.residual)
+    }
+}
+
+/// Solves `A x = b` from the guess in `x`.
+///
+/// # Errors
+/// Every [`Error`] but the first two leaves the last iterate in `x`; [`Error::BudgetSpent`] says how good it is.
+pub fn solve(
+    x: &mut [f64],
+    operator: &(impl Operator + ?Sized),
+    preconditioner: &mut (impl Preconditioner + ?Sized),
+    b: &[f64],
+    settings: &Settings,
+    workspace: &mut Workspace,
+) -> Result<Info, Error> {
+    check_settings(settings)?;
+    let n = operator.n();
+    Error::expect_length("x", n, x.len())?;
+    Error::expect_length("b", n, b.len())?;
+    Error::expect_length("preconditioner", n, preconditioner.n())?;
+    Error::expect_length("workspace", n, workspace.residual.len())?;
+    if x.iter().chain(b).any(|value| !value.is_finite()) {
+        return Err(Error::NotFinite { iterations: 0 });
+    }
+    let scale = norm(b);
+    if scale == 0.0 {
+        x.fill(0.0);
+        return Ok(Info::default());
+    }
+    let mut info = Info::default();
+    loop {
+        let mut residual = workspace.restart(operator, b, x);
+        let mut energy = f64::INFINITY;
+        info.relative_residual = residual / scale;
+        if !info.relative_residual.is_finite() {
+            return Err(Error::NotFinite { iterations: info.iterations });
+        }
+        if info.relative_residual <= settings.relative_tolerance {
+            return Ok(info);
+        }
+        // The recurrence drifts from the true residual by rounding only, so that more than one round is rare.
+        while residual > settings.relative_tolerance * scale {
+            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if info.iterations == settings.max_iterations || is_late {
+                return Err(Error::BudgetSpent(info));
+            }
+            residual = step(x, operator, preconditioner, &mut energy, info.iterations, workspace)?;
+            info.iterations += 1;
+            info.relative_residual = residual / scale;
+        }
+    }
+}
+
+/// One iteration; `energy` is `rᵀ M⁻¹ r` of the step before. Returns the norm of the new residual.
+fn step(
+    x: &mut [f64],
+    operator: &(impl Operator + ?Sized),
+    preconditioner: &mut (impl Preconditioner + ?Sized),
+    energy: &mut f64,
+    iterations: usize,
+    workspace: &mut Workspace,
+) -> Result<f64, Error> {
+    let Workspace { residual, preconditioned, direction, image } = workspace;
+    preconditioner.apply(residual, preconditioned);
+    let previous = std::mem::replace(energy, dot(residual, preconditioned));
+    if *energy <= 0.0 {
+        return Err(Error::IndefinitePreconditioner { iterations });
+    }
+    let turn = *energy / previous;
+    dispatch(Turn { direction, preconditioned, turn });
+    operator.apply(direction, image);
+    let curvature = dot(direction, image);
+    if !(curvature.is_finite() && energy.is_finite()) {
+        return Err(Error::NotFinite { iterations });
+    }
+    if curvature <= 0.0 {
+        return Err(Error::IndefiniteOperator {
+            iterations,
+            curvature: curvature / dot(direction, direction),
+        });
+    }
+    let length = *energy / curvature;
+    dispatch(Advance { y: x, length, direction });
+    dispatch(Advance { y: residual, length: -length, direction: image });
+    Ok(norm(residual))
+}
+
+fn check_settings(&Settings { relative_tolerance, .. }: &Settings) -> Result<(), Error> {
+    let is_valid = relative_tolerance > 0.0 && relative_tolerance.is_finite();
+    if is_valid { Ok(()) } else { Err(Error::InvalidTolerance { relative_tolerance }) }
+}
+
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    dispatch(Dot(x, y))
+}
+
+fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
+
+/// `x . y` in eight sums: one alone would wait for itself at every addition.
+struct Dot<'a>(&'a [f64], &'a [f64]);
+
+impl Kernel for Dot<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let (x, y) = (self.0.chunks_exact(8), self.1.chunks_exact(8));
+        let tail: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| x * y).sum();
+        let mut sums = [0.0; 8];
+        for (x, y) in x.zip(y) {
+            for lane in 0..8 {
+                sums[lane] += x[lane] * y[lane];
+            }
+        }
+        sums.iter().sum::<f64>() + tail
+    }
+}
+
+/// `y += length * direction`.
+struct Advance<'a> {
+    y: &'a mut [f64],
+    length: f64,
+    direction: &'a [f64],
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.y.iter_mut().zip(self.direction).for_each(|(y, p)| *y += self.length * p);
+    }
+}
+
+/// `direction <- preconditioned + turn * direction`.
+struct Turn<'a> {
+    direction: &'a mut [f64],
+    preconditioned: &'a [f64],
+    turn: f64,
+}
+
+impl Kernel for Turn<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let terms = self.direction.iter_mut().zip(self.preconditioned);
+        terms.for_each(|(p, z)| *p = z + self.turn * *p);
+    }
+}

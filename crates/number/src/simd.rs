@@ -1,0 +1,109 @@
+//! Run-time choice of the vector instructions a kernel is compiled for.
+//!
+//! A kernel is compiled once for each instruction set and the widest one the processor has is
+//! called: a baseline build leaves half or more of the speed unused.
+
+/// Code to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
+/// must everything it calls in its inner loops.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// The code.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs the kernel compiled for the best instruction set of this processor.
+pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has the feature the function is compiled for.
+            return unsafe { run_avx2(kernel) };
+        }
+    }
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+/// Whether this processor has what [`dispatch_here`] asks for.
+///
+/// # Errors
+/// An x86-64 without AVX2, in a sentence.
+pub fn check() -> Result<(), &'static str> {
+    #[cfg(target_arch = "x86_64")]
+    if !is_x86_feature_detected!("avx2") {
+        return Err(
+            "this processor has no AVX2 instructions, which solving needs: use one made since about 2013; \
+             reduced models are evaluated on any",
+        );
+    }
+    Ok(())
+}
+
+/// Gives a module a `dispatch` for the kernels of laws: they are many, and twice the time to compile them is not worth a
+/// second copy for processors that need ten times as long. Bodies are made only where [`check`] finds AVX2.
+///
+/// Each module has its own, because what a function is instantiated for is compiled with the module that the function is
+/// in: with one for all, the kernels of all laws would be one unit that keeps one processor busy for minutes.
+#[macro_export]
+macro_rules! dispatch_here {
+    () => {
+        fn dispatch<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn run_avx2<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
+                    kernel.run()
+                }
+                assert!(is_x86_feature_detected!("avx2"), "bodies are made only where it is");
+                // SAFETY: the processor has the feature the function is compiled for.
+                unsafe { run_avx2(kernel) }
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            kernel.run()
+        }
+    };
+}
+pub use crate::dispatch_here;
+
+/// Code that knows the width of the vectors it is compiled for, as [`Kernel`] does not: 128 bits, or 256 or 512 bits,
+/// which come with products that are added to a sum in one instruction.
+pub trait WideKernel {
+    /// What it returns.
+    type Output;
+    /// The code.
+    fn run<const BITS: usize>(self) -> Self::Output;
+}
+
+/// Runs the kernel compiled for the widest vectors of this processor.
+pub fn dispatch_wide<K: WideKernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has the feature the function is compiled for.
+            return unsafe { run_512(kernel) };
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has the features the function is compiled for.
+            return unsafe { run_256(kernel) };
+        }
+    }
+    kernel.run::<128>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn run_512<K: WideKernel>(kernel: K) -> K::Output {
+    kernel.run::<512>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn run_256<K: WideKernel>(kernel: K) -> K::Output {
+    kernel.run::<256>()
+}

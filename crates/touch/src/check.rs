@@ -1,0 +1,256 @@
+//! The checks that make a model safe to evaluate: every shape, index range and value.
+
+use super::family::check_family;
+use super::metadata::Metadata;
+use super::model::Arrays;
+use super::resummation::SKETCH;
+use crate::Error;
+use viscera_number::Monomials;
+
+/// Checks a model whole and returns its sizes.
+///
+/// # Errors
+/// [`Error::ModelFile`] naming the array, the place and the value.
+pub(super) fn check(metadata: &Metadata, arrays: &Arrays) -> Result<Counts, Error> {
+    check_metadata(metadata)?;
+    let counts = Counts::new(metadata, arrays)?;
+    check_shapes(arrays, &counts)?;
+    check_indices(arrays, &counts)?;
+    check_family(metadata.parameter.as_ref(), arrays)?;
+    check_values(arrays)?;
+    Ok(counts)
+}
+
+pub(super) fn bad(sentence: String) -> Error {
+    Error::ModelFile(sentence)
+}
+
+fn check_metadata(m: &Metadata) -> Result<(), Error> {
+    m.check_version()?;
+    if !(2..=8).contains(&m.order) || !(1..=m.order).contains(&m.edge_order) {
+        return Err(bad(format!(
+            "order {} with edge order {}; orders are 2 to 8, edge orders 1 to the order",
+            m.order, m.edge_order
+        )));
+    }
+    for (name, value) in [
+        ("radius", m.radius),
+        ("depth", m.depth),
+        ("tolerance", m.tolerance),
+        ("diagonal", m.diagonal),
+    ] {
+        if !(value.is_finite() && value > 0.0) {
+            return Err(bad(format!("{name} = {value}; it must be positive")));
+        }
+    }
+    Ok(())
+}
+
+/// Sizes that shapes are checked against.
+pub(super) struct Counts {
+    pub points: usize,
+    surface: usize,
+    positions: usize,
+    touchable: usize,
+    pub edges: usize,
+    regions: usize,
+    modes: usize,
+    terms: usize,
+    pub edge_terms: usize,
+    norms: usize,
+}
+
+impl Counts {
+    fn new(metadata: &Metadata, a: &Arrays) -> Result<Self, Error> {
+        let monomials = Monomials::of(3, metadata.order);
+        let squares = (1..=metadata.order).map(|d| monomials.of_degree(d).len().pow(2));
+        let counts = Counts {
+            points: a.points.len() / 3,
+            surface: a.surface_nodes.len(),
+            positions: a.positions.len(),
+            touchable: a.touchable.len() / 3,
+            edges: a.edges.len() / 2,
+            regions: a.region_start.len().saturating_sub(1),
+            modes: a.mode_scale.len(),
+            terms: monomials.len() - 1,
+            edge_terms: monomials.up_to(metadata.edge_order) - monomials.up_to(1),
+            norms: squares.sum(),
+        };
+        let needed = [
+            ("points", counts.points),
+            ("positions", counts.positions),
+            ("touchable", counts.touchable),
+            ("region_start", counts.regions),
+            ("mode_scale", counts.modes),
+        ];
+        match needed.iter().find(|(_, n)| *n == 0) {
+            Some((name, _)) => Err(bad(format!("array {name} is empty"))),
+            None => Ok(counts),
+        }
+    }
+}
+
+fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
+    let interior = n
+        .points
+        .checked_sub(n.surface)
+        .ok_or_else(|| bad(format!("{} surface nodes of {} points", n.surface, n.points)))?;
+    let lengths = [
+        ("points", a.points.len(), 3 * n.points),
+        ("preload", a.preload.len(), if a.preload.is_empty() { 0 } else { 3 * n.points }),
+        ("cells", a.cells.len(), a.cells.len() / 4 * 4),
+        ("surface", a.surface.len(), a.surface.len() / 3 * 3),
+        ("touchable", a.touchable.len(), 3 * n.touchable),
+        ("edges", a.edges.len(), 2 * n.edges),
+        ("triangle_edges", a.triangle_edges.len(), 3 * n.touchable),
+        ("patch_start", a.patch_start.len(), n.positions + 1),
+        ("patch_weights", a.patch_weights.len(), a.patch_nodes.len()),
+        ("compliance", a.answers.compliance.len(), 9 * n.positions),
+        ("cross_compliance", a.answers.cross_compliance.len(), 9 * n.edges),
+        ("force", a.answers.force.len(), 3 * n.positions * n.terms),
+        ("edge_force", a.answers.edge_force.len(), 3 * n.edges * n.edge_terms),
+        (
+            "sketch",
+            a.answers.sketch.len(),
+            if a.answers.sketch.is_empty() { 0 } else { n.positions * n.terms * SKETCH },
+        ),
+        ("norms", a.answers.norms.len(), n.positions * n.norms),
+        ("compression", a.answers.compression.len(), n.positions),
+        (
+            "linear_compression",
+            a.answers.linear_compression.len(),
+            if a.answers.linear_compression.is_empty() { 0 } else { n.positions },
+        ),
+        ("position_region", a.position_region.len(), n.positions),
+        ("edge_region", a.edge_region.len(), n.edges),
+        ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
+        ("interior_modes", a.interior_modes.len(), 3 * interior * n.modes),
+    ];
+    for (name, found, expected) in lengths {
+        if found != expected {
+            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
+        }
+    }
+    Ok(())
+}
+
+fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
+    let ranges = [
+        ("cells", &a.cells, n.points),
+        ("fixed", &a.fixed, n.points),
+        ("surface", &a.surface, n.points),
+        ("surface_nodes", &a.surface_nodes, n.points),
+        ("positions", &a.positions, n.points),
+        ("touchable", &a.touchable, n.positions),
+        ("edges", &a.edges, n.positions),
+        ("triangle_edges", &a.triangle_edges, n.edges),
+        ("patch_nodes", &a.patch_nodes, n.points),
+        ("position_region", &a.position_region, n.regions),
+        ("edge_region", &a.edge_region, n.regions),
+    ];
+    for (name, values, limit) in ranges {
+        if let Some(place) = values.iter().position(|&v| v as usize >= limit) {
+            return Err(bad(format!(
+                "{name}[{place}] = {}; it must be below {limit}",
+                values[place]
+            )));
+        }
+    }
+    check_edges(a)?;
+    if !a.surface_nodes.is_sorted_by(|x, y| x < y) {
+        return Err(bad("surface_nodes is not ascending".into()));
+    }
+    for (name, starts, end) in [
+        ("patch_start", &a.patch_start, a.patch_nodes.len()),
+        ("region_start", &a.region_start, n.modes),
+    ] {
+        if starts[0] != 0 || !starts.is_sorted() || starts[starts.len() - 1] as usize != end {
+            return Err(bad(format!("{name} does not run from 0 to {end}")));
+        }
+    }
+    Ok(())
+}
+
+/// The edges of a triangle join its corners, and lie in a region of one of their ends.
+fn check_edges(a: &Arrays) -> Result<(), Error> {
+    for (t, corners) in a.touchable.chunks_exact(3).enumerate() {
+        for k in 0..3 {
+            let edge = a.triangle_edges[3 * t + k] as usize;
+            let ends = &a.edges[2 * edge..2 * edge + 2];
+            let (p, q) = (corners[k], corners[(k + 1) % 3]);
+            if ends != [p.min(q), p.max(q)] {
+                return Err(bad(format!("edge {edge} does not join corners of triangle {t}")));
+            }
+        }
+    }
+    for (edge, ends) in a.edges.chunks_exact(2).enumerate() {
+        if ends.iter().all(|&p| a.position_region[p as usize] != a.edge_region[edge]) {
+            return Err(bad(format!("edge {edge} lies in a region of none of its ends")));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
+    check_finite("", "points", &a.points)?;
+    check_finite("", "preload", &a.preload)?;
+    check_finite("", "law_parameters", &a.law_parameters)?;
+    check_finite("", "patch_weights", &a.patch_weights)?;
+    for (position, patch) in a.patch_start.windows(2).enumerate() {
+        let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();
+        if (sum - 1.0).abs() > 1e-9 {
+            return Err(bad(format!("patch_weights of position {position} sum to {sum}, not 1")));
+        }
+    }
+    check_finite("", "mode_scale", &a.mode_scale)?;
+    for (family, answers) in [("", &a.answers), ("family_", &a.family)] {
+        check_finite(family, "compliance", &answers.compliance)?;
+        check_finite(family, "cross_compliance", &answers.cross_compliance)?;
+        check_finite(family, "force", &answers.force)?;
+        check_finite(family, "edge_force", &answers.edge_force)?;
+        check_finite(family, "sketch", &answers.sketch)?;
+        check_finite(family, "norms", &answers.norms)?;
+        check_finite(family, "compression", &answers.compression)?;
+        check_finite(family, "linear_compression", &answers.linear_compression)?;
+        check_finite(family, "position_coefficients", &answers.position_coefficients)?;
+        check_finite(family, "edge_coefficients", &answers.edge_coefficients)?;
+    }
+    Ok(())
+}
+
+fn check_finite<T: Copy + Into<f64>>(family: &str, name: &str, values: &[T]) -> Result<(), Error> {
+    match values.iter().position(|&v| !v.into().is_finite()) {
+        Some(place) => Err(bad(format!(
+            "{family}{name}[{place}] is {}; it must be finite",
+            values[place].into()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Where each position's and each edge's amplitudes start.
+pub(super) fn offsets(a: &Arrays, n: &Counts) -> Result<(Vec<usize>, Vec<usize>), Error> {
+    let run = |regions: &[u32], terms: usize| -> Vec<usize> {
+        let mut total = 0;
+        let sizes = regions.iter().map(|&r| {
+            terms * (a.region_start[r as usize + 1] - a.region_start[r as usize]) as usize
+        });
+        std::iter::once(0)
+            .chain(sizes.map(|size| {
+                total += size;
+                total
+            }))
+            .collect()
+    };
+    let positions = run(&a.position_region, n.terms);
+    let edges = run(&a.edge_region, n.edge_terms);
+    for (name, found, expected) in [
+        ("position_coefficients", a.answers.position_coefficients.len(), positions[n.positions]),
+        ("edge_coefficients", a.answers.edge_coefficients.len(), edges[n.edges]),
+    ] {
+        if found != expected {
+            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
+        }
+    }
+    Ok((positions, edges))
+}

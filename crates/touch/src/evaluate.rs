@@ -1,0 +1,261 @@
+//! The on-line evaluator: caller-owned memory, a fixed number of operations, no allocation, no
+//! lock, no system call. It knows nothing of finite elements.
+
+use super::combine::Combine;
+use super::interpolation::{Interpolation, MAX_TERMS, norm, weighted};
+use super::model::ReducedModel;
+use viscera_mesh::Patch;
+use viscera_number::evaluate_monomials;
+use viscera_number::simd::dispatch;
+use viscera_number::tensor::Mat3;
+
+/// A mode that moves nothing by more than this part of the tool's displacement is left out.
+const NEGLIGIBLE: f64 = 1e-5;
+
+/// Where a tool touches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Touchable triangle.
+    pub triangle: usize,
+    /// Barycentric weights of its corners.
+    pub weights: [f64; 3],
+    /// Closest point of the touchable surface [m].
+    pub point: [f64; 3],
+    /// Distance to it [m].
+    pub distance: f64,
+}
+
+/// Whether a force, or a field, may be relied on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// The estimated error is within what is allowed at this depth.
+    Trusted,
+    /// The displacement is larger than the depth the model was made for.
+    BeyondDepth,
+    /// The estimated error is larger than allowed.
+    ErrorTooLarge,
+}
+
+/// Force, stiffness and what they are worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// Force of the tool on the organ [N].
+    pub force: [f64; 3],
+    /// Contact stiffness `dF/dd` [N/m].
+    pub stiffness: Mat3<f64>,
+    /// Estimated error of the force, relative to its norm; at most 1.
+    pub error_estimate: f64,
+    /// Whether the force may be relied on.
+    pub trust: Trust,
+    /// Estimated error of the field, relative to its norm; at most 1. It also has what the
+    /// compression of the field loses, of which the force knows nothing.
+    pub shape_error_estimate: f64,
+    /// Whether the field may be relied on.
+    pub shape_trust: Trust,
+}
+
+/// Error allowed at a depth: 1 % up to 5 % of the organ's diagonal, rising to 5 % at 10 %.
+pub fn allowance(depth_fraction: f64) -> f64 {
+    0.01 + 0.04 * ((depth_fraction - 0.05) / 0.05).clamp(0.0, 1.0)
+}
+
+impl ReducedModel {
+    /// The closest touchable point; none for a point that is not finite.
+    pub fn locate(&self, point: [f64; 3]) -> Option<Contact> {
+        let closest = self.tree.closest(&self.positions, &self.triangles, point)?;
+        Some(Contact {
+            triangle: closest.triangle as usize,
+            weights: closest.barycentric,
+            point: closest.point,
+            distance: closest.distance,
+        })
+    }
+
+    /// Whether a contact is on the touchable surface, to within an edge length.
+    pub fn is_on_surface(&self, contact: &Contact) -> bool {
+        contact.distance <= self.edge_length
+    }
+
+    /// Mean edge length of the touchable triangles [m].
+    pub fn edge_length(&self) -> f64 {
+        self.edge_length
+    }
+
+    /// Force, stiffness and error estimate; the field is not needed for them.
+    pub fn respond(&self, contact: &Contact, d: [f64; 3]) -> Response {
+        let here = Interpolation::new(self, contact);
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..self.n_terms()];
+        evaluate_monomials(&self.exponents, d, monomials);
+        let sum = here.sum(monomials, d);
+        let (orders, correction) = here.force(monomials, d);
+        let force = weighted(&sum.weights, &orders);
+        let stiffness = here.stiffness(d, &orders, &sum.weights);
+        let estimates = here.error_estimates(monomials, force, &orders, correction, &sum);
+        let depth = norm(d);
+        Response {
+            force,
+            stiffness,
+            error_estimate: estimates.force,
+            trust: self.trust(depth, estimates.force),
+            shape_error_estimate: estimates.shape,
+            shape_trust: self.trust(depth, estimates.shape),
+        }
+    }
+
+    fn trust(&self, depth: f64, error_estimate: f64) -> Trust {
+        // Written so that a displacement that is not a number is not trusted either.
+        if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {
+            Trust::BeyondDepth
+        } else if error_estimate > allowance(depth / self.metadata.diagonal) {
+            Trust::ErrorTooLarge
+        } else {
+            Trust::Trusted
+        }
+    }
+
+    /// Force of the series cut after an order of at least 1, below the model's own a polynomial; the
+    /// first is linear elasticity.
+    pub fn force_to_order(&self, contact: &Contact, d: [f64; 3], order: usize) -> [f64; 3] {
+        let mut monomials = [0.0; MAX_TERMS];
+        evaluate_monomials(&self.exponents, d, &mut monomials);
+        let here = Interpolation::new(self, contact).cut_after(order);
+        weighted(&here.weights(&monomials, d), &here.force(&monomials, d).0)
+    }
+
+    /// Numbers of workspace that the field functions need.
+    pub fn workspace_len(&self) -> usize {
+        3 * self.largest_region
+    }
+
+    /// Displacement of the surface nodes [m], `3 * surface_nodes.len()` numbers.
+    ///
+    /// # Panics
+    /// When `workspace` or `out` is too short.
+    pub fn surface_displacement(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) {
+        self.surface_displacement_to_order(contact, d, self.metadata.order, workspace, out);
+    }
+
+    /// The same of the series cut after an order of at least 1; the first is linear elasticity.
+    ///
+    /// # Panics
+    /// When `workspace` or `out` is too short.
+    pub fn surface_displacement_to_order(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        order: usize,
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) {
+        let here = Interpolation::new(self, contact).cut_after(order);
+        let out = &mut out[..3 * self.arrays.surface_nodes.len()];
+        self.combine(&here, d, workspace, &self.arrays.surface_modes, out);
+    }
+
+    /// Displacement of the nodes inside [m], `3 * interior_nodes().len()` numbers.
+    ///
+    /// # Panics
+    /// When `workspace` or `out` is too short.
+    pub fn interior_displacement(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) {
+        let here = Interpolation::new(self, contact);
+        let out = &mut out[..3 * self.interior_nodes.len()];
+        self.combine(&here, d, workspace, &self.arrays.interior_modes, out);
+    }
+
+    /// Displacement of all nodes [m], `3 * n_points()` numbers. Allocates; for off-line use.
+    ///
+    /// # Panics
+    /// When `workspace` or `out` is too short.
+    pub fn displacement(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        workspace: &mut [f32],
+        out: &mut [f32],
+    ) {
+        let mut part = vec![0.0; out.len()];
+        let mut scatter = |nodes: &[u32], part: &[f32]| {
+            for (&node, u) in nodes.iter().zip(part.chunks_exact(3)) {
+                out[3 * node as usize..3 * node as usize + 3].copy_from_slice(u);
+            }
+        };
+        self.surface_displacement(contact, d, workspace, &mut part);
+        scatter(&self.arrays.surface_nodes, &part);
+        self.interior_displacement(contact, d, workspace, &mut part);
+        scatter(&self.interior_nodes, &part);
+    }
+
+    /// The middle of a touchable triangle.
+    pub fn centroid(&self, triangle: usize) -> Contact {
+        let corners = self.triangles[triangle].map(|p| self.positions[p as usize]);
+        let point = std::array::from_fn(|i| corners.iter().map(|x| x[i]).sum::<f64>() / 3.0);
+        Contact { triangle, weights: [1.0 / 3.0; 3], point, distance: 0.0 }
+    }
+
+    /// The patch of a contact: what a full solution must prescribe to be compared. Allocates.
+    pub fn patch(&self, contact: &Contact) -> Patch {
+        let corners = self.triangles[contact.triangle].map(|p| {
+            let (start, end) = (
+                self.arrays.patch_start[p as usize] as usize,
+                self.arrays.patch_start[p as usize + 1] as usize,
+            );
+            Patch {
+                nodes: self.arrays.patch_nodes[start..end].to_vec(),
+                weights: self.arrays.patch_weights[start..end].to_vec(),
+            }
+        });
+        let w = contact.weights;
+        Patch::blend(&[(w[0], &corners[0]), (w[1], &corners[1]), (w[2], &corners[2])])
+    }
+
+    /// Nodes that are not on the surface, ascending.
+    pub fn interior_nodes(&self) -> &[u32] {
+        &self.interior_nodes
+    }
+
+    /// The three positions of a contact's triangle.
+    pub fn corners(&self, contact: &Contact) -> [u32; 3] {
+        self.triangles[contact.triangle]
+    }
+
+    fn combine(
+        &self,
+        here: &Interpolation,
+        d: [f64; 3],
+        workspace: &mut [f32],
+        modes: &[i16],
+        out: &mut [f32],
+    ) {
+        out.fill(0.0);
+        let slots = here.amplitudes(d, workspace);
+        let rows = out.len();
+        let negligible = (NEGLIGIBLE * norm(d)) as f32 / f32::from(i16::MAX);
+        for (slot, amplitudes) in slots.iter().zip(workspace.chunks_exact(self.largest_region)) {
+            let Some(region) = *slot else { continue };
+            let range = self.region_modes(region);
+            let amplitudes = &amplitudes[..range.len()];
+            let scales = &self.arrays.mode_scale[range.clone()];
+            let modes = &modes[range.start * rows..range.end * rows];
+            dispatch(Combine { amplitudes, scales, modes, negligible, out });
+        }
+    }
+
+    /// Modes of a region.
+    pub fn region_modes(&self, region: u32) -> std::ops::Range<usize> {
+        let starts = &self.arrays.region_start;
+        starts[region as usize] as usize..starts[region as usize + 1] as usize
+    }
+}

@@ -1,0 +1,26 @@
+//! The on-line evaluator: a reduced model, read from its file and checked, answers a touch in microseconds.
+//!
+//! An answer is a polynomial in the tool's displacement, or its Padé form, interpolated over the surface triangle
+//! touched. It takes memory that the caller owns and a fixed number of operations: no allocation, no lock, no system
+//! call, no panic. Nothing here knows of finite elements; how a model is made is `viscera_core::reduced`'s part.
+
+mod check;
+mod checksum;
+mod combine;
+mod error;
+mod evaluate;
+mod family;
+mod fields;
+mod file;
+mod interpolation;
+mod metadata;
+mod model;
+mod resummation;
+mod surface;
+
+pub use error::Error;
+pub use evaluate::{Contact, Response, Trust, allowance};
+pub use file::{View, to_bytes};
+pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
+pub use model::{Answers, Arrays, ReducedModel};
+pub use resummation::SKETCH;

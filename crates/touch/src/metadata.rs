@@ -1,0 +1,101 @@
+//! What a model file says about itself, as one JSON object.
+
+use super::check::bad;
+use crate::Error;
+use serde::{Deserialize, Serialize};
+
+/// Version of the file format this code writes.
+pub const FORMAT_VERSION: u32 = 2;
+/// The one before, without checksums, which it reads too.
+pub const UNSEALED_FORMAT: u32 = 1;
+
+/// Origin, settings and measured errors of a reduced model; SI units.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Metadata {
+    /// Version of the file format.
+    pub format_version: u32,
+    /// Version of the package that wrote the file.
+    pub package_version: String,
+    /// Units of every array: always SI (m, N, Pa).
+    pub units: String,
+    /// Name of the law.
+    pub law: String,
+    /// Names of its parameters: the columns of the array `law_parameters`.
+    pub law_parameter_names: Vec<String>,
+    /// The element of the full organ; files that do not say have linear cells.
+    #[serde(default = "linear")]
+    pub element: String,
+    /// Radius of the contact patch [m].
+    pub radius: f64,
+    /// Largest displacement of the tool the model is made for [m].
+    pub depth: f64,
+    /// Highest order of the series.
+    pub order: usize,
+    /// Highest order that is interpolated quadratically between positions.
+    pub edge_order: usize,
+    /// Compression error asked for: of the field at full depth, relative to it, at the worst
+    /// position, root mean square over directions.
+    pub tolerance: f64,
+    /// Length of the bounding box's diagonal [m].
+    pub diagonal: f64,
+    /// Errors measured off-line.
+    pub errors: Errors,
+    /// Off-line time [s].
+    pub seconds: f64,
+    /// The parameter that the model may be set to, where it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parameter: Option<Parameter>,
+    /// Anything the writer adds: node sets, provenance.
+    pub user: serde_json::Value,
+}
+
+impl Metadata {
+    /// Whether the file that was read had checksums; without them damage goes unnoticed.
+    pub fn is_sealed(&self) -> bool {
+        self.format_version != UNSEALED_FORMAT
+    }
+
+    /// Refuses a format that this code does not know.
+    pub(super) fn check_version(&self) -> Result<(), Error> {
+        match self.format_version {
+            UNSEALED_FORMAT | FORMAT_VERSION => Ok(()),
+            other => Err(bad(format!(
+                "format version {other}; this version reads {UNSEALED_FORMAT} and {FORMAT_VERSION}"
+            ))),
+        }
+    }
+}
+
+/// The name of the element with linear cells.
+fn linear() -> String {
+    "P1".to_string()
+}
+
+/// A parameter that a model may be set to, within a range.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameter {
+    /// `radius` of the contact patch [m], or a parameter of the law.
+    pub name: String,
+    /// Lowest and highest value.
+    pub range: [f64; 2],
+    /// Whether it is interpolated over its logarithm.
+    pub is_logarithmic: bool,
+    /// Values that were solved, ascending.
+    pub nodes: Vec<f64>,
+    /// Value that the model is set to.
+    pub value: f64,
+}
+
+/// Errors measured while the model was made, relative to the norm of the field.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Errors {
+    /// Compression at full depth: worst position, worst of the directions tried.
+    pub compression: f64,
+    /// Interpolation between positions at half the depth: worst of the points tried.
+    pub interpolation_half_depth: f64,
+    /// Interpolation between positions at full depth: worst of the points tried.
+    pub interpolation: f64,
+    /// Between the nodes of the parameter: worst of the values, positions and depths tried.
+    #[serde(default)]
+    pub parameter: f64,
+}

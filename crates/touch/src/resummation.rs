@@ -1,0 +1,186 @@
+//! The orders of a touch summed in their vector Padé form instead of as a polynomial.
+//!
+//! Along a direction the parts u_p of order p nearly follow a linear recurrence, as the few
+//! singularities next to the base state rule them. The coefficients d_j, with d_0 = 1, that leave least of
+//!   u_N + d_1 u_(N-1) + .. + d_(N-1) u_1
+//! are those of a common denominator. The series times that denominator, cut after order N, gives
+//!   u = sum_p w_p u_p,   w_p = D_(N-p) / D_(N-1),   D_k = d_0 + .. + d_k,
+//! equal to the series to order N; so w_1 = 1, and for a small touch all weights go to 1.
+//! (Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981, drop u_N from the sum, which costs
+//! the last order.) Least is meant in the norm of a sketch: a few random sums over the field.
+
+use viscera_number::{Gradient, Scalar};
+
+/// Highest order of a series.
+pub(super) const MAX_ORDER: usize = 8;
+/// Numbers in a sketch: more than orders, by a margin that keeps angles between fields.
+pub const SKETCH: usize = 24;
+/// Keeps the recurrence from following what is noise in the last orders.
+const RIDGE: f64 = 1e-3;
+/// Denominators between which the polynomial takes over, because a pole is near.
+const POLE: [f64; 2] = [0.1, 0.3];
+
+/// A number with its derivatives in the displacement of the tool.
+pub(super) type Dual = Gradient<f64>;
+/// The part of each order of a touch in the sketch.
+pub(super) type Parts = [[Dual; SKETCH]; MAX_ORDER];
+
+pub(super) fn constant(value: f64) -> Dual {
+    Gradient { value, first: [0.0; 3] }
+}
+
+/// `w_p` of the first `order` parts; all 1 below order 3 and where a pole is near.
+pub(super) fn weights(parts: &Parts, order: usize) -> [Dual; MAX_ORDER] {
+    let ones = || std::array::from_fn(|_| constant(1.0));
+    let product = |p: usize, q: usize| {
+        let products = parts[p].iter().zip(&parts[q]).map(|(a, b)| a.clone() * b.clone());
+        products.fold(constant(0.0), |sum, x| sum + x)
+    };
+    let squares: [Dual; MAX_ORDER] = std::array::from_fn(|p| product(p, p));
+    if order < 3 || squares[..order].iter().any(|s| !(s.value > 0.0 && s.value.is_finite())) {
+        return ones();
+    }
+    let last = order - 1;
+    let size = squares.map(|square| square.powf(0.5));
+    let inner = |p: usize, q: usize| product(p, q) * (size[p].clone() * size[q].clone()).recip();
+    let recurrence = recurrence(last, inner);
+    let mut sums = ones();
+    for k in 1..order {
+        let p = last - k;
+        let ratio = size[last].clone() * size[p].recip();
+        sums[k] = sums[k - 1].clone() + recurrence[p].clone() * ratio;
+    }
+    let whole = sums[last].clone();
+    let Some(share) = away_from_pole(&whole) else { return ones() };
+    let inverse = whole.recip();
+    std::array::from_fn(|p| {
+        if p > last {
+            return constant(1.0);
+        }
+        (sums[last - p].clone() * inverse.clone() - 1.0) * share.clone() + 1.0
+    })
+}
+
+/// `c` that leaves least of `part_n + sum_(p < n) c_p part_p`, for parts of unit size with the given inner products.
+fn recurrence(n: usize, inner: impl Fn(usize, usize) -> Dual) -> [Dual; MAX_ORDER] {
+    // L D L^T of the inner products, solved on the way down.
+    let mut lower: [[Dual; MAX_ORDER]; MAX_ORDER] =
+        std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
+    let mut pivots: [Dual; MAX_ORDER] = std::array::from_fn(|_| constant(1.0));
+    let mut c: [Dual; MAX_ORDER] = std::array::from_fn(|_| constant(0.0));
+    for i in 0..n {
+        let (mut pivot, mut rest) = (inner(i, i) + RIDGE, -inner(i, n));
+        for j in 0..i {
+            let mut entry = inner(i, j);
+            for k in 0..j {
+                entry = entry - lower[i][k].clone() * lower[j][k].clone() * pivots[k].clone();
+            }
+            entry = entry * pivots[j].recip();
+            pivot = pivot - entry.square() * pivots[j].clone();
+            rest = rest - entry.clone() * c[j].clone();
+            lower[i][j] = entry;
+        }
+        pivots[i] = pivot;
+        c[i] = rest;
+    }
+    for i in (0..n).rev() {
+        c[i] = c[i].clone() * pivots[i].recip();
+        for k in i + 1..n {
+            c[i] = c[i].clone() - lower[k][i].clone() * c[k].clone();
+        }
+    }
+    c
+}
+
+/// How much of the Padé form to take: all of it away from a pole, nothing next to one.
+fn away_from_pole(denominator: &Dual) -> Option<Dual> {
+    let [none, all] = POLE;
+    // Written so that a denominator that is not a number gives nothing.
+    if !(denominator.value > none) {
+        return None;
+    }
+    if denominator.value >= all {
+        return Some(constant(1.0));
+    }
+    let t = (denominator.clone() - none) * (1.0 / (all - none));
+    Some(t.square() * (-t * 2.0 + 3.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Parts of `sum_q a_q / (1 - r_q t)`: a function of few poles, known in all orders.
+    fn parts(poles: &[f64], t: f64) -> Parts {
+        std::array::from_fn(|p| {
+            std::array::from_fn(|s| {
+                let vector = |q: usize| ((3 * q + 1) as f64 * (s as f64 + 0.3)).sin();
+                let value = poles.iter().enumerate().map(|(q, r)| vector(q) * r.powi(p as i32));
+                let (value, power) = (value.sum::<f64>(), p as i32 + 1);
+                let slope = value * f64::from(power) * t.powi(power - 1);
+                Gradient { value: value * t.powi(power), first: [slope, 0.0, 0.0] }
+            })
+        })
+    }
+
+    fn sum(parts: &Parts, order: usize, is_pade: bool) -> [Dual; SKETCH] {
+        let weights = weights(parts, if is_pade { order } else { 0 });
+        std::array::from_fn(|s| {
+            (0..order).fold(constant(0.0), |sum, p| sum + weights[p].clone() * parts[p][s].clone())
+        })
+    }
+
+    fn distance(a: &[Dual; SKETCH], b: &[Dual; SKETCH]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a.value - b.value).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Few poles are found: at the radius of convergence, where the polynomial fails.
+    #[test]
+    fn a_function_of_few_poles_is_summed_beyond_its_radius() {
+        let poles = [-1.0, 0.45];
+        let exact = std::array::from_fn(|s| {
+            let vector = |q: usize| ((3 * q + 1) as f64 * (s as f64 + 0.3)).sin();
+            let terms = poles.iter().enumerate().map(|(q, r)| vector(q) * 1.3 / (1.0 - 1.3 * r));
+            constant(terms.sum())
+        });
+        let parts = parts(&poles, 1.3);
+        let (pade, polynomial) = (sum(&parts, 6, true), sum(&parts, 6, false));
+        assert!(distance(&polynomial, &exact) > 100.0 * distance(&pade, &exact));
+    }
+
+    #[test]
+    fn small_touches_are_those_of_the_polynomial() {
+        for order in [3, 4, 6] {
+            let gap = |t: f64| {
+                let parts = parts(&[0.8, -1.0, 0.5, 0.2], t);
+                distance(&sum(&parts, order, true), &sum(&parts, order, false))
+            };
+            let slope = (gap(0.02) / gap(0.01)).log2();
+            assert!((slope - (order + 1) as f64).abs() < 0.2, "order {order}: {slope}");
+            let first = &weights(&parts(&[0.8, -1.0, 0.5, 0.2], 0.5), order)[0];
+            assert!((first.value - 1.0).abs() < 1e-12, "the first order is exact");
+        }
+    }
+
+    #[test]
+    fn weights_come_with_their_derivatives() {
+        let poles = [0.9, -0.7, 0.3];
+        // One of them with its pole so near that the polynomial has begun to take over.
+        for t in [0.4, 0.8, 1.0 / 0.9 - 0.24] {
+            let at = |t: f64| weights(&parts(&poles, t), 5);
+            let (plus, minus, here) = (at(t + 1e-6), at(t - 1e-6), at(t));
+            for p in 0..5 {
+                let slope = (plus[p].value - minus[p].value) / 2e-6;
+                assert!((here[p].first[0] - slope).abs() < 1e-6 * (1.0 + slope.abs()), "{t} {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn at_a_pole_and_without_numbers_it_is_the_polynomial() {
+        for t in [1.0 / 0.9, 1.3, 0.0, f64::NAN, f64::INFINITY, 1e200] {
+            let weights = weights(&parts(&[0.9], t), 4);
+            assert!(weights.iter().all(|w| w.value == 1.0 && w.first == [0.0; 3]), "{t}");
+        }
+    }
+}
