@@ -8,7 +8,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 CARGO  := cargo
 
-core_sources := Cargo.toml Cargo.lock $(shell find core live mesher bindings/python -name '*.rs' -o -name Cargo.toml)
+core_sources := Cargo.toml Cargo.lock $(shell find core crates live mesher bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
@@ -170,7 +170,9 @@ pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph 
 
 # The evaluator for every page, and all solvers for one that steps a case; all browsers of the last years have these
 # vector instructions. One after the other, as cargo gives both the same name.
-$(evaluator) $(stepper): $(core_sources) $(shell find bindings/wasm -name '*.rs' -o -name Cargo.toml)
+$(evaluator) $(stepper): Cargo.toml Cargo.lock $(shell find crates bindings/wasm -name '*.rs' -o -name Cargo.toml)
+$(stepper): $(core_sources)
+$(evaluator) $(stepper):
 	rustup target add wasm32-unknown-unknown
 	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown \
 		--no-default-features --features $(basename $(notdir $@))

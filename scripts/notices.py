@@ -44,7 +44,7 @@ page, hold code of the projects below.
 Written by scripts/notices.py; packages locked: {digest}
 """
 BY_HAND = {
-    "FDLIBM (method and constants of the logarithm in core/src/number/elementary.rs)": """\
+    "FDLIBM (method and constants of the logarithm in crates/number/src/elementary.rs)": """\
 Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved.
 
 Developed at SunPro, a Sun Microsystems, Inc. business.

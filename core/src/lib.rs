@@ -1,11 +1,10 @@
 //! Viscera's numerical core: from a tetrahedral mesh and a strain energy to a reduced model
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
-//! Layers, each using only those above it: [`number`], [`tensor`], [`law`], [`mesh`],
-//! [`element`], [`body`], [`linear`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`], [`pgd`];
-//! beside them [`error`], [`simd`], [`clock`] and `threads`, which any of them may use.
-//!
-//! Without the feature `solvers` only what answers a touch on-line is compiled: a page needs no more.
+//! Layers, each using only those above it: [`law`], [`element`], [`body`], [`equilibrium`], [`series`], [`reduced`],
+//! [`galerkin`], [`pgd`]; beside them [`error`], which any of them may use. Below them lie crates, given on here under
+//! short names: [`number`], with [`tensor`] and [`simd`]; [`mesh`]; [`linear`], with [`clock`]; and `viscera_touch`, which
+//! answers touches on-line.
 
 pub mod body;
 pub mod element;

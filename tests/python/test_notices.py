@@ -35,7 +35,7 @@ def test_they_are_of_the_versions_that_are_locked(notices: ModuleType, text: str
 
 def test_they_name_what_the_crates_ask_for(text: str) -> None:
     """Every dependency that a manifest of the shipped crates names, macros and test tools left out."""
-    for folder in ("core", "live", "mesher", "bindings/python", "bindings/wasm"):
+    for folder in ("core", "crates/linear", "crates/touch", "live", "mesher", "bindings/python", "bindings/wasm"):
         manifest = (ROOT / folder / "Cargo.toml").read_text(encoding="utf-8")
         needed = re.search(r"^\[dependencies\]\n(.*?)(?:^\[|\Z)", manifest, re.DOTALL | re.MULTILINE)
         assert needed is not None
@@ -52,7 +52,7 @@ def test_they_name_what_the_page_bundles(notices: ModuleType) -> None:
 
 def test_the_logarithm_keeps_the_notice_of_its_source(text: str) -> None:
     """FDLIBM asks for it, in the source and in what is made of it."""
-    source = ROOT / "core" / "src" / "number" / "elementary.rs"
+    source = ROOT / "crates" / "number" / "src" / "elementary.rs"
     plain = re.sub(r"//! ?>? ?", "", source.read_text(encoding="utf-8"))
     notice = re.search(r"Copyright \(C\) 1993 by Sun Microsystems.*?is preserved\.", plain, re.DOTALL)
     assert notice is not None

@@ -3,6 +3,7 @@
 use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 use pyo3::types::PyDict;
 use viscera_core::mesh;
 
@@ -104,7 +105,10 @@ impl Locator {
 
     fn find<'py>(&self, py: Python<'py>, places: PyReadonlyArray2<f64>) -> PyResult<Places<'py>> {
         let places = convert::points("places", &places)?;
-        let found = py.detach(|| self.locator.find_all(&places));
+        let found = py.detach(|| {
+            let find = |x| self.locator.find(x);
+            places.par_iter().with_min_len(1024).map(find).collect::<Vec<_>>()
+        });
         let cells = found.iter().map(|at| at.map_or(-1, |at| i64::from(at.cell))).collect();
         let weights: Vec<[f64; 4]> =
             found.iter().map(|at| at.map_or([0.0; 4], |at| at.weights)).collect();

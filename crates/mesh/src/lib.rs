@@ -5,7 +5,6 @@
 
 mod closest;
 mod conformity;
-#[cfg(feature = "solvers")]
 mod locate;
 mod patch;
 mod quadratic;
@@ -14,7 +13,6 @@ pub mod samples;
 mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
-#[cfg(feature = "solvers")]
 pub use locate::{Located, Locator};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};

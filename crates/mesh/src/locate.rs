@@ -1,7 +1,6 @@
 //! Which cell holds a place: cells in the boxes of a regular grid, about one to a box.
 
 use super::{Vector, cross, dot, sub};
-use rayon::prelude::*;
 
 /// A place this far outside a cell, in barycentric coordinates, still counts as on its face.
 const ON_FACE: f64 = 1e-9;
@@ -119,11 +118,6 @@ impl Locator {
         }
         best.map(|(_, located)| located)
     }
-
-    /// [`Locator::find`] of many places, on all threads.
-    pub fn find_all(&self, places: &[Vector]) -> Vec<Option<Located>> {
-        places.par_iter().with_min_len(1024).map(|x| self.find(x)).collect()
-    }
 }
 
 fn least(weights: [f64; 4]) -> f64 {
@@ -145,7 +139,7 @@ fn frame([a, b, c, d]: [Vector; 4]) -> (Vector, [Vector; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::samples::{block, noise};
+    use crate::samples::{block, noise};
 
     #[test]
     fn places_inside_are_found_in_a_cell_that_holds_them() {
