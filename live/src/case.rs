@@ -71,7 +71,7 @@ impl Case {
         }
         let mut materials = BTreeMap::new();
         for (name, core_name) in &about.laws {
-            let columns = Material::parameter_names(core_name).map_or(1, <[_]>::len);
+            let columns = Material::parameter_names(core_name)?.len();
             let rows = doubles(&arrays, name)?;
             let rows = rows.chunks(columns).map(<[f64]>::to_vec).collect();
             materials.insert(name.clone(), Material::new(core_name, rows)?);

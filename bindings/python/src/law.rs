@@ -5,7 +5,7 @@ use numpy::{
     PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
 };
 use pyo3::prelude::*;
-use viscera_core::law::{self, LawVisitor, Material};
+use viscera_core::law::Material;
 use viscera_core::tensor::Mat3;
 
 /// A constitutive law by name with its parameters.
@@ -45,8 +45,9 @@ impl Law {
         py: Python<'py>,
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = gradients(&F)?.iter().map(|f| self.material.visit(Energy(self, f))).collect();
-        Ok(PyArray1::from_vec(py, values))
+        let gradients = gradients(&F)?;
+        let answers = self.material.energy_and_stress(self.material.of_cell(0), &gradients);
+        Ok(PyArray1::from_vec(py, answers.into_iter().map(|(energy, _)| energy).collect()))
     }
 
     #[allow(non_snake_case)]
@@ -56,8 +57,8 @@ impl Law {
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let gradients = gradients(&F)?;
-        let values: Vec<f64> =
-            gradients.iter().flat_map(|f| self.material.visit(Stress(self, f)).concat()).collect();
+        let answers = self.material.energy_and_stress(self.material.of_cell(0), &gradients);
+        let values = answers.into_iter().flat_map(|(_, stress)| stress.concat()).collect();
         PyArray1::from_vec(py, values).reshape([gradients.len(), 3, 3])
     }
 
@@ -68,8 +69,7 @@ impl Law {
         F: PyReadonlyArray3<f64>,
     ) -> PyResult<Bound<'py, PyArray<f64, numpy::ndarray::Dim<[usize; 5]>>>> {
         let gradients = gradients(&F)?;
-        let values: Vec<f64> =
-            gradients.iter().flat_map(|f| self.material.visit(Tangent(self, f))).collect();
+        let values: Vec<f64> = gradients.iter().flat_map(|f| tangent(&self.material, f)).collect();
         PyArray1::from_vec(py, values).reshape([gradients.len(), 3, 3, 3, 3])
     }
 }
@@ -90,41 +90,18 @@ fn gradients(F: &PyReadonlyArray3<f64>) -> PyResult<Vec<Mat3<f64>>> {
         .collect())
 }
 
-struct Energy<'a>(&'a Law, &'a Mat3<f64>);
-struct Stress<'a>(&'a Law, &'a Mat3<f64>);
-struct Tangent<'a>(&'a Law, &'a Mat3<f64>);
-
-impl LawVisitor for Energy<'_> {
-    type Output = f64;
-    fn visit<L: law::Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        make(self.0.material.of_cell(0)).energy(self.1)
-    }
-}
-
-impl LawVisitor for Stress<'_> {
-    type Output = Mat3<f64>;
-    fn visit<L: law::Law>(self, make: fn(&[f64]) -> L) -> Mat3<f64> {
-        make(self.0.material.of_cell(0)).stress(self.1)
-    }
-}
-
-impl LawVisitor for Tangent<'_> {
-    type Output = Vec<f64>;
-
-    /// `dP_iJ/dF_kL` from the contraction with the unit vectors and, for `J > L`, symmetry.
-    fn visit<L: law::Law>(self, make: fn(&[f64]) -> L) -> Vec<f64> {
-        let units = std::array::from_fn(|a| std::array::from_fn(|i| (a == i) as u8 as f64));
-        let (_, blocks) = make(self.0.material.of_cell(0)).tangent(self.1, &units);
-        let mut out = Vec::with_capacity(81);
-        for i in 0..3 {
-            for j in 0..3 {
-                for k in 0..3 {
-                    for l in 0..3 {
-                        out.push(if j <= l { blocks[j][l][i][k] } else { blocks[l][j][k][i] });
-                    }
+/// `dP_iJ/dF_kL` from the contraction with the unit vectors and, for `J > L`, symmetry.
+fn tangent(material: &Material, f: &Mat3<f64>) -> Vec<f64> {
+    let (_, blocks) = material.tangent(material.of_cell(0), f);
+    let mut out = Vec::with_capacity(81);
+    for i in 0..3 {
+        for j in 0..3 {
+            for k in 0..3 {
+                for l in 0..3 {
+                    out.push(if j <= l { blocks[j][l][i][k] } else { blocks[l][j][k][i] });
                 }
             }
         }
-        out
     }
+    out
 }

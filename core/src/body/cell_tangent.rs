@@ -2,15 +2,13 @@
 
 use super::cells::{Batch, add_product};
 use super::tangent::Response;
-use super::{LANES, Lane};
 use crate::element::Shape;
 use crate::law::TangentBlocks;
-use crate::simd::{Kernel, dispatch_here};
+use crate::number::{LANES, Lane};
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::{array, tabulate};
 use std::marker::PhantomData;
-
-dispatch_here!();
 
 /// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
 #[inline(never)]
@@ -47,7 +45,7 @@ pub(super) fn add<E: Shape<N>, const N: usize>(
             add_tangents(slopes, weight, blocks, self.sums);
         }
     }
-    dispatch(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
+    dispatch_solver(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
 }
 
 /// Adds `K_e x`, what the tangents at a quadrature point make of the vector `x` of all nodes, to the products so far.
@@ -98,7 +96,7 @@ pub(super) fn add_times<E: Shape<N>, const N: usize>(
             }
         }
     }
-    dispatch(AddTimes { batch, point, blocks, x, products, shape: PhantomData::<E> });
+    dispatch_solver(AddTimes { batch, point, blocks, x, products, shape: PhantomData::<E> });
 }
 
 /// `sum_l blocks[k][l] along[l]`.

@@ -2,10 +2,10 @@
 //! results node by node and block by block.
 
 use super::blocks::{BlockPattern, Grouped};
-use super::{LANES, Lane};
+
 use crate::element::{Geometry, Shape};
 use crate::law::Material;
-use crate::number::{Lanes, Scalar};
+use crate::number::{LANES, Lane, Lanes, Scalar};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::tabulate;
 use std::marker::PhantomData;
@@ -16,7 +16,7 @@ pub(super) struct Batch<const N: usize> {
     pub gradients: [Vec3<Lane>; 3],
     /// Volume of the cell.
     pub volume: Lane,
-    pub parameters: Vec<f64>,
+    pub tissue: u32,
 }
 
 /// Where a cell's results are: batch and lane.
@@ -46,6 +46,8 @@ pub(super) const NOWHERE: u32 = u32::MAX;
 pub(super) struct Cells<E, const N: usize> {
     pub nodes: Vec<[u32; N]>,
     pub batches: Vec<Batch<N>>,
+    /// The rows of parameters of the tissues.
+    pub tissues: Vec<Vec<f64>>,
     pub slots: Vec<Slot>,
     /// Slot and local number of every cell at a node.
     pub incidence: Grouped<(Slot, u8)>,
@@ -70,12 +72,14 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     ) -> Self {
         let mut batches = Vec::with_capacity(nodes.len() / LANES + 1);
         let mut slots = vec![Slot { batch: 0, lane: 0 }; nodes.len()];
-        for group in tissues(nodes.len(), material) {
+        let mut rows = Vec::new();
+        for (tissue, group) in (0u32..).zip(tissues(nodes.len(), material)) {
+            rows.push(material.of_cell(group[0]).to_vec());
             for members in group.chunks(LANES) {
                 for (lane, &cell) in members.iter().enumerate() {
                     slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
                 }
-                batches.push(batch(members, &nodes, geometry, material.of_cell(members[0])));
+                batches.push(batch(members, &nodes, geometry, tissue));
             }
         }
         let at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
@@ -102,6 +106,7 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
             destinations,
             nodes,
             batches,
+            tissues: rows,
             slots,
             shape: PhantomData,
         }
@@ -128,7 +133,7 @@ fn batch<const N: usize>(
     members: &[usize],
     nodes: &[[u32; N]],
     geometry: &[Geometry],
-    parameters: &[f64],
+    tissue: u32,
 ) -> Batch<N> {
     let cell_of = |lane: usize| members[lane.min(members.len() - 1)];
     let lanes =
@@ -141,7 +146,7 @@ fn batch<const N: usize>(
         nodes: std::array::from_fn(|l| nodes[cell_of(l)]),
         gradients: std::array::from_fn(|k| std::array::from_fn(|i| lanes(&|g| g.gradients[k][i]))),
         volume,
-        parameters: parameters.to_vec(),
+        tissue,
     }
 }
 

@@ -9,21 +9,19 @@
 //! Poisson's ratio 0, `2 mu / 3`, in the cell: enough to hold its shape, too little to lock.
 
 use super::blocks::{BlockPattern, Grouped};
-use super::cells::{Batch, Slot, tissues};
-use super::kernels::{Surroundings, TASK, tasks};
+use super::cells::{Cells, Slot, tissues};
+use super::kernels::{RUN, TASK, tasks};
 use super::partition::Partition;
-use super::tangent::{self, Curvature};
-use super::{LANES, Lane};
+use super::tangent::Curvature;
 use crate::element::{Geometry, Shape, Tet4};
-use crate::law::{Law, LawVisitor, Material};
-use crate::number::Lanes;
-use crate::simd::{Kernel, dispatch_here};
+use crate::law::{LawKernels, Material, Shared};
+use crate::number::{LANES, Lane, Lanes};
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3, mul_vector};
 use crate::threads::share;
-use crate::unroll::{array, tabulate};
+use crate::unroll::array;
 use rayon::prelude::*;
-
-dispatch_here!();
+use std::ops::Range;
 
 /// Where volume ratios are averaged, and what they touch.
 pub(super) struct Clusters {
@@ -119,19 +117,27 @@ impl Clusters {
     }
 
     /// Volume ratios of cells and clusters.
-    pub fn volumes(&self, material: &Material, batches: &[Batch<4>], u: &[f64]) -> Volumes {
-        let mut volumes = Volumes {
-            cells: vec![Lane::default(); batches.len()],
-            slopes: vec![[[Lane::default(); 3]; 3]; batches.len()],
-            clusters: Vec::new(),
+    pub fn volumes(&self, law: &dyn LawKernels, of: &Cells<Tet4, 4>, u: &[f64]) -> Volumes {
+        let n = of.batches.len();
+        let mut cells = vec![Lane::default(); n];
+        let mut slopes = vec![[[Lane::default(); 3]; 3]; n];
+        let of_task = |(task, (ratios, slopes)): (usize, (&mut [Lane], &mut [_]))| {
+            dispatch_solver(VolumeKernel { cells: of, first: task * TASK, law, u, ratios, slopes });
         };
-        material.visit(CellVolumes { batches, u, volumes: &mut volumes });
+        let is_shared = share(tasks(n));
+        if is_shared {
+            let results = cells.par_chunks_mut(TASK).zip(slopes.par_chunks_mut(TASK));
+            results.enumerate().for_each(of_task);
+        } else {
+            cells.chunks_mut(TASK).zip(slopes.chunks_mut(TASK)).enumerate().for_each(of_task);
+        }
+        let mut volumes = Volumes { cells, slopes, clusters: Vec::new() };
         let mean = |cluster: usize| -> f64 {
             let ratio = |m: &Member| volumes.cells[m.slot.batch as usize][m.slot.lane as usize];
             self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum()
         };
         let clusters = 0..self.members.len();
-        volumes.clusters = if share(tasks(batches.len())) {
+        volumes.clusters = if is_shared {
             clusters.into_par_iter().with_min_len(1024).map(mean).collect()
         } else {
             clusters.map(mean).collect()
@@ -140,28 +146,47 @@ impl Clusters {
     }
 
     /// `sum_c s V_c U(J_c)`.
-    pub fn energy(&self, material: &Material, volumes: &Volumes) -> f64 {
-        material.visit(ClusterEnergy { clusters: self, volumes })
+    pub fn energy(&self, law: &dyn LawKernels, volumes: &Volumes) -> f64 {
+        let response = |r: &Response| {
+            let ratio = Lanes(r.cluster.map(|c| volumes.clusters[c as usize]));
+            let mut energy = [Lane::default()];
+            law.dilatation(&r.parameters, &[ratio], &mut energy);
+            (energy[0] * r.weight).0.iter().sum::<f64>()
+        };
+        self.responses.iter().map(response).sum()
     }
 
     /// `s U'(J_c)` and `s V_c U''(J_c)`.
-    pub fn pressures(&self, material: &Material, volumes: &Volumes) -> (Vec<f64>, Vec<f64>) {
-        material.visit(Pressures { clusters: self, volumes })
+    pub fn pressures(&self, law: &dyn LawKernels, volumes: &Volumes) -> (Vec<f64>, Vec<f64>) {
+        let count = self.members.len();
+        let (mut pressures, mut moduli) = (vec![0.0; count], vec![0.0; count]);
+        for response in &self.responses {
+            let ratio = Lanes(response.cluster.map(|c| volumes.clusters[c as usize]));
+            let mut answer = [[Lane::default(); 2]];
+            law.pressure(&response.parameters, &[ratio], &mut answer);
+            let [pressure, modulus] = answer[0];
+            for (lane, cluster) in response.cluster.into_iter().enumerate() {
+                let (cluster, weight) = (cluster as usize, response.weight[lane]);
+                pressures[cluster] += weight / self.volume[cluster] * pressure[lane];
+                moduli[cluster] += weight * modulus[lane];
+            }
+        }
+        (pressures, moduli)
     }
 
-    /// What a cell feels of its cluster.
-    pub fn around<'a>(&'a self, pressure: &'a [f64]) -> InCluster<'a> {
-        InCluster { clusters: self, pressure }
+    /// What cells feel of their clusters.
+    pub fn around<'a>(&'a self, pressure: &'a [f64]) -> Around<'a> {
+        Around { clusters: Some((self, pressure)) }
     }
 
     /// What clusters give to the tangent.
     pub fn tangent(
         &self,
-        material: &Material,
+        law: &dyn LawKernels,
         volumes: &Volumes,
         curvature: Curvature,
     ) -> SharedTangent {
-        let (pressures, mut moduli) = self.pressures(material, volumes);
+        let (pressures, mut moduli) = self.pressures(law, volumes);
         if curvature == Curvature::Convex {
             moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
         }
@@ -275,172 +300,62 @@ fn products(partition: &Partition, pattern: &BlockPattern) -> Grouped<[u32; 2]> 
     Grouped::new(pattern.len(), &products)
 }
 
-/// What a cluster does to its cells.
-#[derive(Clone, Copy)]
-pub(super) struct InCluster<'a> {
-    clusters: &'a Clusters,
-    /// `s U'(J_c)`.
-    pressure: &'a [f64],
+/// What cells feel of their neighbours: nothing by default, or the `s U'(J_c)` of their clusters.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Around<'a> {
+    clusters: Option<(&'a Clusters, &'a [f64])>,
 }
 
-impl InCluster<'_> {
+impl Around<'_> {
+    /// The part of the cells' own answer to dilatation that a cluster takes over, by batch.
     #[inline(always)]
-    fn mean_pressure(&self, batch: usize) -> Lane {
-        Lanes(self.clusters.of[batch].map(|cluster| self.pressure[cluster as usize]))
-    }
-}
-
-impl Surroundings for InCluster<'_> {
-    #[inline(always)]
-    fn energy<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, energy: &mut Lane) {
-        let (ratio, _) = law.volume_ratio(f);
-        *energy = *energy - law.dilatation(&ratio) * self.clusters.share[batch];
+    pub fn part(&self, batch: usize) -> f64 {
+        self.clusters.map_or(0.0, |(clusters, _)| clusters.share[batch])
     }
 
+    /// What takes its place in some batches of one tissue; `pressures` is where that is put.
     #[inline(always)]
-    fn stress<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, stress: &mut Mat3<Lane>) {
-        let (ratio, slope) = law.volume_ratio(f);
-        let q = self.mean_pressure(batch) - law.pressure(&ratio) * self.clusters.share[batch];
-        *stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
-    }
-
-    #[inline(never)]
-    fn tangent<L: Law>(
-        &self,
-        law: &L,
-        batch: usize,
-        (f, g): (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        response: &mut tangent::Response,
-    ) {
-        let (share, mean_pressure) = (self.clusters.share[batch], self.mean_pressure(batch));
-        dispatch(TangentInCluster { law, f, g, share, mean_pressure, response });
-    }
-}
-
-struct TangentInCluster<'a, L> {
-    law: &'a L,
-    f: &'a Mat3<Lane>,
-    g: &'a [Vec3<Lane>; 3],
-    share: f64,
-    mean_pressure: Lane,
-    response: &'a mut tangent::Response,
-}
-
-impl<L: Law> Kernel for TangentInCluster<'_, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let TangentInCluster { law, f, g, share, mean_pressure, response: (stress, blocks) } = self;
-        let (ratio, slope) = law.volume_ratio(f);
-        let [pressure, modulus] = law.pressure_and_modulus(&ratio);
-        let q = mean_pressure - pressure * share;
-        let curvature = law.volume_curvature(f, g);
-        *stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
-        let z: [Vec3<Lane>; 3] = array!(3, |k| mul_vector(&slope, &g[k]));
-        let mz: [Vec3<Lane>; 3] = array!(3, |k| array!(3, |i| z[k][i] * modulus * share));
-        for a in 0..3 {
-            for b in a..3 {
-                let (block, curvature) = (&mut blocks[a][b], &curvature[a][b]);
-                *block = tabulate!(|i, k| block[i][k] + q * curvature[i][k] - mz[a][i] * z[b][k]);
-            }
+    pub fn of<'p>(&self, batches: Range<usize>, pressures: &'p mut [Lane]) -> Shared<'p> {
+        let Some((clusters, pressure)) = self.clusters else {
+            return Shared::default();
+        };
+        let pressures = &mut pressures[..batches.len()];
+        for (p, of) in pressures.iter_mut().zip(&clusters.of[batches.clone()]) {
+            *p = Lanes(of.map(|cluster| pressure[cluster as usize]));
         }
+        Shared { part: clusters.share[batches.start], pressure: pressures }
     }
 }
 
-struct CellVolumes<'a> {
-    batches: &'a [Batch<4>],
+/// Volume ratios of the batches from `first` on, and their slopes along the gradients.
+struct VolumeKernel<'a> {
+    cells: &'a Cells<Tet4, 4>,
+    first: usize,
+    law: &'a dyn LawKernels,
     u: &'a [f64],
-    volumes: &'a mut Volumes,
-}
-
-impl LawVisitor for CellVolumes<'_> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let (u, Volumes { cells, slopes, .. }) = (self.u, self.volumes);
-        if !share(tasks(self.batches.len())) {
-            return dispatch(VolumeKernel { batches: self.batches, u, make, cells, slopes });
-        }
-        let tasks = self.batches.par_chunks(TASK);
-        let results = cells.par_chunks_mut(TASK).zip(slopes.par_chunks_mut(TASK));
-        tasks.zip(results).for_each(|(batches, (cells, slopes))| {
-            dispatch(VolumeKernel { batches, u, make, cells, slopes });
-        });
-    }
-}
-
-struct VolumeKernel<'a, L> {
-    batches: &'a [Batch<4>],
-    u: &'a [f64],
-    make: fn(&[f64]) -> L,
-    cells: &'a mut [Lane],
+    ratios: &'a mut [Lane],
     slopes: &'a mut [[Vec3<Lane>; 3]],
 }
 
-impl<L: Law> Kernel for VolumeKernel<'_, L> {
+impl Kernel for VolumeKernel<'_> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let results = self.cells.iter_mut().zip(self.slopes);
-        for (batch, (ratio, slopes)) in self.batches.iter().zip(results) {
-            let f = batch.deformation(Tet4::slopes(0), self.u);
-            let (volume_ratio, slope) = (self.make)(&batch.parameters).volume_ratio(&f);
-            *ratio = volume_ratio;
-            *slopes = array!(3, |k| mul_vector(&slope, &batch.gradients[k]));
-        }
-    }
-}
-
-struct ClusterEnergy<'a> {
-    clusters: &'a Clusters,
-    volumes: &'a Volumes,
-}
-
-impl LawVisitor for ClusterEnergy<'_> {
-    type Output = f64;
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> f64 {
-        let response = |r: &Response| {
-            let ratio = Lanes(r.cluster.map(|c| self.volumes.clusters[c as usize]));
-            (make(&r.parameters).dilatation(&ratio) * r.weight).0.iter().sum::<f64>()
-        };
-        self.clusters.responses.iter().map(response).sum()
-    }
-}
-
-struct Pressures<'a> {
-    clusters: &'a Clusters,
-    volumes: &'a Volumes,
-}
-
-impl LawVisitor for Pressures<'_> {
-    type Output = (Vec<f64>, Vec<f64>);
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> (Vec<f64>, Vec<f64>) {
-        dispatch(PressureKernel { clusters: self.clusters, volumes: self.volumes, make })
-    }
-}
-
-struct PressureKernel<'a, L> {
-    clusters: &'a Clusters,
-    volumes: &'a Volumes,
-    make: fn(&[f64]) -> L,
-}
-
-impl<L: Law> Kernel for PressureKernel<'_, L> {
-    type Output = (Vec<f64>, Vec<f64>);
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let PressureKernel { clusters, volumes, make } = self;
-        let count = clusters.members.len();
-        let (mut pressures, mut moduli) = (vec![0.0; count], vec![0.0; count]);
-        for response in &clusters.responses {
-            let ratio = Lanes(response.cluster.map(|c| volumes.clusters[c as usize]));
-            let [pressure, modulus] = make(&response.parameters).pressure_and_modulus(&ratio);
-            for (lane, cluster) in response.cluster.into_iter().enumerate() {
-                let (cluster, weight) = (cluster as usize, response.weight[lane]);
-                pressures[cluster] += weight / clusters.volume[cluster] * pressure[lane];
-                moduli[cluster] += weight * modulus[lane];
+        let VolumeKernel { cells, first: begin, law, u, ratios, slopes } = self;
+        let (mut f, mut z) = ([Mat3::<Lane>::default(); RUN], [Mat3::<Lane>::default(); RUN]);
+        let (mut first, last) = (begin, begin + ratios.len());
+        while first < last {
+            let run = cells.run(first, last);
+            let (n, row) = (run.len(), &cells.tissues[cells.batches[first].tissue as usize]);
+            let (batches, here) = (&cells.batches[run.clone()], first - begin..run.end - begin);
+            for (f, batch) in f.iter_mut().zip(batches) {
+                *f = batch.deformation(Tet4::slopes(0), u);
             }
+            law.volume_ratio(row, &f[..n], &mut ratios[here.clone()], &mut z[..n]);
+            for ((slopes, z), batch) in slopes[here].iter_mut().zip(&z).zip(batches) {
+                *slopes = array!(3, |k| mul_vector(z, &batch.gradients[k]));
+            }
+            first = run.end;
         }
-        (pressures, moduli)
     }
 }

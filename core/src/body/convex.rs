@@ -7,12 +7,10 @@
 //! Chen, Hsieh, Jacobson et al., Stabler Neo-Hookean Simulation: Absolute Eigenvalue Filtering for Projected Newton,
 //! SIGGRAPH 2024.
 
-use super::{LANES, Lane};
 use crate::law::TangentBlocks;
-use crate::simd::{Kernel, dispatch_here};
+use crate::number::{LANES, Lane};
+use crate::simd::{Kernel, dispatch_solver};
 use std::hint::black_box;
-
-dispatch_here!();
 
 /// Rows of a cell's tangent: three vectors times three components.
 const N: usize = 9;
@@ -44,7 +42,7 @@ pub(super) fn make_convex(blocks: &mut TangentBlocks<Lane>) {
     if is_bent == [false; LANES] {
         return;
     }
-    let absolute = dispatch(Absolute { a: bent, n: black_box(N) });
+    let absolute = dispatch_solver(Absolute { a: bent, n: black_box(N) });
     for lane in (0..LANES).filter(|&lane| is_bent[lane]) {
         for r in 0..N {
             for c in 3 * (r / 3)..N {

@@ -1,18 +1,18 @@
-//! Energy and internal force: loops over batches, compiled for the processor's vectors.
+//! Energy and internal force: from displacements to deformation gradients, through the law, to forces on nodes.
 
-use super::Lane;
 use super::cells::{Batch, Cells, add_product};
-use super::tangent::Response;
+use super::clusters::Around;
 use crate::element::Shape;
-use crate::law::{Law, LawVisitor, Material};
-use crate::simd::{Kernel, dispatch_here};
+use crate::law::LawKernels;
+use crate::number::Lane;
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
 use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
-use std::marker::PhantomData;
 
-dispatch_here!();
+/// Batches that go to the law together: what they need stays in the first level of cache.
+pub(super) const RUN: usize = 8;
 
 /// Batches per parallel task: large enough to hide the hand-over, fixed so that results do not
 /// depend on the number of threads.
@@ -35,42 +35,6 @@ pub(super) fn for_tasks<T: Send>(of_batches: &mut [T], run: impl Fn(usize, &mut 
 /// Volume ratios of cells that are the right way round.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 
-/// What a cell's neighbours add to its own response; `batch` is its number.
-pub(super) trait Surroundings: Copy + Send + Sync {
-    /// Added to the energy density.
-    fn energy<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, energy: &mut Lane);
-    /// Added to the stress.
-    fn stress<L: Law>(&self, law: &L, batch: usize, f: &Mat3<Lane>, stress: &mut Mat3<Lane>);
-    /// Added to stress and tangent, what the neighbours do being kept.
-    fn tangent<L: Law>(
-        &self,
-        law: &L,
-        batch: usize,
-        at: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        response: &mut Response,
-    );
-}
-
-/// A cell on its own.
-#[derive(Clone, Copy)]
-pub(super) struct Alone;
-
-impl Surroundings for Alone {
-    #[inline(always)]
-    fn energy<L: Law>(&self, _: &L, _: usize, _: &Mat3<Lane>, _: &mut Lane) {}
-    #[inline(always)]
-    fn stress<L: Law>(&self, _: &L, _: usize, _: &Mat3<Lane>, _: &mut Mat3<Lane>) {}
-    #[inline(always)]
-    fn tangent<L: Law>(
-        &self,
-        _: &L,
-        _: usize,
-        _: (&Mat3<Lane>, &[Vec3<Lane>; 3]),
-        _: &mut Response,
-    ) {
-    }
-}
-
 impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// Number of tasks that the batches make.
     pub fn n_tasks(&self) -> usize {
@@ -78,42 +42,50 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     }
 
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
-    pub fn energy(&self, material: &Material, around: impl Surroundings, u: &[f64]) -> f64 {
-        let (n, mut energy) = (self.n_tasks(), 0.0);
-        let tasks = &mut |run: &RunEnergy<'_>| {
-            energy = if share(n) {
-                (0..n).into_par_iter().map(run).collect::<Vec<f64>>().into_iter().sum()
-            } else {
-                (0..n).map(run).sum()
-            };
+    pub fn energy(&self, law: &dyn LawKernels, around: Around<'_>, u: &[f64]) -> f64 {
+        let of_task = |task: usize| {
+            let first = task * TASK;
+            let last = self.batches.len().min(first + TASK);
+            dispatch_solver(EnergyKernel { cells: self, first, last, law, around, u })
         };
-        material.visit(Energy { cells: self, around, u, tasks });
-        energy
+        let n = self.n_tasks();
+        if share(n) {
+            (0..n).into_par_iter().map(of_task).collect::<Vec<f64>>().into_iter().sum()
+        } else {
+            (0..n).map(of_task).sum()
+        }
     }
 
     /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids inversion
     /// finds a cell whose `J` is outside of `range`, and then the force means nothing.
     pub fn force(
         &self,
-        material: &Material,
-        around: impl Surroundings,
+        law: &dyn LawKernels,
+        around: Around<'_>,
         (u, range): (&[f64], [f64; 2]),
         out: &mut [f64],
     ) -> f64 {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let mut energy = 0.0;
-        let tasks = &mut |run: &RunForces<'_, N>| {
-            let of_task = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| run(task, forces);
-            energy = if share(self.n_tasks()) {
-                let tasks = forces.par_chunks_mut(TASK).enumerate();
-                tasks.map(of_task).collect::<Vec<f64>>().into_iter().sum()
-            } else {
-                forces.chunks_mut(TASK).enumerate().map(of_task).sum()
-            };
+        let of_task = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| {
+            let first = task * TASK;
+            dispatch_solver(ForceKernel { cells: self, first, law, around, u, range, forces })
         };
-        material.visit(Force { cells: self, around, u, range, tasks });
+        let energy = if share(self.n_tasks()) {
+            let tasks = forces.par_chunks_mut(TASK).enumerate();
+            tasks.map(of_task).collect::<Vec<f64>>().into_iter().sum()
+        } else {
+            forces.chunks_mut(TASK).enumerate().map(of_task).sum()
+        };
         self.gather_forces(&forces, out);
         energy
+    }
+
+    /// The next batches of one tissue from `first` on, [`RUN`] at most and none from `last` on.
+    pub(super) fn run(&self, first: usize, last: usize) -> std::ops::Range<usize> {
+        let tissue = self.batches[first].tissue;
+        let end = last.min(first + RUN);
+        let next = (first..end).find(|&batch| self.batches[batch].tissue != tissue);
+        first..next.unwrap_or(end)
     }
 
     /// Adds up what the cells give to each node.
@@ -156,116 +128,91 @@ impl<const N: usize> Batch<N> {
     }
 }
 
-// The visitors call back with what goes through the cells of a task: nothing but that is compiled for every law.
-
-/// The energy of the cells of a task.
-type RunEnergy<'a> = dyn Fn(usize) -> f64 + Sync + 'a;
-
-struct Energy<'a, E, A, const N: usize> {
+/// Energy of the batches from `first` to before `last`.
+struct EnergyKernel<'a, E, const N: usize> {
     cells: &'a Cells<E, N>,
-    around: A,
-    u: &'a [f64],
-    tasks: &'a mut dyn FnMut(&RunEnergy<'_>),
-}
-
-impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Energy<'_, E, A, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Energy { cells, around, u, tasks } = self;
-        tasks(&|task| {
-            let first = task * TASK;
-            let batches = &cells.batches[first..cells.batches.len().min(first + TASK)];
-            dispatch(EnergyKernel { first, batches, around, u, make, shape: PhantomData::<E> })
-        });
-    }
-}
-
-struct EnergyKernel<'a, L, E, A, const N: usize> {
     first: usize,
-    batches: &'a [Batch<N>],
-    around: A,
+    last: usize,
+    law: &'a dyn LawKernels,
+    around: Around<'a>,
     u: &'a [f64],
-    make: fn(&[f64]) -> L,
-    shape: PhantomData<E>,
 }
 
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for EnergyKernel<'_, L, E, A, N> {
+impl<E: Shape<N>, const N: usize> Kernel for EnergyKernel<'_, E, N> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
-        let mut sum = 0.0;
-        for (number, batch) in (self.first..).zip(self.batches) {
-            let law = (self.make)(&batch.parameters);
-            let weight = batch.volume * (1.0 / E::POINTS as f64);
+        let EnergyKernel { cells, mut first, last, law, around, u } = self;
+        let (mut f, mut psi) = ([Mat3::<Lane>::default(); RUN], [Lane::default(); RUN]);
+        let (mut sum, forbids) = (0.0, law.forbids_inversion());
+        while first < last {
+            let run = cells.run(first, last);
+            let (n, row) = (run.len(), &cells.tissues[cells.batches[first].tissue as usize]);
             for point in 0..E::POINTS {
-                let f = batch.deformation(E::slopes(point), self.u);
-                if L::FORBIDS_INVERSION && is_outside(&f, UPRIGHT) {
-                    return f64::INFINITY;
+                for (f, batch) in f.iter_mut().zip(&cells.batches[run.clone()]) {
+                    *f = batch.deformation(E::slopes(point), u);
+                    if forbids && is_outside(f, UPRIGHT) {
+                        return f64::INFINITY;
+                    }
                 }
-                let mut energy: Lane = law.energy(&f);
-                self.around.energy(&law, number, &f, &mut energy);
-                sum += (energy * weight).0.iter().sum::<f64>();
+                law.energy(row, &f[..n], around.part(first), &mut psi[..n]);
+                for (psi, batch) in psi.iter().zip(&cells.batches[run.clone()]) {
+                    let weight = batch.volume * (1.0 / E::POINTS as f64);
+                    sum += (*psi * weight).0.iter().sum::<f64>();
+                }
             }
+            first = run.end;
         }
         sum
     }
 }
 
-/// Puts the forces of the cells of a task in place, and returns their energy.
-type RunForces<'a, const N: usize> = dyn Fn(usize, &mut [[Vec3<Lane>; N]]) -> f64 + Sync + 'a;
-
-struct Force<'a, E, A, const N: usize> {
+/// Energy of the batches from `first` on, and their forces.
+struct ForceKernel<'a, E, const N: usize> {
     cells: &'a Cells<E, N>,
-    around: A,
-    u: &'a [f64],
-    range: [f64; 2],
-    tasks: &'a mut dyn FnMut(&RunForces<'_, N>),
-}
-
-impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Force<'_, E, A, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Force { cells, around, u, range, tasks } = self;
-        tasks(&|task, forces| {
-            let (first, shape) = (task * TASK, PhantomData::<E>);
-            let batches = &cells.batches[first..first + forces.len()];
-            dispatch(ForceKernel { first, batches, around, u, range, make, forces, shape })
-        });
-    }
-}
-
-struct ForceKernel<'a, L, E, A, const N: usize> {
     first: usize,
-    batches: &'a [Batch<N>],
-    around: A,
+    law: &'a dyn LawKernels,
+    around: Around<'a>,
     u: &'a [f64],
     range: [f64; 2],
-    make: fn(&[f64]) -> L,
     forces: &'a mut [[Vec3<Lane>; N]],
-    shape: PhantomData<E>,
 }
 
-impl<L: Law, E: Shape<N>, A: Surroundings, const N: usize> Kernel for ForceKernel<'_, L, E, A, N> {
+impl<E: Shape<N>, const N: usize> Kernel for ForceKernel<'_, E, N> {
     type Output = f64;
     #[inline(always)]
     fn run(self) -> f64 {
-        let mut sum = Lane::default();
-        for (number, (batch, forces)) in (self.first..).zip(self.batches.iter().zip(self.forces)) {
-            let law = (self.make)(&batch.parameters);
-            let weight = batch.volume * (1.0 / E::POINTS as f64);
-            *forces = [[Lane::default(); 3]; N];
+        let ForceKernel { cells, first: begin, law, around, u, range, forces } = self;
+        let (mut f, mut stress) = ([Mat3::<Lane>::default(); RUN], [Mat3::<Lane>::default(); RUN]);
+        let (mut psi, mut pressures) = ([Lane::default(); RUN], [Lane::default(); RUN]);
+        let (mut sum, forbids) = (Lane::default(), law.forbids_inversion());
+        let (mut first, last) = (begin, begin + forces.len());
+        while first < last {
+            let run = cells.run(first, last);
+            let (n, row) = (run.len(), &cells.tissues[cells.batches[first].tissue as usize]);
+            let shared = around.of(run.clone(), &mut pressures);
+            let forces = &mut forces[first - begin..run.end - begin];
             for point in 0..E::POINTS {
                 let slopes = E::slopes(point);
-                let f = batch.deformation(slopes, self.u);
-                if L::FORBIDS_INVERSION && is_outside(&f, self.range) {
-                    return f64::INFINITY;
+                for (f, batch) in f.iter_mut().zip(&cells.batches[run.clone()]) {
+                    *f = batch.deformation(slopes, u);
+                    if forbids && is_outside(f, range) {
+                        return f64::INFINITY;
+                    }
                 }
-                let (mut energy, mut stress) = law.energy_and_stress(&f);
-                self.around.energy(&law, number, &f, &mut energy);
-                self.around.stress(&law, number, &f, &mut stress);
-                batch.add_forces(slopes, weight, &stress, forces);
-                sum = sum + energy * weight;
+                law.stress(row, &f[..n], shared, &mut psi[..n], &mut stress[..n]);
+                for (k, (batch, forces)) in
+                    cells.batches[run.clone()].iter().zip(&mut *forces).enumerate()
+                {
+                    if point == 0 {
+                        *forces = [[Lane::default(); 3]; N];
+                    }
+                    let weight = batch.volume * (1.0 / E::POINTS as f64);
+                    batch.add_forces(slopes, weight, &stress[k], forces);
+                    sum = sum + psi[k] * weight;
+                }
             }
+            first = run.end;
         }
         sum.0.iter().sum()
     }

@@ -1,6 +1,6 @@
 //! A body: mesh, element and law together, as the integrals the solvers ask for.
 //!
-//! Cells are grouped in batches of [`LANES`] that go through the same arithmetic side by side;
+//! Cells are grouped in batches of [`LANES`](crate::number::LANES) that go through the same arithmetic side by side;
 //! their results are gathered node by node (and block by block) through maps made once, so sums
 //! come out the same whatever the number of threads.
 
@@ -33,21 +33,13 @@ use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
 use crate::error::Error;
 use crate::law::Material;
 use crate::mesh;
-use crate::number::Lanes;
 use crate::simd;
 use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
 use cells::{Cells, pairs_of};
-use clusters::Clusters;
-use kernels::Alone;
+use clusters::{Around, Clusters};
 use partition::Partition;
 use std::sync::Arc;
-
-/// Cells per batch.
-pub const LANES: usize = 4;
-
-/// One number per cell of a batch.
-pub(crate) type Lane = Lanes<LANES>;
 
 /// A hyperelastic body of tetrahedra, Total Lagrangian.
 pub struct Body {
@@ -250,7 +242,7 @@ impl Body {
     /// The quadrature points whose `J` is not inside of an open range, cell by cell; none for laws that do not forbid
     /// inversion.
     pub fn outliers(&self, u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
-        if !self.material.forbids_inversion() {
+        if !self.material.law().forbids_inversion() {
             return Vec::new();
         }
         on_cells!(self, cells => cells.outliers(&self.geometry, u, range))
@@ -276,16 +268,16 @@ impl Body {
 
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        let material = &self.material;
+        let law = self.material.law();
         match &*self.assembly {
-            Assembly::P1(cells) => cells.energy(material, Alone, u),
-            Assembly::P2(cells) => cells.energy(material, Alone, u),
+            Assembly::P1(cells) => cells.energy(law, Around::default(), u),
+            Assembly::P2(cells) => cells.energy(law, Around::default(), u),
             Assembly::P1MeanVolume(cells, clusters) => {
-                let local = cells.energy(material, clusters.around(&[]), u);
+                let local = cells.energy(law, clusters.around(&[]), u);
                 if local.is_infinite() {
                     return local;
                 }
-                local + clusters.energy(material, &clusters.volumes(material, &cells.batches, u))
+                local + clusters.energy(law, &clusters.volumes(law, cells, u))
             }
         }
     }
@@ -299,19 +291,15 @@ impl Body {
     /// [`Body::internal_force`] that finds the energy infinite where the `J` of a cell is outside of a range, for laws
     /// that forbid inversion.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
-        let (material, at) = (&self.material, (u, range));
+        let (law, at) = (self.material.law(), (u, range));
         match &*self.assembly {
-            Assembly::P1(cells) => cells.force(material, Alone, at, force),
-            Assembly::P2(cells) => cells.force(material, Alone, at, force),
+            Assembly::P1(cells) => cells.force(law, Around::default(), at, force),
+            Assembly::P2(cells) => cells.force(law, Around::default(), at, force),
             Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(material, &cells.batches, u);
-                let (pressures, _) = clusters.pressures(material, &volumes);
-                let local = cells.force(material, clusters.around(&pressures), at, force);
-                if local.is_infinite() {
-                    local
-                } else {
-                    local + clusters.energy(material, &volumes)
-                }
+                let volumes = clusters.volumes(law, cells, u);
+                let (pressures, _) = clusters.pressures(law, &volumes);
+                let local = cells.force(law, clusters.around(&pressures), at, force);
+                if local.is_infinite() { local } else { local + clusters.energy(law, &volumes) }
             }
         }
     }
@@ -334,23 +322,23 @@ impl Body {
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
-        let (material, at) = (&self.material, (u, curvature));
+        let (law, at) = (self.material.law(), (u, curvature));
         let nothing = |_: usize, _: &mut [f64; 9]| ();
         match &*self.assembly {
             Assembly::P1(cells) => {
-                cells.force_and_tangent(material, Alone, at, force, tangent, nothing);
+                cells.force_and_tangent(law, Around::default(), at, force, tangent, nothing);
             }
             Assembly::P2(cells) => {
-                cells.force_and_tangent(material, Alone, at, force, tangent, nothing);
+                cells.force_and_tangent(law, Around::default(), at, force, tangent, nothing);
             }
             Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(material, &cells.batches, u);
-                let shared = clusters.tangent(material, &volumes, curvature);
+                let volumes = clusters.volumes(law, cells, u);
+                let shared = clusters.tangent(law, &volumes, curvature);
                 let products = |block: usize, out: &mut [f64; 9]| {
                     clusters.add_products(&shared, block, out);
                 };
                 let around = clusters.around(&shared.pressures);
-                cells.force_and_tangent(material, around, at, force, tangent, products);
+                cells.force_and_tangent(law, around, at, force, tangent, products);
             }
         }
     }

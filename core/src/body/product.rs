@@ -5,12 +5,13 @@
 
 use super::blocks::BlockPattern;
 use super::cells::Cells;
-use super::clusters::SharedTangent;
-use super::kernels::{Alone, Surroundings, for_tasks};
-use super::tangent::{Curvature, Purpose};
-use super::{Assembly, Body, Lane, SymmetricBlocks};
+use super::clusters::{Around, SharedTangent};
+use super::kernels::for_tasks;
+use super::tangent::{Curvature, Purpose, TangentLoop};
+use super::{Assembly, Body, SymmetricBlocks};
 use crate::element::Shape;
-use crate::law::Material;
+use crate::law::{LawKernels, Material};
+use crate::number::Lane;
 use crate::tensor::Mat3;
 use std::sync::Arc;
 
@@ -49,20 +50,20 @@ impl TangentProduct {
         self.u.extend_from_slice(u);
         self.curvature = curvature;
         if let Assembly::P1MeanVolume(cells, clusters) = &*self.assembly {
-            let volumes = clusters.volumes(&self.material, &cells.batches, u);
-            self.shared = clusters.tangent(&self.material, &volumes, curvature);
+            let volumes = clusters.volumes(self.material.law(), cells, u);
+            self.shared = clusters.tangent(self.material.law(), &volumes, curvature);
         }
     }
 
     /// `y = K x` over all degrees of freedom.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        let (material, at) = (&*self.material, (self.u.as_slice(), self.curvature));
+        let (law, at) = (self.material.law(), (self.u.as_slice(), self.curvature));
         match &*self.assembly {
-            Assembly::P1(cells) => cells.tangent_times(material, Alone, at, x, y),
-            Assembly::P2(cells) => cells.tangent_times(material, Alone, at, x, y),
+            Assembly::P1(cells) => cells.tangent_times(law, Around::default(), at, x, y),
+            Assembly::P2(cells) => cells.tangent_times(law, Around::default(), at, x, y),
             Assembly::P1MeanVolume(cells, clusters) => {
                 let around = clusters.around(&self.shared.pressures);
-                cells.tangent_times(material, around, at, x, y);
+                cells.tangent_times(law, around, at, x, y);
                 clusters.add_products_times(&self.shared, x, y);
             }
         }
@@ -70,13 +71,13 @@ impl TangentProduct {
 
     /// The block of each node with itself, entries `[i][k]`, nine per node.
     pub fn diagonal(&self) -> Vec<[f64; 9]> {
-        let (material, at) = (&*self.material, (self.u.as_slice(), self.curvature));
+        let (law, at) = (self.material.law(), (self.u.as_slice(), self.curvature));
         match &*self.assembly {
-            Assembly::P1(cells) => cells.tangent_diagonal(material, Alone, at),
-            Assembly::P2(cells) => cells.tangent_diagonal(material, Alone, at),
+            Assembly::P1(cells) => cells.tangent_diagonal(law, Around::default(), at),
+            Assembly::P2(cells) => cells.tangent_diagonal(law, Around::default(), at),
             Assembly::P1MeanVolume(cells, clusters) => {
                 let around = clusters.around(&self.shared.pressures);
-                let mut blocks = cells.tangent_diagonal(material, around, at);
+                let mut blocks = cells.tangent_diagonal(law, around, at);
                 clusters.add_diagonal(&self.shared, &mut blocks);
                 blocks
             }
@@ -93,32 +94,30 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// `y = K x`.
     fn tangent_times(
         &self,
-        material: &Material,
-        around: impl Surroundings,
-        at: (&[f64], Curvature),
+        law: &dyn LawKernels,
+        around: Around<'_>,
+        (u, curvature): (&[f64], Curvature),
         x: &[f64],
         y: &mut [f64],
     ) {
         let mut products = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        self.with_tangents(material, around, at, &mut |run| {
-            for_tasks(&mut products, |task, products| run(task, products, Purpose::Product(x)));
-        });
+        let of_task = TangentLoop { cells: self, law, around, u, curvature };
+        for_tasks(&mut products, |task, products| of_task.run(task, products, Purpose::Product(x)));
         self.gather_forces(&products, y);
     }
 
     /// The blocks of each node with itself.
     fn tangent_diagonal(
         &self,
-        material: &Material,
-        around: impl Surroundings,
-        at: (&[f64], Curvature),
+        law: &dyn LawKernels,
+        around: Around<'_>,
+        (u, curvature): (&[f64], Curvature),
     ) -> Vec<[f64; 9]> {
         let mut of_cells = vec![[Mat3::<Lane>::default(); N]; self.batches.len()];
-        self.with_tangents(material, around, at, &mut |run| {
-            for_tasks(&mut of_cells, |task, blocks| {
-                let mut forces = vec![[[Lane::default(); 3]; N]; blocks.len()];
-                run(task, &mut forces, Purpose::Diagonal(blocks));
-            });
+        let of_task = TangentLoop { cells: self, law, around, u, curvature };
+        for_tasks(&mut of_cells, |task, blocks| {
+            let mut forces = vec![[[Lane::default(); 3]; N]; blocks.len()];
+            of_task.run(task, &mut forces, Purpose::Diagonal(blocks));
         });
         let sum = |node: usize| {
             let mut sum = [0.0; 9];

@@ -4,9 +4,11 @@ use super::cells::{Cells, deformation};
 use super::clusters::averaged_part;
 use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
-use crate::law::{Law, LawVisitor, Material};
+use crate::law::{Material, Shared};
+use crate::number::{LANES, Lane, Lanes};
 use crate::tensor::Mat3;
 use crate::unroll::tabulate;
+use std::ops::Range;
 
 /// A quadrature point of a deformed body.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +24,7 @@ pub struct Response {
 
 /// The cluster of a cell: `J_c`, and `s U'(J_c)` [Pa].
 #[derive(Clone, Copy)]
-struct Shared {
+struct Cluster {
     ratio: f64,
     pressure: f64,
 }
@@ -35,20 +37,20 @@ impl Body {
             Assembly::P1(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
             Assembly::P2(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
             Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(&self.material, &cells.batches, u);
-                let (pressures, _) = clusters.pressures(&self.material, &volumes);
-                let mut shared = vec![Shared { ratio: 1.0, pressure: 0.0 }; self.cells.len()];
+                let volumes = clusters.volumes(self.material.law(), cells, u);
+                let (pressures, _) = clusters.pressures(self.material.law(), &volumes);
+                let mut shared = vec![Cluster { ratio: 1.0, pressure: 0.0 }; self.cells.len()];
                 for cluster in 0..clusters.members.len() {
                     let (ratio, pressure) = (volumes.clusters[cluster], pressures[cluster]);
                     for member in clusters.members.of(cluster) {
-                        shared[member.cell as usize] = Shared { ratio, pressure };
+                        shared[member.cell as usize] = Cluster { ratio, pressure };
                     }
                 }
                 (cells.gradients(&self.geometry, u), shared)
             }
         };
         let points = gradients.len() / self.cells.len();
-        self.material.visit(Responses { material: &self.material, gradients, points, shared })
+        Points { material: &self.material, gradients, of_cell: points, shared }.responses()
     }
 }
 
@@ -64,30 +66,46 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     }
 }
 
-struct Responses<'a> {
+struct Points<'a> {
     material: &'a Material,
     gradients: Vec<Mat3<f64>>,
-    points: usize,
-    shared: Vec<Shared>,
+    of_cell: usize,
+    shared: Vec<Cluster>,
 }
 
-impl LawVisitor for Responses<'_> {
-    type Output = Vec<Response>;
+impl Points<'_> {
+    fn responses(&self) -> Vec<Response> {
+        let (n, one_row) = (self.gradients.len(), self.material.parameters().len() == 1);
+        let run = if one_row { LANES } else { self.of_cell };
+        let runs = (0..n).step_by(run).map(|first| first..n.min(first + run));
+        runs.flat_map(|points| self.of_run(points)).collect()
+    }
 
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> Vec<Response> {
-        let at = |(point, gradient): (usize, &Mat3<f64>)| {
-            let cell = point / self.points;
-            let law = make(self.material.of_cell(cell));
-            let (mut energy, mut stress) = law.energy_and_stress(gradient);
-            if let Some(shared) = self.shared.get(cell) {
-                let part = averaged_part(self.material, cell);
-                let (ratio, slope) = law.volume_ratio(gradient);
-                let q = shared.pressure - part * law.pressure(&ratio);
-                stress = tabulate!(|i, j| stress[i][j] + q * slope[i][j]);
-                energy += part * (law.dilatation(&shared.ratio) - law.dilatation(&ratio));
-            }
-            Response { gradient: *gradient, stress, energy }
+    /// Of at most [`LANES`] points of one tissue.
+    fn of_run(&self, points: Range<usize>) -> Vec<Response> {
+        let cell = |point: usize| point / self.of_cell;
+        let (law, row) = (self.material.law(), self.material.of_cell(cell(points.start)));
+        let at = |lane: usize| (points.start + lane).min(points.end - 1);
+        let lanes = |value: &dyn Fn(usize) -> f64| Lanes(std::array::from_fn(|lane| value(at(lane))));
+        let gradient = [tabulate!(|i, j| lanes(&|point| self.gradients[point][i][j]))];
+        let of_cluster = |value: fn(&Cluster) -> f64| {
+            [lanes(&|point| self.shared.get(cell(point)).map_or(0.0, value))]
         };
-        self.gradients.iter().enumerate().map(at).collect()
+        let (ratio, pressure) = (of_cluster(|c| c.ratio), of_cluster(|c| c.pressure));
+        let is_shared = !self.shared.is_empty();
+        let part = if is_shared { averaged_part(self.material, cell(points.start)) } else { 0.0 };
+        let shared = if is_shared { Shared { part, pressure: &pressure } } else { Shared::default() };
+        let (mut energy, mut stress) = ([Lane::default()], [Mat3::<Lane>::default()]);
+        law.stress(row, &gradient, shared, &mut energy, &mut stress);
+        let mut dilatation = [Lane::default()];
+        if is_shared {
+            law.dilatation(row, &ratio, &mut dilatation);
+        }
+        let of_lane = |lane: usize| Response {
+            gradient: self.gradients[points.start + lane],
+            stress: tabulate!(|i, j| stress[0][i][j][lane]),
+            energy: energy[0][lane] + part * dilatation[0][lane],
+        };
+        (0..points.len()).map(of_lane).collect()
     }
 }

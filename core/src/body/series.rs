@@ -5,11 +5,9 @@ use super::cells::{Cells, Slot};
 use super::clusters::Clusters;
 use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
-use crate::law::{Law, LawVisitor, Material};
-use crate::number::{Jet, Monomials, Real};
-use crate::simd::{Kernel, dispatch_here};
-
-dispatch_here!();
+use crate::law::{LawKernels, Material, SeriesKernels};
+use crate::number::{Monomials, Real};
+use crate::simd::{Kernel, dispatch_solver};
 
 impl Body {
     /// Degree-p coefficients of the internal force, p being the order of `table`.
@@ -24,7 +22,9 @@ impl Body {
         displacement: &[T],
         stride: usize,
         force: &mut [T],
-    ) {
+    ) where
+        dyn LawKernels: SeriesKernels<T>,
+    {
         force.fill(T::default());
         let along = Along { table, displacement, stride };
         let Body { material, geometry, .. } = self;
@@ -94,13 +94,10 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         along: Along<T>,
         pressure: &[T],
         force: &mut [T],
-    ) {
-        let table = along.table;
-        let task = &mut |stress_of: &StressOf<'_, T>| {
-            let force = &mut *force;
-            dispatch(Forces { cells: self, material, geometry, along, pressure, stress_of, force });
-        };
-        material.visit(Stresses { table, task });
+    ) where
+        dyn LawKernels: SeriesKernels<T>,
+    {
+        dispatch_solver(Forces { cells: self, material, geometry, along, pressure, force });
     }
 
     /// Series of the volume ratio of each cell.
@@ -109,10 +106,13 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         material: &Material,
         geometry: &[Geometry],
         along: Along<T>,
-    ) -> Vec<T> {
+    ) -> Vec<T>
+    where
+        dyn LawKernels: SeriesKernels<T>,
+    {
         let mut out = vec![T::default(); self.nodes.len() * along.table.len()];
         let volumes = &mut out;
-        material.visit(Volumes { cells: self, material, geometry, along, volumes });
+        dispatch_solver(Volumes { cells: self, material, geometry, along, volumes });
         out
     }
 }
@@ -124,60 +124,25 @@ fn gradients<const N: usize>(slopes: &[[f64; 3]; N], geometry: &Geometry) -> [[f
     slopes.map(|s| std::array::from_fn(|j| s[0] * g[0][j] + s[1] * g[1][j] + s[2] * g[2][j]))
 }
 
-/// Stress series of a law: parameters, series of deformation gradient and extra pressure, and where it goes.
-type StressOf<'a, T> = dyn Fn(&[f64], (&[T], &[T]), &mut [T]) + 'a;
-
-/// Calls back with the stress series of the law: nothing but that is compiled for every law.
-struct Stresses<'a, T> {
-    table: &'static Monomials,
-    task: &'a mut dyn FnMut(&StressOf<'_, T>),
-}
-
-impl<T: Real> LawVisitor for Stresses<'_, T> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Stresses { table, task } = self;
-        task(&|parameters, series, out| {
-            let law = make(parameters);
-            dispatch(StressKernel { law, table, series, out });
-        });
-    }
-}
-
-/// [`Law::stress_series`].
-struct StressKernel<'a, T, L> {
-    law: L,
-    table: &'static Monomials,
-    series: (&'a [T], &'a [T]),
-    out: &'a mut [T],
-}
-
-impl<T: Real, L: Law> Kernel for StressKernel<'_, T, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        self.law.stress_series(self.table, self.series.0, self.series.1, self.out);
-    }
-}
-
 struct Forces<'a, T, E, const N: usize> {
     cells: &'a Cells<E, N>,
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
     pressure: &'a [T],
-    stress_of: &'a StressOf<'a, T>,
     force: &'a mut [T],
 }
 
-impl<T: Real, E: Shape<N>, const N: usize> Kernel for Forces<'_, T, E, N> {
+impl<T: Real, E: Shape<N>, const N: usize> Kernel for Forces<'_, T, E, N>
+where
+    dyn LawKernels: SeriesKernels<T>,
+{
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Forces { cells, material, geometry, along, pressure, stress_of, force } = self;
-        let table = along.table;
+        let Forces { cells, material, geometry, along, pressure, force } = self;
+        let (table, law) = (along.table, material.law());
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];
@@ -187,7 +152,13 @@ impl<T: Real, E: Shape<N>, const N: usize> Kernel for Forces<'_, T, E, N> {
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                stress_of(material.of_cell(cell), (&deformation, pressure), &mut stress);
+                law.stress_series(
+                    material.of_cell(cell),
+                    table,
+                    &deformation,
+                    pressure,
+                    &mut stress,
+                );
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -215,31 +186,21 @@ struct Volumes<'a, T, E, const N: usize> {
     volumes: &'a mut [T],
 }
 
-impl<T: Real, E: Shape<N>, const N: usize> LawVisitor for Volumes<'_, T, E, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        dispatch(VolumeKernel { volumes: self, make });
-    }
-}
-
-struct VolumeKernel<'a, T, E, L, const N: usize> {
-    volumes: Volumes<'a, T, E, N>,
-    make: fn(&[f64]) -> L,
-}
-
-impl<T: Real, E: Shape<N>, L: Law, const N: usize> Kernel for VolumeKernel<'_, T, E, L, N> {
+impl<T: Real, E: Shape<N>, const N: usize> Kernel for Volumes<'_, T, E, N>
+where
+    dyn LawKernels: SeriesKernels<T>,
+{
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Volumes { cells, material, geometry, along, volumes } = self.volumes;
-        let n = along.table.len();
+        let Volumes { cells, material, geometry, along, volumes } = self;
+        let (n, law) = (along.table.len(), material.law());
         let mut deformation = vec![T::default(); 9 * n];
         let cells = cells.nodes.iter().zip(geometry).zip(volumes.chunks_exact_mut(n));
         for (cell, ((nodes, geometry), out)) in cells.enumerate() {
             along.deformation(nodes, &gradients(E::slopes(0), geometry), &mut deformation);
-            let law = (self.make)(material.of_cell(cell));
-            law.volume_series(along.table, &deformation, out);
+            law.volume_series(material.of_cell(cell), along.table, &deformation, out);
         }
     }
 }
@@ -252,64 +213,40 @@ impl Clusters {
         slots: &[Slot],
         table: &'static Monomials,
         series: &mut [T],
-    ) {
-        material.visit(Pressures { clusters: self, material, slots, table, series });
-    }
-}
-
-struct Pressures<'a, T> {
-    clusters: &'a Clusters,
-    material: &'a Material,
-    slots: &'a [Slot],
-    table: &'static Monomials,
-    series: &'a mut [T],
-}
-
-impl<T: Real> LawVisitor for Pressures<'_, T> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        dispatch(PressureKernel { pressures: self, make });
-    }
-}
-
-struct PressureKernel<'a, T, L> {
-    pressures: Pressures<'a, T>,
-    make: fn(&[f64]) -> L,
-}
-
-impl<T: Real, L: Law> Kernel for PressureKernel<'_, T, L> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Pressures { clusters, material, slots, table, series } = self.pressures;
-        let (n, count) = (table.len(), clusters.members.len());
+    ) where
+        dyn LawKernels: SeriesKernels<T>,
+    {
+        let (n, count, law) = (table.len(), self.members.len(), material.law());
         let mut ratios = vec![T::default(); count * n];
         for (cluster, ratio) in ratios.chunks_exact_mut(n).enumerate() {
-            for m in clusters.members.of(cluster) {
+            for m in self.members.of(cluster) {
                 add_scaled(ratio, m.part, &series[m.cell as usize * n..][..n]);
             }
         }
-        let pressure = |parameters: &[f64], ratio: &[T]| {
-            (self.make)(parameters).pressure(&Jet::new(table, ratio.to_vec()))
+        let mut pressure = vec![T::default(); n];
+        let mut pressure_at = |row: &[f64], ratio: &[T], factor: f64, sum: &mut [T]| {
+            pressure.fill(T::default());
+            law.pressure_series(row, table, ratio, &mut pressure);
+            add_scaled(sum, factor, &pressure);
         };
         let mut means = vec![T::default(); count * n];
-        for response in &clusters.responses {
+        for response in &self.responses {
             for (lane, cluster) in response.cluster.into_iter().enumerate() {
                 let (cluster, weight) = (cluster as usize, response.weight[lane]);
                 if weight > 0.0 {
-                    let p = pressure(&response.parameters, &ratios[cluster * n..][..n]);
+                    let (ratio, factor) =
+                        (&ratios[cluster * n..][..n], weight / self.volume[cluster]);
                     let mean = &mut means[cluster * n..][..n];
-                    add_scaled(mean, weight / clusters.volume[cluster], p.coefficients());
+                    pressure_at(&response.parameters, ratio, factor, mean);
                 }
             }
         }
         for (cell, (slot, q)) in slots.iter().zip(series.chunks_exact_mut(n)).enumerate() {
-            let own = pressure(material.of_cell(cell), q);
             let (batch, lane) = (slot.batch as usize, slot.lane as usize);
-            let cluster = clusters.of[batch][lane] as usize;
-            q.copy_from_slice(&means[cluster * n..][..n]);
-            add_scaled(q, -clusters.share[batch], own.coefficients());
+            let cluster = self.of[batch][lane] as usize;
+            let mut answer = means[cluster * n..][..n].to_vec();
+            pressure_at(material.of_cell(cell), q, -self.share[batch], &mut answer);
+            q.copy_from_slice(&answer);
         }
     }
 }

@@ -3,18 +3,18 @@
 use super::blocks::SymmetricBlocks;
 use super::cell_tangent::{add, add_times};
 use super::cells::{Batch, Cells, Destination, NOWHERE};
+use super::clusters::Around;
 use super::convex::make_convex;
-use super::kernels::{Surroundings, TASK};
-use super::{LANES, Lane};
+use super::kernels::TASK;
 use crate::element::Shape;
-use crate::law::{Law, LawVisitor, Material, TangentBlocks};
-use crate::simd::{Kernel, dispatch_here};
+use crate::law::{LawKernels, TangentBlocks};
+use crate::number::{LANES, Lane};
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
 use crate::threads::share;
 use rayon::prelude::*;
 use std::marker::PhantomData;
-
-dispatch_here!();
+use std::slice::{from_mut, from_ref};
 
 /// Which tangent is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,8 +32,8 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
     /// Internal force and tangent, to each block of which `rest` adds.
     pub fn force_and_tangent(
         &self,
-        material: &Material,
-        around: impl Surroundings,
+        law: &dyn LawKernels,
+        around: Around<'_>,
         (u, curvature): (&[f64], Curvature),
         out: &mut [f64],
         tangent: &mut SymmetricBlocks,
@@ -42,41 +42,25 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
         let SymmetricBlocks { values, of_cells, .. } = tangent;
         let of_batch = LANES * 9 * Self::PAIRS;
-        self.with_tangents(material, around, (u, curvature), &mut |run| {
-            if share(self.n_tasks()) {
-                of_cells.resize(of_batch * self.batches.len(), 0.0);
-                let of_tasks = of_cells.par_chunks_mut(TASK * of_batch);
-                let tasks = forces.par_chunks_mut(TASK).zip(of_tasks).enumerate();
-                tasks.for_each(|(task, (forces, of_cells))| {
-                    run(task, forces, Purpose::OfCells(of_cells));
-                });
-                return;
-            }
+        let of_task = TangentLoop { cells: self, law, around, u, curvature };
+        if share(self.n_tasks()) {
+            of_cells.resize(of_batch * self.batches.len(), 0.0);
+            let of_tasks = of_cells.par_chunks_mut(TASK * of_batch);
+            let tasks = forces.par_chunks_mut(TASK).zip(of_tasks).enumerate();
+            tasks.for_each(|(task, (forces, of_cells))| {
+                of_task.run(task, forces, Purpose::OfCells(of_cells));
+            });
+            self.gather_tangents(of_cells, values, rest);
+        } else {
             let (values, _) = values.as_chunks_mut::<9>();
             values.fill([0.0; 9]);
             for (task, forces) in forces.chunks_mut(TASK).enumerate() {
                 let destinations = &self.destinations[task * TASK * LANES * Self::PAIRS..];
-                run(task, forces, Purpose::Summed { destinations, values });
+                of_task.run(task, forces, Purpose::Summed { destinations, values });
             }
-        });
-        if share(self.n_tasks()) {
-            self.gather_tangents(of_cells, values, rest);
-        } else {
-            let (values, _) = values.as_chunks_mut::<9>();
             values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
         }
         self.gather_forces(&forces, out);
-    }
-
-    /// Calls `tasks` with what goes through the cells of a task. Nothing but that is compiled for every law.
-    pub(super) fn with_tangents(
-        &self,
-        material: &Material,
-        around: impl Surroundings,
-        at: (&[f64], Curvature),
-        tasks: &mut dyn FnMut(&Run<'_, N>),
-    ) {
-        material.visit(Tangents { cells: self, around, at, tasks });
     }
 
     /// Adds up what the cells of all batches give to each block.
@@ -104,27 +88,6 @@ fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
         (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
     } else {
         (0..9).for_each(|entry| sum[entry] += block[entry]);
-    }
-}
-
-/// Goes through the cells of a task: its number, their forces, and what their tangents are for.
-pub(super) type Run<'a, const N: usize> =
-    dyn Fn(usize, &mut [[Vec3<Lane>; N]], Purpose<'_, N>) + Sync + 'a;
-
-struct Tangents<'a, E, A, const N: usize> {
-    cells: &'a Cells<E, N>,
-    around: A,
-    at: (&'a [f64], Curvature),
-    tasks: &'a mut dyn FnMut(&Run<'_, N>),
-}
-
-impl<E: Shape<N>, A: Surroundings, const N: usize> LawVisitor for Tangents<'_, E, A, N> {
-    type Output = ();
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) {
-        let Tangents { cells, around, at, tasks } = self;
-        tasks(&|task, forces, purpose| {
-            TangentLoop::new(cells, task, around, at, make).run(forces, purpose);
-        });
     }
 }
 
@@ -187,46 +150,32 @@ fn scatter(sums: &[Mat3<Lane>], destinations: &[Destination], values: &mut [[f64
     }
 }
 
-/// The pieces of the tangent's loop. Each is compiled once for what it depends on, the law's for all elements, and not
-/// inlined into the product of laws, elements and surroundings: that would take minutes.
-struct TangentLoop<'a, L, E, A, const N: usize> {
-    /// Number of the first batch.
-    first: usize,
-    /// Batches from there to the last of all.
-    batches: &'a [Batch<N>],
-    around: A,
-    u: &'a [f64],
-    curvature: Curvature,
-    make: fn(&[f64]) -> L,
-    shape: PhantomData<E>,
+/// Goes through the cells of tasks. Its pieces are compiled once for what each depends on.
+pub(super) struct TangentLoop<'a, E, const N: usize> {
+    pub cells: &'a Cells<E, N>,
+    pub law: &'a dyn LawKernels,
+    pub around: Around<'a>,
+    pub u: &'a [f64],
+    pub curvature: Curvature,
 }
 
-impl<'a, L: Law, E: Shape<N>, A: Surroundings, const N: usize> TangentLoop<'a, L, E, A, N> {
-    /// Of the cells of a task.
-    fn new(
-        cells: &'a Cells<E, N>,
-        task: usize,
-        around: A,
-        (u, curvature): (&'a [f64], Curvature),
-        make: fn(&[f64]) -> L,
-    ) -> Self {
-        let first = task * TASK;
-        let (batches, shape) = (&cells.batches[first..], PhantomData);
-        TangentLoop { first, batches, around, u, curvature, make, shape }
-    }
-
-    /// Goes through as many batches as there are `forces`.
-    fn run(self, forces: &mut [[Vec3<Lane>; N]], mut purpose: Purpose<'_, N>) {
-        let TangentLoop { first, batches, around, u, curvature, make, .. } = self;
+impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
+    /// Goes through a task: as many batches as there are `forces`.
+    pub fn run(&self, task: usize, forces: &mut [[Vec3<Lane>; N]], mut purpose: Purpose<'_, N>) {
+        let &TangentLoop { cells, law, around, u, curvature } = self;
         let mut sums = vec![Mat3::<Lane>::default(); Cells::<E, N>::PAIRS];
-        for (local, (batch, forces)) in batches.iter().zip(forces).enumerate() {
-            let law = make(&batch.parameters);
+        let mut response = Response::default();
+        let mut pressure = [Lane::default()];
+        for (local, forces) in forces.iter_mut().enumerate() {
+            let number = task * TASK + local;
+            let batch = &cells.batches[number];
+            let (row, g) = (&cells.tissues[batch.tissue as usize], &batch.gradients);
+            let shared = around.of(number..number + 1, &mut pressure);
             *forces = [[Lane::default(); 3]; N];
             for point in 0..E::POINTS {
-                let f = dispatch(Deform::<E, N> { batch, point, u, shape: PhantomData });
-                let g = &batch.gradients;
-                let mut response = law_tangent(&law, &f, g);
-                around.tangent(&law, first + local, (&f, g), &mut response);
+                let f = dispatch_solver(Deform::<E, N> { batch, point, u, shape: PhantomData });
+                let (stress, blocks) = &mut response;
+                law.tangent(row, &[f], from_ref(g), shared, from_mut(stress), from_mut(blocks));
                 if curvature == Curvature::Convex {
                     make_convex(&mut response.1);
                 }
@@ -254,18 +203,4 @@ impl<E: Shape<N>, const N: usize> Kernel for Deform<'_, E, N> {
     fn run(self) -> Mat3<Lane> {
         self.batch.deformation(E::slopes(self.point), self.u)
     }
-}
-
-/// [`Law::tangent`].
-#[inline(never)]
-fn law_tangent<L: Law>(law: &L, f: &Mat3<Lane>, g: &[Vec3<Lane>; 3]) -> Response {
-    struct Tangent<'a, L>(&'a L, &'a Mat3<Lane>, &'a [Vec3<Lane>; 3]);
-    impl<L: Law> Kernel for Tangent<'_, L> {
-        type Output = Response;
-        #[inline(always)]
-        fn run(self) -> Response {
-            self.0.tangent(self.1, self.2)
-        }
-    }
-    dispatch(Tangent(law, f, g))
 }

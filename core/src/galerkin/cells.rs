@@ -4,14 +4,13 @@ use super::origin::Origin;
 use super::panels::{BATCHES, Panel, Work, curvature_place, place};
 use super::sample::{Batch, EDGES, Sample};
 use super::sampled::Reduced;
-use crate::body::{LANES, Lane};
-use crate::law::{Law, LawVisitor, TangentBlocks};
-use crate::simd::{Kernel, dispatch_here};
+use crate::law::{LawKernels, Shared, TangentBlocks};
+use crate::number::{LANES, Lane};
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, cofactor, determinant, mul_vector};
 use crate::unroll::tabulate;
 use rayon::prelude::*;
-
-dispatch_here!();
+use std::slice::{from_mut, from_ref};
 
 /// Linear cells with weights, and the modes on them, in panels.
 #[derive(Clone)]
@@ -41,7 +40,8 @@ impl Cells {
         let Cells { sample, panels, works } = self;
         let ask = |((panel, batches), work): ((&Panel, &[Batch]), &mut Work)| {
             panel.combine(q, work);
-            let said = sample.material.visit(Ask { batches, work, with_tangent });
+            let said =
+                dispatch_solver(Ask { law: sample.material.law(), batches, work, with_tangent });
             panel.project(work);
             if with_tangent {
                 panel.curve(work);
@@ -84,7 +84,8 @@ impl Cells {
         let panels = panels.iter().zip(sample.batches.chunks(BATCHES)).zip(works);
         for (((panel, batches), work), out) in panels.zip(forces.chunks_mut(BATCHES * LANES * r)) {
             panel.combine(q, work);
-            sample.material.visit(Ask { batches, work, with_tangent: false });
+            let law = sample.material.law();
+            dispatch_solver(Ask { law, batches, work, with_tangent: false });
             panel.each(work, batches.len(), |cell, mode, force| out[cell * r + mode] = force);
         }
         sample.by_cell(&forces, r)
@@ -101,47 +102,49 @@ struct Said {
 
 /// Asks the law of the cells of a panel: from edge displacements to forces on the edges, and their derivative.
 struct Ask<'a> {
+    law: &'a dyn LawKernels,
     batches: &'a [Batch],
     work: &'a mut Work,
     with_tangent: bool,
 }
 
-impl LawVisitor for Ask<'_> {
-    type Output = Said;
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> Said {
-        dispatch(AskKernel { ask: self, make })
-    }
-}
-
-struct AskKernel<'a, L> {
-    ask: Ask<'a>,
-    make: fn(&[f64]) -> L,
-}
-
-impl<L: Law> Kernel for AskKernel<'_, L> {
+impl Kernel for Ask<'_> {
     type Output = Said;
     #[inline(always)]
     fn run(self) -> Said {
-        let Ask { batches, work, with_tangent } = self.ask;
-        let (mut energy, mut jacobian): (f64, f64) = (0.0, f64::INFINITY);
-        for (place, batch) in batches.iter().enumerate() {
-            let law = (self.make)(&batch.parameters);
-            let g = &batch.gradients;
-            let f = deformation(&edges(work, place), g);
-            let ratio = determinant(&f, &cofactor(&f));
+        let Ask { law, batches, work, with_tangent } = self;
+        let (mut f, mut stresses) =
+            ([Mat3::<Lane>::default(); BATCHES], [Mat3::<Lane>::default(); BATCHES]);
+        let mut psi = [Lane::default(); BATCHES];
+        let mut jacobian = f64::INFINITY;
+        for (place, (batch, f)) in batches.iter().zip(&mut f).enumerate() {
+            *f = deformation(&edges(work, place), &batch.gradients);
+            let ratio = determinant(f, &cofactor(f));
             for (&j, &w) in ratio.0.iter().zip(&batch.weight.0) {
                 let j = if j.is_nan() { f64::NEG_INFINITY } else { j };
                 jacobian = if w > 0.0 { jacobian.min(j) } else { jacobian };
             }
-            let (psi, stress) = law.energy_and_stress(&f);
-            energy += (psi * batch.weight).0.iter().sum::<f64>();
-            put_flux(work, place, &stress, batch);
+        }
+        let mut first = 0;
+        for tissue in batches.chunk_by(|a, b| a.parameters == b.parameters) {
+            let (row, run) = (&tissue[0].parameters, first..first + tissue.len());
+            let (f, stresses) = (&f[run.clone()], &mut stresses[run.clone()]);
+            law.stress(row, f, Shared::default(), &mut psi[run.clone()], stresses);
+            first = run.end;
+        }
+        let mut energy = 0.0;
+        for (place, batch) in batches.iter().enumerate() {
+            energy += (psi[place] * batch.weight).0.iter().sum::<f64>();
+            put_flux(work, place, &stresses[place], batch);
             if with_tangent {
-                let (_, blocks) = law.tangent(&f, g);
-                put_curvature(work, place, &blocks, batch.weight);
+                let (g, mut blocks) = (&batch.gradients, [TangentBlocks::<Lane>::default()]);
+                let (f, stress) = (from_ref(&f[place]), from_mut(&mut stresses[place]));
+                let row = &batch.parameters;
+                law.tangent(row, f, from_ref(g), Shared::default(), stress, &mut blocks);
+                put_curvature(work, place, &blocks[0], batch.weight);
             }
         }
-        let is_outside = L::FORBIDS_INVERSION && !(jacobian > 0.0);
+        let is_outside = law.forbids_inversion() && !(jacobian > 0.0);
         Said { energy: if is_outside { f64::INFINITY } else { energy }, jacobian }
     }
 }

@@ -6,10 +6,8 @@
 
 use super::origin::Origin;
 use crate::error::Error;
-use crate::number::{Lanes, Monomials};
+use crate::number::{Lanes, Monomials, WIDTH, Wide};
 
-/// As many as the kernels of the series are compiled for.
-const WIDTH: usize = 8;
 /// Places of `x y` and `x z` among the monomials of degree 2.
 const MIXED: [usize; 2] = [1, 2];
 
@@ -25,7 +23,7 @@ pub(super) fn coupling_fields(
     let table = Monomials::of(3, 2);
     let (stride, top) = (table.len(), table.of_degree(2).len());
     // Lane i takes x = a_i, y = b_0, z = b_1, lane 3 + i takes x = a_i, y = b_2.
-    let mut series = vec![Lanes::<WIDTH>::default(); body.n_dofs() * stride];
+    let mut series = vec![Wide::default(); body.n_dofs() * stride];
     for dof in 0..body.n_dofs() {
         for i in 0..3 {
             let run = &mut series[dof * stride..(dof + 1) * stride];
@@ -37,7 +35,7 @@ pub(super) fn coupling_fields(
             }
         }
     }
-    let mut force = vec![Lanes::<WIDTH>::default(); body.n_dofs() * top];
+    let mut force = vec![Wide::default(); body.n_dofs() * top];
     body.force_series(table, &series, stride, &mut force);
     let source = |i: usize, j: usize| if j < 2 { (i, MIXED[j]) } else { (3 + i, MIXED[0]) };
     let (free, n) = (system.free(), system.n_free());

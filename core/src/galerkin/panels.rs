@@ -5,8 +5,8 @@
 //! modes are exact as they are rounded: force and tangent are derivatives of the same energy.
 
 use super::sample::{EDGES, Sample};
-use crate::body::LANES;
 use crate::linear::Precision;
+use crate::number::LANES;
 use crate::simd::{WideKernel, dispatch_wide};
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};

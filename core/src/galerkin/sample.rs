@@ -1,9 +1,8 @@
 //! Some cells of a body with weights, and the modes on them: what the reduced energy is summed over.
 
-use crate::body::{LANES, Lane};
 use crate::element::Geometry;
 use crate::law::Material;
-use crate::number::Lanes;
+use crate::number::{LANES, Lane, Lanes};
 use crate::tensor::Vec3;
 
 /// Coordinates of a linear cell that it deforms by: displacements of its corners 1 to 3 against corner 0.

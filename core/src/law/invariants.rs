@@ -13,7 +13,7 @@ use crate::tensor::{
 use crate::unroll::{array, tabulate};
 
 #[allow(non_snake_case)]
-impl<E: StrainEnergy + PartialEq + 'static> Law for E {
+impl<E: StrainEnergy> Law for E {
     const FORBIDS_INVERSION: bool = true;
 
     #[inline(always)]

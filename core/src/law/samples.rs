@@ -1,39 +1,26 @@
 //! A soft tissue for every law, for tests that run over all of them.
 
-use super::Material;
+use super::{Kind, Material, ROWS, Row};
 
-/// Values of a parameter row: shear modulus about 3 kPa, as incompressible as differences of energies stand. Fibres cross
-/// about the first axis.
-fn row(law: &str) -> &'static [f64] {
-    const FIBRES: [f64; 11] = [3.0e3, 0.5e3, 0.8, 0.1, 13.0e3, 0.8, 0.6, 0.0, 0.8, -0.6, 0.0];
-    match law.split(' ').next().unwrap() {
-        "linear" | "corotated" | "saint_venant_kirchhoff" | "neo_hookean" => &[3.0e3, 11.0e3],
-        "mooney_rivlin" => &[1.2e3, 0.3e3, 11.0e3],
-        "yeoh" => &[1.5e3, 0.3e3, 0.1e3, 13.0e3],
-        "ogden" => &[1.0e3, -0.1e3, 2.0e3, 1.3, -5.0, 2.1, 13.0e3],
-        "holzapfel_gasser_ogden" => const { &FIBRES },
-        other => panic!("no parameters for {other}"),
-    }
+/// All laws, by name.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    ROWS.iter().map(|row| row.name)
 }
 
-/// Laws whose energy has a power series at every state; that of fibres which bear no compression has none where they
-/// begin to.
+/// Laws whose energy has a power series at rest.
 pub(crate) fn analytic() -> impl Iterator<Item = &'static str> {
-    Material::NAMES.iter().copied().filter(|law| *law != "holzapfel_gasser_ogden")
+    ROWS.iter().filter(|row| row.is_analytic).map(|row| row.name)
+}
+
+fn row(law: &str) -> &'static Row {
+    ROWS.iter().find(|row| row.name == law).unwrap_or_else(|| panic!("no law is called {law}"))
 }
 
 /// A parameter row of a law, its moduli times a factor.
 pub(crate) fn parameters(law: &str, factor: f64) -> Vec<f64> {
-    let is_modulus = |name: &str| {
-        ["mu", "lam", "kappa", "k1"].contains(&name)
-            || name.trim_end_matches(char::is_numeric) == "c"
-            || ["mu1", "mu2", "mu3"].contains(&name)
-    };
-    let names = Material::parameter_names(law).unwrap();
-    let scaled = |(name, &value): (&&str, &f64)| {
-        if is_modulus(name) { factor * value } else { value }
-    };
-    names.iter().zip(row(law)).map(scaled).collect()
+    let row = row(law);
+    let scaled = |kind: Kind, value: f64| if kind == Kind::Stress { factor * value } else { value };
+    row.parameters.iter().zip(row.sample).map(|(p, &value)| scaled(p.kind, value)).collect()
 }
 
 /// The law with the same parameters in every cell.

@@ -12,12 +12,8 @@ use super::separated::Separated;
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
-use crate::number::{Lanes, Monomials};
+use crate::number::{Monomials, WIDTH, Wide};
 use rayon::prelude::*;
-
-/// Positions that go through the element loop side by side.
-const WIDTH: usize = 8;
-type Wide = Lanes<WIDTH>;
 
 /// How each order is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -157,7 +157,7 @@ impl Reduction {
             package_version: env!("CARGO_PKG_VERSION").to_string(),
             units: "SI".to_string(),
             law: body.material().name().to_string(),
-            law_parameter_names: body.material().names().iter().map(|n| n.to_string()).collect(),
+            law_parameter_names: body.material().names().to_vec(),
             element: body.element().name().to_string(),
             radius: self.radius,
             depth: self.depth,

@@ -12,13 +12,9 @@ use crate::body::Body;
 use crate::equilibrium::System;
 use crate::error::Error;
 use crate::mesh::Patch;
-use crate::number::{Lanes, Monomials};
+use crate::number::{Lanes, Monomials, WIDTH, Wide};
 use crate::tensor::{Mat3, inverse};
 use crate::unroll::tabulate;
-
-/// Load positions per block.
-const WIDTH: usize = 8;
-type Wide = Lanes<WIDTH>;
 
 /// The series of one load position.
 pub struct TouchSeries {

@@ -8,11 +8,9 @@
 
 use super::monomials::{Monomials, degree_of};
 use super::{Real, Scalar};
-use crate::simd::{Kernel, dispatch_here};
+use crate::simd::{Kernel, dispatch_solver};
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
-
-dispatch_here!();
 
 /// A truncated power series `sum_c coefficients[c] x^c`.
 ///
@@ -171,7 +169,7 @@ impl<T: Real> Mul for Jet<T> {
         let degree = (da + db).min(self.table.order());
         let mut out = vec![T::default(); self.table.up_to(degree)];
         let (a, b) = (&self.coefficients, &other.coefficients);
-        dispatch(Products { pairs: self.table.pairs(0..degree + 1), a, b, out: &mut out });
+        dispatch_solver(Products { pairs: self.table.pairs(0..degree + 1), a, b, out: &mut out });
         Jet { table: self.table, coefficients: out }
     }
 }

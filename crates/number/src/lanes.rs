@@ -11,6 +11,18 @@ use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
 #[repr(C, align(32))]
 pub struct Lanes<const L: usize>(pub [f64; L]);
 
+/// Cells that go through a law side by side.
+pub const LANES: usize = 4;
+
+/// One number per cell of a batch.
+pub type Lane = Lanes<LANES>;
+
+/// Series that are expanded side by side.
+pub const WIDTH: usize = 8;
+
+/// One number per series.
+pub type Wide = Lanes<WIDTH>;
+
 impl<const L: usize> Default for Lanes<L> {
     fn default() -> Self {
         Lanes([0.0; L])

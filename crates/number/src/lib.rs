@@ -21,7 +21,7 @@ pub mod unroll;
 
 pub use dual::{Gradient, Hessian};
 pub use jet::Jet;
-pub use lanes::Lanes;
+pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub use monomials::{Monomials, degree_of, evaluate_monomials};
 pub use pade::Pade;
 pub use single::Single;

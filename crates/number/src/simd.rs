@@ -30,7 +30,7 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
 }
 
-/// Whether this processor has what [`dispatch_here`] asks for.
+/// Whether this processor has what [`dispatch_solver`] asks for.
 ///
 /// # Errors
 /// An x86-64 without AVX2, in a sentence.
@@ -45,31 +45,18 @@ pub fn check() -> Result<(), &'static str> {
     Ok(())
 }
 
-/// Gives a module a `dispatch` for the kernels of laws: they are many, and twice the time to compile them is not worth a
-/// second copy for processors that need ten times as long. Bodies are made only where [`check`] finds AVX2.
-///
-/// Each module has its own, because what a function is instantiated for is compiled with the module that the function is
-/// in: with one for all, the kernels of all laws would be one unit that keeps one processor busy for minutes.
-#[macro_export]
-macro_rules! dispatch_here {
-    () => {
-        fn dispatch<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn run_avx2<K: $crate::simd::Kernel>(kernel: K) -> K::Output {
-                    kernel.run()
-                }
-                assert!(is_x86_feature_detected!("avx2"), "bodies are made only where it is");
-                // SAFETY: the processor has the feature the function is compiled for.
-                unsafe { run_avx2(kernel) }
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            kernel.run()
-        }
-    };
+/// Runs a kernel of the solvers, compiled for AVX2 alone: twice the time to compile them is not worth a second copy for
+/// processors that need ten times as long. Bodies are made only where [`check`] finds AVX2.
+pub fn dispatch_solver<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        assert!(is_x86_feature_detected!("avx2"), "bodies are made only where it is");
+        // SAFETY: the processor has the feature the function is compiled for.
+        unsafe { run_avx2(kernel) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    kernel.run()
 }
-pub use crate::dispatch_here;
 
 /// Code that knows the width of the vectors it is compiled for, as [`Kernel`] does not: 128 bits, or 256 or 512 bits,
 /// which come with products that are added to a sum in one instruction.

@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::element::Geometry;
 use crate::equilibrium::Tangent;
 use crate::error::Error;
-use crate::law::{Law, LawVisitor, Material};
+use crate::law::Material;
 use crate::tensor::{Mat3, add, inverse, mul_vector, scale, sub};
 use crate::unroll::tabulate;
 
@@ -171,8 +171,20 @@ impl Relaxation {
 
     /// `S_e = F^-1 P` of every cell; zero where a cell has no volume left.
     fn stresses(&self, material: &Material, u: &[f64]) -> Vec<Mat3<f64>> {
-        let deformations = self.cells.iter().map(|cell| cell.deformation(u)).collect();
-        material.visit(Stresses { material, deformations })
+        let deformations: Vec<_> = self.cells.iter().map(|cell| cell.deformation(u)).collect();
+        let answers = if let [row] = material.parameters() {
+            material.energy_and_stress(row, &deformations)
+        } else {
+            let of_cell = |(cell, f): (usize, &Mat3<f64>)| {
+                material.energy_and_stress(material.of_cell(cell), std::slice::from_ref(f))[0]
+            };
+            deformations.iter().enumerate().map(of_cell).collect()
+        };
+        let second = |(f, (_, p)): (&Mat3<f64>, (f64, Mat3<f64>))| {
+            let inverse = inverse(f).unwrap_or_default();
+            tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
+        };
+        deformations.iter().zip(answers).map(second).collect()
     }
 }
 
@@ -184,23 +196,5 @@ impl Cell {
             let gradient: f64 = nodes.map(|(&node, g)| u[3 * node as usize + i] * g[j]).sum();
             gradient + f64::from(i == j)
         })
-    }
-}
-
-struct Stresses<'a> {
-    material: &'a Material,
-    deformations: Vec<Mat3<f64>>,
-}
-
-impl LawVisitor for Stresses<'_> {
-    type Output = Vec<Mat3<f64>>;
-
-    fn visit<L: Law>(self, make: fn(&[f64]) -> L) -> Self::Output {
-        let stress = |(cell, f): (usize, &Mat3<f64>)| {
-            let p = make(self.material.of_cell(cell)).stress(f);
-            let inverse = inverse(f).unwrap_or_default();
-            tabulate!(|i, j| (0..3).map(|k| inverse[i][k] * p[k][j]).sum())
-        };
-        self.deformations.iter().enumerate().map(stress).collect()
     }
 }

@@ -1,0 +1,187 @@
+//! A law given to the cells of a body.
+
+use super::kernels::LawKernels;
+use super::rows::{ROWS, Row};
+use crate::error::Error;
+use crate::number::{LANES, Lane, Lanes};
+use crate::simd;
+use crate::tensor::Mat3;
+use crate::unroll::tabulate;
+use std::fmt;
+use std::sync::Arc;
+
+/// A law and its parameters: one row for all cells, or one per cell.
+#[derive(Clone)]
+pub struct Material {
+    name: String,
+    names: Vec<String>,
+    law: Arc<dyn LawKernels>,
+    parameters: Vec<Vec<f64>>,
+}
+
+impl Material {
+    /// A law by its name in [`ROWS`], one row of parameters or one row per cell.
+    ///
+    /// # Errors
+    /// An unknown name; a row of the wrong length; a value that is not finite or not admissible.
+    pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
+        let law = find(name)?;
+        let names = Self::parameter_names(name)?;
+        let material = Self::of_kernels(name, names, (law.kernels)(), parameters)?;
+        for (row, values) in material.parameters.iter().enumerate() {
+            check(law, row, values)?;
+        }
+        Ok(material)
+    }
+
+    /// Names of a law's parameters, in the order of a row.
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn parameter_names(name: &str) -> Result<Vec<String>, Error> {
+        Ok(find(name)?.parameters.iter().map(|p| p.name.to_string()).collect())
+    }
+
+    /// A law that has no row: its name, those of its parameters, and its kernels.
+    ///
+    /// # Errors
+    /// No rows; a row of the wrong length; a value that is not finite; a processor that lacks the vector instructions
+    /// of the kernels.
+    pub fn of_kernels(
+        name: &str,
+        names: Vec<String>,
+        law: Arc<dyn LawKernels>,
+        parameters: Vec<Vec<f64>>,
+    ) -> Result<Self, Error> {
+        simd::check().map_err(Error::input)?;
+        if parameters.is_empty() {
+            return Err(Error::input(format!("law {name}: no parameters; give {names:?}")));
+        }
+        for (row, values) in parameters.iter().enumerate() {
+            if values.len() != names.len() {
+                return Err(Error::input(format!(
+                    "law {name}: row {row} has {} parameters; it takes {names:?}",
+                    values.len()
+                )));
+            }
+            if let Some((key, value)) = names.iter().zip(values).find(|(_, v)| !v.is_finite()) {
+                return Err(Error::input(format!(
+                    "law {name}: {key} = {value} in row {row}; it must be finite"
+                )));
+            }
+        }
+        Ok(Material { name: name.to_string(), names, law, parameters })
+    }
+
+    /// The law's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of its parameters.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The law.
+    pub fn law(&self) -> &(dyn LawKernels + 'static) {
+        &*self.law
+    }
+
+    /// Parameters, one row for all cells or one per cell.
+    pub fn parameters(&self) -> &[Vec<f64>] {
+        &self.parameters
+    }
+
+    /// The law of some of the cells, in this order.
+    pub fn of_cells(&self, cells: &[usize]) -> Self {
+        if self.parameters.len() == 1 {
+            return self.clone();
+        }
+        let parameters = cells.iter().map(|&cell| self.parameters[cell].clone()).collect();
+        Material { parameters, ..self.clone() }
+    }
+
+    /// The parameters of a cell.
+    pub fn of_cell(&self, cell: usize) -> &[f64] {
+        if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
+    }
+
+    /// Shear and bulk modulus at rest of a row of parameters [Pa].
+    pub fn moduli(&self, row: &[f64]) -> [f64; 2] {
+        let identity = tabulate!(|i, j| f64::from(u8::from(i == j)));
+        let (_, along) = self.tangent(row, &identity);
+        // dP_01/dF_01 and its like; they differ where a law has a direction.
+        let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
+        let mut pressure = [[Lane::default(); 2]];
+        self.law.pressure(row, &[Lanes([1.0; LANES])], &mut pressure);
+        [shear, pressure[0][1][0]]
+    }
+
+    /// Energy [J/m^3] and stress [Pa] at single deformation gradients.
+    #[allow(non_snake_case)]
+    pub fn energy_and_stress(&self, row: &[f64], F: &[Mat3<f64>]) -> Vec<(f64, Mat3<f64>)> {
+        let some = F.chunks(LANES).flat_map(|some| {
+            let lanes = tabulate!(|i, j| Lanes(std::array::from_fn(|lane| {
+                some[lane.min(some.len() - 1)][i][j]
+            })));
+            let (mut psi, mut P) = ([Lane::default()], [Mat3::<Lane>::default()]);
+            self.law.stress(row, &[lanes], Default::default(), &mut psi, &mut P);
+            let of_lane = move |lane: usize| (psi[0][lane], tabulate!(|i, j| P[0][i][j][lane]));
+            (0..some.len()).map(of_lane)
+        });
+        some.collect()
+    }
+
+    /// Stress [Pa] and tangent `A_iJkL` [Pa] at a deformation gradient, as `[J][L][i][k]` for `J <= L`.
+    #[allow(non_snake_case)]
+    pub fn tangent(&self, row: &[f64], F: &Mat3<f64>) -> (Mat3<f64>, [[Mat3<f64>; 3]; 3]) {
+        let lanes = tabulate!(|i, j| Lanes([F[i][j]; LANES]));
+        let units = tabulate!(|i, j| Lanes([f64::from(u8::from(i == j)); LANES]));
+        let (mut P, mut A) = ([Mat3::<Lane>::default()], [[[Mat3::<Lane>::default(); 3]; 3]]);
+        self.law.tangent(row, &[lanes], &[units], Default::default(), &mut P, &mut A);
+        let first = |m: &Mat3<Lane>| tabulate!(|i, j| m[i][j][0]);
+        (first(&P[0]), A[0].map(|blocks| blocks.map(|block| first(&block))))
+    }
+}
+
+impl PartialEq for Material {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name && self.parameters == other.parameters
+    }
+}
+
+impl fmt::Debug for Material {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {:?} {:?}", self.name, self.names, self.parameters)
+    }
+}
+
+fn find(name: &str) -> Result<&'static Row, Error> {
+    ROWS.iter().find(|row| row.name == name).ok_or_else(|| Error::UnknownLaw {
+        name: name.to_string(),
+        known: ROWS.iter().map(|row| row.name).collect::<Vec<_>>().join(", "),
+    })
+}
+
+/// What a law's row asks of a row of parameters.
+fn check(law: &Row, row: usize, values: &[f64]) -> Result<(), Error> {
+    let name = law.name;
+    for (parameter, &value) in law.parameters.iter().zip(values) {
+        if !parameter.bounds.allow(value) {
+            let (key, words) = (parameter.name, parameter.bounds.words());
+            return Err(Error::input(format!(
+                "law {name}: {key} = {value} in row {row}; it {words}"
+            )));
+        }
+    }
+    for (words, of) in law.conditions {
+        let value = of(values);
+        if !(value > 0.0) {
+            return Err(Error::input(format!(
+                "law {name}: {words} is {value} in row {row}; it must be positive"
+            )));
+        }
+    }
+    Ok(())
+}
