@@ -67,8 +67,9 @@ def _material() -> Iterator[str]:
         yield f"| `{kind}` | {', '.join(f'`{name}`' for name in schema.taken_by(kind))} |"
     yield PAIRS
     yield from _rows(schema.PARAMETERS)
-    yield "In `Ogden` two of them are others:\n"
-    yield from _rows(schema.OGDEN)
+    for kind, keys in schema.OTHERS.items():
+        yield f"In `{kind}` two of them are others:\n"
+        yield from _rows(keys)
     yield PARTS
     yield from _table(schema.HELICAL)
 

@@ -24,13 +24,18 @@ from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.fitting import Fit, MaterialTest, fit
 from viscera.law import (
+    ArrudaBoyce,
     Corotated,
+    Fung,
     HolzapfelGasserOgden,
     Linear,
     MooneyRivlin,
     NeoHookean,
     Ogden,
     SaintVenantKirchhoff,
+    StableNeoHookean,
+    StrainEnergy,
+    VerondaWestmann,
     Yeoh,
 )
 from viscera.mesh import Mesh, mesh, read
@@ -48,6 +53,7 @@ from viscera.vary import Vary
 
 __all__ = [
     "Answer",
+    "ArrudaBoyce",
     "BackwardEuler",
     "Case",
     "ConjugateGradients",
@@ -55,6 +61,7 @@ __all__ = [
     "Deformed",
     "Fit",
     "Frame",
+    "Fung",
     "Hand",
     "HolzapfelGasserOgden",
     "Linear",
@@ -71,11 +78,14 @@ __all__ = [
     "Prony",
     "SaintVenantKirchhoff",
     "Scan",
+    "StableNeoHookean",
     "State",
     "Stepper",
+    "StrainEnergy",
     "Touch",
     "Unloaded",
     "Vary",
+    "VerondaWestmann",
     "VisceraError",
     "Yeoh",
     "__version__",

@@ -23,6 +23,13 @@ class Batches(Protocol):
 
 __version__: str
 
+def laws() -> list[dict[str, Any]]:
+    """The rows of the laws: `name`, `parameters` (dicts of `name`, `means`, `kind` "stress", "number" or "fibre",
+    `unit`, the bounds `above`, `low`, `high`, `default`, each None where there is none), `is_analytic`, `sample`."""
+
+def law_parameters(name: str) -> list[str]:
+    """Names of a law's parameters, in the order of a row; those of a formula as they first appear in it."""
+
 def surface(points: Floats, cells: Indices) -> Indices:
     """Boundary triangles (t, 3), oriented outward."""
 
@@ -137,6 +144,8 @@ class Law:
     def name(self) -> str: ...
     @property
     def parameters(self) -> Floats: ...
+    def resists_collapse(self) -> list[bool]:
+        """By row, whether the energy grows without bound as the volume vanishes."""
     def moduli(self) -> Floats:
         """Shear and bulk modulus at rest (rows, 2) [Pa]."""
     def energy(self, F: Floats) -> Floats:

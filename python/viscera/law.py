@@ -6,15 +6,17 @@ Invariants: I1 = tr C, I2 = (tr^2 C - tr C^2) / 2, J = det F, with C = F^T F and
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Sequence
+from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import directions
 from viscera.mesh import Floats
 from viscera.parameters import bulk_modulus, columns, compressibility, require, shown
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
+    "ArrudaBoyce",
     "Corotated",
+    "Fung",
     "HolzapfelGasserOgden",
     "Law",
     "Linear",
@@ -32,8 +36,16 @@ __all__ = [
     "NeoHookean",
     "Ogden",
     "SaintVenantKirchhoff",
+    "StableNeoHookean",
+    "StrainEnergy",
+    "VerondaWestmann",
     "Yeoh",
 ]
+
+log = logging.getLogger("viscera")
+
+ROWS: dict[str, dict[str, Any]] = {row["name"]: row for row in _core.laws()}
+"""What the core knows of each law, by its name there: parameters with meaning, kind, unit, bounds and default."""
 
 
 class Law:
@@ -42,29 +54,45 @@ class Law:
     `parameters` has one row for all cells or one row per cell, in the columns that the core expects.
     """
 
-    stresses: ClassVar[tuple[int, ...]]
-    """The columns of `parameters` that are stresses: the energy is proportional to them together."""
+    core_names: ClassVar[tuple[str, ...]] = ()
+    """Its names in the core and in model files."""
 
     def __init_subclass__(cls) -> None:
         """Raise `VisceraError` for a law written in Python, which the compiled core could not follow."""
         if cls.__module__ != __name__ and (Law in cls.__bases__ or {"energy", "stress", "tangent"} & set(vars(cls))):
             raise VisceraError(
-                f"{cls.__name__}: laws are compiled, so the energy of a subclass of Law would not be used; write it in "
-                "core/src/law, as CONTRIBUTING.md shows in 20 lines"
+                f"{cls.__name__}: laws are compiled, so the energy of a subclass of Law would not be used; give it as "
+                "a formula, StrainEnergy(...), or write it in core/src/law, as CONTRIBUTING.md shows in 20 lines"
             )
 
     def __init__(self, name: str, parameters: Floats) -> None:
         self.name = name
         self.parameters = parameters
 
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        """The law that the core calls `name`, from its parameters column by column."""
+        raise NotImplementedError
+
+    @property
+    def stresses(self) -> tuple[int, ...]:
+        """The columns of `parameters` that are stresses: the energy is proportional to them together."""
+        return tuple(k for k, p in enumerate(ROWS[self.name]["parameters"]) if p["kind"] == "stress")
+
     @property
     def is_analytic(self) -> bool:
         """Whether the energy is analytic at rest, as power series about it assume."""
-        return True
+        return bool(ROWS[self.name]["is_analytic"])
 
     def core(self) -> _core.Law:
         """This law as the compiled core knows it."""
         return _core.Law(self.name, self.parameters)
+
+    @property
+    def young(self) -> Floats:
+        """Young's modulus at rest [Pa], one value or one per cell: 9 K mu / (3 K + mu)."""
+        shear, bulk = self.core().moduli().T
+        return np.asarray(9.0 * bulk * shear / (3.0 * bulk + shear))
 
     @property
     def poisson(self) -> Floats:
@@ -121,9 +149,6 @@ class Law:
 class TwoModuli(Law):
     """The laws with two moduli: Young's modulus and Poisson's ratio, or the Lamé constants."""
 
-    core_name: ClassVar[str]
-    stresses = (0, 1)
-
     def __init__(
         self,
         *unnamed: ArrayLike,
@@ -154,7 +179,11 @@ class TwoModuli(Law):
             require(law, "lam", first, first > -2.0 / 3.0 * shear, "must exceed -2 mu / 3 (a positive bulk modulus)")
         else:
             raise VisceraError(f"{law} takes either young and poisson, or mu and lam")
-        super().__init__(self.core_name, np.column_stack([shear, first]))
+        super().__init__(self.core_names[0], np.column_stack([shear, first]))
+
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        return cls(mu=columns[0], lam=columns[1])
 
     @property
     def mu(self) -> Floats:
@@ -178,7 +207,7 @@ class Linear(TwoModuli):
     Linear(mu=400, lam=400)
     """
 
-    core_name = "linear"
+    core_names = ("linear",)
 
 
 class Corotated(TwoModuli):
@@ -187,7 +216,7 @@ class Corotated(TwoModuli):
     R is the rotation and S the stretch of the polar decomposition.
     """
 
-    core_name = "corotated"
+    core_names = ("corotated",)
 
 
 class SaintVenantKirchhoff(TwoModuli):
@@ -196,7 +225,7 @@ class SaintVenantKirchhoff(TwoModuli):
     Niroomandi et al., IJNME 96 (2013) 129, section 5.1.
     """
 
-    core_name = "saint_venant_kirchhoff"
+    core_names = ("saint_venant_kirchhoff",)
 
 
 class NeoHookean(TwoModuli):
@@ -208,7 +237,88 @@ class NeoHookean(TwoModuli):
     NeoHookean(mu=57432.4, lam=1.37838e+06)
     """
 
-    core_name = "neo_hookean"
+    core_names = ("neo_hookean",)
+
+
+class StableNeoHookean(TwoModuli):
+    """psi = m / 2 (I1 - 3) + l / 2 (J - a)^2 - m / 2 ln(I1 + 1) - psi(rest), with a = 1 + 3 m / (4 l).
+
+    m = 4 mu / 3 and l = lam + 5 mu / 6 make mu and lam, or young and poisson, those of Hooke's law at small strain.
+    J <= 0 is allowed: the energy of a cell turned inside out is finite and smooth, and the cell recovers; in exchange
+    nothing keeps a cell from being crushed. Smith, de Goes and Kim, ACM Trans. Graph. 37 (2018) 12, equation 14.
+
+    >>> StableNeoHookean(young=3e3, poisson=0.45)
+    StableNeoHookean(mu=1034.48, lam=9310.34)
+    """
+
+    core_names = ("stable_neo_hookean",)
+
+
+class OfRow(Law):
+    """The laws whose parameters are those of their row in the core, or `poisson` in the place of `kappa`."""
+
+    __signature__: ClassVar[Signature]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        given = [
+            Parameter(
+                p["name"],
+                Parameter.POSITIONAL_OR_KEYWORD,
+                default=Parameter.empty if p["default"] is None else p["default"],
+            )
+            for p in cls._row()["parameters"]
+            if p["name"] != "kappa"
+        ]
+        bulk = [Parameter(name, Parameter.KEYWORD_ONLY, default=None) for name in ("kappa", "poisson")]
+        cls.__signature__ = Signature([*given, *bulk])
+
+    @classmethod
+    def _row(cls) -> dict[str, Any]:
+        return ROWS[cls.core_names[0]]
+
+    def __init__(self, *unnamed: ArrayLike, **named: ArrayLike) -> None:
+        """The parameters of the docstring, in its order or by name, and kappa [Pa] or poisson by name.
+
+        Raises `VisceraError` for a parameter outside its bounds.
+        """
+        law = type(self).__name__
+        try:
+            given = self.__signature__.bind(*unnamed, **named)
+        except TypeError as error:
+            raise VisceraError(f"{law}: {error}; it takes {', '.join(self.__signature__.parameters)}") from None
+        given.apply_defaults()
+        bulk, value = compressibility(law, given.arguments.pop("kappa"), given.arguments.pop("poisson"))
+        *own, value = columns(law, **given.arguments, **{bulk: value})
+        rows = [p for p in self._row()["parameters"] if p["name"] != "kappa"]
+        for p, column in zip(rows, own, strict=True):
+            _within(law, p, column)
+        # The shear modulus depends on no bulk modulus.
+        stiff = _core.Law(self.core_names[0], np.column_stack([*own, np.ones_like(value)]))
+        modulus = bulk_modulus(law, bulk, value, stiff.moduli()[:, 0])
+        super().__init__(self.core_names[0], np.column_stack([*own, modulus]))
+
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        *own, kappa = columns
+        return cls(*own, kappa=kappa)
+
+    def __repr__(self) -> str:
+        names = [p["name"] for p in self._row()["parameters"]]
+        words = [f"{name}={shown(column)}" for name, column in zip(names, self.parameters.T, strict=True)]
+        return f"{type(self).__name__}({', '.join(words)})"
+
+
+def _within(law: str, parameter: dict[str, Any], column: Floats) -> None:
+    """Raise `VisceraError` for values outside the bounds of the core's row."""
+    unit = "" if parameter["unit"] == "1" else f" [{parameter['unit']}]"
+    if parameter["above"] is not None:
+        require(law, parameter["name"], column, column > parameter["above"], f"must be positive{unit}")
+    if parameter["low"] is not None:
+        low, high = parameter["low"], parameter["high"]
+        require(
+            law, parameter["name"], column, (column >= low) & (column <= high), f"must lie between {low:g} and {high:g}"
+        )
 
 
 class MooneyRivlin(Law):
@@ -224,8 +334,8 @@ class MooneyRivlin(Law):
     MooneyRivlin(c1=134300, c2=33500, kappa=1.6668e+07, volumetric='J^2-1')
     """
 
-    stresses = (0, 1, 2)
     bulk_moduli_per_alpha: ClassVar[dict[str, float]] = {"J^2-1": 4.0, "J-1": 1.0, "ln J": 1.0}
+    core_names = tuple(f"mooney_rivlin {form}" for form in bulk_moduli_per_alpha)
 
     def __init__(
         self,
@@ -248,12 +358,16 @@ class MooneyRivlin(Law):
         super().__init__(f"mooney_rivlin {volumetric}", np.column_stack([first, second, bulk]))
         self.volumetric = volumetric
 
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        return cls(*columns, volumetric=name.removeprefix("mooney_rivlin "))
+
     def __repr__(self) -> str:
         c1, c2, kappa = (shown(column) for column in self.parameters.T)
         return f"MooneyRivlin(c1={c1}, c2={c2}, kappa={kappa}, volumetric={self.volumetric!r})"
 
 
-class Yeoh(Law):
+class Yeoh(OfRow):
     """psi = sum_i c_i0 (I1 J^(-2/3) - 3)^i + kappa / 2 (J - 1)^2, i = 1..3: stiffens with stretch.
 
     c10, c20, c30 [Pa], and kappa (the bulk modulus) [Pa] or poisson, Poisson's ratio at small strain. The shear modulus
@@ -263,26 +377,49 @@ class Yeoh(Law):
     Yeoh(c10=500, c20=200, c30=0, kappa=9666.67)
     """
 
-    stresses = (0, 1, 2, 3)
+    core_names = ("yeoh",)
 
-    def __init__(
-        self,
-        c10: ArrayLike,
-        c20: ArrayLike = 0.0,
-        c30: ArrayLike = 0.0,
-        *,
-        kappa: ArrayLike | None = None,
-        poisson: ArrayLike | None = None,
-    ) -> None:
-        bulk, given = compressibility("Yeoh", kappa, poisson)
-        first, second, third, given = columns("Yeoh", c10=c10, c20=c20, c30=c30, **{bulk: given})
-        require("Yeoh", "c10", first, first > 0.0, "must be positive [Pa]")
-        modulus = bulk_modulus("Yeoh", bulk, given, 2.0 * first)
-        super().__init__("yeoh", np.column_stack([first, second, third, modulus]))
 
-    def __repr__(self) -> str:
-        c10, c20, c30, kappa = (shown(column) for column in self.parameters.T)
-        return f"Yeoh(c10={c10}, c20={c20}, c30={c30}, kappa={kappa})"
+class ArrudaBoyce(OfRow):
+    """psi = m sum_i C_i lambda_m^(2 - 2 i) (I1'^i - 3^i) + kappa / 2 (J - 1)^2, i = 1..5, with I1' = I1 J^(-2/3).
+
+    C = 1/2, 1/20, 11/1050, 19/7000, 519/673750: the series of eight chains that lock at the stretch lambda_m. mu [Pa]
+    is the shear modulus at small strain (m follows from it), kappa [Pa] the bulk modulus, or poisson. Arruda and Boyce,
+    J. Mech. Phys. Solids 41 (1993) 389. Raises `VisceraError` unless all are positive.
+
+    >>> ArrudaBoyce(1e3, 1.5, kappa=1e5)
+    ArrudaBoyce(mu=1000, lambda_m=1.5, kappa=100000)
+    """
+
+    core_names = ("arruda_boyce",)
+
+
+class VerondaWestmann(OfRow):
+    """psi = c1 (exp(c2 (I1' - 3)) - 1) - c1 c2 / 2 (I2' - 3) + kappa / 2 (J - 1)^2: skin.
+
+    I1' = I1 J^(-2/3), I2' = I2 J^(-4/3). c1 [Pa], c2, and kappa (the bulk modulus) [Pa] or poisson. The shear modulus
+    at small strain is c1 c2. Veronda and Westmann, J. Biomech. 3 (1970) 111. Raises `VisceraError` unless all are
+    positive.
+
+    >>> VerondaWestmann(2e3, 1.5, poisson=0.45)
+    VerondaWestmann(c1=2000, c2=1.5, kappa=29000)
+    """
+
+    core_names = ("veronda_westmann",)
+
+
+class Fung(OfRow):
+    """psi = mu / (2 b) (exp(b (I1' - 3)) - 1) + kappa / 2 (J - 1)^2, with I1' = I1 J^(-2/3): exponential stiffening.
+
+    mu: shear modulus at small strain [Pa]; b: how fast it stiffens; kappa (the bulk modulus) [Pa] or poisson. Demiray,
+    J. Biomech. 5 (1972) 309; Humphrey, Cardiovascular Solid Mechanics (2002). Raises `VisceraError` unless all are
+    positive.
+
+    >>> Fung(mu=1e3, b=4.0, kappa=1e5)
+    Fung(mu=1000, b=4, kappa=100000)
+    """
+
+    core_names = ("fung",)
 
 
 class Ogden(Law):
@@ -299,7 +436,7 @@ class Ogden(Law):
     Ogden(mu=[500, -100], alpha=[3, -4], kappa=9183.33)
     """
 
-    stresses = (0, 1, 2, 6)
+    core_names = ("ogden",)
     terms: ClassVar[int] = 3
 
     def __init__(
@@ -328,6 +465,11 @@ class Ogden(Law):
         exponents += absent * [np.ones_like(shear)]
         super().__init__("ogden", np.column_stack([*moduli, *exponents, modulus]))
 
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        used = [p for p in range(cls.terms) if columns[p].any()]
+        return cls([columns[p] for p in used], [columns[cls.terms + p] for p in used], kappa=columns[-1])
+
     def __repr__(self) -> str:
         words = [shown(column) for column in self.parameters.T]
         used = [p for p in range(self.terms) if self.parameters[:, p].any()]
@@ -351,7 +493,7 @@ class HolzapfelGasserOgden(Law):
     HolzapfelGasserOgden(c=3000, k1=2400, k2=0.84, dispersion=0, kappa=100000)
     """
 
-    stresses = (0, 1, 4)
+    core_names = ("holzapfel_gasser_ogden", "holzapfel_gasser_ogden both ways")
 
     def __init__(
         self,
@@ -380,6 +522,13 @@ class HolzapfelGasserOgden(Law):
             np.column_stack([*moduli, spread, modulus, a, b, c_, d, e, f]),
         )
 
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        c, k1, k2, dispersion, kappa = columns[:5]
+        fibres = np.stack([columns[5:8].T, columns[8:11].T])
+        both = name.endswith("both ways")
+        return cls(c, k1, k2, fibres=fibres, dispersion=dispersion, kappa=kappa, bear_compression=both)
+
     @property
     def fibres(self) -> Floats:
         """Unit directions (2, m, 3), m = 1 where they are the same everywhere."""
@@ -390,15 +539,119 @@ class HolzapfelGasserOgden(Law):
         """Whether the fibres bear compression too."""
         return self.name.endswith("both ways")
 
-    @property
-    def is_analytic(self) -> bool:
-        """Only where the fibres bear compression too: else each goes slack at rest."""
-        return self.bear_compression
-
     def __repr__(self) -> str:
         c, k1, k2, dispersion, kappa = (shown(column) for column in self.parameters.T[:5])
         both = ", bear_compression=True" if self.bear_compression else ""
         return f"HolzapfelGasserOgden(c={c}, k1={k1}, k2={k2}, dispersion={dispersion}, kappa={kappa}{both})"
+
+
+class StrainEnergy(Law):
+    """A strain energy of your own, as a formula: no compiler, and all that the other laws can.
+
+    energy [J/m^3]: text in `I1`, `I2`, `J`, the isochoric `I1bar` = I1 J^(-2/3) and `I2bar` = I2 J^(-4/3), and with
+    fibres `I4` and `I6`, |F a|^2 along the first and second direction; `+ - * / **`, `exp`, `log`, `sqrt`, `max`,
+    `min`, `step` (1 where positive, else 0), and numbers. Every other name is a parameter: a number, or an array (m,)
+    over cells. fibres: two directions (2, 3), or (2, m, 3) over cells.
+
+    Stress, tangent and power series are derived from the formula exactly. The stress at rest must vanish. `young` and
+    `poisson` are those at small strain. Raises `VisceraError` for text that is no formula, with the place in it; for a
+    parameter without a value; for a stress at rest; for moduli that are not positive. Warns in the log where the energy
+    stays bounded as J -> 0, since strong pressure then crushes cells.
+
+    >>> law = StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", mu=1e3, lam=4e3)
+    >>> law
+    StrainEnergy('mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2', mu=1000, lam=4000)
+    >>> float(law.young.round()[0]), float(law.poisson.round(2)[0])
+    (2800.0, 0.4)
+    """
+
+    prefix: ClassVar[str] = "formula "
+
+    def __init__(self, energy: str, *, fibres: ArrayLike | None = None, **parameters: ArrayLike) -> None:
+        if not isinstance(energy, str):
+            raise refused(
+                "StrainEnergy: the energy", "a formula, such as 'mu/2*(I1bar - 3) + kappa/2*(J - 1)**2'", energy
+            )
+        self.formula = " ".join(energy.split())
+        name = self.prefix + self.formula
+        names = _core.law_parameters(name)
+        families = sum(key in COMPONENTS for key in names) // 3
+        self._names = tuple(names[: len(names) - 3 * families])
+        for key in parameters:
+            if key not in self._names:
+                raise VisceraError(
+                    f"StrainEnergy: the formula has no parameter {key!r}; {did_you_mean(key, self._names)}"
+                )
+        missing = [key for key in self._names if key not in parameters]
+        if missing:
+            raise VisceraError(
+                f"StrainEnergy: the formula has a parameter {missing[0]!r}; give its value, {missing[0]}="
+            )
+        if (fibres is None) == (families > 0):
+            say = (
+                "uses I4 or I6: give two directions, fibres=" if families else "uses no I4 and no I6: leave fibres out"
+            )
+            raise VisceraError(f"StrainEnergy: the formula {say}")
+        axes = {} if fibres is None else {f"fibre {f + 1}{axis}": x for f, axis, x in directions(fibres)}
+        used = dict(list(axes.items())[: 3 * families])
+        own = columns("StrainEnergy", **{key: parameters[key] for key in self._names}, **used)
+        super().__init__(name, np.column_stack(own))
+        if not all(self.core().resists_collapse()):
+            log.warning(
+                "StrainEnergy: the energy stays bounded as J -> 0, so strong pressure can crush cells; a term such as "
+                "log(J)**2 resists it"
+            )
+
+    @classmethod
+    def of_columns(cls, name: str, columns: Floats) -> Law:
+        names = _core.law_parameters(name)
+        families = sum(key in COMPONENTS for key in names) // 3
+        own = len(names) - 3 * families
+        fibres = None
+        if families:
+            first = columns[own : own + 3].T
+            fibres = np.stack([first, columns[own + 3 :].T if families == 2 else first])
+        values = dict(zip(names[:own], columns[:own], strict=True))
+        return cls(name.removeprefix(cls.prefix), fibres=fibres, **values)
+
+    @property
+    def stresses(self) -> tuple[int, ...]:
+        """The parameters that the energy is proportional to together; raises `VisceraError` where there are none."""
+        rows, F = self.parameters[:1], _STRAINED
+        energy = _core.Law(self.name, rows).energy(F)
+
+        def of(columns: list[int], factor: float) -> Floats:
+            scaled = rows.copy()
+            scaled[:, columns] *= factor
+            return _core.Law(self.name, scaled).energy(F)
+
+        def is_linear(k: int) -> bool:
+            try:
+                return np.allclose(of([k], 1.02) - energy, energy - of([k], 0.98), rtol=1e-6, atol=1e-13 * energy.max())
+            except VisceraError:
+                return True  # Not alone, then: stress at rest.
+
+        linear = [k for k in range(len(self._names)) if rows[0, k] != 0.0 and is_linear(k)]
+        if not linear or not np.allclose(of(linear, 2.0), 2.0 * energy, rtol=1e-9):
+            raise VisceraError(
+                f"StrainEnergy({self.formula!r}): which of its parameters scale the energy cannot be told, so no young "
+                "can be varied"
+            )
+        return tuple(linear)
+
+    @property
+    def is_analytic(self) -> bool:
+        """Whether the formula has no switch (`max`, `min`, `step`), which might turn over at rest."""
+        return not any(f"{word}(" in self.formula.replace(" ", "") for word in ("max", "min", "step"))
+
+    def __repr__(self) -> str:
+        values = zip(self._names, self.parameters.T, strict=False)
+        return f"StrainEnergy({self.formula!r}, {', '.join(f'{key}={shown(column)}' for key, column in values)})"
+
+
+COMPONENTS = tuple(f"a{family}{axis}" for family in range(2) for axis in "xyz")
+"""Columns of the directions of fibres."""
+_STRAINED = np.eye(3) + 0.05 * np.sin(np.arange(27.0)).reshape(3, 3, 3)
 
 
 LAWS: dict[str, type[Law]] = {
@@ -408,10 +661,15 @@ LAWS: dict[str, type[Law]] = {
         Corotated,
         SaintVenantKirchhoff,
         NeoHookean,
+        StableNeoHookean,
         MooneyRivlin,
         Yeoh,
         Ogden,
+        ArrudaBoyce,
+        VerondaWestmann,
+        Fung,
         HolzapfelGasserOgden,
+        StrainEnergy,
     )
 }
 
@@ -423,25 +681,13 @@ def named(name: str) -> type[Law]:
 
 def from_core(name: str, parameters: ArrayLike) -> Law:
     """The law that a model file carries: the core's name and its parameter rows."""
-    rows = np.atleast_2d(np.asarray(parameters, dtype=float)).T
-    if name.startswith("mooney_rivlin ") and len(rows) == 3:
-        return MooneyRivlin(*rows, volumetric=name.removeprefix("mooney_rivlin "))
-    if name == "yeoh" and len(rows) == 4:
-        return Yeoh(*rows[:3], kappa=rows[3])
-    if name == "ogden" and len(rows) == 7:
-        used = [p for p in range(3) if rows[p].any()]
-        return Ogden([rows[p] for p in used], [rows[3 + p] for p in used], kappa=rows[6])
-    if name.startswith("holzapfel_gasser_ogden") and len(rows) == 11:
-        c, k1, k2, dispersion, kappa = rows[:5]
-        directions = np.stack([rows[5:8].T, rows[8:11].T])
-        both = name.endswith("both ways")
-        return HolzapfelGasserOgden(
-            c, k1, k2, fibres=directions, dispersion=dispersion, kappa=kappa, bear_compression=both
-        )
-    for law in (Linear, Corotated, SaintVenantKirchhoff, NeoHookean):
-        if law.core_name == name and len(rows) == 2:
-            return law(mu=rows[0], lam=rows[1])
-    raise VisceraError(f"the model's law {name!r} with {len(rows)} parameters is not known to this version")
+    table = np.atleast_2d(np.asarray(parameters, dtype=float)).T
+    kind = next((law for law in LAWS.values() if name in law.core_names), None)
+    if name.startswith(StrainEnergy.prefix):
+        kind = StrainEnergy
+    if kind is None or len(table) != len(_core.law_parameters(name)):
+        raise VisceraError(f"the model's law {name!r} with {len(table)} parameters is not known to this version")
+    return kind.of_columns(name, table)
 
 
 def _gradients(F: ArrayLike) -> Floats:

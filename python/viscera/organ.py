@@ -18,7 +18,7 @@ from viscera.deformed import Moved
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError
-from viscera.law import Law
+from viscera.law import Law, StrainEnergy
 from viscera.loads import (
     Displacements,
     Forces,
@@ -375,6 +375,11 @@ class Organ(Pictured):
         if start is not None and not isinstance(start, State):
             raise refused("the state to reduce about", "a State, as solve returns it", start)
         if not self.law.is_analytic:
+            if isinstance(self.law, StrainEnergy):
+                raise VisceraError(
+                    "max, min and step have no power series where they turn over, so a reduced model of this formula "
+                    "could be wrong; write it without them, or use solve"
+                )
             raise VisceraError(
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
                 "are compressed; reduce with bear_compression=True, or use solve"

@@ -210,6 +210,17 @@ class End:
         return f"a number in the unit of the parameter; for the radius {Length()}"
 
 
+class Formula:
+    """The text of a strain energy, which the law reads."""
+
+    def __call__(self, value: Any, what: str) -> None:
+        if not isinstance(value, str):
+            raise refused(what, self, value)
+
+    def __str__(self) -> str:
+        return "a [formula](laws.md#a-law-of-your-own)"
+
+
 class Varied:
     """The table of a range."""
 
@@ -227,6 +238,8 @@ class Material:
 
     def __call__(self, words: Any, what: str) -> None:
         own = {name: value for name, value in known(words, words, "material") if not is_part(name, value)}
+        if own.get("law") == law.StrainEnergy.__name__:
+            return self._formula(words, own)
         for _ in known(own, ("law", *PARAMETERS), "material"):
             pass
         if "law" not in own:
@@ -240,6 +253,21 @@ class Material:
                 table = f"material.{place}"
                 for name, value in known(part, PARTIAL, table):
                     _parameter(kind, name)(value, f"{name} in [{table}]")
+
+    def _formula(self, words: Any, own: dict[str, Any]) -> None:
+        """A law of one's own, whose parameters are the names in the formula."""
+        if "energy" not in own:
+            raise VisceraError('material StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
+        Formula()(own["energy"], "energy in [material]")
+        tables = {"material": own} | {
+            f"material.{place}": part for place, part in words.items() if is_part(place, part)
+        }
+        for table, entries in tables.items():
+            for name, value in known(entries, entries, table):
+                if name == "fibres":
+                    Fibres()(value, f"fibres in [{table}]")
+                elif name not in {"law", "energy"}:
+                    PerCell(Number())(value, f"{name} in [{table}]")
 
     def __str__(self) -> str:
         return "a table, `[material]`"
@@ -269,7 +297,7 @@ def _parameter(kind: str, name: str) -> Check:
     """What a parameter of a law must be."""
     if name not in taken_by(kind):
         raise VisceraError(f"material {kind}: it has no parameter {name!r}; {did_you_mean(name, taken_by(kind))}")
-    return OGDEN[name].value if kind == "Ogden" and name in OGDEN else PARAMETERS[name].value
+    return (OTHERS[kind] if name in OTHERS.get(kind, {}) else PARAMETERS)[name].value
 
 
 def _of(table: str) -> str:
@@ -280,35 +308,43 @@ def _percent(fraction: float) -> str:
     return f'"{100 * fraction:g}%"'
 
 
-STRESS, COEFFICIENT = PerCell(Number("Pa", above=0)), PerCell(Number("Pa"))
+STRESS = PerCell(Number("Pa", above=0))
+
+
+def _of_row(parameter: Mapping[str, Any]) -> Key:
+    """A parameter as the core's row of its law describes it."""
+    unit = "" if parameter["unit"] == "1" else parameter["unit"]
+    number = Number(unit, above=parameter["above"], low=parameter["low"], high=parameter["high"])
+    default = parameter["default"]
+    return Key(PerCell(number), parameter["means"], "" if default is None else f"{default:g}")
+
 
 PARAMETERS = {
     "young": Key(STRESS, "Young's modulus at small strain"),
     "poisson": Key(PerCell(Number(above=-1, below=0.5)), "Poisson's ratio at small strain"),
-    "mu": Key(STRESS, "shear modulus"),
-    "lam": Key(COEFFICIENT, "first Lamé constant"),
-    "c1": Key(COEFFICIENT, "of the first invariant"),
-    "c2": Key(COEFFICIENT, "of the second invariant"),
-    "kappa": Key(STRESS, "bulk modulus at small strain"),
+    **{
+        parameter["name"]: _of_row(parameter)
+        for row in reversed(law.ROWS.values())  # where two rows share a name, the first is meant
+        if row["name"] not in law.Ogden.core_names
+        for parameter in row["parameters"]
+        if parameter["kind"] != "fibre"
+    },
     "alpha": Key(STRESS, "penalty of a perturbed Lagrangian, instead of `kappa`"),
-    "c10": Key(STRESS, "half the shear modulus"),
-    "c20": Key(COEFFICIENT, "of the second power", "0"),
-    "c30": Key(COEFFICIENT, "of the third power", "0"),
-    "c": Key(STRESS, "shear modulus of the ground substance"),
-    "k1": Key(STRESS, "stiffness of the fibres"),
-    "k2": Key(PerCell(Number(above=0)), "how fast the fibres stiffen"),
-    "dispersion": Key(PerCell(Number(low=0, high=1 / 3)), "of the fibres: 0 is parallel, 1/3 isotropic", "0"),
     "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the energy of volume", '"J^2-1"'),
     "bear_compression": Key(Flag(), "whether the fibres bear compression as well", "false"),
     "fibres": Key(Fibres(), "two families of fibres"),
+    "energy": Key(Formula(), "of a law of your own, whose other keys are the names in it"),
 }
-"""Of all the laws; which of them a law takes says its class."""
-OGDEN = {
-    "mu": Key(Terms(Number("Pa")), "moduli of the terms"),
-    "alpha": Key(Terms(Number()), "exponents of the terms"),
+"""Of all the laws, from their rows in the core; which of them a law takes says its class."""
+OTHERS = {
+    "Ogden": {
+        "mu": Key(Terms(Number("Pa")), "moduli of the terms"),
+        "alpha": Key(Terms(Number()), "exponents of the terms"),
+    },
+    "VerondaWestmann": {p["name"]: _of_row(p) for p in law.ROWS["veronda_westmann"]["parameters"][:2]},
 }
-"""Parameters that mean something else in Ogden's law."""
-PARTIAL = tuple(name for name in PARAMETERS if name not in {"volumetric", "bear_compression", "fibres"})
+"""Parameters that mean something else in some laws."""
+PARTIAL = tuple(name for name in PARAMETERS if name not in {"volumetric", "bear_compression", "fibres", "energy"})
 """Parameters that may differ in a part."""
 
 HELICAL = Table(

@@ -5,8 +5,54 @@ use numpy::{
     PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
 };
 use pyo3::prelude::*;
-use viscera_core::law::Material;
+use pyo3::types::PyDict;
+use viscera_core::law::{self, Bounds, Kind, Material, Parameter, ROWS};
 use viscera_core::tensor::Mat3;
+
+/// The rows of the laws: name, parameters, and whether the energy has a power series at rest.
+#[pyfunction]
+pub fn laws(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let rows = ROWS.iter().map(|row| {
+        let about = PyDict::new(py);
+        let parameters: PyResult<Vec<_>> =
+            row.parameters.iter().map(|p| parameter(py, p)).collect();
+        about.set_item("name", row.name)?;
+        about.set_item("parameters", parameters?)?;
+        about.set_item("is_analytic", row.is_analytic)?;
+        about.set_item("sample", row.sample.to_vec())?;
+        Ok(about)
+    });
+    rows.collect()
+}
+
+fn parameter<'py>(py: Python<'py>, p: &Parameter) -> PyResult<Bound<'py, PyDict>> {
+    let about = PyDict::new(py);
+    about.set_item("name", p.name)?;
+    about.set_item("means", p.means)?;
+    let kind = match p.kind {
+        Kind::Stress => "stress",
+        Kind::Number => "number",
+        Kind::Fibre => "fibre",
+    };
+    about.set_item("kind", kind)?;
+    about.set_item("unit", p.kind.unit())?;
+    let (above, low, high) = match p.bounds {
+        Bounds::Any | Bounds::NotZero => (None, None, None),
+        Bounds::Positive => (Some(0.0), None, None),
+        Bounds::Within(low, high) => (None, Some(low), Some(high)),
+    };
+    about.set_item("above", above)?;
+    about.set_item("low", low)?;
+    about.set_item("high", high)?;
+    about.set_item("default", p.default)?;
+    Ok(about)
+}
+
+/// Names of the parameters of a law, a formula's as they appear in it.
+#[pyfunction]
+pub fn law_parameters(name: &str) -> PyResult<Vec<String>> {
+    Material::parameter_names(name).map_err(convert::error)
+}
 
 /// A constitutive law by name with its parameters.
 #[pyclass(frozen, module = "viscera._core")]
@@ -36,6 +82,12 @@ impl Law {
     fn moduli<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let rows = self.material.parameters().iter().map(|row| self.material.moduli(row));
         convert::table(py, &rows.collect::<Vec<_>>())
+    }
+
+    /// Whether the energy grows without bound as the volume vanishes, by row.
+    fn resists_collapse(&self) -> Vec<bool> {
+        let rows = self.material.parameters().iter();
+        rows.map(|row| law::resists_collapse(&self.material, row)).collect()
     }
 
     #[pyo3(name = "energy")]

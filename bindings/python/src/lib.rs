@@ -37,6 +37,8 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
     m.add_class::<factor::Factor>()?;
+    m.add_function(wrap_pyfunction!(law::laws, m)?)?;
+    m.add_function(wrap_pyfunction!(law::law_parameters, m)?)?;
     m.add_class::<law::Law>()?;
     m.add_class::<mesh::Surface>()?;
     m.add_class::<mesh::Locator>()?;

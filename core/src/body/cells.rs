@@ -74,7 +74,7 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
         let mut slots = vec![Slot { batch: 0, lane: 0 }; nodes.len()];
         let mut rows = Vec::new();
         for (tissue, group) in (0u32..).zip(tissues(nodes.len(), material)) {
-            rows.push(material.of_cell(group[0]).to_vec());
+            rows.push(material.row(group[0]).to_vec());
             for members in group.chunks(LANES) {
                 for (lane, &cell) in members.iter().enumerate() {
                     slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };

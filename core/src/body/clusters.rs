@@ -280,7 +280,7 @@ fn responses(partition: &Partition, geometry: &[Geometry], material: &Material) 
         responses.extend(sums.chunks(LANES).map(|some| Response {
             cluster: std::array::from_fn(|l| some[l.min(some.len() - 1)].0),
             weight: Lanes(std::array::from_fn(|l| some.get(l).map_or(0.0, |w| w.1))),
-            parameters: material.of_cell(tissue[0]).to_vec(),
+            parameters: material.row(tissue[0]).to_vec(),
         }));
     }
     responses

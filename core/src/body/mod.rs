@@ -199,7 +199,8 @@ impl Body {
     /// Sum of volumes times their largest law parameter [J]: the size of the terms that cancel in
     /// the energy.
     pub fn energy_scale(&self) -> f64 {
-        self.geometry.iter().enumerate().map(|(cell, g)| g.volume * self.modulus(cell)).sum()
+        let of_cell = |(cell, g): (usize, &Geometry)| g.volume * self.material.scale(cell);
+        self.geometry.iter().enumerate().map(of_cell).sum()
     }
 
     /// Norm of the nodal forces of a stress of the size of the moduli [N]: their rounding is this
@@ -208,13 +209,9 @@ impl Body {
         let squares = self.geometry.iter().enumerate().map(|(cell, g)| {
             let sum: [f64; 3] = std::array::from_fn(|i| g.gradients.iter().map(|g| g[i]).sum());
             let gradients = g.gradients.iter().flatten().chain(&sum).map(|g| g * g).sum::<f64>();
-            (self.modulus(cell) * g.volume).powi(2) * gradients
+            (self.material.scale(cell) * g.volume).powi(2) * gradients
         });
         squares.sum::<f64>().sqrt()
-    }
-
-    fn modulus(&self, cell: usize) -> f64 {
-        self.material.of_cell(cell).iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
     /// Volume at displacement `u` [m^3].

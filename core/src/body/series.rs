@@ -152,13 +152,7 @@ where
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                law.stress_series(
-                    material.of_cell(cell),
-                    table,
-                    &deformation,
-                    pressure,
-                    &mut stress,
-                );
+                law.stress_series(material.row(cell), table, &deformation, pressure, &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -200,7 +194,7 @@ where
         let cells = cells.nodes.iter().zip(geometry).zip(volumes.chunks_exact_mut(n));
         for (cell, ((nodes, geometry), out)) in cells.enumerate() {
             along.deformation(nodes, &gradients(E::slopes(0), geometry), &mut deformation);
-            law.volume_series(material.of_cell(cell), along.table, &deformation, out);
+            law.volume_series(material.row(cell), along.table, &deformation, out);
         }
     }
 }
@@ -245,7 +239,7 @@ impl Clusters {
             let (batch, lane) = (slot.batch as usize, slot.lane as usize);
             let cluster = self.of[batch][lane] as usize;
             let mut answer = means[cluster * n..][..n].to_vec();
-            pressure_at(material.of_cell(cell), q, -self.share[batch], &mut answer);
+            pressure_at(material.row(cell), q, -self.share[batch], &mut answer);
             q.copy_from_slice(&answer);
         }
     }

@@ -36,7 +36,7 @@ impl Sample {
         chosen: &[usize],
     ) -> Self {
         let geometry = |cell: usize| Geometry::new(cells[cell].map(|node| points[node as usize]));
-        let row = |cell: usize| material.of_cell(cell);
+        let row = |cell: usize| material.row(cell);
         let mut places: Vec<usize> = (0..chosen.len()).collect();
         if material.parameters().len() > 1 {
             places.sort_by(|&a, &b| {

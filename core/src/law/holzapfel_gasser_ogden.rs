@@ -4,6 +4,7 @@
 //! `I1, J` and `I4 = |F a|^2`, whose derivatives come from duals; the geometry is `invariants.rs` with
 //! `dI4/dF = 2 (F a) (x) a` in the place of `dI2/dF`.
 
+use super::expression::{Expression, Symbol};
 use super::{Law, TangentBlocks};
 use crate::number::{Gradient, Hessian, Scalar};
 use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector};
@@ -67,6 +68,12 @@ impl HolzapfelGasserOgden {
 #[allow(non_snake_case)]
 impl Law for HolzapfelGasserOgden {
     const FORBIDS_INVERSION: bool = true;
+
+    fn expression(&self) -> Option<Expression> {
+        Some(Symbol::record(|[I1, _, J, I4, I6]| {
+            self.half(I1.clone(), I4, J.clone()) + self.half(I1, I6, J)
+        }))
+    }
 
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {

@@ -5,8 +5,9 @@
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
+use super::expression::{Expression, Symbol};
 use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature, series};
-use crate::number::{Gradient, Hessian, Monomials, Real, Scalar};
+use crate::number::{Hessian, Monomials, Real, Scalar};
 use crate::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
@@ -14,7 +15,11 @@ use crate::unroll::{array, tabulate};
 
 #[allow(non_snake_case)]
 impl<E: StrainEnergy> Law for E {
-    const FORBIDS_INVERSION: bool = true;
+    const FORBIDS_INVERSION: bool = <E as StrainEnergy>::FORBIDS_INVERSION;
+
+    fn expression(&self) -> Option<Expression> {
+        Some(Symbol::record(|[I1, I2, J, _, _]| self.psi(I1, I2, J)))
+    }
 
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
@@ -31,8 +36,7 @@ impl<E: StrainEnergy> Law for E {
     #[inline(always)]
     fn energy_and_stress<S: Scalar>(&self, F: &Mat3<S>) -> (S, Mat3<S>) {
         let Z = cofactor(F);
-        let [I1, I2, J] = Gradient::variables(invariants::<Self, S>(F, &Z));
-        let psi = self.psi(I1, I2, J);
+        let psi = self.gradient(invariants::<Self, S>(F, &Z));
         let [psi1, psi2, psiJ] = &psi.first;
         let P = assemble::<Self, S>(F, &Z, psi1, psi2, psiJ);
         (psi.value, P)
@@ -41,11 +45,10 @@ impl<E: StrainEnergy> Law for E {
     #[inline(always)]
     fn tangent<S: Scalar>(&self, F: &Mat3<S>, g: &[Vec3<S>; 3]) -> (Mat3<S>, TangentBlocks<S>) {
         let Z = cofactor(F);
-        let [I1, I2, J] = Hessian::variables(invariants::<Self, S>(F, &Z));
-        let psi = self.psi(I1, I2, J);
+        let psi = self.hessian(invariants::<Self, S>(F, &Z));
         let [psi1, psi2, psiJ] = psi.first.clone();
         let P = assemble::<Self, S>(F, &Z, &psi1, &psi2, &psiJ);
-        let blocks = contract(self, F, &Z, &psi, g);
+        let blocks = contract::<Self, S>(F, &Z, &psi, g);
         (P, blocks)
     }
 
@@ -73,16 +76,12 @@ impl<E: StrainEnergy> Law for E {
 
     #[inline(always)]
     fn pressure<S: Scalar>(&self, J: &S) -> S {
-        let [J, _, _] = Gradient::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
-        let [pressure, _, _] = self.volumetric(J).first;
-        pressure
+        self.volumetric_slope(J)
     }
 
     #[inline(always)]
     fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        let [J, _, _] = Hessian::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
-        let U = self.volumetric(J);
-        [U.first[0].clone(), U.second(0, 0)]
+        self.volumetric_slopes(J)
     }
 
     #[inline(always)]
@@ -105,7 +104,7 @@ impl<E: StrainEnergy> Law for E {
 /// `I1, I2, J`; `I2` is left zero for laws that do not use it.
 #[inline(always)]
 #[allow(non_snake_case)]
-fn invariants<E: StrainEnergy, S: Scalar>(F: &Mat3<S>, Z: &Mat3<S>) -> [S; 3] {
+pub(super) fn invariants<E: StrainEnergy, S: Scalar>(F: &Mat3<S>, Z: &Mat3<S>) -> [S; 3] {
     let I2 = if E::USES_I2 { double_dot(Z, Z) } else { Z[0][0].constant(0.0) };
     [double_dot(F, F), I2, determinant(F, Z)]
 }
@@ -113,7 +112,7 @@ fn invariants<E: StrainEnergy, S: Scalar>(F: &Mat3<S>, Z: &Mat3<S>) -> [S; 3] {
 /// `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z`.
 #[inline(always)]
 #[allow(non_snake_case)]
-fn assemble<E: StrainEnergy, S: Scalar>(
+pub(super) fn assemble<E: StrainEnergy, S: Scalar>(
     F: &Mat3<S>,
     Z: &Mat3<S>,
     psi1: &S,
@@ -133,8 +132,7 @@ fn assemble<E: StrainEnergy, S: Scalar>(
 /// derivatives times the curvature of the invariants.
 #[inline(always)]
 #[allow(non_snake_case)]
-fn contract<E: StrainEnergy, S: Scalar>(
-    _law: &E,
+pub(super) fn contract<E: StrainEnergy, S: Scalar>(
     F: &Mat3<S>,
     Z: &Mat3<S>,
     psi: &Hessian<S>,

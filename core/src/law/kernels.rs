@@ -7,6 +7,7 @@
 
 #![allow(non_snake_case)]
 
+use super::expression::Expression;
 use super::{Law, TangentBlocks};
 use crate::number::{Jet, Lane, Monomials, Real, Wide};
 use crate::simd::Kernel;
@@ -20,7 +21,12 @@ pub trait Family: Send + Sync {
     where
         Self: 'a;
 
-    /// The law with these parameters.
+    /// What [`Family::law`] takes in the place of a row of parameters, worked out once.
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        row.to_vec()
+    }
+
+    /// The law with these parameters, prepared.
     fn law<'a>(&'a self, row: &'a [f64]) -> Self::Law<'a>;
 }
 
@@ -47,10 +53,16 @@ pub struct Shared<'a> {
 }
 
 /// A law over slices: entry k of the results is of the cells whose deformation gradients are `F[k]`. All slices of a call
-/// have one length, and `row` holds the parameters of all its cells.
+/// have one length, and `row` holds the parameters of all its cells, as [`LawKernels::prepare`] gives them.
 pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
     /// Whether a cell turned inside out (`J <= 0`) is outside the law's domain.
     fn forbids_inversion(&self) -> bool;
+
+    /// What all others take as `row`: a row of parameters, or what the law makes of it.
+    fn prepare(&self, row: &[f64]) -> Vec<f64>;
+
+    /// The energy of a row as an expression, see [`Law::expression`].
+    fn expression(&self, row: &[f64]) -> Option<Expression>;
 
     /// Strain energy per unit reference volume [J/m^3], that of the dilatation counting but for a part.
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]);
@@ -136,6 +148,14 @@ fn compiled<L: Law, K: Kernel>(kernel: K) -> K::Output {
 impl<M: Family> LawKernels for M {
     fn forbids_inversion(&self) -> bool {
         M::Law::FORBIDS_INVERSION
+    }
+
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        Family::prepare(self, row)
+    }
+
+    fn expression(&self, row: &[f64]) -> Option<Expression> {
+        self.law(row).expression()
     }
 
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {

@@ -1,5 +1,6 @@
 //! A law given to the cells of a body.
 
+use super::formula::{FORMULA, Formula};
 use super::kernels::LawKernels;
 use super::rows::{ROWS, Row};
 use crate::error::Error;
@@ -17,14 +18,26 @@ pub struct Material {
     names: Vec<String>,
     law: Arc<dyn LawKernels>,
     parameters: Vec<Vec<f64>>,
+    /// The same as the law takes them.
+    rows: Vec<Vec<f64>>,
 }
 
 impl Material {
-    /// A law by its name in [`ROWS`], one row of parameters or one row per cell.
+    /// A law by its name in [`ROWS`], or a [`Formula`] after the word [`FORMULA`]; one row of parameters or one row per cell.
     ///
     /// # Errors
-    /// An unknown name; a row of the wrong length; a value that is not finite or not admissible.
+    /// An unknown name or a formula that is none; a row of the wrong length; a value that is not finite or not
+    /// admissible.
     pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
+        if let Some(text) = name.strip_prefix(FORMULA) {
+            let formula = Formula::new(text)?;
+            let names = formula.names().to_vec();
+            let material = Self::of_kernels(name, names, formula.kernels(), parameters)?;
+            for row in &material.parameters {
+                super::formula::check(&material, row)?;
+            }
+            return Ok(material);
+        }
         let law = find(name)?;
         let names = Self::parameter_names(name)?;
         let material = Self::of_kernels(name, names, (law.kernels)(), parameters)?;
@@ -39,6 +52,9 @@ impl Material {
     /// # Errors
     /// An unknown name.
     pub fn parameter_names(name: &str) -> Result<Vec<String>, Error> {
+        if let Some(text) = name.strip_prefix(FORMULA) {
+            return Ok(Formula::new(text)?.names().to_vec());
+        }
         Ok(find(name)?.parameters.iter().map(|p| p.name.to_string()).collect())
     }
 
@@ -70,7 +86,8 @@ impl Material {
                 )));
             }
         }
-        Ok(Material { name: name.to_string(), names, law, parameters })
+        let rows = parameters.iter().map(|row| law.prepare(row)).collect();
+        Ok(Material { name: name.to_string(), names, law, parameters, rows })
     }
 
     /// The law's name.
@@ -98,13 +115,35 @@ impl Material {
         if self.parameters.len() == 1 {
             return self.clone();
         }
-        let parameters = cells.iter().map(|&cell| self.parameters[cell].clone()).collect();
-        Material { parameters, ..self.clone() }
+        let of_cells =
+            |rows: &[Vec<f64>]| cells.iter().map(|&cell| rows[cell].clone()).collect::<Vec<_>>();
+        Material {
+            name: self.name.clone(),
+            names: self.names.clone(),
+            law: self.law.clone(),
+            parameters: of_cells(&self.parameters),
+            rows: of_cells(&self.rows),
+        }
     }
 
     /// The parameters of a cell.
     pub fn of_cell(&self, cell: usize) -> &[f64] {
         if self.parameters.len() == 1 { &self.parameters[0] } else { &self.parameters[cell] }
+    }
+
+    /// The parameters of a cell as its kernels take them.
+    pub fn row(&self, cell: usize) -> &[f64] {
+        if self.rows.len() == 1 { &self.rows[0] } else { &self.rows[cell] }
+    }
+
+    /// The size of the stresses that cancel in a cell [Pa]: its largest parameter, or the moduli at rest of a formula,
+    /// whose parameters may be anything.
+    pub fn scale(&self, cell: usize) -> f64 {
+        let row = self.of_cell(cell);
+        if self.name.starts_with(FORMULA) {
+            return self.moduli(row).iter().sum();
+        }
+        row.iter().fold(0.0, |max, p| p.abs().max(max))
     }
 
     /// Shear and bulk modulus at rest of a row of parameters [Pa].
@@ -114,13 +153,14 @@ impl Material {
         // dP_01/dF_01 and its like; they differ where a law has a direction.
         let shear = (0..3).map(|a| along[a][a][(a + 1) % 3][(a + 1) % 3]).sum::<f64>() / 3.0;
         let mut pressure = [[Lane::default(); 2]];
-        self.law.pressure(row, &[Lanes([1.0; LANES])], &mut pressure);
+        self.law.pressure(&self.law.prepare(row), &[Lanes([1.0; LANES])], &mut pressure);
         [shear, pressure[0][1][0]]
     }
 
     /// Energy [J/m^3] and stress [Pa] at single deformation gradients.
     #[allow(non_snake_case)]
     pub fn energy_and_stress(&self, row: &[f64], F: &[Mat3<f64>]) -> Vec<(f64, Mat3<f64>)> {
+        let row = &self.law.prepare(row);
         let some = F.chunks(LANES).flat_map(|some| {
             let lanes = tabulate!(|i, j| Lanes(std::array::from_fn(|lane| {
                 some[lane.min(some.len() - 1)][i][j]
@@ -139,6 +179,7 @@ impl Material {
         let lanes = tabulate!(|i, j| Lanes([F[i][j]; LANES]));
         let units = tabulate!(|i, j| Lanes([f64::from(u8::from(i == j)); LANES]));
         let (mut P, mut A) = ([Mat3::<Lane>::default()], [[[Mat3::<Lane>::default(); 3]; 3]]);
+        let row = &self.law.prepare(row);
         self.law.tangent(row, &[lanes], &[units], Default::default(), &mut P, &mut A);
         let first = |m: &Mat3<Lane>| tabulate!(|i, j| m[i][j][0]);
         (first(&P[0]), A[0].map(|blocks| blocks.map(|block| first(&block))))

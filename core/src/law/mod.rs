@@ -25,7 +25,12 @@ macro_rules! blocks {
 }
 pub(crate) use blocks;
 
+mod arruda_boyce;
 mod corotated;
+pub mod expression;
+mod fibres;
+mod formula;
+mod fung;
 mod holzapfel_gasser_ogden;
 mod invariants;
 mod kernels;
@@ -34,17 +39,21 @@ mod material;
 mod mooney_rivlin;
 mod neo_hookean;
 mod ogden;
-mod power;
 mod rows;
 mod saint_venant_kirchhoff;
 #[cfg(test)]
 pub(crate) mod samples;
 mod series;
+mod stable_neo_hookean;
 #[cfg(test)]
 mod tests;
+mod veronda_westmann;
 mod yeoh;
 
+pub use arruda_boyce::ArrudaBoyce;
 pub use corotated::Corotated;
+pub use formula::{FORMULA, Formula, resists_collapse};
+pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared};
 pub use linear::Linear;
@@ -54,13 +63,19 @@ pub use neo_hookean::NeoHookean;
 pub use ogden::Ogden;
 pub use rows::{Bounds, Kind, Parameter, ROWS, Row};
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
+pub use stable_neo_hookean::StableNeoHookean;
+pub use veronda_westmann::VerondaWestmann;
 pub use yeoh::Yeoh;
 
-use crate::number::{Jet, Monomials, Real, Scalar};
+use crate::number::{Gradient, Hessian, Jet, Monomials, Real, Scalar};
 use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, trace};
 use crate::unroll::tabulate;
+use expression::Expression;
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
+///
+/// `psi` is all that a law must give; the rest is for laws that know better.
+#[allow(non_snake_case)]
 pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether `psi` depends on `I2`; if not, its derivatives are not computed.
     const USES_I2: bool = true;
@@ -72,13 +87,44 @@ pub trait StrainEnergy: Copy + Send + Sync {
     /// elements average, and [`StrainEnergy::volumetric`] is a function of it.
     const VOLUME_IS_TRACE: bool = false;
 
+    /// Whether a cell turned inside out (`J <= 0`) is outside the law's domain.
+    const FORBIDS_INVERSION: bool = true;
+
     /// `psi(I1, I2, J)` with `I1 = tr C`, `I2 = (I1^2 - tr C^2) / 2 = |cof F|^2`, `J = det F`.
-    #[allow(non_snake_case)]
     fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S;
+
+    /// `psi` and its first derivatives.
+    #[inline(always)]
+    fn gradient<S: Scalar>(&self, invariants: [S; 3]) -> Gradient<S> {
+        let [I1, I2, J] = Gradient::variables(invariants);
+        self.psi(I1, I2, J)
+    }
+
+    /// `psi` and its first and second derivatives.
+    #[inline(always)]
+    fn hessian<S: Scalar>(&self, invariants: [S; 3]) -> Hessian<S> {
+        let [I1, I2, J] = Hessian::variables(invariants);
+        self.psi(I1, I2, J)
+    }
+
+    /// `U'(J)` and `U''(J)` of [`StrainEnergy::volumetric`].
+    #[inline(always)]
+    fn volumetric_slopes<S: Scalar>(&self, J: &S) -> [S; 2] {
+        let [J, _, _] = Hessian::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let U = self.volumetric(J);
+        [U.first[0].clone(), U.second(0, 0)]
+    }
+
+    /// `U'(J)` alone.
+    #[inline(always)]
+    fn volumetric_slope<S: Scalar>(&self, J: &S) -> S {
+        let [J, _, _] = Gradient::variables([J.clone(), J.constant(0.0), J.constant(0.0)]);
+        let [slope, _, _] = self.volumetric(J).first;
+        slope
+    }
 
     /// `U(J)`, the energy of a pure dilatation `F = J^(1/3) I`; laws that write it as a term of its own give that.
     #[inline(always)]
-    #[allow(non_snake_case)]
     fn volumetric<S: Scalar>(&self, J: S) -> S {
         let c2 = J.cbrt().square();
         self.psi(c2.clone() * 3.0, c2.square() * 3.0, J)
@@ -93,6 +139,12 @@ pub type TangentBlocks<S> = [[Mat3<S>; 3]; 3];
 pub trait Law: Copy + Send + Sync {
     /// Whether a cell turned inside out (`J <= 0`) is outside the law's domain.
     const FORBIDS_INVERSION: bool;
+
+    /// The energy as an expression in the invariants, its parameters as numbers; none for laws that are no function of
+    /// invariants.
+    fn expression(&self) -> Option<Expression> {
+        None
+    }
 
     /// Strain energy per unit reference volume [J/m^3].
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S;

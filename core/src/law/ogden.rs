@@ -1,5 +1,4 @@
 use super::StrainEnergy;
-use super::power::trace_of_power;
 use crate::number::Scalar;
 
 /// Ogden's solid (Proc. R. Soc. Lond. A 326, 1972, 565) in the isochoric principal stretches `l_i = J^-1/3 lambda_i`:
@@ -26,7 +25,7 @@ impl StrainEnergy for Ogden {
         let mut psi = self.volumetric(J);
         for (mu, alpha) in self.mu.into_iter().zip(self.alpha) {
             if mu != 0.0 {
-                let powers = trace_of_power(&I1, &I2, 0.5 * alpha);
+                let powers = S::trace_of_power(&I1, &I2, 0.5 * alpha);
                 psi = psi + (powers - 3.0) * (mu / alpha);
             }
         }

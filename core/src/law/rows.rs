@@ -3,8 +3,8 @@
 
 use super::kernels::{LawKernels, Rows};
 use super::{
-    Corotated, HolzapfelGasserOgden, Linear, MooneyRivlin, NeoHookean, Ogden, SaintVenantKirchhoff,
-    Volumetric, Yeoh,
+    ArrudaBoyce, Corotated, Fung, HolzapfelGasserOgden, Linear, MooneyRivlin, NeoHookean, Ogden,
+    SaintVenantKirchhoff, StableNeoHookean, VerondaWestmann, Volumetric, Yeoh,
 };
 use std::sync::Arc;
 
@@ -30,6 +30,8 @@ pub struct Row {
 pub struct Parameter {
     /// Its name.
     pub name: &'static str,
+    /// What it says of the tissue.
+    pub means: &'static str,
     /// What it is.
     pub kind: Kind,
     /// Which values it may have.
@@ -93,18 +95,18 @@ impl Bounds {
 }
 
 /// A stress above zero.
-const fn modulus(name: &'static str) -> Parameter {
-    Parameter { name, kind: Kind::Stress, bounds: Bounds::Positive, default: None }
+const fn modulus(name: &'static str, means: &'static str) -> Parameter {
+    Parameter { name, means, kind: Kind::Stress, bounds: Bounds::Positive, default: None }
 }
 
 /// A stress of any sign.
-const fn stress(name: &'static str) -> Parameter {
-    Parameter { bounds: Bounds::Any, ..modulus(name) }
+const fn stress(name: &'static str, means: &'static str) -> Parameter {
+    Parameter { bounds: Bounds::Any, ..modulus(name, means) }
 }
 
 /// A number.
-const fn number(name: &'static str, bounds: Bounds) -> Parameter {
-    Parameter { name, kind: Kind::Number, bounds, default: None }
+const fn number(name: &'static str, means: &'static str, bounds: Bounds) -> Parameter {
+    Parameter { name, means, kind: Kind::Number, bounds, default: None }
 }
 
 const fn or(default: f64, parameter: Parameter) -> Parameter {
@@ -113,18 +115,23 @@ const fn or(default: f64, parameter: Parameter) -> Parameter {
 
 /// A component of a direction.
 const fn fibre(name: &'static str) -> Parameter {
-    Parameter { name, kind: Kind::Fibre, bounds: Bounds::Any, default: None }
+    let means = "component of a direction of fibres";
+    Parameter { name, means, kind: Kind::Fibre, bounds: Bounds::Any, default: None }
 }
 
 /// Shear modulus and first Lamé constant.
-const LAME: &[Parameter] = &[modulus("mu"), stress("lam")];
+const LAME: &[Parameter] = &[modulus("mu", "shear modulus"), stress("lam", "first Lamé constant")];
 const LAME_CONDITIONS: &[(&str, fn(&[f64]) -> f64)] =
     &[("lam + 2 mu / 3, the bulk modulus,", |p| p[1] + 2.0 / 3.0 * p[0])];
 const LAME_SAMPLE: &[f64] = &[3.0e3, 11.0e3];
 
 const MOONEY_RIVLIN: Row = Row {
     name: "mooney_rivlin J-1",
-    parameters: &[stress("c1"), stress("c2"), modulus("kappa")],
+    parameters: &[
+        stress("c1", "of the first invariant"),
+        stress("c2", "of the second invariant"),
+        modulus("kappa", "bulk modulus at small strain"),
+    ],
     conditions: &[("c1 + c2, half the shear modulus,", |p| p[0] + p[1])],
     is_analytic: true,
     sample: &[1.2e3, 0.3e3, 11.0e3],
@@ -141,11 +148,18 @@ const MOONEY_RIVLIN: Row = Row {
 const HOLZAPFEL_GASSER_OGDEN: Row = Row {
     name: "holzapfel_gasser_ogden",
     parameters: &[
-        modulus("c"),
-        modulus("k1"),
-        number("k2", Bounds::Positive),
-        or(0.0, number("dispersion", Bounds::Within(0.0, 1.0 / 3.0))),
-        modulus("kappa"),
+        modulus("c", "shear modulus of the ground substance"),
+        modulus("k1", "stiffness of the fibres"),
+        number("k2", "how fast the fibres stiffen", Bounds::Positive),
+        or(
+            0.0,
+            number(
+                "dispersion",
+                "of the fibres: 0 is parallel, 1/3 isotropic",
+                Bounds::Within(0.0, 1.0 / 3.0),
+            ),
+        ),
+        modulus("kappa", "bulk modulus at small strain"),
         fibre("a0x"),
         fibre("a0y"),
         fibre("a0z"),
@@ -229,10 +243,10 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "yeoh",
         parameters: &[
-            modulus("c10"),
-            or(0.0, stress("c20")),
-            or(0.0, stress("c30")),
-            modulus("kappa"),
+            modulus("c10", "half the shear modulus"),
+            or(0.0, stress("c20", "of the second power")),
+            or(0.0, stress("c30", "of the third power")),
+            modulus("kappa", "bulk modulus at small strain"),
         ],
         conditions: &[],
         is_analytic: true,
@@ -242,13 +256,13 @@ pub const ROWS: &[Row] = &[
     Row {
         name: "ogden",
         parameters: &[
-            stress("mu1"),
-            or(0.0, stress("mu2")),
-            or(0.0, stress("mu3")),
-            number("alpha1", Bounds::NotZero),
-            or(1.0, number("alpha2", Bounds::NotZero)),
-            or(1.0, number("alpha3", Bounds::NotZero)),
-            modulus("kappa"),
+            stress("mu1", "modulus of a term"),
+            or(0.0, stress("mu2", "modulus of a term")),
+            or(0.0, stress("mu3", "modulus of a term")),
+            number("alpha1", "exponent of a term", Bounds::NotZero),
+            or(1.0, number("alpha2", "exponent of a term", Bounds::NotZero)),
+            or(1.0, number("alpha3", "exponent of a term", Bounds::NotZero)),
+            modulus("kappa", "bulk modulus at small strain"),
         ],
         conditions: &[("the shear modulus, half the sum of mu alpha,", |p| {
             0.5 * (p[0] * p[3] + p[1] * p[4] + p[2] * p[5])
@@ -262,6 +276,50 @@ pub const ROWS: &[Row] = &[
                 kappa: p[6],
             }))
         },
+    },
+    Row {
+        name: "stable_neo_hookean",
+        parameters: LAME,
+        conditions: LAME_CONDITIONS,
+        is_analytic: true,
+        sample: LAME_SAMPLE,
+        kernels: || Arc::new(Rows(|p| StableNeoHookean { mu: p[0], lam: p[1] })),
+    },
+    Row {
+        name: "arruda_boyce",
+        parameters: &[
+            modulus("mu", "shear modulus"),
+            number("lambda_m", "stretch at which the chains lock", Bounds::Positive),
+            modulus("kappa", "bulk modulus at small strain"),
+        ],
+        conditions: &[],
+        is_analytic: true,
+        sample: &[3.0e3, 1.4, 13.0e3],
+        kernels: || Arc::new(Rows(|p| ArrudaBoyce { mu: p[0], lambda_m: p[1], kappa: p[2] })),
+    },
+    Row {
+        name: "veronda_westmann",
+        parameters: &[
+            modulus("c1", "stiffness; the shear modulus is c1 c2"),
+            number("c2", "how fast it stiffens", Bounds::Positive),
+            modulus("kappa", "bulk modulus at small strain"),
+        ],
+        conditions: &[],
+        is_analytic: true,
+        sample: &[2.0e3, 1.5, 13.0e3],
+        kernels: || Arc::new(Rows(|p| VerondaWestmann { c1: p[0], c2: p[1], kappa: p[2] })),
+    },
+    Row {
+        name: "fung",
+        parameters: &[
+            modulus("mu", "shear modulus"),
+            number("b", "how fast it stiffens", Bounds::Positive),
+            modulus("kappa", "bulk modulus at small strain"),
+        ],
+        conditions: &[],
+        is_analytic: true,
+        sample: &[3.0e3, 1.2, 13.0e3],
+        kernels: || Arc::new(Rows(|p| Fung { mu: p[0], b: p[1], kappa: p[2] })),
     },
     HOLZAPFEL_GASSER_OGDEN,
     Row {

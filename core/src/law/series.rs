@@ -6,7 +6,7 @@
 //! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
 
 use super::StrainEnergy;
-use crate::number::{Gradient, Jet, Monomials, Real};
+use crate::number::{Jet, Monomials, Real};
 use std::ops::Range;
 
 /// `out[c] (+)= sum_k sign_k sum over pairs a_k[i] b_k[j]` for the monomials `c` of a range.
@@ -81,8 +81,7 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
         }
     }
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
-    let [I1, I2, J] = Gradient::variables(invariants);
-    let [psi1, psi2, psiJ] = law.psi(I1, I2, J).first;
+    let [psi1, psi2, psiJ] = law.gradient(invariants).first;
     let (mut two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
     let mut psiJ = padded(&psiJ, n);
     let volumetric = if E::VOLUME_IS_TRACE { &mut two_psi1 } else { &mut psiJ };

@@ -1,6 +1,7 @@
 //! Every law gets every test by one line of [`law_tests!`].
 #![allow(non_snake_case)]
 
+mod formulas;
 mod wrapped;
 
 use super::*;
@@ -335,6 +336,10 @@ law_tests! {
     yeoh: Yeoh { c: [0.5 * MU, 0.1, 0.02], kappa: LAM + 2.0 / 3.0 * MU }, objective, hooke;
     ogden_one_term: ogden([2.0 * MU / 3.7, 0.0, 0.0], [3.7, 1.0, 1.0]), objective, hooke;
     ogden_three_terms: ogden([1.0, -0.1, 2.0], [1.3, -5.0, 2.1]), objective, hooke;
+    stable_neo_hookean: StableNeoHookean { mu: MU, lam: LAM }, objective, hooke;
+    arruda_boyce: ArrudaBoyce { mu: MU, lambda_m: 1.4, kappa: LAM + 2.0 / 3.0 * MU }, objective, hooke;
+    veronda_westmann: VerondaWestmann { c1: MU / 0.8, c2: 0.8, kappa: LAM + 2.0 / 3.0 * MU }, objective, hooke;
+    fung: Fung { mu: MU, b: 0.7, kappa: LAM + 2.0 / 3.0 * MU }, objective, hooke;
     artery_in_tension: artery(false), objective, fibres;
     artery_both_ways: artery(true), objective, fibres;
 }
@@ -361,6 +366,19 @@ fn corotated_is_stiffness_warping() {
     let warped = product(&turn(), &hooke.stress(&stretch));
     let error = sub(&law.stress(&product(&turn(), &stretch)), &warped);
     assert!(largest(&error) < 1e-13);
+}
+
+/// Turned inside out it has an energy that is finite and a stress that is its derivative.
+#[test]
+fn stable_neo_hookean_recovers_from_inversion() {
+    let law = StableNeoHookean { mu: MU, lam: LAM };
+    let inside_out = tabulate!(|i, j| if i == 0 { -F0[i][j] } else { F0[i][j] });
+    let (energy, stress): (f64, Mat3<f64>) = law.energy_and_stress(&inside_out);
+    assert!(energy > 0.0 && !<StableNeoHookean as Law>::FORBIDS_INVERSION);
+    let slope = |t: f64| -> f64 { law.energy(&axpy(t, &DIRECTION, &inside_out)) };
+    let difference = (slope(1e-5) - slope(-1e-5)) / 2e-5;
+    let along: f64 = crate::tensor::double_dot(&stress, &DIRECTION);
+    assert!((difference - along).abs() < 1e-7 * largest(&stress), "{difference} {along}");
 }
 
 /// Even exponents are Mooney-Rivlin's invariants, to round-off.
@@ -392,10 +410,15 @@ fn fibres_bear_no_compression() {
 #[test]
 fn materials_are_checked() {
     assert!(Material::new("neo_hookean", vec![vec![1.0, 2.0]]).is_ok());
+    // Two silicones of the measured ones need a negative c1.
+    assert!(Material::new("mooney_rivlin J-1", vec![vec![-0.1, 0.4, 1.0]]).is_ok());
     for (name, row, word) in [
         ("neohookean", vec![1.0, 2.0], "no law is called"),
         ("neo_hookean", vec![1.0], "takes"),
         ("neo_hookean", vec![-1.0, 2.0], "mu = -1"),
+        ("neo_hookean", vec![3.0, -2.0], "the bulk modulus, is 0"),
+        ("mooney_rivlin J-1", vec![-0.5, 0.4, 1.0], "c1 + c2"),
+        ("yeoh", vec![1.0, 0.0, 0.0, -1.0], "kappa = -1"),
         ("neo_hookean", vec![1.0, f64::NAN], "lam = NaN"),
     ] {
         let message = Material::new(name, vec![row]).unwrap_err().to_string();

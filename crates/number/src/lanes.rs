@@ -123,6 +123,10 @@ impl<const L: usize> Scalar for Lanes<L> {
         if self.is_plain() { self.map(elementary::cbrt) } else { self.map(f64::cbrt) }
     }
     #[inline(always)]
+    fn sqrt(&self) -> Self {
+        self.map(f64::sqrt)
+    }
+    #[inline(always)]
     fn heaviside(&self) -> Self {
         self.map(|x| x.heaviside())
     }

@@ -14,6 +14,7 @@ mod jet;
 mod lanes;
 mod monomials;
 pub mod pade;
+mod power;
 pub mod simd;
 mod single;
 pub mod tensor;
@@ -57,6 +58,17 @@ pub trait Scalar:
     #[inline(always)]
     fn cbrt(&self) -> Self {
         self.powf(1.0 / 3.0)
+    }
+    /// The square root of a positive value.
+    #[inline(always)]
+    fn sqrt(&self) -> Self {
+        self.powf(0.5)
+    }
+    /// `x_1^s + x_2^s + x_3^s` of the numbers with the elementary symmetric functions `i1`, `i2` and 1: the trace of a
+    /// power of an isochoric tensor.
+    #[inline(always)]
+    fn trace_of_power(i1: &Self, i2: &Self, s: f64) -> Self {
+        power::trace_of_power(i1, i2, s)
     }
     /// The constant 1 where the value is positive, 0 elsewhere: the switch of a one-sided law. A series goes by its
     /// constant term.
@@ -106,6 +118,10 @@ impl Scalar for f64 {
     #[inline(always)]
     fn cbrt(&self) -> Self {
         f64::cbrt(*self)
+    }
+    #[inline(always)]
+    fn sqrt(&self) -> Self {
+        f64::sqrt(*self)
     }
     #[inline(always)]
     fn heaviside(&self) -> Self {

@@ -14,11 +14,15 @@ import numpy as np
 
 from viscera.errors import VisceraError, did_you_mean
 from viscera.law import (
+    ArrudaBoyce,
+    Fung,
     Law,
     MooneyRivlin,
     NeoHookean,
     Ogden,
     SaintVenantKirchhoff,
+    StableNeoHookean,
+    VerondaWestmann,
     Yeoh,
 )
 from viscera.mesh import Floats
@@ -96,7 +100,7 @@ def _mooney_rivlin(_: int) -> Family:
         shear = 2.0 * (c[0] + c[1])
         return MooneyRivlin(c[0], c[1], kappa=2.0 / 3.0 * shear * (1.0 + nu) / (1.0 - 2.0 * nu), volumetric="J-1")
 
-    # The core takes no c1 of zero; a millipascal is none in any tissue.
+    # Both positive is sufficient for stability; a millipascal is none in any tissue, and keeps their sum positive.
     return Family("MooneyRivlin", ("c1", "c2"), make, ((1e-3, INFINITE), (0.0, INFINITE)))
 
 
@@ -122,10 +126,35 @@ def _ogden(terms: int) -> Family:
     )
 
 
+def _stable_neo_hookean(_: int) -> Family:
+    make: Make = lambda c, _, nu: StableNeoHookean(**_shear_and_bulk(c[0], nu))  # noqa: E731
+    return Family("StableNeoHookean", ("mu",), make, ((0.0, INFINITE),))
+
+
+def _exponential(
+    law: type[ArrudaBoyce | VerondaWestmann | Fung], names: tuple[str, str], bounds: tuple[float, float]
+) -> Family:
+    """One modulus, and one number that says how fast the tissue stiffens."""
+    low, high = bounds
+    return Family(
+        law.__name__,
+        names[:1],
+        lambda c, stiffening, nu: law(c[0], stiffening[0], poisson=nu),
+        ((0.0, INFINITE),),
+        names[1:],
+        (bounds,),
+        [[float(start)] for start in np.geomspace(max(low, 0.05), high / 2.0, 4)],
+    )
+
+
 FAMILIES: dict[str, tuple[int, int, Callable[[int], Family]]] = {
     "NeoHookean": (1, 1, _neo_hookean),
     "SaintVenantKirchhoff": (1, 1, _saint_venant_kirchhoff),
     "MooneyRivlin": (1, 1, _mooney_rivlin),
     "Yeoh": (3, 3, _yeoh),
     "Ogden": (3, 2, _ogden),
+    "StableNeoHookean": (1, 1, _stable_neo_hookean),
+    "ArrudaBoyce": (1, 1, lambda _: _exponential(ArrudaBoyce, ("mu", "lambda_m"), (1.0, 20.0))),
+    "VerondaWestmann": (1, 1, lambda _: _exponential(VerondaWestmann, ("c1", "c2"), (1e-3, 100.0))),
+    "Fung": (1, 1, lambda _: _exponential(Fung, ("mu", "b"), (1e-3, 100.0))),
 }

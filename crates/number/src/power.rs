@@ -5,7 +5,7 @@
 //! On the axis `ln t` the trapezoidal rule of step `h` errs by `exp(-2 pi^2/h)`; beyond the nodes the resolvent is a
 //! geometric series in `x/t` or `t/x`, and the rule's sums over it are closed forms.
 
-use crate::number::Scalar;
+use super::Scalar;
 use std::f64::consts::PI;
 
 /// Step of the trapezoidal rule: its error is 1e-17.
@@ -102,7 +102,7 @@ fn integer_powers<S: Scalar>(I1: &S, I2: &S) -> [S; POWERS + 1] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::number::{Hessian, Jet, Monomials};
+    use crate::{Hessian, Jet, Monomials};
 
     const EXPONENTS: [f64; 12] =
         [-7.3, -2.0, -1.0, -0.5, 1e-3, 0.3, 0.65, 0.999, 1.0, 2.0, 2.5, 12.4];

@@ -1,0 +1,349 @@
+//! A law of one's own: a strain energy given as a formula.
+
+use super::expression::{Constants, Expression, Graph, Id, Tape, Variable};
+use super::fibres::{FIRST, FibreEnergy, Fibres, SECOND};
+use super::kernels::{Family, LawKernels};
+use super::{Material, StrainEnergy};
+use crate::error::Error;
+use crate::number::{Gradient, Hessian, Scalar};
+use crate::tensor::Mat3;
+use crate::unroll::tabulate;
+use std::sync::Arc;
+
+/// What comes before the text in the name of a material of this law.
+pub const FORMULA: &str = "formula ";
+
+/// Stress at rest that is rounding, as a part of the moduli.
+const AT_REST: f64 = 1e-9;
+
+/// The tapes of an energy.
+struct Tapes {
+    graph: Graph,
+    constants: Constants,
+    energy: Tape,
+    /// With derivatives; none where they are not among the operations.
+    first: Option<Tape>,
+    second: Option<Tape>,
+    /// `U(J), U'(J), U''(J)` of a dilatation.
+    volumetric: Option<Tape>,
+}
+
+impl Tapes {
+    fn new(expression: &Expression, variables: &[Variable]) -> Result<Self, Error> {
+        let Expression { mut graph, energy: psi, parameters } = expression.clone();
+        let mut constants = Constants::default();
+        let energy = Tape::new(&graph, &[psi], &mut constants)?;
+        if expression.has_traces() {
+            return Ok(Tapes {
+                graph,
+                constants,
+                energy,
+                first: None,
+                second: None,
+                volumetric: None,
+            });
+        }
+        let slopes: Vec<Id> = variables.iter().map(|&v| graph.derivative(psi, v)).collect();
+        let mut all: Vec<Id> = std::iter::once(psi).chain(slopes.iter().copied()).collect();
+        let first = Tape::new(&graph, &all, &mut constants)?;
+        for (k, &slope) in slopes.iter().enumerate() {
+            for &v in &variables[k..] {
+                all.push(graph.derivative(slope, v));
+            }
+        }
+        let second = Tape::new(&graph, &all, &mut constants)?;
+        let mut dilatation = Expression { graph, energy: psi, parameters };
+        let u = dilatation.dilatation();
+        let mut graph = dilatation.graph;
+        let slope = graph.derivative(u, Variable::J);
+        let curvature = graph.derivative(slope, Variable::J);
+        let volumetric = Tape::new(&graph, &[u, slope, curvature], &mut constants)?;
+        let (first, second, volumetric) = (Some(first), Some(second), Some(volumetric));
+        Ok(Tapes { graph, constants, energy, first, second, volumetric })
+    }
+}
+
+/// A strain energy as an expression in the invariants, which is what it is read from or what was recorded from a law.
+pub struct Formula {
+    names: Vec<String>,
+    tapes: Tapes,
+    /// Families of fibres.
+    families: usize,
+}
+
+/// Components of the directions of fibres, the last columns of a row.
+const COMPONENTS: [&str; 6] = ["a0x", "a0y", "a0z", "a1x", "a1y", "a1z"];
+
+impl Formula {
+    /// The law of a text, see [`Expression::parse`].
+    ///
+    /// # Errors
+    /// A text that is no formula, has no parameter or no invariant.
+    pub fn new(text: &str) -> Result<Self, Error> {
+        let expression = Expression::parse(text)?;
+        if expression.parameters.is_empty() {
+            return Err(Error::input(
+                "the formula has no parameter: name a modulus at least, as in mu/2*(I1bar - 3) + kappa/2*(J - 1)**2",
+            ));
+        }
+        if let Some(name) = expression.parameters.iter().find(|p| COMPONENTS.contains(&p.as_str()))
+        {
+            return Err(Error::input(format!(
+                "the formula has a parameter {name}, which names a component of the fibres: call it otherwise"
+            )));
+        }
+        if !expression.graph.varies(expression.energy) {
+            return Err(Error::input(
+                "the formula depends on no deformation: use I1, I2, J, I1bar, I2bar, I4 or I6",
+            ));
+        }
+        Self::of_expression(&expression)
+    }
+
+    /// The law of an expression.
+    ///
+    /// # Errors
+    /// An expression too long for its tapes.
+    pub fn of_expression(expression: &Expression) -> Result<Self, Error> {
+        let families = if expression.uses(Variable::I6) {
+            2
+        } else {
+            usize::from(expression.uses(Variable::I4))
+        };
+        let variables = if families > 0 { &Variable::ALL[..] } else { &Variable::ALL[..3] };
+        let mut names = expression.parameters.clone();
+        names.extend(COMPONENTS[..3 * families].iter().map(|name| name.to_string()));
+        Ok(Formula { names, tapes: Tapes::new(expression, variables)?, families })
+    }
+
+    /// Names of its parameters: those of the text as they appear, then the components of the directions of fibres.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Its kernels.
+    pub fn kernels(self) -> Arc<dyn LawKernels> {
+        if self.families > 0 { Arc::new(OfFibres(self)) } else { Arc::new(Isotropic(self)) }
+    }
+
+    /// The values of the tapes' constants, and six components of directions.
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        let (parameters, fibres) = row.split_at(row.len() - 3 * self.families);
+        let mut values = self.tapes.constants.values(&self.tapes.graph, parameters);
+        values.extend(fibres.iter().copied().chain(std::iter::repeat(0.0)).take(6));
+        values
+    }
+
+    fn bind<'a>(&'a self, row: &'a [f64]) -> Bound<'a> {
+        Bound { tapes: &self.tapes, constants: row }
+    }
+}
+
+/// Formulas of isotropic laws.
+struct Isotropic(Formula);
+
+impl Family for Isotropic {
+    type Law<'a> = Bound<'a>;
+
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        self.0.prepare(row)
+    }
+
+    #[inline(always)]
+    fn law<'a>(&'a self, row: &'a [f64]) -> Bound<'a> {
+        self.0.bind(row)
+    }
+}
+
+/// Formulas with fibres.
+struct OfFibres(Formula);
+
+impl Family for OfFibres {
+    type Law<'a> = Fibres<Bound<'a>>;
+
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        self.0.prepare(row)
+    }
+
+    #[inline(always)]
+    fn law<'a>(&'a self, row: &'a [f64]) -> Fibres<Bound<'a>> {
+        Fibres(self.0.bind(row))
+    }
+}
+
+/// A formula with its constants.
+#[derive(Clone, Copy)]
+struct Bound<'a> {
+    tapes: &'a Tapes,
+    constants: &'a [f64],
+}
+
+#[inline(always)]
+#[allow(non_snake_case)]
+fn isotropic<S: Scalar>([I1, I2, J]: [S; 3]) -> [S; 5] {
+    let zero = J.constant(0.0);
+    [I1, I2, J, zero.clone(), zero]
+}
+
+impl Bound<'_> {
+    #[inline(always)]
+    fn run<S: Scalar, const N: usize>(&self, tape: &Tape, x: [S; 5]) -> [S; N] {
+        tape.evaluate(self.constants, x)
+    }
+
+    /// `U(J), U'(J), U''(J)`.
+    #[inline(always)]
+    fn dilatation<S: Scalar>(&self, j: &S) -> [S; 3] {
+        let zero = || j.constant(0.0);
+        match &self.tapes.volumetric {
+            Some(tape) => self.run(tape, [zero(), zero(), j.clone(), zero(), zero()]),
+            None => dual_dilatation(self, j),
+        }
+    }
+}
+
+/// Not inlined, as are its like below: only expressions with the trace of a power take this way, and its code is long.
+#[inline(never)]
+fn dual_dilatation<S: Scalar>(law: &Bound<'_>, j: &S) -> [S; 3] {
+    let [j, _, _] = Hessian::variables([j.clone(), j.constant(0.0), j.constant(0.0)]);
+    let (c2, zero) = (j.cbrt().square(), j.constant(0.0));
+    let x = [c2.clone() * 3.0, c2.square() * 3.0, j, zero.clone(), zero];
+    let [u] = law.run(&law.tapes.energy, x);
+    [u.value.clone(), u.first[0].clone(), u.second(0, 0)]
+}
+
+#[inline(never)]
+fn dual_gradient<S: Scalar>(law: &Bound<'_>, x: [S; 3]) -> Gradient<S> {
+    let [psi] = law.run(&law.tapes.energy, isotropic(Gradient::variables(x)));
+    psi
+}
+
+#[inline(never)]
+fn dual_hessian<S: Scalar>(law: &Bound<'_>, x: [S; 3]) -> Hessian<S> {
+    let [psi] = law.run(&law.tapes.energy, isotropic(Hessian::variables(x)));
+    psi
+}
+
+#[allow(non_snake_case)]
+impl StrainEnergy for Bound<'_> {
+    #[inline(always)]
+    fn psi<S: Scalar>(&self, I1: S, I2: S, J: S) -> S {
+        let [psi] = self.run(&self.tapes.energy, isotropic([I1, I2, J]));
+        psi
+    }
+
+    #[inline(always)]
+    fn gradient<S: Scalar>(&self, x: [S; 3]) -> Gradient<S> {
+        match &self.tapes.first {
+            Some(tape) => {
+                let [value, p1, p2, pJ] = self.run(tape, isotropic(x));
+                Gradient { value, first: [p1, p2, pJ] }
+            }
+            None => dual_gradient(self, x),
+        }
+    }
+
+    #[inline(always)]
+    fn hessian<S: Scalar>(&self, x: [S; 3]) -> Hessian<S> {
+        match &self.tapes.second {
+            Some(tape) => {
+                let [value, p1, p2, pJ, a, b, c, d, e, f] = self.run(tape, isotropic(x));
+                Hessian { value, first: [p1, p2, pJ], second: [a, b, c, d, e, f] }
+            }
+            None => dual_hessian(self, x),
+        }
+    }
+
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: S) -> S {
+        let [U, _, _] = self.dilatation(&J);
+        U
+    }
+
+    #[inline(always)]
+    fn volumetric_slopes<S: Scalar>(&self, J: &S) -> [S; 2] {
+        let [_, slope, curvature] = self.dilatation(J);
+        [slope, curvature]
+    }
+
+    #[inline(always)]
+    fn volumetric_slope<S: Scalar>(&self, J: &S) -> S {
+        let [_, slope, _] = self.dilatation(J);
+        slope
+    }
+}
+
+#[allow(non_snake_case)]
+impl<'a> FibreEnergy for Bound<'a> {
+    type Isotropic = Bound<'a>;
+
+    #[inline(always)]
+    fn fibres(&self) -> [[f64; 3]; 2] {
+        let at = |k: usize| self.constants[self.constants.len() - 6 + k];
+        [[at(0), at(1), at(2)], [at(3), at(4), at(5)]]
+    }
+
+    #[inline(always)]
+    fn psi<S: Scalar>(&self, x: [S; 5]) -> S {
+        let [psi] = self.run(&self.tapes.energy, x);
+        psi
+    }
+
+    #[inline(always)]
+    fn first<S: Scalar>(&self, x: [S; 5]) -> [S; FIRST] {
+        self.run(self.tapes.first.as_ref().expect("no formula has traces"), x)
+    }
+
+    #[inline(always)]
+    fn second<S: Scalar>(&self, x: [S; 5]) -> [S; SECOND] {
+        self.run(self.tapes.second.as_ref().expect("no formula has traces"), x)
+    }
+
+    #[inline(always)]
+    fn volumetric<S: Scalar>(&self, J: &S) -> [S; 3] {
+        self.dilatation(J)
+    }
+}
+
+/// What every formula must be with its parameters.
+///
+/// # Errors
+/// A stress at rest; moduli that are not positive or not finite.
+#[allow(non_snake_case)]
+pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
+    let refuse = |what: String| {
+        let of = material.names().iter().zip(row).map(|(name, value)| format!("{name} = {value}"));
+        let of: Vec<String> = of.collect();
+        Err(Error::input(format!("the formula, with {}: {what}", of.join(", "))))
+    };
+    let identity: Mat3<f64> = tabulate!(|i, j| f64::from(u8::from(i == j)));
+    let [shear, bulk] = material.moduli(row);
+    // A modulus that vanishes does so but for rounding.
+    let least = AT_REST * (shear.abs() + bulk.abs());
+    if !(shear > least && bulk > least && (shear + bulk).is_finite()) {
+        return refuse(format!(
+            "shear modulus {shear:.6} Pa and bulk modulus {bulk:.6} Pa at rest; both must be positive"
+        ));
+    }
+    let (P, _) = material.tangent(row, &identity);
+    let largest = P.iter().flatten().fold(0.0f64, |max, p| max.max(p.abs()));
+    if !(largest <= AT_REST * (shear + bulk)) {
+        return refuse(format!(
+            "the stress at rest is {largest} Pa; it must vanish, so take a term off, such as mu*log(J) or with I1bar"
+        ));
+    }
+    Ok(())
+}
+
+/// Whether the energy of a cell grows without bound as its volume vanishes: else a solver may crush it.
+pub fn resists_collapse(material: &Material, row: &[f64]) -> bool {
+    let [shear, bulk] = material.moduli(row);
+    let energy = |j: f64| {
+        let c = j.cbrt();
+        let squeezed = tabulate!(|i, k| if i == k { c } else { 0.0 });
+        material.energy_and_stress(row, &[squeezed])[0].0
+    };
+    // ln J grows by 70 between the two.
+    let growth = energy(1e-60) - energy(1e-30);
+    !(growth < shear + bulk)
+}

@@ -1,0 +1,162 @@
+//! Formulas against the laws of the core, and the checks when they are made.
+
+use crate::law::samples::{names, parameters};
+use crate::law::{Formula, LawKernels, Material, Shared, resists_collapse};
+use crate::number::{LANES, Lane, Lanes, Monomials};
+use crate::tensor::{Mat3, Vec3};
+use crate::unroll::tabulate;
+use std::sync::Arc;
+
+use super::{F0, VECTORS};
+
+/// All that a law says at `F0`, at twice its displacement and along a path from there.
+fn answers(law: &dyn LawKernels, row: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
+    let row = law.prepare(row);
+    let lane = |lane: usize, i: usize, j: usize| {
+        let rest = f64::from(u8::from(i == j));
+        rest + [1.0, 0.3, -0.5, 0.1][lane] * (F0[i][j] - rest)
+    };
+    let F = [tabulate!(|i, j| Lanes(std::array::from_fn(|l| lane(l, i, j))))];
+    let g: [[Vec3<Lane>; 3]; 1] = [VECTORS.map(|v| v.map(|x| Lanes([x; LANES])))];
+    let pressure = [Lanes([0.7e3, -0.2e3, 0.4e3, 0.0])];
+    let shared = Shared { part: 0.6, pressure: &pressure };
+    let mut out = Vec::new();
+    let flat = |P: &Mat3<Lane>| P.as_flattened().iter().flat_map(|x| x.0).collect::<Vec<f64>>();
+    for (words, shared) in [("alone", Shared::default()), ("in a cluster", shared)] {
+        let (mut psi, mut P) = ([Lane::default()], [Mat3::<Lane>::default()]);
+        law.stress(&row, &F, shared, &mut psi, &mut P);
+        out.push((words, psi[0].0.to_vec()));
+        out.push((words, flat(&P[0])));
+        let mut A = [[[Mat3::<Lane>::default(); 3]; 3]];
+        law.tangent(&row, &F, &g, shared, &mut P, &mut A);
+        out.push((words, flat(&P[0])));
+        let pairs = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+        out.push((words, pairs.iter().flat_map(|&(a, b)| flat(&A[0][a][b])).collect()));
+    }
+    let ratio = Lanes([0.8, 1.0, 1.2, 1.1]);
+    let (mut U, mut slopes) = ([Lane::default()], [[Lane::default(); 2]]);
+    law.dilatation(&row, &[ratio], &mut U);
+    law.pressure(&row, &[ratio], &mut slopes);
+    out.push(("dilatation", [U[0], slopes[0][0], slopes[0][1]].map(|x| x.0).concat()));
+
+    let table = Monomials::of(1, 5);
+    let n = table.len();
+    let path: Vec<f64> = (0..9 * n)
+        .map(|k| if k % n == 0 { F0[k / n / 3][k / n % 3] } else { 0.1 * (k as f64).sin() })
+        .collect();
+    let mut series = vec![0.0; 9];
+    law.stress_series(&row, table, &path, &[], &mut series);
+    out.push(("series", series));
+    let ratio: Vec<f64> = (0..n).map(|c| if c == 0 { 1.1 } else { 0.1 / c as f64 }).collect();
+    let mut series = vec![0.0; n];
+    law.pressure_series(&row, table, &ratio, &mut series);
+    out.push(("pressure series", series));
+    out
+}
+
+fn compare(name: &str, found: &[(&str, Vec<f64>)], exact: &[(&str, Vec<f64>)]) {
+    for ((what, found), (_, exact)) in found.iter().zip(exact) {
+        let scale = exact.iter().fold(1.0f64, |max, x| max.max(x.abs()));
+        for (f, e) in found.iter().zip(exact) {
+            assert!((f - e).abs() < 1e-11 * scale, "{name}, {what}: {f} instead of {e}");
+        }
+    }
+}
+
+#[test]
+fn formulas_are_the_laws_they_write_out() {
+    for (law, text, order) in [
+        ("neo_hookean", "mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", &[0, 1][..]),
+        ("saint_venant_kirchhoff", "mu/4*(I1**2 - 2*I1 - 2*I2 + 3) + lam/8*(I1 - 3)**2", &[0, 1]),
+        (
+            "mooney_rivlin J^2-1",
+            "c1*(I1bar - 3) + c2*(I2bar - 3) + kappa/8*(J**2 - 1)**2",
+            &[0, 1, 2],
+        ),
+        (
+            "yeoh",
+            "c1*(I1bar - 3) + c2*(I1bar - 3)**2 + c3*(I1bar - 3)**3 + kappa/2*(J - 1)**2",
+            &[0, 1, 2, 3],
+        ),
+        (
+            "holzapfel_gasser_ogden both ways",
+            "c/2*(I1bar - 3) + kappa/2*(J - 1)**2
+             + k1/(2*k2)*(exp(k2*(d*(I1bar - 3) + (1 - 3*d)*(I4*J**(-2/3) - 1))**2) - 1)
+             + k1/(2*k2)*(exp(k2*(d*(I1bar - 3) + (1 - 3*d)*(I6*J**(-2/3) - 1))**2) - 1)",
+            &[0, 4, 1, 2, 3, 5, 6, 7, 8, 9, 10],
+        ),
+    ] {
+        let row = parameters(law, 1.0);
+        let built_in = Material::new(law, vec![row.clone()]).unwrap();
+        let own: Vec<f64> = order.iter().map(|&k| row[k]).collect();
+        let formula = Material::new(&format!("formula {text}"), vec![own.clone()]).unwrap();
+        let mut exact = answers(built_in.law(), &row);
+        let mut found = answers(formula.law(), &own);
+        if law == "saint_venant_kirchhoff" {
+            // It averages the trace of the strain in the place of J, as no formula does.
+            exact.retain(|(what, _)| ["alone", "series"].contains(what));
+            found.retain(|(what, _)| ["alone", "series"].contains(what));
+        }
+        compare(law, &found, &exact);
+        for (found, exact) in formula.moduli(&own).into_iter().zip(built_in.moduli(&row)) {
+            assert!((found - exact).abs() < 1e-12 * exact, "{law}: {found} {exact}");
+        }
+    }
+}
+
+/// Every law of invariants, recorded and evaluated, is the law.
+#[test]
+fn recorded_laws_are_the_laws() {
+    let mut count = 0;
+    for name in names() {
+        let row = parameters(name, 1.0);
+        let law = Material::new(name, vec![row.clone()]).unwrap();
+        let Some(expression) = law.law().expression(&law.law().prepare(&row)) else {
+            assert!(["linear", "corotated"].contains(&name), "{name} has no expression");
+            continue;
+        };
+        count += 1;
+        let recorded = Formula::of_expression(&expression).unwrap();
+        let fibres = recorded.names().len();
+        let kernels: Arc<dyn LawKernels> = recorded.kernels();
+        let mut exact = answers(law.law(), &row);
+        let mut found = answers(&*kernels, &row[row.len() - fibres..]);
+        if name == "saint_venant_kirchhoff" {
+            exact.retain(|(what, _)| ["alone", "series"].contains(what));
+            found.retain(|(what, _)| ["alone", "series"].contains(what));
+        }
+        compare(name, &found, &exact);
+    }
+    assert_eq!(count, names().count() - 2);
+}
+
+#[test]
+fn formulas_are_checked() {
+    for (text, row, word) in [
+        ("mu/2*(I1 - 3)", vec![1e3], "at rest"),
+        ("mu*(I1bar - 3) + k/2*(J - 1)**2", vec![-1e3, 1e4], "shear modulus -2000.0"),
+        ("mu*(I1bar - 3)", vec![1e3], "both must be positive"),
+        ("mu/2*(I1 - 3) - mu*log(J) + lam*log(J - 1)", vec![1e3, 1e3], "must be positive"),
+        ("mu*mu", vec![1e3], "depends on no deformation"),
+        ("500*(I1bar - 3) + 1000*(J - 1)**2", vec![], "no parameter"),
+        ("mu*(I1bar - 3) + a0x*(J - 1)**2", vec![1.0, 1.0], "names a component of the fibres"),
+        ("mu*(I1bar - 3) + k*(J - 1)**2", vec![1e3], "has 1 parameters"),
+        ("mu*(I1bar - 3) + k*(J - 1)**2", vec![1e3, f64::NAN], "k = NaN"),
+    ] {
+        let error = Material::new(&format!("formula {text}"), vec![row]).unwrap_err().to_string();
+        assert!(error.contains(word), "{text}: {error}");
+    }
+}
+
+#[test]
+fn what_gives_way_to_pressure_is_known() {
+    for (text, resists) in [
+        ("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", true),
+        ("mu/2*(I1bar - 3) + lam/2*(J - 1)**2", false),
+        ("mu/2*(I1bar - 3) + lam/8*(J**2 + J**(-2) - 2)", true),
+    ] {
+        let row = vec![1e3, 1e4];
+        let law = Material::new(&format!("formula {text}"), vec![row.clone()]).unwrap();
+        assert_eq!(resists_collapse(&law, &row), resists, "{text}");
+    }
+}

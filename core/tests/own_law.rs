@@ -1,0 +1,60 @@
+//! A law that another crate brings: its energy, a row of parameters, and no line of the core.
+
+use viscera_core::body::Body;
+use viscera_core::element::Element;
+use viscera_core::law::{Material, Rows, StrainEnergy};
+use viscera_core::number::Scalar;
+
+/// Gent's solid (Rubber Chem. Technol. 69, 1996, 59) with `kappa/2 (J - 1)^2`.
+#[derive(Clone, Copy)]
+struct Gent {
+    mu: f64,
+    limit: f64,
+    kappa: f64,
+}
+
+#[allow(non_snake_case)]
+impl StrainEnergy for Gent {
+    const USES_I2: bool = false;
+
+    fn psi<S: Scalar>(&self, I1: S, _I2: S, J: S) -> S {
+        let x = (I1 * J.powf(-2.0 / 3.0) - 3.0) * (-1.0 / self.limit) + 1.0;
+        x.ln() * (-0.5 * self.mu * self.limit) + (J - 1.0).square() * (0.5 * self.kappa)
+    }
+}
+
+/// Two cells, in which the law's force and tangent are those of differences, for every element.
+#[test]
+fn a_law_of_another_crate_deforms_a_body() {
+    let names = ["mu", "limit", "kappa"].map(String::from).to_vec();
+    let law = std::sync::Arc::new(Rows(|p| Gent { mu: p[0], limit: p[1], kappa: p[2] }));
+    let material = Material::of_kernels("gent", names, law, vec![vec![3e3, 0.8, 2e4]]).unwrap();
+    let points = vec![[0.0; 3], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.1, 0.1, 0.1]];
+    let cells = vec![[0, 1, 2, 3], [1, 2, 3, 4]];
+    for element in Element::ALL {
+        let body =
+            Body::with_element(element, points.clone(), cells.clone(), material.clone()).unwrap();
+        let n = body.n_dofs();
+        let u: Vec<f64> = (0..n).map(|k| 4e-3 * (k as f64).sin()).collect();
+        let way: Vec<f64> = (0..n).map(|k| (2.0 * k as f64).cos()).collect();
+        let at = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let force = |u: &[f64]| {
+            let mut f = vec![0.0; n];
+            (body.internal_force(u, &mut f), f)
+        };
+        let (h, (mut f, mut tangent)) = (1e-6, (vec![0.0; n], body.zero_tangent()));
+        body.internal_force_and_tangent(&u, &mut f, &mut tangent);
+        let slope = (body.energy(&at(h)) - body.energy(&at(-h))) / (2.0 * h);
+        let along: f64 = f.iter().zip(&way).map(|(f, w)| f * w).sum();
+        assert!((slope - along).abs() < 1e-7 * along.abs(), "{}: {slope} {along}", element.name());
+        assert!((force(&u).0 - body.energy(&u)).abs() < 1e-12 * body.energy(&u));
+        let mut product = vec![0.0; n];
+        tangent.multiply(&way, &mut product);
+        let size = product.iter().fold(0.0f64, |max, x| max.max(x.abs()));
+        let (plus, minus) = (force(&at(h)).1, force(&at(-h)).1);
+        for k in 0..n {
+            let difference = (plus[k] - minus[k]) / (2.0 * h);
+            assert!((difference - product[k]).abs() < 1e-6 * size, "{}", element.name());
+        }
+    }
+}

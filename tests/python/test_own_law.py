@@ -1,0 +1,182 @@
+"""Laws by the recipe, and formulas: each goes through statics, series, reduction, model file, case file and page."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera import _core
+from viscera.case import case_of, material, read_case
+from viscera.law import LAWS, ROWS, from_core
+from viscera.viewer.live import live_case
+
+NEO_HOOKEAN = "mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2"
+FIBRES = [(1.0, 0.5, 0.0), (1.0, -0.5, 0.0)]
+MATERIALS: dict[str, dict[str, Any]] = {
+    "StableNeoHookean": {"young": 1e5, "poisson": 0.4},
+    "ArrudaBoyce": {"mu": 4e4, "lambda_m": 1.5, "poisson": 0.4},
+    "VerondaWestmann": {"c1": 3e4, "c2": 1.5, "poisson": 0.4},
+    "Fung": {"mu": 4e4, "b": 1.2, "kappa": 2e5},
+    "StrainEnergy": {"energy": NEO_HOOKEAN, "mu": 4e4, "lam": 1e5},
+}
+
+
+def is_same(a: vs.laws.Law, b: vs.laws.Law) -> bool:
+    return type(a) is type(b) and a.name == b.name and np.array_equal(a.parameters, b.parameters)
+
+
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_a_law_by_the_recipe_serves_everywhere(kind: str, bar: vs.Mesh, tmp_path: Path) -> None:
+    given = MATERIALS[kind]
+    law = LAWS[kind](**given)
+    organ = vs.Organ(bar, law, fixed="root")
+
+    force = {"tip": (0.0, 0.0, -2.0)}
+    state = organ.solve(force=force)
+    assert state.status == "converged"
+    loads, displacements = organ.path(force=force).curve()
+    assert loads[-1] == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(displacements[-1] - state.displacement).max() < 1e-4 * state.max_displacement
+
+    touch = organ.reduce("tip", order=3, tolerance=1e-2)
+    touch.save(tmp_path / "bar.viscera")
+    model = vs.load(tmp_path / "bar.viscera")
+    assert model.metadata["law"] == law.name
+    assert is_same(from_core(law.name, law.parameters), law)
+    assert model.check(2, seed=1, depths=[0.01]).is_passed
+
+    bar.write(tmp_path / "bar.vtu")
+    words = "\n".join(f"{key} = {json.dumps(value)}" for key, value in given.items())
+    (tmp_path / "case.toml").write_text(
+        f'mesh = "bar.vtu"\nunits = "m"\nfixed = "root"\n[material]\nlaw = "{kind}"\n{words}\n'
+    )
+    case = read_case(tmp_path / "case.toml")
+    assert is_same(case.organ().law, law)
+    live = _core.Live(live_case(case, "Bar").data)
+    assert kind in json.loads(live.describe())["laws"]
+
+
+def test_every_law_of_the_core_has_a_class_and_comes_back_from_a_model_file() -> None:
+    for name, row in ROWS.items():
+        law = from_core(name, row["sample"])
+        assert law.name == name
+        assert law.parameters[0] == pytest.approx(row["sample"], rel=1e-12)
+        assert all(law.young > 0.0)
+        assert all(np.abs(law.poisson) < 0.5)
+    with pytest.raises(vs.VisceraError, match="law 'neo_hookean' with 3 parameters is not known"):
+        from_core("neo_hookean", [1.0, 2.0, 3.0])
+    with pytest.raises(vs.VisceraError, match="no law is called"):
+        from_core("hookean", [1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("law", "formula"),
+    [
+        (vs.NeoHookean(mu=2e3, lam=7e3), vs.StrainEnergy(NEO_HOOKEAN, mu=2e3, lam=7e3)),
+        (
+            vs.MooneyRivlin(2e3, 1e3, 3e4),
+            vs.StrainEnergy("a*(I1bar - 3) + b*(I2bar - 3) + k/8*(J**2 - 1)**2", a=2e3, b=1e3, k=3e4),
+        ),
+        (
+            vs.HolzapfelGasserOgden(2e3, 1e3, 0.8, fibres=FIBRES, kappa=3e4),
+            vs.StrainEnergy(
+                """c/2*(I1bar - 3) + kappa/2*(J - 1)**2
+                   + k1/(2*k2)*(exp(k2*max(I4*J**(-2/3) - 1, 0)**2) + exp(k2*max(I6*J**(-2/3) - 1, 0)**2) - 2)""",
+                c=2e3, k1=1e3, k2=0.8, kappa=3e4, fibres=FIBRES,
+            ),
+        ),
+    ],
+)  # fmt: skip
+def test_a_formula_is_the_law_it_writes_out(law: vs.laws.Law, formula: vs.laws.Law, cube: vs.Mesh) -> None:
+    F = np.eye(3) + 0.1 * np.random.default_rng(3).standard_normal((4, 3, 3))
+    for of in ("energy", "stress", "tangent"):
+        exact = getattr(law, of)(F)
+        assert getattr(formula, of)(F) == pytest.approx(exact, rel=1e-10, abs=1e-10 * np.abs(exact).max())
+    load: dict[str, Any] = {"displacement": {"top": (0.01, 0.0, 0.02)}}
+    for element in ("P1", "P1 mean volume"):
+        own, exact = (vs.Organ(cube, x, fixed="bottom", element=element).solve(**load) for x in (formula, law))
+        assert np.abs(own.displacement - exact.displacement).max() < 1e-7 * exact.max_displacement
+
+
+def test_parameters_of_a_formula_may_differ_from_cell_to_cell(cube: vs.Mesh) -> None:
+    mu = np.linspace(1e3, 3e3, len(cube.cells))
+    own, exact = vs.StrainEnergy(NEO_HOOKEAN, mu=mu, lam=5e3), vs.NeoHookean(mu=mu, lam=5e3)
+    assert repr(own) == f"StrainEnergy({NEO_HOOKEAN!r}, mu=1000..3000, lam=5000)"
+    states = [vs.Organ(cube, law, fixed="bottom").solve(gravity=(0, 0, -9.81), density=1e3) for law in (own, exact)]
+    assert states[0].displacement == pytest.approx(states[1].displacement, abs=1e-9)
+    assert own.stresses == (0, 1)
+    with pytest.raises(vs.VisceraError, match="which of its parameters scale the energy cannot be told"):
+        _ = vs.StrainEnergy("mu*w*(I1bar - 3) + k*(J - 1)**2", mu=1e3, w=2.0, k=1e4).stresses
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((7, {}), "the energy must be a formula"),
+        (("mu*(I1 - 3", {"mu": 1}), r"formula, character 11, at the end: expected \)"),
+        (("mu/2*(I1bar - 3)", {"mu": 1}), "both must be positive"),
+        (("mu/2*(I1 - 3) + k*(J - 1)**2", {"mu": 1, "k": 1}), "the stress at rest is 1 Pa; it must vanish"),
+        (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1}), "has a parameter 'k'; give its value, k="),
+        (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1, "kk": 1}), "has no parameter 'kk'; did you mean 'k'"),
+        (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": "soft", "k": 1}), "mu must be one number or an array"),
+        (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": [1, -1], "k": 1}), "mu = -1, k = 1: shear modulus -2"),
+        (("mu*(I4 - 1)**2 + mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1}), "uses I4 or I6: give two directions"),
+        (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1, "fibres": FIBRES}), "uses no I4 and no I6"),
+    ],
+)
+def test_what_is_no_law_is_refused(arguments: tuple[Any, dict[str, Any]], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        vs.StrainEnergy(arguments[0], **arguments[1])
+
+
+def test_an_energy_that_stays_bounded_is_told_of(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "viscera"):
+        vs.StrainEnergy(NEO_HOOKEAN, mu=1e3, lam=5e3)
+        assert not caplog.records
+        vs.StrainEnergy("mu/2*(I1bar - 3) + k/2*(J - 1)**2", mu=1e3, k=5e3)
+    assert "the energy stays bounded as J -> 0" in caplog.text
+
+
+def test_a_formula_with_switches_is_not_reduced(bar: vs.Mesh) -> None:
+    law = vs.StrainEnergy("mu/2*(I1bar - 3) + k/2*log(J)**2 + mu*max(I1bar - 3, 0)**2", mu=1e4, k=1e5)
+    organ = vs.Organ(bar, law, fixed="root")
+    with pytest.raises(vs.VisceraError, match="max, min and step have no power series"):
+        organ.reduce("tip")
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "it needs a formula"),
+        ({"energy": 3}, "energy in .material. must be a formula"),
+        ({"energy": NEO_HOOKEAN, "mu": "soft", "lam": 1.0}, "mu in .material. must be a number"),
+        ({"energy": NEO_HOOKEAN, "mu": 1.0}, "has a parameter 'lam'; give its value"),
+    ],
+)
+def test_formulas_of_case_files_are_checked(given: dict[str, Any], words: str) -> None:
+    words_of_case = {"mesh": "organ:beam", "fixed": "clamp", "material": {"law": "StrainEnergy", **given}}
+    with pytest.raises(vs.VisceraError, match=words):
+        case_of(words_of_case).organ()
+
+
+def test_a_part_of_another_formula_parameter() -> None:
+    """As for every law, by a table of the part's name."""
+    mesh = vs.organs.beam()
+    mesh = mesh.with_cell_sets(half=lambda x: x[:, 0] > x[:, 0].mean())
+    words = {"law": "StrainEnergy", "energy": NEO_HOOKEAN, "mu": 1e3, "lam": 4e3, "half": {"mu": 2e3}}
+    law = material(words, mesh)
+    assert sorted(set(law.parameters[:, 0].tolist())) == [1e3, 2e3]
+
+
+def test_stable_neo_hookean_recovers_from_inversion(cube: vs.Mesh) -> None:
+    law = vs.StableNeoHookean(young=1e4, poisson=0.4)
+    inside_out = np.diag([-0.5, 1.0, 1.0])[None]
+    assert np.isfinite(law.energy(inside_out)).all()
+    organ = vs.Organ(cube, law, fixed="bottom")
+    assert organ.solve(displacement={"top": (0.0, 0.0, -0.03)}).status == "converged"
