@@ -112,13 +112,14 @@ def _material(material: law.Law, places: _Places) -> dict[str, Any]:
     owner = owner.ravel()
     own = int(np.argmax(counts))
     whole = _parameters(law.from_core(material.name, rows[own]))
+    partial = material.names if isinstance(material, law.StrainEnergy) else schema.PARTIAL
     words = {"law": type(material).__name__ if type(material).__name__ in law.LAWS else _class_of(material), **whole}
     for k in range(len(rows)):
         if k == own:
             continue
         part = _parameters(law.from_core(material.name, rows[k]))
         changed = {name: value for name, value in part.items() if value != whole.get(name)}
-        if not set(changed) <= set(schema.PARTIAL):
+        if not set(changed) <= set(partial):
             raise VisceraError(f"a case file cannot say that {', '.join(sorted(changed))} differ from cell to cell")
         words[places.part(np.flatnonzero(owner == k).astype(np.uint32))] = changed
     return words
@@ -136,8 +137,10 @@ def _parameters(material: law.Law) -> dict[str, Any]:
         return dict(zip(("mu", "lam"), row, strict=True))
     if isinstance(material, law.MooneyRivlin):
         return {**dict(zip(("c1", "c2", "kappa"), row, strict=True)), "volumetric": material.volumetric}
-    if isinstance(material, law.Yeoh):
-        return dict(zip(("c10", "c20", "c30", "kappa"), row, strict=True))
+    if isinstance(material, law.OfRow):
+        return dict(zip(_core.law_parameters(material.name), row, strict=True))
+    if isinstance(material, law.StrainEnergy):
+        return material.words
     if isinstance(material, law.Ogden):
         used = [p for p in range(law.Ogden.terms) if row[p] != 0.0]
         return {"mu": [row[p] for p in used], "alpha": [row[law.Ogden.terms + p] for p in used], "kappa": row[-1]}

@@ -576,13 +576,13 @@ class StrainEnergy(Law):
         name = self.prefix + self.formula
         names = _core.law_parameters(name)
         families = sum(key in COMPONENTS for key in names) // 3
-        self._names = tuple(names[: len(names) - 3 * families])
+        self.names = tuple(names[: len(names) - 3 * families])
         for key in parameters:
-            if key not in self._names:
+            if key not in self.names:
                 raise VisceraError(
-                    f"StrainEnergy: the formula has no parameter {key!r}; {did_you_mean(key, self._names)}"
+                    f"StrainEnergy: the formula has no parameter {key!r}; {did_you_mean(key, self.names)}"
                 )
-        missing = [key for key in self._names if key not in parameters]
+        missing = [key for key in self.names if key not in parameters]
         if missing:
             raise VisceraError(
                 f"StrainEnergy: the formula has a parameter {missing[0]!r}; give its value, {missing[0]}="
@@ -594,13 +594,21 @@ class StrainEnergy(Law):
             raise VisceraError(f"StrainEnergy: the formula {say}")
         axes = {} if fibres is None else {f"fibre {f + 1}{axis}": x for f, axis, x in directions(fibres)}
         used = dict(list(axes.items())[: 3 * families])
-        own = columns("StrainEnergy", **{key: parameters[key] for key in self._names}, **used)
+        own = columns("StrainEnergy", **{key: parameters[key] for key in self.names}, **used)
         super().__init__(name, np.column_stack(own))
         if not all(self.core().resists_collapse()):
             log.warning(
                 "StrainEnergy: the energy stays bounded as J -> 0, so strong pressure can crush cells; a term such as "
                 "log(J)**2 resists it"
             )
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """What makes the law of a single set of parameters, as a case file gives it."""
+        row = self.parameters[0].tolist()
+        values = {"energy": self.formula, **dict(zip(self.names, row, strict=False))}
+        components = row[len(self.names) :]
+        return values | ({"fibres": [components[:3], components[-3:]]} if components else {})
 
     @classmethod
     def of_columns(cls, name: str, columns: Floats) -> Law:
@@ -631,7 +639,7 @@ class StrainEnergy(Law):
             except VisceraError:
                 return True  # Not alone, then: stress at rest.
 
-        linear = [k for k in range(len(self._names)) if rows[0, k] != 0.0 and is_linear(k)]
+        linear = [k for k in range(len(self.names)) if rows[0, k] != 0.0 and is_linear(k)]
         if not linear or not np.allclose(of(linear, 2.0), 2.0 * energy, rtol=1e-9):
             raise VisceraError(
                 f"StrainEnergy({self.formula!r}): which of its parameters scale the energy cannot be told, so no young "
@@ -645,7 +653,7 @@ class StrainEnergy(Law):
         return not any(f"{word}(" in self.formula.replace(" ", "") for word in ("max", "min", "step"))
 
     def __repr__(self) -> str:
-        values = zip(self._names, self.parameters.T, strict=False)
+        values = zip(self.names, self.parameters.T, strict=False)
         return f"StrainEnergy({self.formula!r}, {', '.join(f'{key}={shown(column)}' for key, column in values)})"
 
 

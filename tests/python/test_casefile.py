@@ -65,6 +65,13 @@ def test_a_reduction_is_written_too(bar: vs.Mesh, tmp_path: Path) -> None:
         vs.MooneyRivlin(c1=1e4, c2=2e3, alpha=1e5, volumetric="ln J"),
         vs.Yeoh(c10=500.0, c20=200.0, poisson=0.45),
         vs.Ogden(mu=[500.0, -100.0], alpha=[3.0, -4.0], poisson=0.45),
+        vs.StableNeoHookean(young=1e3, poisson=0.45),
+        vs.ArrudaBoyce(1e3, 1.5, poisson=0.45),
+        vs.VerondaWestmann(2e3, 1.5, poisson=0.45),
+        vs.Fung(1e3, 1.2, poisson=0.45),
+        vs.StrainEnergy(
+            "mu/2*(I1bar - 3) + k/2*(J - 1)**2 + f*(I4 - 1)**2", mu=1e3, k=1e5, f=2e3, fibres=np.eye(3)[:2]
+        ),
         vs.HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=[(1, 0, 0), (0, 0, 1)], kappa=1e5, bear_compression=True),
     ],
 )
