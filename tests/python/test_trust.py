@@ -1,4 +1,4 @@
-"""The study of trust (benchmarks/trust.py): its bodies, its touches, and what it makes of them."""
+"""The study of trust (benchmarks/trust.py): its bodies, and a twentieth of it with seeds of its own."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import importlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
+
+import viscera as vs
 
 
 @pytest.fixture(scope="module")
@@ -16,6 +19,26 @@ def trust() -> Iterator[ModuleType]:
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.syspath_prepend(Path(__file__).resolve().parents[2] / "benchmarks")
         yield importlib.import_module("trust")
+
+
+@pytest.fixture(scope="module")
+def rows(trust: ModuleType) -> list[Any]:
+    """Touches of the smaller bodies."""
+    cases = {(case.body, type(case.law).__name__): case for case in trust.study()}
+    some = [cases["coarse block", "NeoHookean"], cases["bar", "MooneyRivlin"]]
+    return [row for k, case in enumerate(some) for row in trust.ask(case.reduce(), 30, 9000 + k)]
+
+
+def test_what_is_trusted_is_right(rows: list[Any]) -> None:
+    trusted = [row for row in rows if row.is_trusted]
+    assert len(rows) > 220
+    assert len(trusted) > 0.3 * len(rows)
+    assert max(row.excess for row in trusted) <= 1.0
+
+
+def test_what_is_right_is_trusted(rows: list[Any]) -> None:
+    assert np.mean([row.is_trusted for row in rows if row.is_right]) > 0.4
+    assert np.median([row.estimate / row.error for row in rows]) < 6.0
 
 
 def test_the_study_has_ten_bodies_and_every_law_that_can_be_reduced(trust: ModuleType) -> None:
@@ -47,3 +70,12 @@ def test_a_linear_organ_is_trusted_and_right(trust: ModuleType) -> None:
 def test_the_bound_is_that_of_poisson(trust: ModuleType) -> None:
     assert trust.bound(0, 1000) == pytest.approx(-np.log(0.05) / 1000)
     assert trust.bound(3, 1000) == pytest.approx(7.7537 / 1000, rel=1e-4)  # half the chi-square quantile of 8 degrees
+
+
+def test_shares_are_measured_where_orders_are_summed_in_their_pade_form(bar: vs.Mesh) -> None:
+    organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
+    settings: dict[str, Any] = {"touchable": "z > 99 mm and x > 25 cm", "radius": 0.07, "depth": 0.02, "order": 3}
+    shares = organ.reduce(**settings).metadata["interpolation_shares"]
+    assert len(shares) == 2
+    assert all(0.0 < share < 1.0 for share in shares)
+    assert "interpolation_shares" not in organ.reduce(**settings, pade=False).metadata

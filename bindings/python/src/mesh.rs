@@ -3,8 +3,8 @@
 use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use rayon::prelude::*;
 use pyo3::types::PyDict;
+use rayon::prelude::*;
 use viscera_core::mesh;
 
 type PointsAndCells = (Vec<[f64; 3]>, Vec<[u32; 4]>);

@@ -86,7 +86,8 @@ impl Points<'_> {
         let cell = |point: usize| point / self.of_cell;
         let (law, row) = (self.material.law(), self.material.of_cell(cell(points.start)));
         let at = |lane: usize| (points.start + lane).min(points.end - 1);
-        let lanes = |value: &dyn Fn(usize) -> f64| Lanes(std::array::from_fn(|lane| value(at(lane))));
+        let lanes =
+            |value: &dyn Fn(usize) -> f64| Lanes(std::array::from_fn(|lane| value(at(lane))));
         let gradient = [tabulate!(|i, j| lanes(&|point| self.gradients[point][i][j]))];
         let of_cluster = |value: fn(&Cluster) -> f64| {
             [lanes(&|point| self.shared.get(cell(point)).map_or(0.0, value))]
@@ -94,7 +95,8 @@ impl Points<'_> {
         let (ratio, pressure) = (of_cluster(|c| c.ratio), of_cluster(|c| c.pressure));
         let is_shared = !self.shared.is_empty();
         let part = if is_shared { averaged_part(self.material, cell(points.start)) } else { 0.0 };
-        let shared = if is_shared { Shared { part, pressure: &pressure } } else { Shared::default() };
+        let shared =
+            if is_shared { Shared { part, pressure: &pressure } } else { Shared::default() };
         let (mut energy, mut stress) = ([Lane::default()], [Mat3::<Lane>::default()]);
         law.stress(row, &gradient, shared, &mut energy, &mut stress);
         let mut dilatation = [Lane::default()];

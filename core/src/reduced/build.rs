@@ -4,6 +4,7 @@
 
 use super::assemble::assemble;
 use super::batch::{Batches, Nowhere};
+use super::measure::Measured;
 use super::positions::Positions;
 use super::preload;
 use super::solve::{EDGE_ORDER, Expanded};
@@ -11,7 +12,6 @@ use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::{Surface, diagonal};
-use std::mem::take;
 use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, Parameter, ReducedModel};
 
 /// Settings of a reduction.
@@ -166,35 +166,35 @@ impl Reduction {
             tolerance: self.tolerance,
             diagonal,
             errors: Errors { compression, ..Errors::default() },
+            interpolation_shares: None,
             seconds: 0.0,
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),
         };
-        let mut arrays = Arrays {
+        let arrays = Arrays {
             preload: self.preload.clone(),
             parameter_cells: family.map_or(Vec::new(), |f| f.cells.clone()),
             ..assemble(body, surface, fixed, &members, solved)
         };
-        // Measured is what is stored, of every order as the series has it.
-        let sketches = (take(&mut arrays.answers.sketch), take(&mut arrays.family.sketch));
         let mut model = ReducedModel::new(metadata, arrays)?;
-        let mut errors = model.metadata().errors;
-        self.measure_interpolation(&members, &mut model, &mut errors, progress)?;
+        let mut measured = Measured { errors: model.metadata().errors, interpolation_shares: None };
+        self.measure_interpolation(&members, &mut model, &mut measured, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
                 self.measure_parameter(
                     &expand(member)?,
                     *value,
                     &mut model,
-                    &mut errors,
+                    &mut measured.errors,
                     progress,
                 )?;
             }
         }
-        let (metadata, mut arrays) = model.into_parts();
-        (arrays.answers.sketch, arrays.family.sketch) = sketches;
+        let (metadata, arrays) = model.into_parts();
         let seconds = clock.elapsed().as_secs_f64();
-        let mut model = ReducedModel::new(Metadata { errors, seconds, ..metadata }, arrays)?;
+        let Measured { errors, interpolation_shares } = measured;
+        let metadata = Metadata { errors, interpolation_shares, seconds, ..metadata };
+        let mut model = ReducedModel::new(metadata, arrays)?;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;
         }

@@ -6,16 +6,33 @@ use super::build::{Progress, Reduction};
 use super::solve::Expanded;
 use crate::error::Error;
 use crate::mesh::Patch;
-use crate::number::evaluate_monomials;
+use crate::number::{degree_of, evaluate_monomials};
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use viscera_touch::{Errors, ReducedModel};
+use viscera_touch::{Contact, Errors, ReducedModel};
 
 /// Points between positions at which a model is measured.
 const INTERPOLATION_CHECKS: usize = 32;
 /// Positions at which a model is measured for a value of its parameter.
 const PARAMETER_CHECKS: usize = 32;
+/// Corners that disagree less tell nothing: the error has other causes.
+const LEAST_DISAGREEMENT: f64 = 1e-6;
+
+/// What a model was found to be worth, beside exact series.
+pub(super) struct Measured {
+    pub errors: Errors,
+    /// See [`Metadata::interpolation_shares`](viscera_touch::Metadata).
+    pub interpolation_shares: Option<[f64; 2]>,
+}
+
+/// A touch between positions: what the model answers beside the exact series.
+struct Between {
+    /// Relative errors of force and field.
+    errors: [f64; 2],
+    /// What they should be in proportion to, where it is known.
+    disagreement: Option<[f64; 2]>,
+}
 
 impl Reduction {
     /// Compares the model with exact series at centroids of triangles spread over the surface.
@@ -23,7 +40,7 @@ impl Reduction {
         &self,
         members: &[Expanded],
         model: &mut ReducedModel,
-        worst: &mut Errors,
+        measured: &mut Measured,
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(), Error> {
         let total = members[0].positions.nodes.len();
@@ -45,12 +62,28 @@ impl Reduction {
             if !is_wanted() {
                 return Err(Error::Cancelled);
             }
-            for [half, full] in errors.into_iter().flatten() {
-                worst.interpolation_half_depth = worst.interpolation_half_depth.max(half);
-                worst.interpolation = worst.interpolation.max(full);
+            let touches: Vec<[Vec<Between>; 2]> = errors.into_iter().flatten().collect();
+            let [half, full] = [0, 1].map(|depth| {
+                touches
+                    .iter()
+                    .flat_map(|at| &at[depth])
+                    .fold(0.0, |w, touch| f64::max(w, touch.errors[1]))
+            });
+            let worst = &mut measured.errors;
+            worst.interpolation_half_depth = worst.interpolation_half_depth.max(half);
+            worst.interpolation = worst.interpolation.max(full);
+            if self.is_sketched() {
+                let found = shares(touches.iter().flatten().flatten());
+                let before = measured.interpolation_shares.unwrap_or_default();
+                measured.interpolation_shares = Some([0, 1].map(|k| f64::max(before[k], found[k])));
             }
         }
         Ok(())
+    }
+
+    /// Whether a model of these settings has sketches to sum its orders by.
+    fn is_sketched(&self) -> bool {
+        self.pade && self.order >= 3
     }
 
     /// Compares the model at a value between its nodes with exact series, at some positions, for
@@ -82,7 +115,7 @@ impl Reduction {
             let Some(contact) = model.locate(model.position(place)) else { continue };
             for (share, axis) in [0.1, 1.0].iter().flat_map(|s| (0..6).map(move |axis| (s, axis))) {
                 let d = along(axis, share * self.depth);
-                let (exact, force) = evaluate_series(series, model, d);
+                let (exact, force) = evaluate_series(series, model, &contact, d);
                 let mut field = vec![0.0; exact.len()];
                 model.displacement(&contact, d, &mut workspace, &mut field);
                 largest = largest.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
@@ -94,37 +127,63 @@ impl Reduction {
         Ok(())
     }
 
-    /// Worst field error at half and full depth along six axes, for some triangles.
+    /// Touches along six axes, to half and to full depth, at the centroids of some triangles.
     fn interpolation_errors(
         &self,
         expansion: &TouchExpansion,
         model: &ReducedModel,
         triangles: &[usize],
         stop: &AtomicBool,
-    ) -> Result<Vec<[f64; 2]>, Error> {
+    ) -> Result<Vec<[Vec<Between>; 2]>, Error> {
         let contacts: Vec<_> = triangles.iter().map(|&t| model.centroid(t)).collect();
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let patches: Vec<&Patch> = patches.iter().collect();
         let is_wanted = || !stop.load(Ordering::Relaxed);
         let series = expansion.expand_while(&is_wanted, &patches, self.order)?;
         let mut workspace = vec![0.0; model.workspace_len()];
-        let mut errors = Vec::new();
-        for (contact, series) in contacts.iter().zip(&series) {
-            let worst = [0.5, 1.0].map(|share| {
-                let mut worst: f64 = 0.0;
-                for axis in 0..6 {
-                    let d = along(axis, share * self.depth);
-                    let (exact, _) = evaluate_series(series, model, d);
-                    let mut field = vec![0.0; exact.len()];
-                    model.displacement(contact, d, &mut workspace, &mut field);
-                    worst = worst.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
-                }
-                worst
-            });
-            errors.push(worst);
-        }
-        Ok(errors)
+        let mut touch = |contact: &Contact, series: &TouchSeries, d| {
+            compare(model, contact, series, d, &mut workspace)
+        };
+        let at = contacts.iter().zip(&series).map(|(contact, series)| {
+            [0.5, 1.0].map(|share| {
+                (0..6).map(|axis| touch(contact, series, along(axis, share * self.depth))).collect()
+            })
+        });
+        Ok(at.collect())
     }
+}
+
+/// What a model answers beside the exact series, whose orders count as much.
+fn compare(
+    model: &ReducedModel,
+    contact: &Contact,
+    series: &TouchSeries,
+    d: [f64; 3],
+    workspace: &mut [f32],
+) -> Between {
+    let answer = model.respond(contact, d).force;
+    let (exact, force) = evaluate_series(series, model, contact, d);
+    let mut field = vec![0.0; exact.len()];
+    model.displacement(contact, d, workspace, &mut field);
+    Between {
+        errors: [
+            relative(&mut answer.into_iter(), &force),
+            relative(&mut field.iter().map(|&u| f64::from(u)), &exact),
+        ],
+        disagreement: model.disagreement(contact, d),
+    }
+}
+
+/// Root mean square of the errors of force and field, in units of the disagreement.
+fn shares<'a>(touches: impl Iterator<Item = &'a Between>) -> [f64; 2] {
+    let (mut squares, mut count) = ([0.0; 2], 0.0);
+    for Between { errors, disagreement } in touches {
+        if let Some(disagreement) = disagreement.filter(|of| of[1] > LEAST_DISAGREEMENT) {
+            squares = [0, 1].map(|k| squares[k] + (errors[k] / disagreement[k]).powi(2));
+            count += 1.0;
+        }
+    }
+    squares.map(|square| (square / f64::max(count, 1.0)).sqrt())
 }
 
 /// A displacement of the given size along one of six axes.
@@ -134,17 +193,22 @@ fn along(axis: usize, size: f64) -> [f64; 3] {
     d
 }
 
-/// Field and force.
+/// Field and force, each order counting as much as in the model's answer there.
 fn evaluate_series(
     series: &TouchSeries,
     model: &ReducedModel,
+    contact: &Contact,
     d: [f64; 3],
 ) -> (Vec<f64>, [f64; 3]) {
     let mut monomials = vec![0.0; model.n_terms()];
     evaluate_monomials(model.exponents(), d, &mut monomials);
+    let weights = model.order_weights(contact, d);
     let mut field = vec![0.0; series.displacement[0].len()];
     let mut force = [0.0; 3];
-    for ((u, f), m) in series.displacement.iter().zip(&series.force).zip(&monomials) {
+    let terms =
+        series.displacement.iter().zip(&series.force).zip(model.exponents()).zip(&monomials);
+    for (((u, f), exponents), m) in terms {
+        let m = weights[degree_of(exponents) - 1] * m;
         field.iter_mut().zip(u).for_each(|(field, u)| *field += m * u);
         force.iter_mut().zip(f).for_each(|(force, f)| *force += m * f);
     }

@@ -43,7 +43,13 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
             return Err(bad(format!("{name} = {value}; it must be positive")));
         }
     }
-    Ok(())
+    let mut shares = m.interpolation_shares.into_iter().flatten();
+    match shares.find(|share| !(share.is_finite() && *share >= 0.0)) {
+        Some(share) => {
+            Err(bad(format!("interpolation_shares hold {share}; they must not be negative")))
+        }
+        None => Ok(()),
+    }
 }
 
 /// Sizes that shapes are checked against.

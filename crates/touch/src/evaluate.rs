@@ -4,6 +4,7 @@
 use super::combine::Combine;
 use super::interpolation::{Interpolation, MAX_TERMS, norm, weighted};
 use super::model::ReducedModel;
+use super::resummation::MAX_ORDER;
 use viscera_mesh::Patch;
 use viscera_number::evaluate_monomials;
 use viscera_number::simd::dispatch;
@@ -88,10 +89,10 @@ impl ReducedModel {
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
         let sum = here.sum(monomials, d);
-        let (orders, correction) = here.force(monomials, d);
-        let force = weighted(&sum.weights, &orders);
-        let stiffness = here.stiffness(d, &orders, &sum.weights);
-        let estimates = here.error_estimates(monomials, force, &orders, correction, &sum);
+        let parts = here.force(monomials, d);
+        let force = weighted(&sum.weights, &parts.0);
+        let stiffness = here.stiffness(d, &parts.0, &sum.weights);
+        let estimates = here.error_estimates(monomials, force, &parts, &sum);
         let depth = norm(d);
         Response {
             force,
@@ -121,6 +122,25 @@ impl ReducedModel {
         evaluate_monomials(&self.exponents, d, &mut monomials);
         let here = Interpolation::new(self, contact).cut_after(order);
         weighted(&here.weights(&monomials, d), &here.force(&monomials, d).0)
+    }
+
+    /// How much each order counts in the answer to a touch: 1 where they are summed as a polynomial.
+    pub fn order_weights(&self, contact: &Contact, d: [f64; 3]) -> [f64; MAX_ORDER] {
+        let mut monomials = [0.0; MAX_TERMS];
+        evaluate_monomials(&self.exponents, d, &mut monomials);
+        Interpolation::new(self, contact).weights(&monomials, d).map(|weight| weight.value)
+    }
+
+    /// How much the positions around a contact disagree there, relative to the answer: what the errors of its force and of
+    /// its field by interpolation are in proportion to. None for models whose orders are summed as a polynomial.
+    pub fn disagreement(&self, contact: &Contact, d: [f64; 3]) -> Option<[f64; 2]> {
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..self.n_terms()];
+        evaluate_monomials(&self.exponents, d, monomials);
+        let here = Interpolation::new(self, contact);
+        let (sum, parts) = (here.sum(monomials, d), here.force(monomials, d));
+        let force = norm(weighted(&sum.weights, &parts.0));
+        here.disagreement(monomials, &parts, force, &sum)
     }
 
     /// Numbers of workspace that the field functions need.

@@ -7,6 +7,7 @@
 //! higher ones linearly.
 
 use super::evaluate::Contact;
+use super::metadata::Metadata;
 use super::model::ReducedModel;
 use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
 use viscera_number::tensor::{Mat3, inverse, mul_vector};
@@ -20,15 +21,37 @@ pub(super) const MAX_TERMS: usize = 164;
 const MARGIN: f64 = 1.25;
 /// The difference of the last two Padé forms is no bound either: the error of trusted answers was up to 1.7 times it.
 const PADE_MARGIN: f64 = 1.6;
-/// Part of the quadratic correction that is left as interpolation error (measured: 0.1 to 0.3,
-/// 0.5 where positions are as far apart as the patch is wide).
+/// Part of the quadratic correction that is left as interpolation error where nothing was measured.
 const INTERPOLATION_SHARE: f64 = 0.5;
+/// The rest of the series, in units of the geometric mean of its last order and of what that changes.
+/// This margin and the next two are fitted to the touches of `benchmarks/trust.py tuning`.
+const TRUNCATION_MARGIN: f64 = 0.66;
+/// The error of interpolation of force and field, in units of what was measured at centroids.
+const INTERPOLATION_MARGIN: [f64; 2] = [2.2, 3.1];
+/// How much an order that is interpolated linearly counts in the disagreement of the corners.
+const LINEAR: f64 = 4.0;
+/// How much the quadratic correction of the force counts there.
+const CORRECTION: f64 = 0.25;
 
-/// How much each order of the series counts, and what the last order has changed: the difference of
-/// the weights to those of the Padé form of one order less, and of the field, relative to it.
+/// How much each order counts.
+type Weights = [Dual; MAX_ORDER];
+/// The part of each order in a force.
+type Orders = [[f64; 3]; MAX_ORDER];
+
+/// How much each order of the series counts, and what the sketch tells about the sum.
 pub(super) struct Sum {
     pub weights: [Dual; MAX_ORDER],
-    difference: Option<([f64; MAX_ORDER], f64)>,
+    sketched: Option<Sketched>,
+}
+
+/// What the sketch tells about a field that is summed in its Padé form.
+struct Sketched {
+    /// Weights less those of the form of one order less.
+    difference: [f64; MAX_ORDER],
+    /// Norm of what the last order has changed, relative to the field.
+    change: f64,
+    /// How far the fields of the corners are from their blend, relative to it.
+    spread: f64,
 }
 
 /// Estimated relative errors of an answer, at most 1.
@@ -105,10 +128,10 @@ impl<'a> Interpolation<'a> {
         }
     }
 
-    /// How much each order counts, and what the last one has changed.
+    /// How much each order counts, and what the sketch tells about the sum.
     pub(super) fn sum(&self, monomials: &[f64], d: [f64; 3]) -> Sum {
         let Some(parts) = self.parts(monomials, d) else {
-            return Sum { weights: std::array::from_fn(|_| constant(1.0)), difference: None };
+            return Sum { weights: std::array::from_fn(|_| constant(1.0)), sketched: None };
         };
         let order = self.model.metadata.order;
         let (weights, lower) = (weights(&parts, order), weights(&parts, order - 1));
@@ -124,8 +147,73 @@ impl<'a> Interpolation<'a> {
             square += of(&|p| difference[p]).powi(2);
             whole += of(&|p| weights[p].value).powi(2);
         }
-        let field = (square / whole).sqrt();
-        Sum { weights, difference: Some((difference, field)) }
+        let spread = self.spread(monomials, &parts, &weights) / whole.sqrt();
+        Sum {
+            weights,
+            sketched: Some(Sketched { difference, change: (square / whole).sqrt(), spread }),
+        }
+    }
+
+    /// `sum_p c_p w_p (sum_k l_k |v_kp - v_p|^2)^(1/2)` over the orders p from 2 of the corners k: their
+    /// sketches v_kp beside the blend v_p.
+    fn spread(&self, monomials: &[f64], parts: &Parts, weights: &Weights) -> f64 {
+        let model = self.model;
+        let size = SKETCH * model.n_terms();
+        let mut squares = [0.0; MAX_ORDER];
+        for (k, &corner) in self.corners.iter().enumerate() {
+            let mut own = [[0.0; SKETCH]; MAX_ORDER];
+            let rows = model.arrays.answers.sketch[corner * size..(corner + 1) * size]
+                .chunks_exact(SKETCH);
+            for ((row, exponents), monomial) in rows.zip(&model.exponents).zip(monomials).skip(3) {
+                let part = &mut own[degree_of(exponents) - 1];
+                part.iter_mut().zip(row).for_each(|(sum, &x)| *sum += f64::from(x) * monomial);
+            }
+            for ((square, own), blend) in squares.iter_mut().zip(&own).zip(parts) {
+                let apart = own.iter().zip(blend).map(|(x, y)| (x - y.value).powi(2));
+                *square += self.weights[k] * apart.sum::<f64>();
+            }
+        }
+        self.sum_of_spreads(&squares, weights)
+    }
+
+    /// The same of the forces of the corners beside what is made of them.
+    fn force_spread(&self, monomials: &[f64], orders: &Orders, weights: &Weights) -> f64 {
+        let model = self.model;
+        let mut squares = [0.0; MAX_ORDER];
+        for (k, &corner) in self.corners.iter().enumerate() {
+            let mut own = [[0.0; 3]; MAX_ORDER];
+            let rows = self.model.position_force(corner).chunks_exact(3);
+            for ((row, exponents), monomial) in rows.zip(&model.exponents).zip(monomials).skip(3) {
+                let part = &mut own[degree_of(exponents) - 1];
+                part.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * monomial);
+            }
+            for ((square, own), blend) in squares.iter_mut().zip(&own).zip(orders) {
+                let apart = own.iter().zip(blend).map(|(x, y)| (x - y).powi(2));
+                *square += self.weights[k] * apart.sum::<f64>();
+            }
+        }
+        self.sum_of_spreads(&squares, weights)
+    }
+
+    fn sum_of_spreads(&self, squares: &[f64; MAX_ORDER], weights: &Weights) -> f64 {
+        let Metadata { order, edge_order, .. } = self.model.metadata;
+        let counts = |p: usize| if p < edge_order { 1.0 } else { LINEAR };
+        (1..order).map(|p| counts(p) * weights[p].value.abs() * squares[p].sqrt()).sum()
+    }
+
+    /// How much corners and edges disagree at a contact, relative to the answer: what the errors of
+    /// interpolation, of force and of field, are in proportion to.
+    pub(super) fn disagreement(
+        &self,
+        monomials: &[f64],
+        (orders, correction): &(Orders, f64),
+        force: f64,
+        sum: &Sum,
+    ) -> Option<[f64; 2]> {
+        let sketched = sum.sketched.as_ref()?;
+        let force = force.max(f64::MIN_POSITIVE);
+        let common = sketched.spread + CORRECTION * correction / force;
+        Some([common + self.force_spread(monomials, orders, &sum.weights) / force, common])
     }
 
     /// The part of each order in the sketch, blended from the corners; none where orders are summed as a polynomial.
@@ -230,38 +318,55 @@ impl<'a> Interpolation<'a> {
     }
 
     /// Estimated relative errors: of the sum over the orders, plus interpolation, plus what a
-    /// parameter between its nodes costs; of the field, plus what its compression loses.
+    /// parameter between its nodes costs; of the field also what its compression loses.
     pub(super) fn error_estimates(
         &self,
         monomials: &[f64],
         force: [f64; 3],
-        orders: &[[f64; 3]; MAX_ORDER],
-        correction: f64,
+        parts: &(Orders, f64),
         sum: &Sum,
     ) -> Estimates {
         let model = self.model;
+        let (orders, correction) = parts;
         let size = self.field_norms(monomials);
         if !(size[0] > 0.0) {
             return Estimates { force: 0.0, shape: 0.0 };
         }
         let force_size = norm(force).max(f64::MIN_POSITIVE);
+        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
+        let compression = self.compression(depth / model.metadata.depth);
+        let parameter = model.metadata.errors.parameter;
+        let change = sum.sketched.as_ref().map(|sketched| {
+            let parts = sketched.difference.iter().zip(orders);
+            let change = parts
+                .fold([0.0; 3], |sum, (w, force)| std::array::from_fn(|i| sum[i] + w * force[i]));
+            [sketched.change, norm(change) / force_size]
+        });
+        let shares = model.metadata.interpolation_shares;
+        let disagreement = self.disagreement(monomials, parts, force_size, sum);
+        if let (Some([field, force]), Some(shares), Some(disagreement)) =
+            (change, shares, disagreement)
+        {
+            let last = size[model.metadata.order - 1] / size[0];
+            let truncation = TRUNCATION_MARGIN * (last * field.hypot(force)).sqrt();
+            let [force, shape]: [f64; 2] = std::array::from_fn(|k| {
+                truncation + INTERPOLATION_MARGIN[k] * shares[k] * disagreement[k] + parameter
+            });
+            let shape = force.max(shape) + compression;
+            return Estimates { force: force.min(1.0), shape: shape.min(1.0) };
+        }
         let polynomial = MARGIN * self.polynomial_error(&size, force_size, orders);
-        let truncation = match sum.difference {
+        let truncation = match change {
             None => polynomial,
-            Some((difference, field)) => {
-                let change: [f64; 3] = std::array::from_fn(|i| {
-                    difference.iter().zip(orders).map(|(w, force)| w * force[i]).sum()
-                });
-                let pade = PADE_MARGIN * field.max(norm(change) / force_size);
+            Some([field, force]) => {
+                let pade = PADE_MARGIN * field.max(force);
                 // Where the polynomial is good the difference of two Padé forms is far too careful.
                 (pade * pade.min(polynomial)).sqrt()
             }
         };
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
-        let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
-        let force = truncation + MARGIN * interpolation + model.metadata.errors.parameter;
-        let shape = force + self.compression(depth / model.metadata.depth);
-        Estimates { force: force.min(1.0), shape: shape.min(1.0) }
+        let force = truncation + MARGIN * interpolation + parameter;
+        Estimates { force: force.min(1.0), shape: (force + compression).min(1.0) }
     }
 
     /// What the compression of the field loses, relative to it, at a share of the full depth: of the

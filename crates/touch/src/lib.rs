@@ -23,4 +23,4 @@ pub use evaluate::{Contact, Response, Trust, allowance};
 pub use file::{View, to_bytes};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 pub use model::{Answers, Arrays, ReducedModel};
-pub use resummation::SKETCH;
+pub use resummation::{MAX_ORDER, SKETCH};

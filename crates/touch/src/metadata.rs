@@ -40,6 +40,11 @@ pub struct Metadata {
     pub diagonal: f64,
     /// Errors measured off-line.
     pub errors: Errors,
+    /// Errors of interpolation of force and field, measured off-line in units of how far corners and edges disagree
+    /// (root mean square over the touches tried): the scale of the estimate of every touch. Not there where orders
+    /// are summed as a polynomial, and in files from before it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interpolation_shares: Option<[f64; 2]>,
     /// Off-line time [s].
     pub seconds: f64,
     /// The parameter that the model may be set to, where it has one.

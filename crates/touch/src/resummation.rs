@@ -12,7 +12,7 @@
 use viscera_number::{Gradient, Scalar};
 
 /// Highest order of a series.
-pub(super) const MAX_ORDER: usize = 8;
+pub const MAX_ORDER: usize = 8;
 /// Numbers in a sketch: more than orders, by a margin that keeps angles between fields.
 pub const SKETCH: usize = 24;
 /// Keeps the recurrence from following what is noise in the last orders.

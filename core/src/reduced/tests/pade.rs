@@ -55,6 +55,33 @@ fn it_is_nearer_to_newton_than_the_polynomial_and_says_how_near() {
     }
 }
 
+/// What was measured between positions scales the estimate; without it that is the older one.
+#[test]
+fn the_estimate_is_in_units_of_what_was_measured_between_positions() {
+    let [force, field] = PADE.metadata().interpolation_shares.unwrap();
+    assert!(force > 0.0 && force < 1.0 && field > 0.0 && field < 1.0, "{force} {field}");
+    let with = |interpolation_shares| {
+        let metadata = Metadata { interpolation_shares, ..PADE.metadata().clone() };
+        ReducedModel::new(metadata, PADE.arrays().clone())
+    };
+    let (none, twice) = (with(None).unwrap(), with(Some([2.0 * force, field])).unwrap());
+    for (triangle, d) in noise(12, 3).chunks_exact(3).enumerate() {
+        let d: [f64; 3] = std::array::from_fn(|i| 0.005 * d[i]);
+        let between = inside(triangle, [0.25, 0.15, 0.6]);
+        let [own, other] = [&*PADE, &twice].map(|model| model.respond(&between, d));
+        assert!(other.error_estimate > own.error_estimate, "between positions");
+        assert!(other.shape_error_estimate >= own.shape_error_estimate);
+        assert_ne!(none.respond(&between, d).error_estimate, own.error_estimate);
+        let corner = inside(triangle, [1.0, 0.0, 0.0]);
+        let [own, other] = [&*PADE, &twice].map(|model| model.respond(&corner, d).error_estimate);
+        assert!((other - own).abs() < 1e-6 * own, "nothing is interpolated at a position");
+    }
+    for share in [-1.0, f64::NAN] {
+        let refused = with(Some([share, 0.1]));
+        assert!(refused.is_err_and(|e| e.to_string().contains("interpolation_shares")));
+    }
+}
+
 #[test]
 fn small_touches_are_those_of_the_polynomial() {
     let contact = inside(5, [0.2, 0.5, 0.3]);
