@@ -62,3 +62,12 @@ impl From<viscera_touch::Error> for Error {
         }
     }
 }
+
+impl From<viscera_law::Error> for Error {
+    fn from(error: viscera_law::Error) -> Self {
+        match error {
+            viscera_law::Error::Input(sentence) => Error::Input(sentence),
+            viscera_law::Error::UnknownLaw { name, known } => Error::UnknownLaw { name, known },
+        }
+    }
+}

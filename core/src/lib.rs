@@ -11,12 +11,12 @@ pub mod element;
 pub mod equilibrium;
 pub mod error;
 pub mod galerkin;
-pub mod law;
 pub mod pgd;
 pub mod reduced;
 pub mod series;
 
 pub use error::Error;
+pub use viscera_law as law;
 use viscera_linear::threads;
 pub use viscera_linear::{self as linear, clock};
 pub use viscera_mesh as mesh;

@@ -1,11 +1,11 @@
 use super::linear::{hooke_dilatation, hooke_pressure};
 use super::{Law, TangentBlocks};
-use crate::number::Scalar;
-use crate::tensor::{
+use viscera_number::Scalar;
+use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, trace,
     transpose_mul, transpose_mul_vector,
 };
-use crate::unroll::{array, tabulate};
+use viscera_number::unroll::{array, tabulate};
 
 /// Corotated linear elasticity: Hooke's law in the frame of the rotation `R` of `F = R U`,
 /// `psi = mu |F - R|^2 + lam/2 (tr(R^T F) - 3)^2`.

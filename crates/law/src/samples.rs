@@ -3,12 +3,12 @@
 use super::{Kind, Material, ROWS, Row};
 
 /// All laws, by name.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+pub fn names() -> impl Iterator<Item = &'static str> {
     ROWS.iter().map(|row| row.name)
 }
 
 /// Laws whose energy has a power series at rest.
-pub(crate) fn analytic() -> impl Iterator<Item = &'static str> {
+pub fn analytic() -> impl Iterator<Item = &'static str> {
     ROWS.iter().filter(|row| row.is_analytic).map(|row| row.name)
 }
 
@@ -17,19 +17,19 @@ fn row(law: &str) -> &'static Row {
 }
 
 /// A parameter row of a law, its moduli times a factor.
-pub(crate) fn parameters(law: &str, factor: f64) -> Vec<f64> {
+pub fn parameters(law: &str, factor: f64) -> Vec<f64> {
     let row = row(law);
     let scaled = |kind: Kind, value: f64| if kind == Kind::Stress { factor * value } else { value };
     row.parameters.iter().zip(row.sample).map(|(p, &value)| scaled(p.kind, value)).collect()
 }
 
 /// The law with the same parameters in every cell.
-pub(crate) fn uniform(law: &str) -> Material {
+pub fn uniform(law: &str) -> Material {
     Material::new(law, vec![parameters(law, 1.0)]).unwrap()
 }
 
 /// Cells of three stiffnesses, mixed, two of them nearly the same tissue.
-pub(crate) fn per_cell(law: &str, cells: usize) -> Material {
+pub fn per_cell(law: &str, cells: usize) -> Material {
     let factor = |cell: usize| [1.0, 1.1, 3.0][cell % 3];
     Material::new(law, (0..cells).map(|cell| parameters(law, factor(cell))).collect()).unwrap()
 }

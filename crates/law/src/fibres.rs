@@ -7,9 +7,9 @@
 use super::expression::{Expression, Symbol};
 use super::invariants::{assemble, contract, invariants};
 use super::{Law, StrainEnergy, TangentBlocks};
-use crate::number::{Hessian, Scalar};
-use crate::tensor::{Mat3, Vec3, cofactor, dot, mul_vector, tensor_cross};
-use crate::unroll::{array, tabulate};
+use viscera_number::tensor::{Mat3, Vec3, cofactor, dot, mul_vector, tensor_cross};
+use viscera_number::unroll::{array, tabulate};
+use viscera_number::{Hessian, Scalar};
 
 /// Value, five first derivatives, and second derivatives row by row of the upper triangle, in `I1, I2, J, I4, I6`.
 pub(super) const FIRST: usize = 6;

@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Veronda and Westmann's skin (J. Biomech. 3, 1970, 111):
 /// `psi = c1 (exp(c2 (I1' - 3)) - 1) - c1 c2/2 (I2' - 3) + kappa/2 (J - 1)^2`, `I1' = I1 J^-2/3`, `I2' = I2 J^-4/3`.

@@ -1,7 +1,7 @@
 use super::{Law, TangentBlocks};
-use crate::number::Scalar;
-use crate::tensor::{Mat3, Vec3, dot, spherical, trace};
-use crate::unroll::tabulate;
+use viscera_number::Scalar;
+use viscera_number::tensor::{Mat3, Vec3, dot, spherical, trace};
+use viscera_number::unroll::tabulate;
 
 /// Linear elasticity: `P = lam tr(e) I + 2 mu e`, `e = (F + F^T)/2 - I`.
 ///

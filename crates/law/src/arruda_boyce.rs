@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Arruda and Boyce's eight-chain solid (J. Mech. Phys. Solids 41, 1993, 389), the five terms of their series:
 /// `psi = m sum_i C_i N^(1-i) (I1'^i - 3^i) + kappa/2 (J - 1)^2`, `N = lambda_m^2`, `I1' = I1 J^-2/3`,

@@ -1,17 +1,17 @@
 //! From `psi(I1, I2, J)` to stress and tangent: the geometry every strain energy shares.
 //!
-//! With `Z = cof F` and the tensor cross product `x` (`crate::tensor`), `I2 = |Z|^2` gives
+//! With `Z = cof F` and the tensor cross product `x` (`viscera_number::tensor`), `I2 = |Z|^2` gives
 //!   dI1/dF = 2 F,   dI2/dF = 2 Z x F = 2 Y,   dJ/dF = Z,
 //!   P = 2 psi_1 F + 2 psi_2 Y + psi_J Z.
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
 use super::expression::{Expression, Symbol};
 use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature, series};
-use crate::number::{Hessian, Monomials, Real, Scalar};
-use crate::tensor::{
+use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
-use crate::unroll::{array, tabulate};
+use viscera_number::unroll::{array, tabulate};
+use viscera_number::{Hessian, Monomials, Real, Scalar};
 
 #[allow(non_snake_case)]
 impl<E: StrainEnergy> Law for E {

@@ -6,9 +6,11 @@
 
 use super::expression::{Expression, Symbol};
 use super::{Law, TangentBlocks};
-use crate::number::{Gradient, Hessian, Scalar};
-use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector};
-use crate::unroll::{array, tabulate};
+use viscera_number::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector,
+};
+use viscera_number::unroll::{array, tabulate};
+use viscera_number::{Gradient, Hessian, Scalar};
 
 /// Holzapfel-Gasser-Ogden solid (J. Elasticity 61, 2000, 1; with dispersion J. R. Soc. Interface 3, 2006, 15):
 /// `psi = c/2 (I1' - 3) + kappa/2 (J - 1)^2 + sum_i k1/(2 k2) (exp(k2 E_i^2) - 1)`,

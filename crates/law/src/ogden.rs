@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Ogden's solid (Proc. R. Soc. Lond. A 326, 1972, 565) in the isochoric principal stretches `l_i = J^-1/3 lambda_i`:
 /// `psi = sum_p mu_p/alpha_p (l_1^alpha_p + l_2^alpha_p + l_3^alpha_p - 3) + kappa/2 (J - 1)^2`.

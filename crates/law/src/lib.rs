@@ -10,12 +10,12 @@
 /// them.
 macro_rules! blocks {
     (|$a:pat_param, $b:pat_param| $f:expr) => {{
-        let aa = $crate::law::blocks!(@ $a, $b, 0, 0, $f);
-        let ab = $crate::law::blocks!(@ $a, $b, 0, 1, $f);
-        let ac = $crate::law::blocks!(@ $a, $b, 0, 2, $f);
-        let bb = $crate::law::blocks!(@ $a, $b, 1, 1, $f);
-        let bc = $crate::law::blocks!(@ $a, $b, 1, 2, $f);
-        let cc = $crate::law::blocks!(@ $a, $b, 2, 2, $f);
+        let aa = $crate::blocks!(@ $a, $b, 0, 0, $f);
+        let ab = $crate::blocks!(@ $a, $b, 0, 1, $f);
+        let ac = $crate::blocks!(@ $a, $b, 0, 2, $f);
+        let bb = $crate::blocks!(@ $a, $b, 1, 1, $f);
+        let bc = $crate::blocks!(@ $a, $b, 1, 2, $f);
+        let cc = $crate::blocks!(@ $a, $b, 2, 2, $f);
         [[aa, ab.clone(), ac.clone()], [ab, bb, bc.clone()], [ac, bc, cc]]
     }};
     (@ $a:pat, $b:pat, $na:literal, $nb:literal, $f:expr) => {{
@@ -27,6 +27,7 @@ pub(crate) use blocks;
 
 mod arruda_boyce;
 mod corotated;
+mod error;
 pub mod expression;
 mod fibres;
 mod formula;
@@ -41,8 +42,7 @@ mod neo_hookean;
 mod ogden;
 mod rows;
 mod saint_venant_kirchhoff;
-#[cfg(test)]
-pub(crate) mod samples;
+pub mod samples;
 mod series;
 mod stable_neo_hookean;
 #[cfg(test)]
@@ -52,6 +52,7 @@ mod yeoh;
 
 pub use arruda_boyce::ArrudaBoyce;
 pub use corotated::Corotated;
+pub use error::Error;
 pub use formula::{FORMULA, Formula, resists_collapse};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
@@ -67,10 +68,12 @@ pub use stable_neo_hookean::StableNeoHookean;
 pub use veronda_westmann::VerondaWestmann;
 pub use yeoh::Yeoh;
 
-use crate::number::{Gradient, Hessian, Jet, Monomials, Real, Scalar};
-use crate::tensor::{Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, trace};
-use crate::unroll::tabulate;
 use expression::Expression;
+use viscera_number::tensor::{
+    Mat3, Vec3, cofactor, cross, determinant, mul_vector, spherical, trace,
+};
+use viscera_number::unroll::tabulate;
+use viscera_number::{Gradient, Hessian, Jet, Monomials, Real, Scalar};
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
 ///

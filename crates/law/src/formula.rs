@@ -5,10 +5,10 @@ use super::fibres::{FIRST, FibreEnergy, Fibres, SECOND};
 use super::kernels::{Family, LawKernels};
 use super::{Material, StrainEnergy};
 use crate::error::Error;
-use crate::number::{Gradient, Hessian, Scalar};
-use crate::tensor::Mat3;
-use crate::unroll::tabulate;
 use std::sync::Arc;
+use viscera_number::tensor::Mat3;
+use viscera_number::unroll::tabulate;
+use viscera_number::{Gradient, Hessian, Scalar};
 
 /// What comes before the text in the name of a material of this law.
 pub const FORMULA: &str = "formula ";

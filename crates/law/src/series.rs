@@ -6,8 +6,8 @@
 //! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
 
 use super::StrainEnergy;
-use crate::number::{Jet, Monomials, Real};
 use std::ops::Range;
+use viscera_number::{Jet, Monomials, Real};
 
 /// `out[c] (+)= sum_k sign_k sum over pairs a_k[i] b_k[j]` for the monomials `c` of a range.
 ///

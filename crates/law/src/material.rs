@@ -4,12 +4,12 @@ use super::formula::{FORMULA, Formula};
 use super::kernels::LawKernels;
 use super::rows::{ROWS, Row};
 use crate::error::Error;
-use crate::number::{LANES, Lane, Lanes};
-use crate::simd;
-use crate::tensor::Mat3;
-use crate::unroll::tabulate;
 use std::fmt;
 use std::sync::Arc;
+use viscera_number::simd;
+use viscera_number::tensor::Mat3;
+use viscera_number::unroll::tabulate;
+use viscera_number::{LANES, Lane, Lanes};
 
 /// A law and its parameters: one row for all cells, or one per cell.
 #[derive(Clone)]

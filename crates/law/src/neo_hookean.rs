@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Compressible neo-Hookean solid (paper A, eq. 37):
 /// `psi = mu/2 (I1 - 3) - mu ln J + lam/2 (ln J)^2`.

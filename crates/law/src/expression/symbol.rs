@@ -1,11 +1,11 @@
 //! The scalar that records what is done with it.
 
 use super::{Expression, Graph, Id, Variable};
-use crate::number::Scalar;
 use std::cell::RefCell;
 use std::fmt;
 use std::ops::{Add, Mul, Neg, Sub};
 use std::rc::Rc;
+use viscera_number::Scalar;
 
 /// A node of a graph that grows as the arithmetic goes on.
 #[derive(Clone)]

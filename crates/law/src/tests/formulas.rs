@@ -1,11 +1,11 @@
 //! Formulas against the laws of the core, and the checks when they are made.
 
-use crate::law::samples::{names, parameters};
-use crate::law::{Formula, LawKernels, Material, Shared, resists_collapse};
-use crate::number::{LANES, Lane, Lanes, Monomials};
-use crate::tensor::{Mat3, Vec3};
-use crate::unroll::tabulate;
+use crate::samples::{names, parameters};
+use crate::{Formula, LawKernels, Material, Shared, resists_collapse};
 use std::sync::Arc;
+use viscera_number::tensor::{Mat3, Vec3};
+use viscera_number::unroll::tabulate;
+use viscera_number::{LANES, Lane, Lanes, Monomials};
 
 use super::{F0, VECTORS};
 

@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Stable neo-Hookean solid (Smith, de Goes and Kim, ACM Trans. Graph. 37, 2018, 12, eq. 14):
 /// `psi = m/2 (I1 - 3) + l/2 (J - a)^2 - m/2 ln(I1 + 1) - psi(rest)`, `a = 1 + 3/4 m/l`.

@@ -1,6 +1,6 @@
 //! A law as the rest of the core sees it: one object, asked for many cells at once.
 //!
-//! A law is written over any [`Scalar`](crate::number::Scalar); what calls it holds a `dyn` [`LawKernels`] and gives it
+//! A law is written over any [`Scalar`](viscera_number::Scalar); what calls it holds a `dyn` [`LawKernels`] and gives it
 //! slices of [`Lane`]s that have one row of parameters. So a law's kernels are compiled once, with the law, whatever
 //! elements and solvers there are, and these are compiled once, whatever laws there are. A call serves a run of cells:
 //! its cost is below what can be measured (`benches/assembly.rs`).
@@ -9,10 +9,10 @@
 
 use super::expression::Expression;
 use super::{Law, TangentBlocks};
-use crate::number::{Jet, Lane, Monomials, Real, Wide};
-use crate::simd::Kernel;
-use crate::tensor::{Mat3, Vec3, mul_vector};
-use crate::unroll::{array, tabulate};
+use viscera_number::simd::Kernel;
+use viscera_number::tensor::{Mat3, Vec3, mul_vector};
+use viscera_number::unroll::{array, tabulate};
+use viscera_number::{Jet, Lane, Monomials, Real, Wide};
 
 /// Makes laws of one kind from rows of parameters.
 pub trait Family: Send + Sync {
@@ -136,7 +136,7 @@ trait Compiled: Law {
 
 impl<L: Law> Compiled for L {}
 
-/// Runs a kernel of a law. [`crate::simd::check`] has been asked by whoever made a body.
+/// Runs a kernel of a law. [`viscera_number::simd::check`] has been asked by whoever made a body.
 #[inline(always)]
 fn compiled<L: Law, K: Kernel>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]

@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Yeoh's solid (Rubber Chem. Technol. 66, 1993, 754):
 /// `psi = sum_i c_i0 (I1 J^-2/3 - 3)^i + kappa/2 (J - 1)^2`, `i = 1..3`.

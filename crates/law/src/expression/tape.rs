@@ -5,8 +5,8 @@
 
 use super::{Graph, Id, Node, Variable};
 use crate::error::Error;
-use crate::number::Scalar;
 use std::collections::HashMap;
+use viscera_number::Scalar;
 
 /// Most constants that the tapes of an expression may have.
 const MAX_CONSTANTS: usize = 250;

@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Saint Venant-Kirchhoff solid: `psi = lam/2 (tr E)^2 + mu tr E^2`, `E = (C - I) / 2`.
 ///

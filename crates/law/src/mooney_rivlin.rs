@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Nearly incompressible Mooney-Rivlin solid (paper B):
 /// `psi = c1 (I1 J^-2/3 - 3) + c2 (I2 J^-4/3 - 3) + W_vol(J)`.

@@ -1,8 +1,8 @@
 //! Laws in other clothes.
 
-use crate::law::{Law, TangentBlocks};
-use crate::number::{Monomials, Real, Scalar};
-use crate::tensor::{Mat3, Vec3};
+use crate::{Law, TangentBlocks};
+use viscera_number::tensor::{Mat3, Vec3};
+use viscera_number::{Monomials, Real, Scalar};
 
 /// A law whose functions are compiled once for each kind of number: they are written to be inlined, and inlined at
 /// every call below they would take minutes.

@@ -1,5 +1,5 @@
 use super::StrainEnergy;
-use crate::number::Scalar;
+use viscera_number::Scalar;
 
 /// Fung's exponential for an isotropic tissue (Demiray, J. Biomech. 5, 1972, 309; Humphrey, Cardiovascular Solid
 /// Mechanics, 2002): `psi = mu/(2 b) (exp(b (I1' - 3)) - 1) + kappa/2 (J - 1)^2`, `I1' = I1 J^-2/3`.
