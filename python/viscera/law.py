@@ -62,7 +62,7 @@ class Law:
         if cls.__module__ != __name__ and (Law in cls.__bases__ or {"energy", "stress", "tangent"} & set(vars(cls))):
             raise VisceraError(
                 f"{cls.__name__}: laws are compiled, so the energy of a subclass of Law would not be used; give it as "
-                "a formula, StrainEnergy(...), or write it in core/src/law, as CONTRIBUTING.md shows in 20 lines"
+                "a formula, StrainEnergy(...), or write it in crates/law/src, as CONTRIBUTING.md shows in 20 lines"
             )
 
     def __init__(self, name: str, parameters: Floats) -> None:
