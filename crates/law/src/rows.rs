@@ -306,7 +306,7 @@ pub static ROWS: &[Row] = &[
         ],
         conditions: &[],
         is_analytic: true,
-        sample: &[2.0e3, 1.5, 13.0e3],
+        sample: &[4.0e3, 0.75, 13.0e3],
         kernels: || Arc::new(Rows(|p| VerondaWestmann { c1: p[0], c2: p[1], kappa: p[2] })),
     },
     Row {
