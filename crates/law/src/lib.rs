@@ -45,8 +45,6 @@ mod saint_venant_kirchhoff;
 pub mod samples;
 mod series;
 mod stable_neo_hookean;
-#[cfg(test)]
-mod tests;
 mod veronda_westmann;
 mod yeoh;
 

@@ -7,8 +7,6 @@ mod derivative;
 mod parse;
 mod symbol;
 mod tape;
-#[cfg(test)]
-mod tests;
 
 pub use symbol::Symbol;
 pub use tape::{Constants, Tape};

@@ -1,8 +1,8 @@
 //! Formulas against the laws of the core, and the checks when they are made.
 
-use crate::samples::{names, parameters};
-use crate::{Formula, LawKernels, Material, Shared, resists_collapse};
 use std::sync::Arc;
+use viscera_law::samples::{names, parameters};
+use viscera_law::{Formula, LawKernels, Material, Shared, resists_collapse};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::unroll::tabulate;
 use viscera_number::{LANES, Lane, Lanes, Monomials};

@@ -1,6 +1,6 @@
 //! Laws in other clothes.
 
-use crate::{Law, TangentBlocks};
+use viscera_law::{Law, TangentBlocks};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Monomials, Real, Scalar};
 

@@ -1,6 +1,6 @@
 //! Expressions against what they say, and against differences.
 
-use super::*;
+use viscera_law::expression::*;
 
 /// The value of a node at the variables and a row of parameters.
 fn value(expression: &Expression, node: Id, x: [f64; 5], row: &[f64]) -> f64 {

@@ -4,8 +4,8 @@
 mod formulas;
 mod wrapped;
 
-use super::*;
-use viscera_number::tensor::{add, mul_vector, sub};
+use viscera_law::*;
+use viscera_number::tensor::{Mat3, add, mul_vector, sub};
 use viscera_number::unroll::tabulate;
 use viscera_number::{Jet, Lanes, Monomials, Single};
 use wrapped::{Once, Plain};
