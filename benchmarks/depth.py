@@ -89,7 +89,7 @@ def main(touches: int, order: int, reach: float) -> None:
             f"{depth:.0%}: {100 * max(lost[10 * k : 10 * k + 10]):.2g} %" for k, depth in enumerate(DEPTHS)
         )
         print(
-            f"work that closed loops of displacements do not return, of what goes round, worst of 10: {name} {shares}"
+            f"energy gained or lost in closed loops of displacements, over the work done, worst of 10: {name} {shares}"
         )
     with ThreadPoolExecutor() as pool:
         rows = [row for some in pool.map(ask, range(touches)) for row in some]

@@ -17,24 +17,23 @@ HEAD = """# The case file
 
 <!-- written by scripts/case_page.py from python/viscera/schema.py -->
 
-A case file is [TOML](https://toml.io). This page lists every table and key that it may hold, and what each value must
-be; whatever else a file says is refused as it is read, before any work begins. [The command line](cli.md#a-case-file)
-has an example.
+A case file is [TOML](https://toml.io). This page lists every table, key and possible value. Anything else in a file is
+refused when it is read, before any work begins. [The command line](cli.md#a-case-file) has an example.
 
-- Units are SI throughout; `units` speaks of the mesh file alone.
-- A number is written without quotes. `true`, `false` and words in quotes are never numbers; where a whole number is
-  asked for, `2.0` is none.
-- A place is the name of a set, `"3, 14, 15"`, or conditions such as `"x < 10%"`, `"20% < y < 30 mm"` or
+- Units are SI throughout, except that `units` is the unit of the mesh file.
+- A number is written without quotes. `true`, `false` and words in quotes are never numbers, and `2.0` is not a whole
+  number.
+- A place is the name of a set, indices such as `"3, 14, 15"`, or conditions such as `"x < 10%"`, `"20% < y < 30 mm"` or
   `"within 8 mm of (100, 50, 80) mm"`, joined by `and`;
   [all of them](units-and-conventions.md#places-points-and-lengths-in-words).
 - `organ.to_case(path)` writes a case from Python, `vs.case(path)` reads it.
 """
 PAIRS = """
-A law takes `young` and `poisson`, or `mu` and `lam`; of `kappa`, `poisson` and `alpha` it takes the one that is given.
+A law takes `young` and `poisson`, or `mu` and `lam`. Give one of `kappa`, `poisson` and `alpha`.
 """
-PARTS = """A table `[material.PLACE]` says what differs in a part of the organ. The place is the name of a cell set, or
-a condition on the centroids of cells, such as `[material."x > 80%"]`. It may hold whatever number the law has, as long
-as the whole organ has a value of it, too.
+PARTS = """A table `[material.PLACE]` holds the parameters that differ in a part of the organ. The place is the name of
+a cell set, or a condition on the centroids of cells, such as `[material."x > 80%"]`. The table may hold any number of
+the law for which the whole organ has a value too.
 """
 
 
@@ -68,16 +67,16 @@ def _material() -> Iterator[str]:
     yield PAIRS
     yield from _rows(schema.PARAMETERS)
     for kind, keys in schema.OTHERS.items():
-        yield f"In `{kind}` two of them are others:\n"
+        yield f"In `{kind}` two of them have another meaning:\n"
         yield from _rows(keys)
     yield PARTS
     yield from _table(schema.HELICAL)
 
 
 def _rows(keys: Mapping[str, schema.Key]) -> Iterator[str]:
-    yield "| key | means | value | without it |\n| --- | --- | --- | --- |"
+    yield "| key | meaning | value | default |\n| --- | --- | --- | --- |"
     for name, key in keys.items():
-        default = "it must be there" if key.is_required else key.default or "-"
+        default = "required" if key.is_required else key.default or "-"
         yield f"| `{name}` | {key.means} | {key.value} | {default} |"
     yield ""
 

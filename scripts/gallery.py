@@ -3,7 +3,8 @@
     python scripts/gallery.py [NAME ...]      # into docs/pictures/gallery
 
 An example is a program of at most 80 lines under `examples/`. Its first line of documentation is its title, its picture
-is the matplotlib figure that it calls `figure`, and it asserts the number that it is about.
+is the matplotlib figure that it calls `figure`, and it asserts the number that it is about. One that needs what a
+machine may lack ends with `SystemExit`, which says how to get it.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def run(example: Path) -> Figure:
     os.environ.setdefault("MPLBACKEND", "Agg")
     figure = runpy.run_path(str(example), run_name="__main__").get("figure")
     if not isinstance(figure, Figure):
-        raise SystemExit(f"{example.name} makes no figure of that name")
+        raise TypeError(f"{example.name} makes no figure of that name")
     return figure
 
 

@@ -1,6 +1,7 @@
 """Every example runs, asserts what it shows, makes its picture, and is short enough to be read."""
 
 import importlib.util
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -25,7 +26,11 @@ gallery = _gallery()
 @pytest.mark.parametrize("example", gallery.EXAMPLES, ids=lambda path: path.stem)
 def test_an_example_runs_and_makes_its_picture(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    gallery.run(example).savefig(tmp_path / "picture.png", dpi=40)
+    try:
+        figure = gallery.run(example)
+    except SystemExit as missing:  # the example's own words for what this machine lacks
+        pytest.skip(str(missing))
+    figure.savefig(tmp_path / "picture.png", dpi=40)
     assert (tmp_path / "picture.png").stat().st_size > 1000
 
 
@@ -36,7 +41,7 @@ def test_an_example_is_short_tells_its_story_and_asserts_a_number(example: Path)
     assert len(source.splitlines()) <= LINES
     assert story.partition("\n")[0].rstrip().endswith(".")
     assert len(story.split()) > 30
-    assert "\nassert " in source
+    assert re.search(r"^ *assert ", source, re.MULTILINE)
 
 
 def test_every_example_has_its_picture_in_the_gallery() -> None:

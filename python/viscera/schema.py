@@ -329,8 +329,8 @@ PARAMETERS = {
         for parameter in row["parameters"]
         if parameter["kind"] != "fibre"
     },
-    "alpha": Key(STRESS, "penalty of a perturbed Lagrangian, instead of `kappa`"),
-    "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the energy of volume", '"J^2-1"'),
+    "alpha": Key(STRESS, "penalty of a perturbed Lagrangian, in place of `kappa`"),
+    "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the volumetric energy", '"J^2-1"'),
     "bear_compression": Key(Flag(), "whether the fibres bear compression as well", "false"),
     "fibres": Key(Fibres(), "two families of fibres"),
     "energy": Key(Formula(), "of a law of your own, whose other keys are the names in it"),
@@ -349,23 +349,25 @@ PARTIAL = tuple(name for name in PARAMETERS if name not in {"volumetric", "bear_
 
 HELICAL = Table(
     "material.fibres",
-    "Two families that wind round an axis, at plus and minus the angle.",
+    "Two families of fibres that wind round an axis, at plus and minus the angle.",
     {
-        "angle": Key(Number(low=-360, high=360), "from the circumference, in degrees", is_required=True),
-        "axis": Key(Vector(""), "of the vessel", "[0, 0, 1]"),
+        "angle": Key(Number(low=-360, high=360), "angle from the circumference, in degrees", is_required=True),
+        "axis": Key(Vector(""), "axis of the vessel", "[0, 0, 1]"),
         "through": Key(Point(), "a point of the axis", "[0, 0, 0]"),
     },
 )
-DENSITY = Key(PerCell(Number("kg/m^3", above=0)), "of the tissue")
+DENSITY = Key(PerCell(Number("kg/m^3", above=0)), "density of the tissue")
 GRAVITY = Key(Vector("m/s^2"), "acceleration; needs the density", "none")
 
 
 def _loads(table: str) -> dict[str, Key]:
     return {
-        "force": Key(Places(f"{table}.force", Vector("N")), "total, spread over the surface of the place", "none"),
+        "force": Key(Places(f"{table}.force", Vector("N")), "total force over the surface of the place", "none"),
         "traction": Key(Places(f"{table}.traction", Vector("Pa")), "dead load per area at rest", "none"),
         "pressure": Key(
-            Places(f"{table}.pressure", Number("Pa")), "against the outward normal of the surface as it deforms", "none"
+            Places(f"{table}.pressure", Number("Pa")),
+            "pressure against the outward normal of the deformed surface",
+            "none",
         ),
         "gravity": GRAVITY,
         "density": DENSITY,
@@ -374,27 +376,30 @@ def _loads(table: str) -> dict[str, Key]:
 
 LOADS = Table(
     "loads",
-    "What acts on the organ.",
-    {"displacement": Key(Places("loads.displacement", Components()), "prescribed there", "none"), **_loads("loads")},
+    "Loads on the organ.",
+    {
+        "displacement": Key(Places("loads.displacement", Components()), "prescribed displacement", "none"),
+        **_loads("loads"),
+    },
 )
 SCAN = Table(
     "scan",
-    "Loads under which the mesh was acquired: `viscera solve` takes them off first, and counts displacements from the "
-    "scan. The density is that of `[loads]` unless it is given here.",
+    "Loads under which the mesh was acquired. `viscera solve` removes them first, and counts displacements from the "
+    "scan. Without a density here, that of `[loads]` is taken.",
     _loads("scan"),
 )
 SETTINGS = Table(
     "settings",
-    "Of the solver; rarely needed.",
+    "Settings of the solver; rarely needed.",
     {
-        "steps": Key(organ.STEPS, "load steps to begin with; more are taken where needed", "1"),
+        "steps": Key(organ.STEPS, "initial number of load steps; more are taken where needed", "1"),
         "newton": Key(
             Table(
                 "settings.newton",
-                "Of Newton's iteration.",
+                "Settings of Newton's method.",
                 {name: Key(kind, means, default) for name, (kind, means, default) in NEWTON.items()},
             ),
-            "of Newton's iteration",
+            "settings of Newton's method",
         ),
     },
 )
@@ -402,25 +407,29 @@ VARY = Table(
     "reduce.vary",
     "One model for a range of a parameter.",
     {
-        "parameter": Key(Choice(vary.PARAMETERS), "what varies", is_required=True),
-        "part": Key(Place("cell"), "where it varies", "the whole organ"),
-        "low": Key(End(), "where the range begins", is_required=True),
-        "high": Key(End(), "where it ends", is_required=True),
-        "nodes": Key(vary.NODES, "values that are solved", str(vary.Vary.nodes)),
+        "parameter": Key(Choice(vary.PARAMETERS), "parameter that varies", is_required=True),
+        "part": Key(Place("cell"), "part in which it varies", "the whole organ"),
+        "low": Key(End(), "lower end of the range", is_required=True),
+        "high": Key(End(), "upper end of the range", is_required=True),
+        "nodes": Key(vary.NODES, "number of values that are solved", str(vary.Vary.nodes)),
     },
 )
 REDUCE = Table(
     "reduce",
     "The reduced model, for `viscera reduce`.",
     {
-        "touchable": Key(Place("node"), "where it may be touched", "the surface but for a radius round the fixed"),
-        "radius": Key(Length(), "of the contact patch", _percent(defaults.RADIUS_FRACTION)),
-        "depth": Key(Length(), "of the deepest touch", _percent(defaults.DEPTH_FRACTION)),
-        "order": Key(organ.ORDER, "of the series", str(defaults.ORDER)),
-        "tolerance": Key(organ.TOLERANCE, "of the stored field, relative", f"{defaults.TOLERANCE:g}"),
+        "touchable": Key(
+            Place("node"),
+            "part of the surface that may be touched",
+            "the surface farther than the radius from fixed nodes",
+        ),
+        "radius": Key(Length(), "radius of the contact patch", _percent(defaults.RADIUS_FRACTION)),
+        "depth": Key(Length(), "largest contact displacement", _percent(defaults.DEPTH_FRACTION)),
+        "order": Key(organ.ORDER, "order of the series", str(defaults.ORDER)),
+        "tolerance": Key(organ.TOLERANCE, "relative compression error of the stored field", f"{defaults.TOLERANCE:g}"),
         "pade": Key(Flag(), "sum the series in its Padé form", "true"),
-        "start": Key(Choice(STARTS), "the equilibrium that is touched", '"rest"; needed beside a `[scan]`'),
-        "vary": Key(Varied(), "a parameter that the model covers a range of", "none"),
+        "start": Key(Choice(STARTS), "equilibrium that touches start from", '"rest"; required with a `[scan]`'),
+        "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },
 )
 CASE = Table(
@@ -428,13 +437,13 @@ CASE = Table(
     "One organ, with its loads, settings and reduction.",
     {
         "mesh": Key(Text(), 'a mesh file, relative to the case file; or "organ:liver"', is_required=True),
-        "units": Key(Units(), "of the mesh file", "needed, but for a built-in organ"),
-        "fixed": Key(Place("node"), "what holds the organ", is_required=True),
-        "element": Key(Choice(organ.ELEMENTS), "of the mesh", "what is right for the material"),
-        "material": Key(Material(), "its law", is_required=True),
-        "loads": Key(LOADS, "what acts on it", "nothing acts"),
-        "scan": Key(SCAN, "the loads of the scan", "the mesh is free of load"),
-        "settings": Key(SETTINGS, "of the solver"),
-        "reduce": Key(REDUCE, "the reduced model"),
+        "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
+        "fixed": Key(Place("node"), "fixed nodes", is_required=True),
+        "element": Key(Choice(organ.ELEMENTS), "element of the mesh", "chosen for the material"),
+        "material": Key(Material(), "law and parameters", is_required=True),
+        "loads": Key(LOADS, "loads", "no load"),
+        "scan": Key(SCAN, "loads of the scan", "the mesh is at rest"),
+        "settings": Key(SETTINGS, "settings of the solver"),
+        "reduce": Key(REDUCE, "reduced model"),
     },
 )

@@ -12,9 +12,9 @@ from viscera.quantity import Flag, Number, Whole, refused
 
 NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
     "tolerance": (Number(above=0, below=1), "residual, relative to the norm of all nodal forces", "1e-9"),
-    "max_iterations": (Whole(1, 10_000), "in one load step before it is cut", "30"),
+    "max_iterations": (Whole(1, 10_000), "iterations in one load step before it is halved", "30"),
     "max_backtracks": (Whole(0, 1_000), "halvings of a step in the line search", "12"),
-    "smallest_step": (Number(above=0, high=1), "of the load before the solver gives up", "1/1024"),
+    "smallest_step": (Number(above=0, high=1), "smallest fraction of the load before the solver gives up", "1/1024"),
 }
 """Settings of Newton's iteration: what each must be, what it is, and the default in core/src/equilibrium/newton.rs."""
 
