@@ -154,7 +154,7 @@ def test_the_reference_of_case_files_is_what_they_are_checked_against() -> None:
 
 def test_the_law_that_contributors_are_shown_is_the_one_in_use() -> None:
     shown = pages.programs((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), "rust")
-    assert shown == [(ROOT / "core" / "src" / "law" / "yeoh.rs").read_text(encoding="utf-8")]
+    assert shown == [(ROOT / "crates" / "law" / "src" / "yeoh.rs").read_text(encoding="utf-8")]
 
 
 def test_the_readme_has_a_program() -> None:

@@ -218,7 +218,7 @@ class Formula:
             raise refused(what, self, value)
 
     def __str__(self) -> str:
-        return "a [formula](laws.md#a-law-of-your-own)"
+        return "a formula in quotes"
 
 
 class Varied:
@@ -333,7 +333,7 @@ PARAMETERS = {
     "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the volumetric energy", '"J^2-1"'),
     "bear_compression": Key(Flag(), "whether the fibres bear compression as well", "false"),
     "fibres": Key(Fibres(), "two families of fibres"),
-    "energy": Key(Formula(), "of a law of your own, whose other keys are the names in it"),
+    "energy": Key(Formula(), "of [a law of your own](laws.md#a-law-of-your-own), whose other keys are the names in it"),
 }
 """Of all the laws, from their rows in the core; which of them a law takes says its class."""
 OTHERS = {

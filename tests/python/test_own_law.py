@@ -71,7 +71,7 @@ def test_every_law_of_the_core_has_a_class_and_comes_back_from_a_model_file() ->
         assert all(np.abs(law.poisson) < 0.5)
     with pytest.raises(vs.VisceraError, match="law 'neo_hookean' with 3 parameters is not known"):
         from_core("neo_hookean", [1.0, 2.0, 3.0])
-    with pytest.raises(vs.VisceraError, match="no law is called"):
+    with pytest.raises(vs.VisceraError, match="law 'hookean' with 2 parameters is not known"):
         from_core("hookean", [1.0, 2.0])
 
 

@@ -268,7 +268,7 @@ MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", po
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (HEAD.replace('"Linear"', "1"), "law 1 is unknown; known: 'Corotated'"),
+        (HEAD.replace('"Linear"', "1"), "law 1 is unknown; known: 'ArrudaBoyce'"),
         (HEAD.replace('"organ:beam"', "1"), "mesh must be words in quotes, got 1"),
         ("units = []\n" + HEAD, r"units, .*must be a number above 0 .*, got \[\]"),
         ("units = true\n" + HEAD, "units.* must be a number above 0 .*, got True"),

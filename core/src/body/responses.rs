@@ -84,7 +84,7 @@ impl Points<'_> {
     /// Of at most [`LANES`] points of one tissue.
     fn of_run(&self, points: Range<usize>) -> Vec<Response> {
         let cell = |point: usize| point / self.of_cell;
-        let (law, row) = (self.material.law(), self.material.of_cell(cell(points.start)));
+        let (law, row) = (self.material.law(), self.material.row(cell(points.start)));
         let at = |lane: usize| (points.start + lane).min(points.end - 1);
         let lanes =
             |value: &dyn Fn(usize) -> f64| Lanes(std::array::from_fn(|lane| value(at(lane))));

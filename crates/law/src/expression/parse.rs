@@ -274,11 +274,12 @@ impl<'a> Parser<'a> {
             "sqrt" => graph.sqrt(values[0]),
             "step" => graph.step(values[0]),
             _ => {
-                // max(a, b) = b + (a - b) step(a - b), min(a, b) = a - (a - b) step(a - b).
-                let more = graph.sub(values[0], values[1]);
-                let step = graph.step(more);
-                let part = graph.mul(more, step);
-                if name == "max" { graph.add(values[1], part) } else { graph.sub(values[0], part) }
+                // a + d step(d) with d = b - a, and a - d step(d) with d = a - b: where both are equal, the first counts.
+                let (a, b) = (values[0], values[1]);
+                let beyond = if name == "max" { graph.sub(b, a) } else { graph.sub(a, b) };
+                let step = graph.step(beyond);
+                let part = graph.mul(beyond, step);
+                if name == "max" { graph.add(a, part) } else { graph.sub(a, part) }
             }
         })
     }
