@@ -167,6 +167,7 @@ gallery: $(extension) ## run the examples and keep their pictures for docs/
 
 pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
+	$(BIN)/python scripts/moving_picture.py out/liver.viscera
 
 # The evaluator for every page, and all solvers for one that steps a case; all browsers of the last years have these
 # vector instructions. One after the other, as cargo gives both the same name.

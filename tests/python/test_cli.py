@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,11 @@ import pytest
 
 import viscera as vs
 from viscera import _core
-from viscera.cli import main
+from viscera.cli import demo, main
 from viscera.cli import touch as touch_verb
-from viscera.select import offset
+from viscera.select import length, offset
 from viscera.select import point as point_of
+from viscera.study import liver as paper
 
 CASE = """
 mesh = "bar.vtu"
@@ -330,15 +332,40 @@ def test_a_push_of_no_size_is_refused(folder: Path, capsys: pytest.CaptureFixtur
     assert "contact displacement must be three finite numbers [m], none above 1000 in size" in error
 
 
+@pytest.mark.parametrize("words", [(), ("--paper",)])
+def test_the_demo_touches_the_tissue_that_it_tells(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On a few positions, so that it takes seconds."""
+    few: dict[str, Any] = {"touchable": "anterior and within 12 mm of (-15, -59, 49) mm", "depths": ["4 mm"]}
+    for name in ("MEASURED", "PAPER"):
+        monkeypatch.setattr(demo, name, replace(getattr(demo, name), **few, reduction={"depth": "8 mm", "order": 2}))
+    code, printed, _ = run(
+        "demo", "-o", str(tmp_path), "--touches", "1", "--json", str(tmp_path / "a.json"), *words, capsys=capsys
+    )
+    facts = json.loads((tmp_path / "a.json").read_text())
+    assert code == 0
+    assert printed.startswith("liver: 2613 nodes, 11714 cells, " + ("P1; " if words else "P1 mean volume; "))
+    assert (tmp_path / "liver.png").is_file()
+    force, stiffer = facts["forces"]["4 mm"], facts["forces"]["8 mm"]
+    assert 1.8 * force < stiffer < 2.5 * force
+    assert force > 5.0 if words else force < 1.0  # newtons
+
+
+def test_the_demos_tissue_is_as_soft_as_measured_and_that_of_the_paper_the_papers() -> None:
+    assert 2.3e3 < demo.MEASURED.young < 5.9e3
+    assert (demo.PAPER.young, demo.PAPER.poisson) == (paper.YOUNG, paper.POISSON)
+
+
 def test_the_example_of_touch_lies_on_the_demos_own_liver() -> None:
     liver = vs.organs.liver()
     words = (touch_verb.__doc__ or "").split("--at ")[1].split()
     at = point_of(words[:3], liver, "at")
-    triangles = liver.surface[np.isin(liver.surface, liver.nodes("anterior")).all(axis=1)]
+    triangles = liver.surface[np.isin(liver.surface, liver.nodes(demo.MEASURED.touchable)).all(axis=1)]
     _, _, distance = _core.Surface(liver.points, triangles).closest(at)
     assert distance < 1e-3
     push = offset(words[4:7], liver, "push")
-    assert 0.005 <= np.linalg.norm(push) < 0.1 * liver.diagonal
+    assert 0.005 <= np.linalg.norm(push) < length(demo.MEASURED.reduction["depth"], liver.diagonal, "depth")
 
 
 def test_percentages_of_a_point_count_along_the_bounding_box(tmp_path: Path, bar: vs.Mesh) -> None:
