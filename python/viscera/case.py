@@ -76,7 +76,7 @@ BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs
 
 @dataclass(frozen=True)
 class Case:
-    """A case as read: the words of the file, as `schema` has them; lengths and places still to be resolved."""
+    """A case file as read and checked; lengths and places are not resolved yet."""
 
     mesh: str
     fixed: Any
@@ -95,7 +95,7 @@ class Case:
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
 
     def organ(self) -> Organ:
-        """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
+        """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh."""
         plain = load_mesh(self.mesh, self.units, self.folder)
         places = [self.fixed]
         for kind in ("displacement", "force", "traction", "pressure"):
@@ -122,28 +122,28 @@ class Case:
         return organ.solve(**self.loading(), progress=progress)
 
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
-        """The organ without the loads of its [scan]; the density is that of the [loads] where it is given there."""
+        """The organ without the loads of its [scan]; without a density there, that of [loads] is taken."""
         density = self.loads.get("density")
         return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
 
     def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
-        """Equilibrium under the case's loads of an organ found by `unloaded`; displacements count from the scan."""
+        """Equilibrium of an organ from `unloaded` under the case's loads; displacements count from the scan."""
         return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
 
     def require_unloaded(self, verb: str) -> None:
-        """Raise `VisceraError` where the case has a [scan], which only `viscera solve` takes off."""
+        """Raise `VisceraError` if the case has a [scan], which only `viscera solve` can remove."""
         if self.scan:
             raise VisceraError(
                 f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
             )
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
-        """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""
+        """Total force (3,) [N] at each place that holds or moves the organ, by its name in the case."""
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
     def reduce(self, organ: Organ, progress: Progress | None = None, checkpoint: Checkpoint | None = None) -> Touch:
-        """The reduced model of the organ with the case's [reduce] settings, about the equilibrium they start from."""
+        """The reduced model of the organ by the case's [reduce] table, about the equilibrium that `start` names."""
         options = dict(self.reduction)
         organ, state = self._touched(organ, options.pop("start", None), progress)
         if "vary" in options:
@@ -161,7 +161,7 @@ class Case:
         if self.scan:
             rest = self.unloaded(organ, progress)
             if not rest.is_converged:
-                raise VisceraError(f"the loads of the [scan] cannot be taken off: {rest.message}")
+                raise VisceraError(f"the loads of the [scan] cannot be removed: {rest.message}")
             organ, scanned = rest.organ, rest.state
         if start == "loads":
             return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
@@ -169,7 +169,7 @@ class Case:
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
-    """Read a CASE.toml; raises `VisceraError` naming the file and the key that is wrong or missing."""
+    """Read a CASE.toml; raises `VisceraError` with the file and the key that is wrong or missing."""
     source = Path(path)
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")

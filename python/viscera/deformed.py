@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
 
 class Deformed:
-    """What knows the displacement of an organ, and so everything about its shape."""
+    """An organ with a displacement: stress, strain, values at points, files and image grids.
+
+    Base of `State`, `Frame`, `Answer` and `Moved`.
+    """
 
     def _seen(self) -> tuple[Mesh, Floats]:
         """The mesh and the displacement (n, 3) [m] counted from it."""
@@ -49,9 +52,9 @@ class Deformed:
             linear cell and four in a quadratic one; "nodes" (n, 3, 3), the mean over the cells around each node,
             weighted by volume; in quadratic cells the linear function through the points, but for the pressure, of
             which the cell has one, its mean.
-        The stress is that which the element balances: with "P1 mean volume" its pressure is that of the cluster.
+        The stress is the one that the element balances: with "P1 mean volume" its pressure is that of the cluster.
         The law `Linear` has one stress for all three. Nodes between two tissues get the mean of both sides, though
-        stress may jump there. Raises `VisceraError` where a cell is turned inside out, but for "pk1".
+        stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1".
         """
         response = self._response.even() if at == "nodes" else self._response
         return response.at(response.stress(measure), at)
@@ -59,8 +62,8 @@ class Deformed:
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
         """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.
 
-        at: as in `stress`. Green's strain is in the axes at rest, the logarithmic one in those deformed. F is that of
-        the cell's own nodes, shared changes of volume or not.
+        at: as in `stress`. Green's strain is in the axes at rest, the logarithmic one in deformed axes. F is that of
+        the cell's own nodes, even if cells share their change of volume.
         """
         return self._response.at(self._response.strain(measure), at)
 
@@ -69,20 +72,20 @@ class Deformed:
         return pressure(self.stress("cauchy", at))
 
     def von_mises(self, at: str = "cells") -> Floats:
-        """Von Mises stress (m,) [Pa] of the Cauchy stress at this place, a mean or not; at: as in `stress`."""
+        """Von Mises stress (m,) [Pa] of the Cauchy stress, at nodes of the mean stress there; at: as in `stress`."""
         return von_mises(self.stress("cauchy", at))
 
     def energy_density(self, at: str = "cells") -> Floats:
         """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
 
-        at: as in `stress`, but for nodes, which get the mean of the means of the cells: it is never negative.
+        at: as in `stress`; nodes get the mean of the cell means, which is never negative.
         """
         energy = self._response.energy
         return self._response.at(energy.mean(axis=1, keepdims=True) if at == "nodes" else energy, at)
 
     def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """What files hold by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`, `green_strain`
-        and `energy_density`. Where a cell is turned inside out, there is no stress in them.
+        """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
+        `green_strain` and `energy_density`. If a cell is inverted, they contain no stress.
         """
         strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
         if not (self._response.is_linear or (self._response.volume_ratio > 0.0).all()):
@@ -92,9 +95,9 @@ class Deformed:
         return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
 
     def at(self, points: ArrayLike) -> Probe:
-        """What is at places (k, 3) [m] of the mesh, before the displacement: displacement, stress and strain there.
+        """Displacement, stress and strain at places (k, 3) [m], given in the mesh before the displacement.
 
-        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside of all cells.
+        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside all cells.
         """
         mesh, displacement = self._seen()
         places = point_of(points, mesh, "the place") if has_words(points) else numbers_of(points)
@@ -121,14 +124,14 @@ class Deformed:
         inverse: bool = False,
         margin: float | None = None,
     ) -> Field:
-        """The displacement at the voxels of an image: `viscera.grid.on_grid` says what comes back, and how."""
+        """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.grid.on_grid`."""
         from viscera.grid import Grid, on_grid
 
         return on_grid(*self._seen(), Grid.of(image, axes), inverse=inverse, margin=margin)
 
 
 class Moved(Deformed):
-    """An organ moved by a displacement that nobody needs to have solved for. Made by `Organ.moved`."""
+    """An organ moved by any given displacement. Made by `Organ.moved`."""
 
     def __init__(self, organ: Organ, displacement: Floats) -> None:
         self.organ = organ
@@ -144,7 +147,7 @@ class Moved(Deformed):
 
 @dataclass(frozen=True)
 class Probe:
-    """What is at k places of a deformed organ."""
+    """Displacement, stress and strain at k places of a deformed organ."""
 
     places: Floats
     """Where they are without the displacement (k, 3) [m]."""

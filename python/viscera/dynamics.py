@@ -16,7 +16,8 @@ from viscera.quantity import Number, numbers_of, refused
 class Newmark:
     """Newmark's rule (1959): u' = u + h v + h^2 ((1/2 - beta) a + beta a'), v' = v + h ((1 - gamma) a + gamma a').
 
-    With the defaults of second order and without dissipation; stable for every step where 2 beta >= gamma >= 1/2.
+    With the defaults it is of second order and without dissipation. It is stable for every step
+    if 2 beta >= gamma >= 1/2.
     """
 
     beta: float = 0.25
@@ -34,7 +35,7 @@ class Newmark:
 
 @dataclass(frozen=True)
 class BackwardEuler:
-    """v' = (u' - u) / h, a' = (v' - v) / h: of first order; damps whatever is quick beside the time step h."""
+    """v' = (u' - u) / h, a' = (v' - v) / h: first order; damps motions that are fast compared with the time step h."""
 
 
 Integration: TypeAlias = str | Newmark | BackwardEuler
@@ -43,10 +44,10 @@ Integration: TypeAlias = str | Newmark | BackwardEuler
 
 @dataclass(frozen=True)
 class Prony:
-    """Viscoelasticity: the law is what the tissue answers at once, and parts g_i of its stress fade with times tau_i.
+    """Viscoelasticity: the law is the instantaneous response, and parts g_i of its stress fade with times tau_i.
 
-    S(t) = integral of G(t - s) dS_law(s), G(t) = 1 - sum_i g_i (1 - exp(-t / tau_i)), S the second Piola-Kirchhoff
-    stress, all of it. Simo and Hughes, Computational Inelasticity (1998), chapter 10.
+    S(t) = integral of G(t - s) dS_law(s), G(t) = 1 - sum_i g_i (1 - exp(-t / tau_i)), S the whole second
+    Piola-Kirchhoff stress. Simo and Hughes, Computational Inelasticity (1998), chapter 10.
     g: relative moduli, positive, with a sum below 1; tau: relaxation times [s].
     """
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class VisceraError(ValueError):
-    """Bad input: what was wrong, with the value, and what to do."""
+    """Bad input. The message gives the place, the value and the remedy."""
 
 
 class NotConverged(VisceraError):

@@ -153,7 +153,7 @@ class Mesh(Pictured):
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
         """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
 
-        Places as in `cells_in`; the later one wins where two overlap.
+        Places as in `cells_in`; where two overlap, the later one counts.
 
         >>> import viscera as vs
         >>> liver = vs.organs.liver()
@@ -167,7 +167,7 @@ class Mesh(Pictured):
         return values
 
     def near(self, point: Lengths, radius: float | str) -> Indices:
-        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words: a set around a place."""
+        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words."""
         center = point_of(point, self, "centre")
         radius = length(radius, self.diagonal, "radius")
         distance = np.linalg.norm(self.points[self.surface_nodes] - center, axis=1)
@@ -192,7 +192,7 @@ class Mesh(Pictured):
     def quadratic(self) -> Mesh:
         """The mesh with the midpoints of its edges: the nodes of quadratic cells, corners first.
 
-        A set takes in the midpoint of every edge that it holds both ends of.
+        A set gains the midpoint of every edge whose ends are both in it.
         """
         if len(self.edges):
             return self
@@ -213,8 +213,8 @@ class Mesh(Pictured):
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node and cell sets go along, except in `.mesh`, which cannot hold them, and the world axes in `.vtu`; midpoints,
-        which follow, do not.
+        Node and cell sets are written too, except in `.mesh`, which cannot hold them. `.vtu` also holds the world
+        axes. Midpoints are not written.
         """
         mesh = self.linear()
         meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
@@ -239,9 +239,9 @@ def mesh(
 ) -> Mesh:
     """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets of nodes and of cells by name.
 
-    Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
-    coordinates that are not finite, indices out of range, cells of zero volume or given twice, cells that overlap their
-    neighbours, points that hang on a face of which they are no corner, points without a cell.
+    Inverted cells are turned, with a message. Raises `VisceraError`, with the first places, for coordinates that are
+    not finite, indices out of range, cells of zero volume or given twice, cells that overlap their neighbours, points that
+    lie on a face without being a corner of it, and points without a cell.
     """
     named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
     return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
@@ -342,7 +342,7 @@ def _faults(facts: dict[str, Any]) -> list[str]:
     if len(hanging := facts["hanging"]):
         faults.append(
             f"{_listed('point', hanging[:, 0])} hanging on a face of another cell (the first on one of cell "
-            f"{hanging[0, 1]}) without being a corner of it: the two sides would part there; remesh"
+            f"{hanging[0, 1]}) without being a corner of it: the two sides would separate there; remesh"
         )
     return faults
 

@@ -205,11 +205,11 @@ class Organ(Pictured):
     ) -> Stepper:
         """The organ in real time: one Newton iteration a frame from the last state, quasi-static or with inertia.
 
-        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold to begin with; every frame may change it.
+        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold at first; every frame may change it.
         start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
-        iterations: Newton iterations a frame at most; the first that leaves a residual of `settled` ends it.
-        budget: wall time [s] after which conjugate gradients stop with what they have, and no iteration begins.
+        iterations: largest number of Newton iterations in a frame; it ends earlier at a residual of `settled`.
+        budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.
         time_step [s] between frames: for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static where None.
@@ -272,7 +272,7 @@ class Organ(Pictured):
         return Path([Expansion(**expansion) for expansion in expansions], self)
 
     def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
-        """The organ moved by any displacement (n, 3) [m] from rest, one of a `path` say: its stress, files, probes."""
+        """The organ moved by any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files, probes."""
         given = displacement_of(displacement, self.mesh)
         return Moved(self, np.zeros_like(self.mesh.points) if given is None else given)
 
@@ -297,7 +297,7 @@ class Organ(Pictured):
         tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
             bounding-box diagonal.
         max_iterations: for one load step.
-        throw: raise `VisceraError` where no unloaded shape is found, instead of returning the last one found.
+        throw: raise `VisceraError` if no unloaded shape is found, instead of returning the last one found.
 
         From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
         displacement from the scan.
@@ -314,12 +314,12 @@ class Organ(Pictured):
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
         Both also in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
-        A place for `solve`: its mean displacement may be prescribed, a force spread over it.
+        It is a place for `solve`: prescribe its mean displacement, or spread a force over it.
         """
         return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
 
     def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
-        """The free surface nodes of a place; without one, all those farther than `radius` [m] from fixed nodes."""
+        """The free surface nodes of a place; by default, all those farther than `radius` [m] from fixed nodes."""
         surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
         if where is not None:
             nodes = np.intersect1d(surface, self.mesh.nodes(where))
@@ -440,7 +440,7 @@ class Organ(Pictured):
 
         loads, scan: as `solve` and `unloaded` take them, such as `{"gravity": (0, 0, -9.81), "density": 1060}`.
         settings: "steps", and "newton" with a table. reduction: as `reduce` takes it, but "start" is "rest", "loads" or
-        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case has no word for: contact patches,
+        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case cannot express: contact patches,
         forces node by node, parameters that are a field over the cells, fibres that turn from cell to cell.
         """
         from viscera import casefile

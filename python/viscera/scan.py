@@ -88,9 +88,9 @@ class Scan:
         edge: mean length of the cells' edges [m], or words such as "8 mm". fixed: places whose nodes become the set
         `fixed`: a condition ("z > 90%") or a set ("cut"), `label:63` (where the organ touches that label), or the file
         of an image painted for this, its nonzero voxels or one label of it (`painted.nii.gz:2`).
-        The set `cut` holds the nodes where the image's edge cuts a label. What was dropped or cut is said in the mesh's
-        `messages`. progress: callback `(done, total, stage)`.
-        Raises `VisceraError` for labels that the image has not and for an edge longer than an organ.
+        The set `cut` holds the nodes where the image's edge cuts a label. The mesh's `messages` list what
+        was dropped or cut. progress: callback `(done, total, stage)`.
+        Raises `VisceraError` for labels that are not in the image and for an edge longer than an organ.
         """
         regions = self.regions(labels)
         supports = [fixed] if isinstance(fixed, str) else list(fixed)
@@ -107,7 +107,7 @@ class Scan:
         return found.with_sets(fixed=np.flatnonzero(is_fixed))
 
     def regions(self, labels: Labels | None) -> list[Region]:
-        """The parts that some words mean; raises `VisceraError` for a label that is not in the image."""
+        """The regions that labels in words name; raises `VisceraError` for a label that is not in the image."""
         if not self.labels:
             raise VisceraError("the image has no labels: every voxel is 0")
         if labels is None:
@@ -231,7 +231,7 @@ class Scan:
     def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
         """The label map that a scanner would see of a mesh: 1 in its voxels, or 1, 2, ... in those of its cell sets.
 
-        voxel: side of the cubic voxels [m]; margin: voxels of nothing around it.
+        voxel: side of the cubic voxels [m]; margin: empty voxels around it.
 
         >>> import viscera as vs
         >>> round(1e3 * 0.006**3 * Scan.of(vs.organs.liver(), voxel=0.006).labels[1], 1)  # litres

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class State(Deformed, Pictured):
-    """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
+    """An equilibrium, or the last one found before a solve failed (`is_converged`, `status`, `message`, `load`)."""
 
     def __init__(
         self,
@@ -80,10 +80,10 @@ class State(Deformed, Pictured):
         return float(np.linalg.norm(self.displacement, axis=1).max())
 
     def reaction(self, where: Where) -> Floats:
-        """Total force (3,) [N] by which the support at a place holds the organ: internal minus applied nodal force.
+        """Total force (3,) [N] by which the support at a place holds the organ: internal minus external nodal force.
 
-        For a contact patch that the solve prescribed, the contact force. Where the solve did not converge, the part of
-        the load that was not reached is still in it.
+        For a contact patch that the solve prescribed, the contact force. If the solve did not converge, the part of
+        the load that was not reached is included.
         """
         if isinstance(where, _core.Patch):
             for (nodes, weights), force in zip(self._patches, self._patch_forces, strict=True):
@@ -98,7 +98,7 @@ class State(Deformed, Pictured):
         `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `reaction` [N],
         `von_mises` and `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and
         `energy_density` [J/m^3]. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its
-        vertices. `.obj`, `.stl`: the deformed surface alone. Where a cell is turned inside out, no stress is written.
+        vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written.
         """
         moved = {"displacement": self.displacement, "reaction": self._held}
         points, cells = self.fields()

@@ -96,7 +96,7 @@ class Frame(Deformed, Pictured):
         return self._organ, self.displacement
 
     def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
-        """Stress as in `State.stress`; refused where the tissue relaxes, since a frame does not hold its past."""
+        """Stress as in `State.stress`; refused if the tissue relaxes, because a frame does not hold the history."""
         if self._relaxes:
             raise VisceraError(
                 "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
@@ -117,7 +117,7 @@ class Frame(Deformed, Pictured):
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
     def reaction(self, where: Where | Hand) -> Floats:
-        """Force (3,) [N] with which a place is held: by a hand, of a grasped patch, or summed over nodes."""
+        """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes."""
         place = where._where if isinstance(where, Hand) else where
         if isinstance(place, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):
@@ -137,11 +137,11 @@ class Hand:
         """Displacement from rest of what it holds [m]: (3,) of a patch, (k, 3) node by node; for the next frame."""
 
     def move(self, by: Lengths) -> None:
-        """Move on by (x, y, z) [m], or in words such as "2 mm", with the next frame."""
+        """Move by (x, y, z) [m], or in words such as "2 mm", in the next frame."""
         self.displacement = self.displacement + offset(by, self._stepper._organ.mesh, "motion of a hand")
 
     def release(self) -> None:
-        """Let go with the next frame."""
+        """Let go in the next frame."""
         self._stepper._hands = [hand for hand in self._stepper._hands if hand is not self]
 
 
@@ -181,7 +181,7 @@ class Stepper:
         self._core.set_velocity(rows)
 
     def grasp(self, where: Where) -> Hand:
-        """Take hold of a place as it is now: of the free nodes of a set, or of the mean of a contact patch."""
+        """Take hold of a place where it is now: the free nodes of a set, or the mean of a contact patch."""
         displacement = self._core.displacement()
         if isinstance(where, _core.Patch):
             hand = Hand(self, where, where.weights @ displacement[where.nodes])
@@ -205,10 +205,10 @@ class Stepper:
     ) -> Frame:
         """One frame: the hands move, the organ follows.
 
-        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free; what is named is held, what
-            is named no longer is let go. Without it, what was named last stays where it was put.
-        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface; all
-            may change with every frame, and what is not named acts no longer.
+        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free. What is named is held; what
+            is no longer named is let go. Without this argument, the last displacements stay.
+        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface. All
+            may change with every frame; a load that is not given no longer acts.
         gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
         """
         named = self._named if displacement is None else by_place(displacement, "displacement")
@@ -313,9 +313,9 @@ def settings_of(
     if relaxation is not None and not isinstance(relaxation, Prony):
         raise refused("relaxation", "a viscera.Prony, such as Prony(g=[0.3], tau=[0.5])", relaxation)
     if dynamics is None and rates.any():
-        raise VisceraError("damping means nothing without dynamics; choose dynamics='newmark' or 'backward_euler'")
+        raise VisceraError("damping has no effect without dynamics; choose dynamics='newmark' or 'backward_euler'")
     if time_step is not None and dynamics is None and relaxation is None:
-        raise VisceraError("a time_step means nothing without dynamics or relaxation; add one, or leave it out")
+        raise VisceraError("a time_step has no effect without dynamics or relaxation; add one, or leave it out")
     if time_step is None and not (dynamics is None and relaxation is None):
         raise VisceraError("dynamics and relaxation need a time_step [s]")
     if dynamics is not None and density is None:

@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 class Answer(Deformed):
-    """What a touch gives back."""
+    """The answer of a reduced model to a touch: force, stiffness, displacement and error estimates."""
 
     def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
         self._model, self._touch = model, (point, displacement)
@@ -67,7 +67,7 @@ class Answer(Deformed):
 
     @cached_property
     def displacement(self) -> Floats:
-        """Displacement of all nodes (n, 3) [m], evaluated when first asked for: a haptic loop needs the force alone."""
+        """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs the force alone."""
         return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
 
     def _seen(self) -> tuple[Mesh, Floats]:
@@ -90,11 +90,11 @@ class Answer(Deformed):
 
 
 class Touch(Pictured):
-    """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
+    """The reduced model of an organ: it answers touches anywhere on its touchable surface.
 
     Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
     displacement (3,) [m] of the contact gives an `Answer`. Points are those of the shape before the touch: at rest, or
-    under a preload; displacements and forces are what the touch adds to it.
+    under a preload; displacements and forces are what the touch adds.
     """
 
     def __init__(self, model: _core.Model) -> None:
@@ -115,12 +115,12 @@ class Touch(Pictured):
         return Answer(self, at, push, self._asked(self._model.evaluate, at, push, False))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
+        """Write the model file (safetensors, see docs/model-file.md): as a whole or not at all."""
         with replacing(path) as scratch:
             scratch.write_bytes(self._model.to_bytes())
 
     def at(self, value: float) -> Touch:
-        """The model at another value of the parameter that it was made for a range of (`Organ.reduce(vary=)`)."""
+        """The model at another value of its parameter (see `Organ.reduce(vary=)`)."""
         parameter = self.metadata.get("parameter")
         if parameter is None:
             raise VisceraError("this model has no parameter to set; reduce with vary=")
@@ -134,7 +134,7 @@ class Touch(Pictured):
         return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
 
     def compressed(self, tolerance: float) -> Touch:
-        """The model with fewer modes: a smaller file, faster fields, forces and their trust as they are.
+        """The model with fewer modes: a smaller file and faster fields; forces and their trust stay the same.
 
         tolerance: of the field at full depth, relative to it, at the worst position, root mean square over directions;
         between 0 and 1. What is lost is added to the estimated error of the shape (`Answer.shape_error_estimate`).
@@ -151,7 +151,7 @@ class Touch(Pictured):
         executor: Executor | None = None,
         progress: Callable[[int, int, str], None] | None = None,
     ) -> Check:
-        """The model against Newton at random unseen touches; see `viscera.check`."""
+        """Compare the model with Newton's method at random unseen touches; see `viscera.check`."""
         from viscera.check import check
 
         return check(self, touches=touches, seed=seed, depths=depths, executor=executor, progress=progress)
@@ -164,7 +164,7 @@ class Touch(Pictured):
         depth: float | str | None = None,
         snapshots: int = 0,
     ) -> Galerkin:
-        """The model of several touches at once, see `viscera.galerkin`.
+        """The model of several touches at once; see `viscera.galerkin`.
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], or in words
@@ -197,11 +197,11 @@ class Touch(Pictured):
         return self._asked(self._model.surface_displacement, self._point(point), self._push(displacement))
 
     def patch(self, point: Lengths) -> _core.Patch:
-        """The contact patch at a point: what a full solution prescribes to be comparable."""
+        """The contact patch at a point, for a full solution to prescribe."""
         return self._asked(self._model.weights, self._point(point))
 
     def locate(self, point: Lengths) -> Floats:
-        """The touchable point (3,) [m] that is nearest to a point (3,) [m]: where to touch instead of beside it."""
+        """The touchable point (3,) [m] that is nearest to a point (3,) [m]."""
         triangle, weights, _ = self._touchable.closest(self._point(point))
         return np.asarray(weights @ self.mesh.points[self.touchable_triangles[triangle]])
 
@@ -223,7 +223,7 @@ class Touch(Pictured):
         return draw_rest(mesh.points, mesh.surface, fixed=none, parts={"touchable": self.touchable_triangles})
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
-        """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.
+        """The touchable organ below a notebook's cell (`pip install viscera[notebook]`); elsewhere, use `viscera view`.
 
         name: shown above the organ; height: of the view, in pixels.
         """
@@ -232,7 +232,7 @@ class Touch(Pictured):
         return widget(self, name, height)
 
     def summary(self) -> dict[str, Any]:
-        """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
+        """The model in numbers: positions, terms of the series, modes, and the errors measured off-line.
 
         `errors` are relative to the norm of the field at the worst place tried; `worst_error` is the largest of them.
         """
@@ -256,7 +256,7 @@ class Touch(Pictured):
 
     @cached_property
     def rest(self) -> Mesh:
-        """The mesh free of load: `mesh`, but for a preload."""
+        """The mesh at rest: `mesh`, unless the model has a preload."""
         points, cells = self._model.array("points"), self._model.array("cells")
         free = points if self.preload is None else points - self.preload
         linear = mesh(free[: int(cells.max()) + 1], cells)
@@ -334,7 +334,7 @@ class Touch(Pictured):
 def load(path: str | os.PathLike[str]) -> Touch:
     """Read a model file written by `Touch.save`; raises `VisceraError` where it is damaged or inconsistent.
 
-    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning says so.
+    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning is given.
     """
     name = os.fspath(path)
     if not Path(name).is_file():

@@ -71,7 +71,7 @@ class Vary:
 
     @property
     def is_logarithmic(self) -> bool:
-        """Whether it is interpolated over its logarithm, as suits a stiffness and a length."""
+        """Whether it is interpolated on a logarithmic scale, as for a stiffness or a length."""
         return self.name != "poisson"
 
     @property
@@ -93,7 +93,7 @@ class Vary:
         return np.clip(np.exp(value) if self.is_logarithmic else value, *ends)
 
     def family(self, organ: Organ, radius: float) -> tuple[Organ, dict[str, Any]]:
-        """The organ at the value it has, or where that is outside the range at the middle, and the core's arguments."""
+        """The organ at its own value, or at the middle of the range if that is outside, and the core's arguments."""
         cells = np.empty(0, dtype=np.uint32) if self.part is None else organ.mesh.cells_in(self.part)
         own = self.own_value(organ.law, cells, radius)
         low, high = self._ends
@@ -118,7 +118,7 @@ class Vary:
         }
 
     def own_value(self, law: Law, cells: Indices, radius: float) -> float | None:
-        """The organ's own value, or None where it is not the same in all the cells."""
+        """The organ's own value, or None if it differs between the cells."""
         if self.name == "radius":
             return radius
         inside = _of(law, self.name)

@@ -383,7 +383,7 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         ({"time_step": -0.01, "dynamics": "newmark", "density": 1000}, "time_step must be a number above 0"),
         ({"dynamics": "newmark", "time_step": 0.01}, "dynamics needs a density"),
         ({"dynamics": "newmark", "density": 1000}, "need a time_step"),
-        ({"time_step": 0.01}, "means nothing without dynamics"),
+        ({"time_step": 0.01}, "has no effect without dynamics"),
         ({"damping": (1.0, 0.0)}, "damping means nothing"),
         ({"solver": "choleski"}, "did you mean 'cholesky'"),
         ({"solver": "multigrid"}, "known: 'cg', 'cholesky'"),

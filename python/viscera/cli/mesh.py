@@ -52,7 +52,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 def _from_labels(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[str, float]]:
     """The mesh, and the volume of each part's voxels [m^3]."""
     if args.units is not None:
-        raise VisceraError("--units is for surfaces; an image says where its voxels are")
+        raise VisceraError("--units is for surfaces; an image states the positions of its voxels")
     image = scan(args.source)
     size, sides = image.values.shape, [f"{1e3 * side:.3g}" for side in image.spacing]
     shape = " x ".join(map(str, size))
@@ -68,7 +68,7 @@ def _from_surface(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[
     if args.units is None:
         raise VisceraError(f"{args.source}: a surface needs its --units, such as mm or m")
     if len(args.label) > 1 or any(not _is_name(label) for label in args.label):
-        raise VisceraError("a surface has no labels; --label NAME calls its one part so")
+        raise VisceraError("a surface has no labels; --label NAME names its only part")
     with bar(output.is_quiet) as progress:
         name = args.label[0] if args.label else "organ"
         found = mesh_surface(args.source, edge=args.edge, units=args.units, name=name, progress=progress)

@@ -49,7 +49,7 @@ def _organ(args: argparse.Namespace) -> dict[str, Any]:
             raise VisceraError(f"--{given} describes a mesh; give its file as well")
         return {}
     if args.name != "liver":
-        raise VisceraError(f"the {args.name} study has its own mesh; another organ goes with `viscera study liver`")
+        raise VisceraError(f"the {args.name} study has its own mesh; for another organ use `viscera study liver`")
     if args.fixed is None:
         raise VisceraError(f"{args.mesh} is a mesh: it needs --fixed as well, a set's name or a condition")
     mesh = load_mesh(args.mesh, args.units)
