@@ -384,7 +384,7 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         ({"dynamics": "newmark", "time_step": 0.01}, "dynamics needs a density"),
         ({"dynamics": "newmark", "density": 1000}, "need a time_step"),
         ({"time_step": 0.01}, "has no effect without dynamics"),
-        ({"damping": (1.0, 0.0)}, "damping means nothing"),
+        ({"damping": (1.0, 0.0)}, "damping has no effect"),
         ({"solver": "choleski"}, "did you mean 'cholesky'"),
         ({"solver": "multigrid"}, "known: 'cg', 'cholesky'"),
         ({"budget": 0.0}, "budget must be a number above 0"),
