@@ -1,4 +1,4 @@
-"""A silicone beam that others clamped, loaded, let swing and measured: one modulus fitted to its weight, the rest predicted.
+"""A silicone beam measured by others, clamped, loaded, swinging: one modulus fitted to its weight, the rest predicted.
 
 Dragon Skin 10, 30 x 30 x 100 mm, motion capture of three markers at the free end. Data, facts of which are kept in
 `measured_beam.json` (`docs/validation.md` says how): Dubied, Michelis, Spielberg and Katzschmann, *Sim-to-Real for
@@ -229,7 +229,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
     page.text(
         "Dragon Skin 10, 30 x 30 x 100 mm, clamped at one end, 1070 kg/m3; three markers at the free end. Young's "
         "modulus is fitted to the displacements under the weight alone (all markers, both runs; nu = 0.499, "
-        "neo-Hookean), and Rayleigh's beta to the decay of the free swing under the weight; everything else is predicted. "
+        "neo-Hookean), and Rayleigh's beta to the decay of the free swing under the weight; all else is predicted. "
         "The experiment repeats to 0.1 mm under the weight and 0.6 mm under the load; markers at the clamp move by up "
         "to 0.4 mm and the hand that holds the beam at first may have bent or stretched it, so nothing is claimed "
         "below 1 mm."
@@ -316,7 +316,8 @@ def _report_swing(
             f"{found.decay:7.2f}{1e3 * model.step:8.3g} ms {100 * model.moved:5.2f} %"
         )
         rows.append([name, a.frequency, b.frequency, found.frequency, a.decay, b.decay, found.decay, model.step])
-    header = ("under", "run a [Hz]", "run b [Hz]", "model [Hz]", "run a [1/s]", "run b [1/s]", "model [1/s]", "step [s]")
+    frequency, decay = [(f"run a [{unit}]", f"run b [{unit}]", f"model [{unit}]") for unit in ("Hz", "1/s")]
+    header = ("under", *frequency, *decay, "step [s]")
     page.table("swing", header, rows, "Frequency and decay of the free swing; the decay under the weight is fitted.")
     page.figure("swing", _drawn(told, {"weight": weight, "load": loaded}), "The top marker after the beam is let go.")
     return {"beta": beta, "told": {name: vars(model.swing) for name, model in told.items()},
