@@ -30,13 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--label", action="append", default=[], metavar="NAME=NUMBER",
         help="a label to mesh, such as 5, liver=5 or kidneys=2+3; once for each part",
     )  # fmt: skip
-    parser.add_argument("--edge", type=metres, required=True, metavar="LENGTH", help="mean edge of the cells, as 8mm")
+    parser.add_argument(
+        "--edge", type=metres, required=True, metavar="LENGTH", help="mean edge length of the cells, such as 8mm"
+    )
     parser.add_argument(
         "--fixed", action="append", default=[], metavar="PLACE",
         help="nodes for the set 'fixed': a condition such as 'z > 90%%', label:63 (where it touches that label), or a "
         "painted image",
     )  # fmt: skip
-    parser.add_argument("--units", type=number_or_words, help="of a surface: m, cm, mm, um, inch, or metres per unit")
+    parser.add_argument(
+        "--units", type=number_or_words, help="unit of a surface: m, cm, mm, um, inch, or metres per unit"
+    )
     parser.add_argument("-o", "--output", default="organ.vtu", metavar="FILE", help="the mesh (default organ.vtu)")
 
 
