@@ -39,7 +39,7 @@
     low = 10e3
     high = 100e3
 
-What each key may be is said in `schema`; whatever is not is refused as the file is read.
+`schema` defines the keys and their values; anything else is refused when the file is read.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class State(Deformed, Pictured):
         self.status: str = result["status"]
         self.is_converged: bool = result["is_converged"]
         self.message: str = result["message"]
-        """What happened, in words; empty where all went well."""
+        """What went wrong; empty if nothing did."""
         self.load: float = result["load"]
         """Fraction of the load reached, 1 where converged."""
         self.iterations: int = result["iterations"]

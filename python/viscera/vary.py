@@ -35,9 +35,9 @@ class Vary:
 
     name: str
     low: float | str
-    """Where the range begins; of the radius also in words such as "5 mm" or "2%"."""
+    """Lower end of the range; for the radius also in words such as "5 mm" or "2%"."""
     high: float | str
-    """Where it ends."""
+    """Upper end of the range."""
     part: Where | None = None
     """Cells whose law it is: a cell set's name, a condition, indices, or a predicate on centroids; all without."""
     nodes: int = 5
