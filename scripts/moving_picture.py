@@ -23,7 +23,7 @@ from viscera.viewer import serve
 TARGET = Path(__file__).resolve().parent.parent / "docs" / "pictures" / "touch.webp"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SETTINGS: dict[str, Any] = {"viewport": {"width": 1000, "height": 760}, "color_scheme": "light"}
-FRAMES, MILLISECONDS = 36, 70
+FRAMES, MILLISECONDS = 30, 80
 MARGIN = 8
 """Around the organ, in pixels."""
 LARGEST = 1.5e6
@@ -31,7 +31,8 @@ LARGEST = 1.5e6
 BARE = """
 const root = [...document.querySelectorAll("*")].find((each) => each.shadowRoot).shadowRoot;
 const style = document.createElement("style");
-style.textContent = ".view { background: none !important } .plan > :not(.clearing) { display: none !important }";
+style.textContent = `.view { background: none !important } .plan > :not(.clearing) { display: none !important }
+  .clearing { grid-area: 1 / 1 / -1 / -1; margin: 2% 14% 10% }`;
 root.append(style);
 document.documentElement.style.background = document.body.style.background = "none";
 window.viscera.reset();
@@ -46,9 +47,10 @@ def pushes(touch: vs.Touch) -> list[tuple[np.ndarray, np.ndarray]]:
     aside = np.cross(inward, (0.0, 0.0, 1.0))
     point = touch.locate(np.average(triangles.mean(axis=1), axis=0, weights=np.linalg.norm(normals, axis=1)))
     turn = 2 * np.pi * np.arange(FRAMES) / FRAMES
-    circle = np.outer(0.5 * (1 - np.cos(turn)), inward) + np.outer(0.25 * np.sin(turn) * (1 - np.cos(turn)), aside)
-    for share in np.arange(0.95, 0.2, -0.05):
-        path = share * touch.depth * circle
+    loop = np.outer(0.45 * (1 - np.cos(turn)), inward) + np.outer(0.45 * np.sin(turn) * (1 - np.cos(turn)), aside)
+    loop /= np.linalg.norm(loop, axis=1).max()
+    for share in np.arange(1.0, 0.2, -0.05):
+        path = share * touch.depth * loop
         if all(touch(point, push).is_shape_trusted for push in path):
             print(f"{1e3 * np.linalg.norm(path, axis=1).max():.0f} mm at most")
             return [(point, push) for push in path]

@@ -39,7 +39,7 @@
     low = 10e3
     high = 100e3
 
-What each key may be is said in `schema`; whatever is not is refused as the file is read.
+`schema` defines the keys and their values; anything else is refused when the file is read.
 """
 
 from __future__ import annotations
@@ -76,7 +76,14 @@ BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs
 
 @dataclass(frozen=True)
 class Case:
-    """A case as read: the words of the file, as `schema` has them; lengths and places still to be resolved."""
+    """A case file as read and checked; lengths and places are not resolved yet.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+    >>> case.material["law"], case.loads
+    ('NeoHookean', {'force': {'tip': [0, 0, -10.0]}})
+    """
 
     mesh: str
     fixed: Any
@@ -95,7 +102,14 @@ class Case:
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
 
     def organ(self) -> Organ:
-        """The organ: mesh read, law made, supports resolved; each place of the case becomes a named set of its mesh."""
+        """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.organ()
+        Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
+        """
         plain = load_mesh(self.mesh, self.units, self.folder)
         places = [self.fixed]
         for kind in ("displacement", "force", "traction", "pressure"):
@@ -105,7 +119,14 @@ class Case:
         return Organ(named_mesh, material(self.material, plain), fixed=self.fixed, element=self.element)
 
     def loading(self) -> dict[str, Any]:
-        """Loads and settings as `Organ.solve` takes them."""
+        """Loads and settings as `Organ.solve` takes them.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.organ().solve(**case.loading()).is_converged
+        True
+        """
         return {
             "displacement": self.loads.get("displacement", {}),
             "force": self.loads.get("force", {}),
@@ -118,32 +139,80 @@ class Case:
         }
 
     def solve(self, organ: Organ, progress: Progress | None = None) -> State:
-        """Static equilibrium of the organ under the case's loads."""
+        """Static equilibrium of the organ under the case's loads.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> organ = case.organ()
+        >>> case.solve(organ).status
+        'converged'
+        """
         return organ.solve(**self.loading(), progress=progress)
 
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
-        """The organ without the loads of its [scan]; the density is that of the [loads] where it is given there."""
+        """The organ without the loads of its [scan]; without a density there, that of [loads] is taken.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", scan={"gravity": (0, 0, -1.0), "density": 100.0})
+        >>> case.unloaded(case.organ()).is_converged
+        True
+        """
         density = self.loads.get("density")
         return organ.unloaded(**{"density": density, **self.scan}, progress=progress)
 
     def predict(self, rest: Unloaded, progress: Progress | None = None) -> State:
-        """Equilibrium under the case's loads of an organ found by `unloaded`; displacements count from the scan."""
+        """Equilibrium of an organ from `unloaded` under the case's loads; displacements count from the scan.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> hanging = {"gravity": (0, 0, -1.0), "density": 100.0}
+        >>> case = beam.to_case("beam.toml", scan=hanging, loads=hanging)
+        >>> state = case.predict(case.unloaded(case.organ()))
+        >>> bool(state.max_displacement < 1e-6)  # the posture of the scan again
+        True
+        """
         return rest.from_scan(rest.organ.solve(**self.loading(), start=rest.state, progress=progress))
 
     def require_unloaded(self, verb: str) -> None:
-        """Raise `VisceraError` where the case has a [scan], which only `viscera solve` takes off."""
+        """Raise `VisceraError` if the case has a [scan], which only `viscera solve` can remove.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", scan={"gravity": (0, 0, -1.0), "density": 100.0})
+        >>> case.require_unloaded("compare")
+        Traceback (most recent call last):
+        viscera.errors.VisceraError: `viscera compare` takes the mesh as free of load; ...
+        """
         if self.scan:
             raise VisceraError(
                 f"`viscera {verb}` takes the mesh as free of load; solve the [scan] first, with `viscera solve`"
             )
 
     def reactions(self, organ: Organ, state: State) -> dict[str, list[float]]:
-        """Total force (3,) [N] at each place that holds or moves the organ, by the words of the case."""
+        """Total force (3,) [N] at each place that holds or moves the organ, by its name in the case.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> organ = case.organ()
+        >>> reactions = case.reactions(organ, case.solve(organ))
+        >>> {place: round(force[2], 3) for place, force in reactions.items()}
+        {'clamp': 10.0}
+        """
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
         return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
 
     def reduce(self, organ: Organ, progress: Progress | None = None, checkpoint: Checkpoint | None = None) -> Touch:
-        """The reduced model of the organ with the case's [reduce] settings, about the equilibrium they start from."""
+        """The reduced model of the organ by the case's [reduce] table, about the equilibrium that `start` names.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", reduction={"touchable": "tip", "depth": "2%", "order": 2})
+        >>> case.reduce(case.organ())
+        Touch(525 points, order 2, depth 0.0207846 m)
+        """
         options = dict(self.reduction)
         organ, state = self._touched(organ, options.pop("start", None), progress)
         if "vary" in options:
@@ -161,7 +230,7 @@ class Case:
         if self.scan:
             rest = self.unloaded(organ, progress)
             if not rest.is_converged:
-                raise VisceraError(f"the loads of the [scan] cannot be taken off: {rest.message}")
+                raise VisceraError(f"the loads of the [scan] cannot be removed: {rest.message}")
             organ, scanned = rest.organ, rest.state
         if start == "loads":
             return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
@@ -169,7 +238,14 @@ class Case:
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
-    """Read a CASE.toml; raises `VisceraError` naming the file and the key that is wrong or missing."""
+    """Read a CASE.toml; raises `VisceraError` with the file and the key that is wrong or missing.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> _ = beam.to_case("beam.toml", loads={"gravity": (0, 0, -9.81), "density": 1000.0})
+    >>> vs.case("beam.toml").loads
+    {'gravity': [0, 0, -9.81], 'density': 1000.0}
+    """
     source = Path(path)
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")

@@ -79,7 +79,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class Check(Tabled):
-    """All rows, and what they say by depth."""
+    """All rows, and their summary by depth."""
 
     rows: list[Row]
     depths: list[Summary]
@@ -97,9 +97,9 @@ class Check(Tabled):
 
     @property
     def verdict(self) -> str:
-        """`failed` where a trusted answer is beyond its limit; `passed` where none is, and that says something.
+        """`failed` if a trusted answer is beyond its limit; `passed` if none is and enough were compared.
 
-        `nothing could be checked` where no trusted answer could be compared, or most full solutions did not converge.
+        `nothing could be checked` if no trusted answer could be compared, or most full solutions did not converge.
         """
         if not all(row.is_within_limits for row in self.rows):
             return "failed"
@@ -156,7 +156,7 @@ def check(
 
     depths [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default "5%" and "10%", cut at the
         depth that the model was built for.
-    seed: of the random contacts; the same seed asks the same questions.
+    seed: of the random contacts; the same seed gives the same touches.
     executor: a `concurrent.futures.Executor` whose workers solve; threads of this process without one.
     """
     if touches < 1:
@@ -193,7 +193,7 @@ def check(
 
 
 class Full:
-    """The full organ that a model speaks of, under the model's preload: the truth to compare with."""
+    """The full organ of a model under the model's preload: the reference to compare with."""
 
     def __init__(self, touch: Touch) -> None:
         self.organ = touch.organ()

@@ -228,6 +228,14 @@ def compare(
 
     loads: as `Organ.solve` takes them. laws: by name; by default `models(organ.law)`, which all have the moduli of the
     organ's law at small strain. A model that fails keeps its last equilibrium and is not compared.
+
+    >>> import viscera as vs
+    >>> corners, floor = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [0, 1, 2]
+    >>> mesh = vs.mesh(corners, [[0, 1, 2, 3]], sets={"floor": floor, "top": [3]})
+    >>> organ = vs.Organ(mesh, vs.NeoHookean(young=1e5, poisson=0.3), fixed="floor")
+    >>> table = vs.compare(organ, force={"top": (0, 0, -10.0)})
+    >>> table.is_converged, list(table.runs)[:2]
+    (True, ['Linear', 'Corotated'])
     """
     laws = models(organ.law) if laws is None else laws
     if reference not in laws:

@@ -26,7 +26,19 @@ if TYPE_CHECKING:
 
 
 class Deformed:
-    """What knows the displacement of an organ, and so everything about its shape."""
+    """An organ with a displacement: stress, strain, values at points, files and image grids.
+
+    Base of `State`, `Frame`, `Answer` and `Moved`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> f"{state.von_mises().max():.0f} Pa"
+    '5619 Pa'
+    >>> moved = beam.moved(2 * state.displacement)
+    >>> f"{moved.von_mises().max():.0f} Pa"
+    '11135 Pa'
+    """
 
     def _seen(self) -> tuple[Mesh, Floats]:
         """The mesh and the displacement (n, 3) [m] counted from it."""
@@ -49,9 +61,16 @@ class Deformed:
             linear cell and four in a quadratic one; "nodes" (n, 3, 3), the mean over the cells around each node,
             weighted by volume; in quadratic cells the linear function through the points, but for the pressure, of
             which the cell has one, its mean.
-        The stress is that which the element balances: with "P1 mean volume" its pressure is that of the cluster.
+        The stress is the one that the element balances: with "P1 mean volume" its pressure is that of the cluster.
         The law `Linear` has one stress for all three. Nodes between two tissues get the mean of both sides, though
-        stress may jump there. Raises `VisceraError` where a cell is turned inside out, but for "pk1".
+        stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1".
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> sigma = state.stress("cauchy", at="nodes")
+        >>> sigma.shape, f"{vs.principal(sigma).max():.0f} Pa"
+        ((525, 3, 3), '7186 Pa')
         """
         response = self._response.even() if at == "nodes" else self._response
         return response.at(response.stress(measure), at)
@@ -59,30 +78,65 @@ class Deformed:
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
         """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.
 
-        at: as in `stress`. Green's strain is in the axes at rest, the logarithmic one in those deformed. F is that of
-        the cell's own nodes, shared changes of volume or not.
+        at: as in `stress`. Green's strain is in the axes at rest, the logarithmic one in deformed axes. F is that of
+        the cell's own nodes, even if cells share their change of volume.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.strain("log").shape
+        (1920, 3, 3)
         """
         return self._response.at(self._response.strain(measure), at)
 
     def pressure(self, at: str = "cells") -> Floats:
-        """Pressure (m,) [Pa], -tr(sigma) / 3, positive where the tissue is compressed; at: as in `stress`."""
+        """Pressure (m,) [Pa], -tr(sigma) / 3, positive where the tissue is compressed; at: as in `stress`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> pressure = state.pressure("nodes")
+        >>> bool(pressure.min() < 0 < pressure.max())
+        True
+        """
         return pressure(self.stress("cauchy", at))
 
     def von_mises(self, at: str = "cells") -> Floats:
-        """Von Mises stress (m,) [Pa] of the Cauchy stress at this place, a mean or not; at: as in `stress`."""
+        """Von Mises stress (m,) [Pa] of the Cauchy stress, at nodes of the mean stress there; at: as in `stress`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> f"{state.von_mises('nodes').max():.0f} Pa"
+        '5022 Pa'
+        """
         return von_mises(self.stress("cauchy", at))
 
     def energy_density(self, at: str = "cells") -> Floats:
         """Strain energy (m,) [J/m^3] per volume at rest; times the cells' volumes it adds up to `energy`.
 
-        at: as in `stress`, but for nodes, which get the mean of the means of the cells: it is never negative.
+        at: as in `stress`; nodes get the mean of the cell means, which is never negative.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> energy = state.energy_density() @ state.mesh.facts["cell_volumes"]
+        >>> bool(abs(energy - state.energy) < 1e-9 * state.energy)
+        True
         """
         energy = self._response.energy
         return self._response.at(energy.mean(axis=1, keepdims=True) if at == "nodes" else energy, at)
 
     def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """What files hold by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`, `green_strain`
-        and `energy_density`. Where a cell is turned inside out, there is no stress in them.
+        """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
+        `green_strain` and `energy_density`. If a cell is inverted, they contain no stress.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> nodes, cells = state.fields()
+        >>> sorted(nodes), sorted(cells)
+        (['pressure', 'von_mises'], ['cauchy_stress', 'energy_density', 'green_strain', 'pressure', 'von_mises'])
         """
         strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
         if not (self._response.is_linear or (self._response.volume_ratio > 0.0).all()):
@@ -92,9 +146,16 @@ class Deformed:
         return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
 
     def at(self, points: ArrayLike) -> Probe:
-        """What is at places (k, 3) [m] of the mesh, before the displacement: displacement, stress and strain there.
+        """Displacement, stress and strain at places (k, 3) [m], given in the mesh before the displacement.
 
-        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside of all cells.
+        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside all cells.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> probe = state.at([[0.5, 0.1, 0.1], [0.9, 0.1, 0.1]])
+        >>> probe.displacement[:, 2].round(4).tolist()
+        [-0.0621, -0.166]
         """
         mesh, displacement = self._seen()
         places = point_of(points, mesh, "the place") if has_words(points) else numbers_of(points)
@@ -121,14 +182,31 @@ class Deformed:
         inverse: bool = False,
         margin: float | None = None,
     ) -> Field:
-        """The displacement at the voxels of an image: `viscera.grid.on_grid` says what comes back, and how."""
+        """The displacement at the voxels of an image, as a `Field`; arguments as in `viscera.grid.on_grid`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> vs.Scan.of(beam.mesh, voxel=0.05).write("scan.nii.gz")
+        >>> field = state.on_grid("scan.nii.gz")
+        >>> field.displacement.shape, int(field.inside.sum())
+        ((28, 12, 12, 3), 320)
+        """
         from viscera.grid import Grid, on_grid
 
         return on_grid(*self._seen(), Grid.of(image, axes), inverse=inverse, margin=margin)
 
 
 class Moved(Deformed):
-    """An organ moved by a displacement that nobody needs to have solved for. Made by `Organ.moved`."""
+    """An organ moved by any given displacement. Made by `Organ.moved`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> half = beam.moved(0.5 * state.displacement)
+    >>> f"{1e3 * half.at([[1, 0.1, 0.1]]).displacement[0, 2]:.1f} mm"
+    '-97.4 mm'
+    """
 
     def __init__(self, organ: Organ, displacement: Floats) -> None:
         self.organ = organ
@@ -144,7 +222,15 @@ class Moved(Deformed):
 
 @dataclass(frozen=True)
 class Probe:
-    """What is at k places of a deformed organ."""
+    """Displacement, stress and strain at k places of a deformed organ.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> probe = state.at([[0.5, 0.1, 0.2]])
+    >>> probe.displacement.shape, probe.stress().shape, probe.strain().shape
+    ((1, 3), (1, 3, 3), (1, 3, 3))
+    """
 
     places: Floats
     """Where they are without the displacement (k, 3) [m]."""
@@ -156,11 +242,25 @@ class Probe:
     _of: Deformed
 
     def stress(self, measure: str = "cauchy") -> Floats:
-        """Stress (k, 3, 3) [Pa] as in `State.stress`: of the cell, linear within a quadratic one but for pressure."""
+        """Stress (k, 3, 3) [Pa] as in `State.stress`: of the cell, linear within a quadratic one but for pressure.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.at([[0.1, 0.1, 0.19]]).stress()[0, 0, 0].round().item()  # along the beam
+        2863.0
+        """
         return self._within(self._of._response.even().stress(Choice(STRESSES)(measure, "the stress")))
 
     def strain(self, measure: str = "green") -> Floats:
-        """Strain (k, 3, 3) as in `State.strain`, likewise."""
+        """Strain (k, 3, 3) as in `State.strain`, likewise.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.at([[0.1, 0.1, 0.19]]).strain("log")[0, 0, 0].round(4).item()  # along the beam
+        0.0296
+        """
         return self._within(self._of._response.strain(Choice(STRAINS)(measure, "the strain")))
 
     def _within(self, values: Floats) -> Floats:

@@ -15,7 +15,7 @@ WIDTH = 560
 
 
 class Pictured:
-    """What has a `plot()` appears as that picture when it is the last line of a notebook's cell."""
+    """Objects with a `plot()` appear as that picture when they are the last line of a notebook's cell."""
 
     plot: Callable[..., Figure]
     """Draws the picture."""
@@ -32,7 +32,7 @@ class Pictured:
 
 
 class Tabled:
-    """What has a `table()` appears as that table."""
+    """Objects with a `table()` appear as that table."""
 
     table: Callable[[], str]
     """Aligned text."""

@@ -15,11 +15,28 @@ if TYPE_CHECKING:
 
 
 class VisceraError(ValueError):
-    """Bad input: what was wrong, with the value, and what to do."""
+    """Bad input. The message gives the place, the value and the remedy.
+
+    >>> import viscera as vs
+    >>> try:
+    ...     vs.NeoHookean(young=-1.0, poisson=0.3)
+    ... except vs.VisceraError as error:
+    ...     print(error)
+    NeoHookean: young is -1; it must be positive [Pa]
+    """
 
 
 class NotConverged(VisceraError):
-    """A solve that did not reach its load; `state` holds the last equilibrium found."""
+    """A solve that did not reach its load; `state` holds the last equilibrium found.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> try:
+    ...     beam.solve(force={"tip": (0, 0, -10.0)}, settings={"max_iterations": 1, "smallest_step": 1.0}, throw=True)
+    ... except vs.NotConverged as error:
+    ...     print(error.state.load < 1.0)
+    True
+    """
 
     def __init__(self, state: State) -> None:
         super().__init__(f"the solve did not converge: {state.message or state.status}")

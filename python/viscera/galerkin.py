@@ -27,7 +27,7 @@ Touches = Sequence[tuple[ArrayLike, ArrayLike]]
 
 
 class Held(Deformed):
-    """What a grasp gives back. Field and assessment are made when first asked for: a haptic loop needs neither."""
+    """The answer of a grasp. Field and assessment are computed on first access, because a haptic loop needs neither."""
 
     def __init__(self, held: _core.Held, touch: Touch) -> None:
         self._held, self._touch = held, touch
@@ -42,7 +42,7 @@ class Held(Deformed):
         """How the search for equilibrium ended."""
         self.is_converged: bool = facts["is_converged"]
         self.smallest_jacobian: float = facts["smallest_jacobian"]
-        """Smallest volume ratio of a sampled cell; below zero it is inside out."""
+        """Smallest volume ratio of a sampled cell; below zero the cell is inverted."""
         self.iterations: int = facts["iterations"]
         """Newton steps."""
         self.tangents: int = facts["tangents"]
@@ -68,7 +68,7 @@ class Held(Deformed):
 
     @property
     def is_trusted(self) -> bool:
-        """Converged, no deeper than in training, no cell inside out, and an expected error within the allowance."""
+        """Whether it converged, no deeper than in training, without inverted cells, and is expected to be accurate."""
         return not self.reason
 
     @property
@@ -110,25 +110,25 @@ class Grasp:
 
     @property
     def seconds(self) -> float:
-        """Time from taking hold until modes and cells were as they are [s]."""
+        """Time from taking hold until the present modes and cells were ready [s]."""
         return self._grasp.seconds
 
     @property
     def is_learning(self) -> bool:
-        """Whether snapshots are still being solved in the background; what they have brought is in use already."""
+        """Whether snapshots are still being solved in the background; finished ones are in use already."""
         return self._grasp.is_learning()
 
     def wait(self) -> None:
-        """Until nothing is solved in the background any more."""
+        """Wait until nothing is solved in the background any more."""
         while self.is_learning:
             sleep(0.02)
 
     def learn(self) -> bool:
-        """Compares the last answer with the equilibrium of the whole organ next to it; takes that in if it is wrong.
+        """Compare the last answer with the nearest equilibrium of the whole organ; add a snapshot if they differ.
 
-        Returns whether it was; then ask anew. Wrong is what would be a snapshot in training. False, too, where no such
-        equilibrium is found: `is_trusted` tells. A grasp that did not wait
-        for snapshots does this by itself, wherever the tools are.
+        Returns whether a snapshot was added; if so, solve again. The tolerance is that of training. Returns False
+        as well if no such equilibrium is found; `is_trusted` tells. A grasp made with `wait=False` does this by
+        itself, wherever the tools are.
         """
         return self._grasp.learn()
 
@@ -143,7 +143,7 @@ class Grasp:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
 
         displacements (k, 3) [m]. from_last: start from the last solution, as a moving hand does, instead of the
-        superposed series: quicker, but where there is more than one equilibrium the answer depends on the way there.
+        superposed series: quicker, but where there is more than one equilibrium the answer depends on the path.
         stiffness: costs one more tangent. budget: time for the search [s], for loops that must not be late. When it is
         over the status is "out of time", and the next search `from_last` goes on from there; one step is always taken,
         with its tangent where it needs one.
@@ -174,9 +174,9 @@ class Grasp:
 class Galerkin:
     """The model of several touches at once. Made by `Touch.galerkin`.
 
-    `grasp` makes a basis of the fields of some contacts and finds the few cells that stand for all, within a second
-    without snapshots and some seconds with them; `Grasp.solve` answers any displacement of them, a thousand times a
-    second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
+    `grasp` makes a basis from the fields of some contacts and samples a few weighted cells. That takes less than a
+    second without snapshots and some seconds with them. `Grasp.solve` then answers any displacement of the contacts,
+    a thousand times a second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
     """
 
     def __init__(self, touch: Touch, core: _core.Galerkin) -> None:
@@ -188,8 +188,8 @@ class Galerkin:
     def grasp(self, points: ArrayLike, *, wait: bool = True) -> Grasp:
         """Take hold at some points (k, 3) [m] of the touchable surface, at rest; coordinates also in words.
 
-        wait: for the snapshots. Without, the grasp answers as soon as it can in the fields of the series, and becomes
-        better while it is in use: snapshots are solved in the background, on all processors but one, in rounds and then
+        wait: for the snapshots. With `wait=False` the grasp answers at once in the fields of the series, and improves
+        while it is in use: snapshots are solved in the background, on all processors but one, in rounds and then
         where the tools are.
         """
         shape = np.shape(points)
@@ -200,7 +200,7 @@ class Galerkin:
         return Grasp(self._core.grasp(rows, wait), rows, self.touch)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
-        """The answer to touches `[(point, displacement), ...]` [m]; holds on as long as the points stay the same."""
+        """Answer to touches `[(point, displacement), ...]` [m]; the grasp is kept while the points are the same."""
         if not touches:
             raise VisceraError("no touch; give at least one (point, displacement)")
         points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in touches])

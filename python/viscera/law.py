@@ -85,7 +85,11 @@ class Law:
         return bool(ROWS[self.name]["is_analytic"])
 
     def core(self) -> _core.Law:
-        """This law as the compiled core knows it."""
+        """This law as the compiled core knows it.
+
+        >>> NeoHookean(young=3e3, poisson=0.45).core().name
+        'neo_hookean'
+        """
         return _core.Law(self.name, self.parameters)
 
     @property
@@ -101,15 +105,27 @@ class Law:
         return np.asarray((3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear))
 
     def energy(self, F: ArrayLike, cell: int = 0) -> Floats:
-        """Energy density psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), with the parameters of one cell."""
+        """Energy density psi (k,) [J/m^3] of deformation gradients F (k, 3, 3), with the parameters of one cell.
+
+        >>> NeoHookean(young=3e3, poisson=0.45).energy(np.diag([1.1, 1.0, 1.0])[None]).round(2).tolist()
+        [52.31]
+        """
         return self._of_cell(cell).energy(_gradients(F))
 
     def stress(self, F: ArrayLike, cell: int = 0) -> Floats:
-        """First Piola-Kirchhoff stress P = d psi / dF (k, 3, 3) [Pa]."""
+        """First Piola-Kirchhoff stress P = d psi / dF (k, 3, 3) [Pa].
+
+        >>> NeoHookean(young=3e3, poisson=0.45).stress(np.diag([1.1, 1.0, 1.0])[None]).round(1)[0].tolist()
+        [[1004.2, 0.0, 0.0], [0.0, 887.4, 0.0], [0.0, 0.0, 887.4]]
+        """
         return self._of_cell(cell).stress(_gradients(F))
 
     def tangent(self, F: ArrayLike, cell: int = 0) -> Floats:
-        """Tangent dP / dF (k, 3, 3, 3, 3) [Pa]."""
+        """Tangent dP / dF (k, 3, 3, 3, 3) [Pa].
+
+        >>> NeoHookean(young=3e3, poisson=0.45).tangent(np.eye(3)[None])[0, 0, 0, 0, 0].round().item()  # 2 mu + lam
+        11379.0
+        """
         return self._of_cell(cell).tangent(_gradients(F))
 
     def curve(self, mode: str, stretch: tuple[float, float] = (0.6, 1.6), cell: int = 0) -> tuple[Floats, Floats]:
@@ -133,6 +149,8 @@ class Law:
         """Nominal stress in uniaxial, equibiaxial and planar tension and in simple shear, beside that of other laws.
 
         stretch: range of stretches, 1 within; cell: whose parameters; a PNG where a path is given.
+
+        >>> figure = NeoHookean(young=3e3, poisson=0.45).plot(Yeoh(c10=500, c20=300, poisson=0.45), path="laws.png")
         """
         from viscera.curves import draw
 
@@ -214,6 +232,9 @@ class Corotated(TwoModuli):
     """Linear elasticity in the rotated frame of each cell: psi = mu |S - I|^2 + lam / 2 tr(S - I)^2, with F = R S.
 
     R is the rotation and S the stretch of the polar decomposition.
+
+    >>> Corotated(young=3e3, poisson=0.45)
+    Corotated(mu=1034.48, lam=9310.34)
     """
 
     core_names = ("corotated",)
@@ -223,6 +244,9 @@ class SaintVenantKirchhoff(TwoModuli):
     """psi = mu E : E + lam / 2 (tr E)^2. It weakens in compression and collapses under strong indentation.
 
     Niroomandi et al., IJNME 96 (2013) 129, section 5.1.
+
+    >>> SaintVenantKirchhoff(young=3e3, poisson=0.45)
+    SaintVenantKirchhoff(mu=1034.48, lam=9310.34)
     """
 
     core_names = ("saint_venant_kirchhoff",)
@@ -683,12 +707,20 @@ LAWS: dict[str, type[Law]] = {
 
 
 def named(name: str) -> type[Law]:
-    """The class of a law by its name in this module, as case files and the command line give it."""
+    """The class of a law by its name in this module, as case files and the command line give it.
+
+    >>> named("NeoHookean")(young=3e3, poisson=0.45)
+    NeoHookean(mu=1034.48, lam=9310.34)
+    """
     return LAWS[Choice(LAWS)(name, "the law")]
 
 
 def from_core(name: str, parameters: ArrayLike) -> Law:
-    """The law that a model file carries: the core's name and its parameter rows."""
+    """The law that a model file carries: the core's name and its parameter rows.
+
+    >>> from_core("neo_hookean", [[1e3, 9e3]])
+    NeoHookean(mu=1000, lam=9000)
+    """
     table = np.atleast_2d(np.asarray(parameters, dtype=float)).T
     kind = next((law for law in LAWS.values() if name in law.core_names), None)
     if name.startswith(StrainEnergy.prefix):

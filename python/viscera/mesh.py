@@ -146,6 +146,10 @@ class Mesh(Pictured):
         """The cells of a place, ascending, as in `nodes`: a cell set's name, a condition, indices or a predicate.
 
         Conditions and predicates look at the centroids (m, 3). Raises `VisceraError` as `nodes` does.
+
+        >>> import viscera as vs
+        >>> len(vs.organs.beam().cells_in("x < 50%"))
+        960
         """
         where = _listed_in(where, self.cell_sets)
         return _members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
@@ -153,7 +157,7 @@ class Mesh(Pictured):
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
         """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
 
-        Places as in `cells_in`; the later one wins where two overlap.
+        Places as in `cells_in`; where two overlap, the later one counts.
 
         >>> import viscera as vs
         >>> liver = vs.organs.liver()
@@ -167,7 +171,12 @@ class Mesh(Pictured):
         return values
 
     def near(self, point: Lengths, radius: float | str) -> Indices:
-        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words: a set around a place."""
+        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words.
+
+        >>> import viscera as vs
+        >>> vs.organs.beam().near("(100%, 50%, 100%)", "6 cm").tolist()
+        [489, 509, 513, 514, 519]
+        """
         center = point_of(point, self, "centre")
         radius = length(radius, self.diagonal, "radius")
         distance = np.linalg.norm(self.points[self.surface_nodes] - center, axis=1)
@@ -180,19 +189,35 @@ class Mesh(Pictured):
         return near
 
     def with_sets(self, **sets: Where) -> Mesh:
-        """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`."""
+        """The same mesh with more node sets, each a name, indices or a predicate as in `nodes`.
+
+        >>> import viscera as vs
+        >>> mesh = vs.organs.beam().with_sets(edge="x > 99% and z > 99%")
+        >>> mesh.sets["edge"].tolist()
+        [504, 509, 514, 519, 524]
+        """
         added = {name: _read_only(self.nodes(where)) for name, where in sets.items()}
         return replace(self, sets={**self.sets, **added})
 
     def with_cell_sets(self, **sets: Where) -> Mesh:
-        """The same mesh with more sets of cells, each a name, indices or a predicate as in `cells_in`."""
+        """The same mesh with more sets of cells, each a name, indices or a predicate as in `cells_in`.
+
+        >>> import viscera as vs
+        >>> mesh = vs.organs.beam().with_cell_sets(nodule="within 10 cm of (50%, 50%, 50%)")
+        >>> len(mesh.cell_sets["nodule"])
+        228
+        """
         added = {name: _read_only(self.cells_in(where)) for name, where in sets.items()}
         return replace(self, cell_sets={**self.cell_sets, **added})
 
     def quadratic(self) -> Mesh:
         """The mesh with the midpoints of its edges: the nodes of quadratic cells, corners first.
 
-        A set takes in the midpoint of every edge that it holds both ends of.
+        A set gains the midpoint of every edge whose ends are both in it.
+
+        >>> import viscera as vs
+        >>> len(vs.organs.beam().quadratic().points)
+        3321
         """
         if len(self.edges):
             return self
@@ -202,7 +227,13 @@ class Mesh(Pictured):
         return replace(self, points=_read_only(points), sets=wider, edges=_read_only(edges))
 
     def linear(self) -> Mesh:
-        """The mesh without midpoints."""
+        """The mesh without midpoints.
+
+        >>> import viscera as vs
+        >>> mesh = vs.organs.beam()
+        >>> len(mesh.quadratic().linear().points) == len(mesh.points)
+        True
+        """
         if not len(self.edges):
             return self
         corners = self.points[: self.n_corners]
@@ -213,14 +244,23 @@ class Mesh(Pictured):
     def write(self, path: str | Path) -> None:
         """Writes the mesh in metres; the ending chooses the format: `.vtu`, `.vtk`, `.msh`, `.mesh`, `.inp`, `.feb`.
 
-        Node and cell sets go along, except in `.mesh`, which cannot hold them, and the world axes in `.vtu`; midpoints,
-        which follow, do not.
+        Node and cell sets are written too, except in `.mesh`, which cannot hold them. `.vtu` also holds the world
+        axes. Midpoints are not written.
+
+        >>> import viscera as vs
+        >>> vs.organs.beam().write("beam.vtu")
+        >>> vs.read("beam.vtu")
+        Mesh: 525 points, 1920 cells, 4e+04 ml, clamp (25), tip (25), top (105)
         """
         mesh = self.linear()
         meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The mesh, its cell sets as wireframes within; a PNG where a path is given."""
+        """The mesh, its cell sets as wireframes within; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> figure = vs.organs.beam().plot("beam.png")
+        """
         from viscera.picture import draw_rest
 
         parts = {name: _core.surface(self.points, self.cells[cells]) for name, cells in self.cell_sets.items()}
@@ -239,9 +279,14 @@ def mesh(
 ) -> Mesh:
     """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets of nodes and of cells by name.
 
-    Cells of negative volume are turned round, with a message. Raises `VisceraError`, naming the first places, for
-    coordinates that are not finite, indices out of range, cells of zero volume or given twice, cells that overlap their
-    neighbours, points that hang on a face of which they are no corner, points without a cell.
+    Inverted cells are turned, with a message. Raises `VisceraError`, with the first places, for coordinates that are
+    not finite, indices out of range, cells of zero volume or given twice, cells that overlap their neighbours, points
+    that lie on a face without being a corner of it, and points without a cell.
+
+    >>> import viscera as vs
+    >>> corner = vs.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]], sets={"floor": [0, 1, 2]})
+    >>> corner
+    Mesh: 4 points, 1 cells, 1.667e+05 ml, floor (3)
     """
     named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
     return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
@@ -254,6 +299,11 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     point arrays (VTU, VTK; `set:NAME` or NAME), physical groups (Gmsh), NSET (Abaqus), NodeSet (FEBio); cell sets from
     integer cell arrays, groups of tetrahedra, ELSET and Elements. Points that belong to no cell are dropped with a
     message; otherwise as `mesh`.
+
+    >>> import viscera as vs
+    >>> vs.organs.beam().write("beam.msh")
+    >>> vs.read("beam.msh", units="m")
+    Mesh: 525 points, 1920 cells, 4e+04 ml, clamp (25), tip (25), top (105)
     """
     raw = meshfile.read(Path(path), units)
     try:
@@ -342,7 +392,7 @@ def _faults(facts: dict[str, Any]) -> list[str]:
     if len(hanging := facts["hanging"]):
         faults.append(
             f"{_listed('point', hanging[:, 0])} hanging on a face of another cell (the first on one of cell "
-            f"{hanging[0, 1]}) without being a corner of it: the two sides would part there; remesh"
+            f"{hanging[0, 1]}) without being a corner of it: the two sides would separate there; remesh"
         )
     return faults
 

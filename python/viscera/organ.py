@@ -110,11 +110,24 @@ class Organ(Pictured):
         return f"Organ({size}, {type(self.law).__name__}, {self.element}, {len(self.fixed)} fixed nodes)"
 
     def with_law(self, law: Law) -> Organ:
-        """The same mesh, supports and element with another law."""
+        """The same mesh, supports and element with another law.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> beam.with_law(vs.Corotated(young=1e5, poisson=0.3)).law
+        Corotated(mu=38461.5, lam=57692.3)
+        """
         return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
 
     def with_mesh(self, mesh: Mesh) -> Organ:
-        """The same law, fixed nodes and element on another mesh of as many nodes and cells."""
+        """The same law, fixed nodes and element on another mesh of as many nodes and cells.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> longer = vs.mesh(2 * beam.mesh.points, beam.mesh.cells, beam.mesh.sets)
+        >>> beam.with_mesh(longer).mesh.diagonal / beam.mesh.diagonal
+        2.0
+        """
         return Organ(mesh, self.law, fixed=self.fixed, element=self.element)
 
     @shown
@@ -150,6 +163,12 @@ class Organ(Pictured):
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
         solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(displacement={"tip": (None, None, -0.05)}, gravity=(0, 0, -9.81), density=100)
+        >>> state.status, state.reaction("tip")[2].round(3).item()
+        ('converged', 12.333)
         """
         if gravity is not None and density is None:
             raise VisceraError("gravity needs a density [kg/m^3]")
@@ -205,16 +224,22 @@ class Organ(Pictured):
     ) -> Stepper:
         """The organ in real time: one Newton iteration a frame from the last state, quasi-static or with inertia.
 
-        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold to begin with; every frame may change it.
+        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold at first; every frame may change it.
         start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
-        iterations: Newton iterations a frame at most; the first that leaves a residual of `settled` ends it.
-        budget: wall time [s] after which conjugate gradients stop with what they have, and no iteration begins.
+        iterations: largest number of Newton iterations in a frame; it ends earlier at a residual of `settled`.
+        budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.
         time_step [s] between frames: for inertia and relaxation.
         dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static where None.
         mass: "lumped" or "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
         relaxation: `Prony` viscoelasticity.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> stepper.frame({"tip": (None, None, -0.01)}).is_settled
+        True
         """
         settings = settings_of(
             self.mesh,
@@ -250,6 +275,13 @@ class Organ(Pictured):
         parameter a is the "load" or the "arc length", which passes limit points.
         force, traction, pressure: as in `solve`, at load 1; the pressure follows the surface.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> path = beam.path(force={"tip": (0, 0, -10.0)}, order=8)
+        >>> load, displacement = path.curve(samples=5)
+        >>> load[-1].round(6).item(), displacement[-1, :, 2].min().round(4).item()
+        (1.0, -0.1993)
         """
         Choice(("load", "arc length"))(parameter, "the path parameter")
         order = Whole(2, 100)(order, "order")
@@ -272,7 +304,15 @@ class Organ(Pictured):
         return Path([Expansion(**expansion) for expansion in expansions], self)
 
     def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
-        """The organ moved by any displacement (n, 3) [m] from rest, one of a `path` say: its stress, files, probes."""
+        """The organ moved by any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files, probes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> half = beam.moved(0.5 * state.displacement)
+        >>> f"{half.von_mises().max():.0f} Pa"
+        '2831 Pa'
+        """
         given = displacement_of(displacement, self.mesh)
         return Moved(self, np.zeros_like(self.mesh.points) if given is None else given)
 
@@ -297,10 +337,17 @@ class Organ(Pictured):
         tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
             bounding-box diagonal.
         max_iterations: for one load step.
-        throw: raise `VisceraError` where no unloaded shape is found, instead of returning the last one found.
+        throw: raise `VisceraError` if no unloaded shape is found, instead of returning the last one found.
 
         From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
         displacement from the scan.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> rest = beam.unloaded(gravity=(0, 0, -1.0), density=100)
+        >>> turned = rest.organ.solve(gravity=(0, 1.0, 0), density=100, start=rest.state)
+        >>> f"{1e3 * rest.from_scan(turned).max_displacement:.0f} mm"
+        '41 mm'
         """
         placed = {"force": force, "traction": traction, "pressure": pressure}
         placed = {name: by_place(load, name) if are_pairs(load) else load for name, load in placed.items()}
@@ -314,12 +361,25 @@ class Organ(Pictured):
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
         Both also in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
-        A place for `solve`: its mean displacement may be prescribed, a force spread over it.
+        It is a place for `solve`: prescribe its mean displacement, or spread a force over it.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> patch = beam.patch("(100%, 50%, 100%)", "5 cm")
+        >>> state = beam.solve(displacement={patch: (0, 0, -0.01)})
+        >>> state.reaction(patch)[2].round(3).item()
+        -0.789
         """
         return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
 
     def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
-        """The free surface nodes of a place; without one, all those farther than `radius` [m] from fixed nodes."""
+        """The free surface nodes of a place; by default, all those farther than `radius` [m] from fixed nodes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> len(beam.touchable()), len(beam.touchable("top and x > 50%"))
+        (297, 50)
+        """
         surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
         if where is not None:
             nodes = np.intersect1d(surface, self.mesh.nodes(where))
@@ -366,6 +426,12 @@ class Organ(Pictured):
             with a warning.
         executor: a `concurrent.futures.Executor` whose workers solve the batches: processes, Dask or MPI
             (docs/cluster.md). The model is the same, bit by bit, for any number of workers of one kind of processor.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch((1, 0.1, 0.1), (0, 0, -0.01)).force.round(3).tolist()
+        [0.242, -0.034, -0.498]
         """
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
@@ -445,15 +511,26 @@ class Organ(Pictured):
 
         loads, scan: as `solve` and `unloaded` take them, such as `{"gravity": (0, 0, -9.81), "density": 1060}`.
         settings: "steps", and "newton" with a table. reduction: as `reduce` takes it, but "start" is "rest", "loads" or
-        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case has no word for: contact patches,
+        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case cannot express: contact patches,
         forces node by node, parameters that are a field over the cells, fibres that turn from cell to cell.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"gravity": (0, 0, -9.81), "density": 1000.0})
+        >>> case.organ().solve(**case.loading()).is_converged
+        True
         """
         from viscera import casefile
 
         return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
-        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given."""
+        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> figure = beam.plot("beam.png")
+        """
         from viscera.picture import draw_rest
 
         mesh = self.mesh
@@ -483,6 +560,12 @@ class Organ(Pictured):
         stagnation, max_iterations: of the alternating directions; a pair is found when the unit vector along its G
             turns by less.
         Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> model = beam.pgd("tip", load=1.0, order=3)
+        >>> model.displacement((1, 0.1, 0.1), a=0.5).shape
+        (525, 3)
         """
         order = Whole(1, 15)(order, "order")
         max_terms = Whole(1, 10_000)(max_terms, "max_terms")

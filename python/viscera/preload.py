@@ -36,7 +36,7 @@ def preload_of(organ: Organ, state: State) -> Floats:
             f"this one {len(organ.mesh.points)}"
         )
     if not state.is_converged:
-        raise VisceraError(f"the state to reduce about is no equilibrium: {state.message}")
+        raise VisceraError(f"the state to reduce about is not an equilibrium: {state.message}")
     if state.has_pressure:
         raise VisceraError(
             "the state to reduce about is under pressure, which turns with the surface as it is touched; "

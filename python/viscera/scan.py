@@ -88,9 +88,19 @@ class Scan:
         edge: mean length of the cells' edges [m], or words such as "8 mm". fixed: places whose nodes become the set
         `fixed`: a condition ("z > 90%") or a set ("cut"), `label:63` (where the organ touches that label), or the file
         of an image painted for this, its nonzero voxels or one label of it (`painted.nii.gz:2`).
-        The set `cut` holds the nodes where the image's edge cuts a label. What was dropped or cut is said in the mesh's
-        `messages`. progress: callback `(done, total, stage)`.
-        Raises `VisceraError` for labels that the image has not and for an edge longer than an organ.
+        The set `cut` holds the nodes where the image's edge cuts a label. The mesh's `messages` list what
+        was dropped or cut. progress: callback `(done, total, stage)`.
+        Raises `VisceraError` for labels that are not in the image and for an edge longer than an organ.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> mesh = scan.mesh({"left": 1, "right": 2}, edge="15 mm", fixed="z < 5%")
+        >>> sorted(mesh.cell_sets), sorted(mesh.sets)
+        (['left', 'right'], ['fixed'])
         """
         regions = self.regions(labels)
         supports = [fixed] if isinstance(fixed, str) else list(fixed)
@@ -107,7 +117,17 @@ class Scan:
         return found.with_sets(fixed=np.flatnonzero(is_fixed))
 
     def regions(self, labels: Labels | None) -> list[Region]:
-        """The parts that some words mean; raises `VisceraError` for a label that is not in the image."""
+        """The regions that labels in words name; raises `VisceraError` for a label that is not in the image.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> [region.name for region in scan.regions({"whole": 1})]
+        ['whole']
+        """
         if not self.labels:
             raise VisceraError("the image has no labels: every voxel is 0")
         if labels is None:
@@ -167,7 +187,18 @@ class Scan:
 
     def touching(self, mesh: Mesh, label: int) -> Indices:
         """Nodes where a mesh of this scan touches a label: those shared with the label's cells where these are meshed,
-        else those of the surface at most 0.75 voxels from the label's voxels."""
+        else those of the surface at most 0.75 voxels from the label's voxels.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> mesh = scan.mesh({"left": 1}, edge="15 mm")
+        >>> len(scan.touching(mesh, 2)) > 0
+        True
+        """
         is_theirs = self.at(mesh.centroids) == label
         for cells in mesh.cell_sets.values():
             if is_theirs[cells].mean() > 0.5:
@@ -176,18 +207,48 @@ class Scan:
         return mesh.surface_nodes[self.near(mesh.points[mesh.surface_nodes], [label])]
 
     def index(self, places: ArrayLike) -> Floats:
-        """Voxel indices (k, 3), fractions and those outside included, of places (k, 3) [m]."""
+        """Voxel indices (k, 3), fractions and those outside included, of places (k, 3) [m].
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> scan.index([[0.03, 0.0325, 0.01]]).round(2).tolist()
+        [[6.0, 6.5, 2.0]]
+        """
         return np.asarray((np.asarray(places) - self.affine[:, 3]) @ np.linalg.inv(self.affine[:, :3]).T)
 
     def at(self, places: ArrayLike) -> NDArray[Any]:
-        """Labels (k,) at places (k, 3) [m]; 0 outside the image."""
+        """Labels (k,) at places (k, 3) [m]; 0 outside the image.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> scan.at([[0.03, 0.03, 0.03], [0.06, 0.03, 0.03], [0, 0, 0]]).tolist()
+        [1, 2, 0]
+        """
         voxel = np.rint(self.index(places)).astype(np.int64)
         is_inside = ((voxel >= 0) & (voxel < self.values.shape)).all(axis=1)
         voxel[~is_inside] = 0
         return np.where(is_inside, self.values[tuple(voxel.T)], 0)
 
     def near(self, places: ArrayLike, labels: Sequence[int], reach: float = NEAR) -> NDArray[np.bool_]:
-        """Whether places (k, 3) [m] are at most `reach` <= 1 voxels from a voxel that has one of the labels."""
+        """Whether places (k, 3) [m] are at most `reach` <= 1 voxels from a voxel that has one of the labels.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> scan.near([[0.03, 0.03, 0.03], [0.06, 0.03, 0.03]], [2]).tolist()
+        [False, True]
+        """
         index = self.index(places)
         is_label = np.isin(self.values, labels)
         base = np.rint(index).astype(np.int64)
@@ -200,13 +261,34 @@ class Scan:
         return found
 
     def in_axes(self, axes: str) -> Scan:
-        """The same scan in other world axes: x and y change their sign between RAS and LPS."""
+        """The same scan in other world axes: x and y change their sign between RAS and LPS.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> scan.in_axes("LPS").axes
+        'LPS'
+        """
         Choice(AXES)(axes, "axes")
         sign = np.array([1.0, 1.0, 1.0] if axes == self.axes else [-1.0, -1.0, 1.0])
         return Scan(self.values, sign[:, None] * self.affine, axes, self.names)
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Writes the label map: `.nii` or `.nii.gz` through nibabel, `.nrrd` or `.mha` through SimpleITK."""
+        """Writes the label map: `.nii` or `.nii.gz` through nibabel, `.nrrd` or `.mha` through SimpleITK.
+
+        >>> import numpy as np
+        >>> import viscera as vs
+        >>> labels = np.zeros((20, 20, 20), dtype=int)
+        >>> labels[4:16, 4:16, 4:16] = 1
+        >>> labels[9:, 4:16, 4:16] *= 2
+        >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+        >>> scan.write("labels.nii.gz")
+        >>> vs.scan("labels.nii.gz").labels
+        {1: 720, 2: 1008}
+        """
         ending = _ending(Path(path))
         values = np.ascontiguousarray(self.values)
         with replacing(path) as scratch:
@@ -231,7 +313,7 @@ class Scan:
     def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
         """The label map that a scanner would see of a mesh: 1 in its voxels, or 1, 2, ... in those of its cell sets.
 
-        voxel: side of the cubic voxels [m]; margin: voxels of nothing around it.
+        voxel: side of the cubic voxels [m]; margin: empty voxels around it.
 
         >>> import viscera as vs
         >>> round(1e3 * 0.006**3 * Scan.of(vs.organs.liver(), voxel=0.006).labels[1], 1)  # litres
@@ -255,6 +337,16 @@ def scan(path: str | os.PathLike[str]) -> Scan:
     """Reads a label map: NIfTI, NRRD, MetaImage, or a DICOM segmentation, with its world axes.
 
     Raises `VisceraError` for images of other than three dimensions and for values that are no labels.
+
+    >>> import numpy as np
+    >>> import viscera as vs
+    >>> labels = np.zeros((20, 20, 20), dtype=int)
+    >>> labels[4:16, 4:16, 4:16] = 1
+    >>> labels[9:, 4:16, 4:16] *= 2
+    >>> scan = vs.Scan(labels, np.diag([0.005, 0.005, 0.005, 1.0]))
+    >>> scan.write("labels.nrrd")
+    >>> vs.scan("labels.nrrd").axes
+    'LPS'
     """
     source = Path(path)
     ending = _ending(source)
@@ -308,6 +400,14 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
     and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
     eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` where a cell
     lies outside the image, or where no direction is given around it.
+
+    >>> import numpy as np
+    >>> import viscera as vs
+    >>> vectors = np.zeros((30, 10, 10, 3))
+    >>> vectors[..., 0] = 1.0  # along x everywhere
+    >>> affine = np.hstack([0.04 * np.eye(3), [[-0.05]] * 3])
+    >>> vs.image_fibres(vs.organs.beam(), (vectors, affine))[:, 0].tolist()
+    [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
     """
     if len(images) not in (1, 2):
         raise VisceraError(f"fibres need one image or two, got {len(images)}")

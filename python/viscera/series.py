@@ -27,6 +27,13 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     `.pvd`: a time series for ParaView, with one VTU file per moment beside it: `displacement`, stresses and strains as
     in `State.write`. `.glb`, `.gltf`: the surface before it moves and an animation that blends from shape to shape,
     z turned up. Returns all paths written.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> paths = vs.write_series("bend.pvd", [(0.5, beam.moved(0.5 * state.displacement)), (1.0, state)])
+    >>> sorted(path.name for path in paths)
+    ['bend.pvd', 'bend_0000.vtu', 'bend_0001.vtu']
     """
     target = Path(path)
     if target.suffix.lower() not in (".pvd", ".glb", ".gltf"):

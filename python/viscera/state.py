@@ -23,7 +23,14 @@ if TYPE_CHECKING:
 
 
 class State(Deformed, Pictured):
-    """An equilibrium, or the last one found before a solve gave up (`is_converged`, `status`, `message`, `load`)."""
+    """An equilibrium, or the last one found before a solve failed (`is_converged`, `status`, `message`, `load`).
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+    >>> state.is_converged, f"{state.energy:.3f} J", f"{1e3 * state.max_displacement:.0f} mm"
+    (True, '0.957 J', '200 mm')
+    """
 
     def __init__(
         self,
@@ -46,7 +53,7 @@ class State(Deformed, Pictured):
         self.status: str = result["status"]
         self.is_converged: bool = result["is_converged"]
         self.message: str = result["message"]
-        """What happened, in words; empty where all went well."""
+        """What went wrong; empty if nothing did."""
         self.load: float = result["load"]
         """Fraction of the load reached, 1 where converged."""
         self.iterations: int = result["iterations"]
@@ -80,10 +87,16 @@ class State(Deformed, Pictured):
         return float(np.linalg.norm(self.displacement, axis=1).max())
 
     def reaction(self, where: Where) -> Floats:
-        """Total force (3,) [N] by which the support at a place holds the organ: internal minus applied nodal force.
+        """Total force (3,) [N] by which the support at a place holds the organ: internal minus external nodal force.
 
-        For a contact patch that the solve prescribed, the contact force. Where the solve did not converge, the part of
-        the load that was not reached is still in it.
+        For a contact patch that the solve prescribed, the contact force. If the solve did not converge, the part of
+        the load that was not reached is included.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.reaction("clamp").round(6).tolist()
+        [-0.0, 0.0, 10.0]
         """
         if isinstance(where, _core.Patch):
             for (nodes, weights), force in zip(self._patches, self._patch_forces, strict=True):
@@ -98,7 +111,12 @@ class State(Deformed, Pictured):
         `.vtu`, `.vtk`, `.xdmf`, `.msh`: rest points [m], cells, at points `displacement` [m], `reaction` [N],
         `von_mises` and `pressure` [Pa], in cells `cauchy_stress`, `von_mises`, `pressure` [Pa], `green_strain` and
         `energy_density` [J/m^3]. `.ply`, `.glb`, `.gltf`: the deformed surface with the fields of the points on its
-        vertices. `.obj`, `.stl`: the deformed surface alone. Where a cell is turned inside out, no stress is written.
+        vertices. `.obj`, `.stl`: the deformed surface alone. If a cell is inverted, no stress is written.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> state.write("bent.vtu")
         """
         moved = {"displacement": self.displacement, "reaction": self._held}
         points, cells = self.fields()
@@ -108,6 +126,11 @@ class State(Deformed, Pictured):
         """The deformed organ over its rest shape; a PNG where a path is given.
 
         colour: "displacement", "von_mises", "pressure" or "energy_density", the last three as they are at nodes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
+        >>> figure = state.plot("bent.png", colour="von_mises")
         """
         from viscera.picture import COLOURS, draw
 

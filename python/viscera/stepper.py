@@ -42,7 +42,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Frame(Deformed, Pictured):
-    """The organ after one frame, and what the frame did."""
+    """The organ after one frame, and what the frame did.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper(iterations=10)
+    >>> frame = stepper.frame({"tip": (None, None, -0.01)})
+    >>> frame.is_settled, frame.is_unstable, frame.reaction("tip")[2].round(3).item()
+    (True, False, -0.496)
+    """
 
     displacement: Floats
     """Displacement (n, 3) [m]."""
@@ -96,7 +104,14 @@ class Frame(Deformed, Pictured):
         return self._organ, self.displacement
 
     def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
-        """Stress as in `State.stress`; refused where the tissue relaxes, since a frame does not hold its past."""
+        """Stress as in `State.stress`; refused if the tissue relaxes, because a frame does not hold the history.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> stepper.frame({"tip": (None, None, -0.01)}).stress("pk1").shape
+        (1920, 3, 3)
+        """
         if self._relaxes:
             raise VisceraError(
                 "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
@@ -110,14 +125,29 @@ class Frame(Deformed, Pictured):
         return self._organ.mesh.points + self.displacement
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The organ in this frame over its rest shape, coloured by displacement; a PNG where a path is given."""
+        """The organ in this frame over its rest shape, coloured by displacement; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper()
+        >>> figure = stepper.frame({"tip": (None, None, -0.01)}).plot("frame.png")
+        """
         from viscera.picture import draw
 
         mesh = self._organ.mesh
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
     def reaction(self, where: Where | Hand) -> Floats:
-        """Force (3,) [N] with which a place is held: by a hand, of a grasped patch, or summed over nodes."""
+        """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> hand = stepper.grasp("tip")
+        >>> hand.move((0, 0, -0.01))
+        >>> stepper.frame().reaction(hand)[2].round(3).item()
+        -1.839
+        """
         place = where._where if isinstance(where, Hand) else where
         if isinstance(place, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):
@@ -128,7 +158,19 @@ class Frame(Deformed, Pictured):
 
 
 class Hand:
-    """A hand, or a pair of forceps, that holds a place of the organ: made by `Stepper.grasp`, ended by `release`."""
+    """A hand, or a pair of forceps, that holds a place of the organ: made by `Stepper.grasp`, ended by `release`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper()
+    >>> forceps = stepper.grasp("tip")
+    >>> for _ in range(3):
+    ...     forceps.move((0, 0, 0.001))
+    ...     frame = stepper.frame()
+    >>> forceps.release()
+    >>> f"{1e3 * frame.displacement[:, 2].max():.1f} mm"
+    '3.0 mm'
+    """
 
     def __init__(self, stepper: Stepper, where: Any, displacement: Floats) -> None:
         self._stepper = stepper
@@ -137,16 +179,48 @@ class Hand:
         """Displacement from rest of what it holds [m]: (3,) of a patch, (k, 3) node by node; for the next frame."""
 
     def move(self, by: Lengths) -> None:
-        """Move on by (x, y, z) [m], or in words such as "2 mm", with the next frame."""
+        """Move by (x, y, z) [m], or in words such as "2 mm", in the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper()
+        >>> hand = stepper.grasp("tip")
+        >>> hand.move("(0, 0, -1) mm")
+        >>> stepper.frame().displacement[beam.mesh.sets["tip"], 2].round(6).min().item()
+        -0.001
+        """
         self.displacement = self.displacement + offset(by, self._stepper._organ.mesh, "motion of a hand")
 
     def release(self) -> None:
-        """Let go with the next frame."""
+        """Let go in the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper()
+        >>> hand = stepper.grasp("tip")
+        >>> hand.move((0, 0, -0.001))
+        >>> _ = stepper.frame()
+        >>> hand.release()
+        >>> frame = stepper.frame()
+        >>> bool(abs(frame.displacement).max() < 1e-4)  # back at rest, except for the error of one iteration
+        True
+        """
         self._stepper._hands = [hand for hand in self._stepper._hands if hand is not self]
 
 
 class Stepper:
-    """An organ in real time, made by `Organ.stepper`. Paper B: one Newton iteration a frame from the last state."""
+    """An organ in real time, made by `Organ.stepper`. Paper B: one Newton iteration a frame from the last state.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper()
+    >>> frame = stepper.frame({"tip": (None, None, -0.01)})
+    >>> frame.steps, frame.is_settled  # one iteration is not enough for a jump of 1 cm
+    (1, False)
+    >>> frame = stepper.frame()
+    >>> frame.is_settled
+    True
+    """
 
     def __init__(self, organ: Organ, grasped: Displacements, start: Floats | None, settings: dict[str, Any]) -> None:
         grasped = by_place(grasped, "grasped")
@@ -181,7 +255,16 @@ class Stepper:
         self._core.set_velocity(rows)
 
     def grasp(self, where: Where) -> Hand:
-        """Take hold of a place as it is now: of the free nodes of a set, or of the mean of a contact patch."""
+        """Take hold of a place where it is now: the free nodes of a set, or the mean of a contact patch.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper()
+        >>> hand = stepper.grasp("tip")
+        >>> hand.move("(0, 0, 2) mm")
+        >>> f"{1e3 * stepper.frame().at([[1, 0.1, 0.1]]).displacement[0, 2]:.1f} mm"
+        '2.0 mm'
+        """
         displacement = self._core.displacement()
         if isinstance(where, _core.Patch):
             hand = Hand(self, where, where.weights @ displacement[where.nodes])
@@ -205,11 +288,18 @@ class Stepper:
     ) -> Frame:
         """One frame: the hands move, the organ follows.
 
-        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free; what is named is held, what
-            is named no longer is let go. Without it, what was named last stays where it was put.
-        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface; all
-            may change with every frame, and what is not named acts no longer.
+        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free. What is named is held; what
+            is no longer named is let go. Without this argument, the last displacements stay.
+        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface. All
+            may change with every frame; a load that is not given no longer acts.
         gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> frame = stepper.frame(force={"tip": (0, 0, -1.0)})
+        >>> frame.is_settled, f"{1e3 * frame.displacement[:, 2].min():.1f} mm"
+        (True, '-20.2 mm')
         """
         named = self._named if displacement is None else by_place(displacement, "displacement")
         targets: dict[Any, Any] = dict(named)
@@ -313,9 +403,9 @@ def settings_of(
     if relaxation is not None and not isinstance(relaxation, Prony):
         raise refused("relaxation", "a viscera.Prony, such as Prony(g=[0.3], tau=[0.5])", relaxation)
     if dynamics is None and rates.any():
-        raise VisceraError("damping means nothing without dynamics; choose dynamics='newmark' or 'backward_euler'")
+        raise VisceraError("damping has no effect without dynamics; choose dynamics='newmark' or 'backward_euler'")
     if time_step is not None and dynamics is None and relaxation is None:
-        raise VisceraError("a time_step means nothing without dynamics or relaxation; add one, or leave it out")
+        raise VisceraError("a time_step has no effect without dynamics or relaxation; add one, or leave it out")
     if time_step is None and not (dynamics is None and relaxation is None):
         raise VisceraError("dynamics and relaxation need a time_step [s]")
     if dynamics is not None and density is None:

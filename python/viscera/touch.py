@@ -39,7 +39,17 @@ T = TypeVar("T")
 
 
 class Answer(Deformed):
-    """What a touch gives back."""
+    """The answer of a reduced model to a touch: force, stiffness, displacement and error estimates.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> touch = beam.reduce("tip", depth="2%", order=2)
+    >>> answer = touch((1, 0.1, 0.1), displacement=(0, 0, -0.01))
+    >>> answer.is_trusted, answer.force.round(3).tolist()
+    (True, [0.242, -0.034, -0.498])
+    >>> f"{1e3 * answer.max_displacement:.1f} mm"
+    '10.1 mm'
+    """
 
     def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
         self._model, self._touch = model, (point, displacement)
@@ -67,7 +77,7 @@ class Answer(Deformed):
 
     @cached_property
     def displacement(self) -> Floats:
-        """Displacement of all nodes (n, 3) [m], evaluated when first asked for: a haptic loop needs the force alone."""
+        """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs the force alone."""
         return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
 
     def _seen(self) -> tuple[Mesh, Floats]:
@@ -90,11 +100,19 @@ class Answer(Deformed):
 
 
 class Touch(Pictured):
-    """The reduced model of an organ, ready to be touched anywhere on its touchable surface.
+    """The reduced model of an organ: it answers touches anywhere on its touchable surface.
 
     Made by `Organ.reduce`, or read from a file by `viscera.load`. Calling it with a contact point (3,) [m] and the
     displacement (3,) [m] of the contact gives an `Answer`. Points are those of the shape before the touch: at rest, or
-    under a preload; displacements and forces are what the touch adds to it.
+    under a preload; displacements and forces are what the touch adds.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> touch = beam.reduce("tip", depth="2%", order=2)
+    >>> touch
+    Touch(525 points, order 2, depth 0.0207846 m)
+    >>> touch((1, 0.1, 0.1), (0, 0, -0.01)).is_trusted
+    True
     """
 
     def __init__(self, model: _core.Model) -> None:
@@ -115,12 +133,28 @@ class Touch(Pictured):
         return Answer(self, at, push, self._asked(self._model.evaluate, at, push, False))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file (safetensors, see docs/model-file.md): whole or not at all."""
+        """Write the model file (safetensors, see docs/model-file.md): as a whole or not at all.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch.save("beam.viscera")
+        >>> vs.load("beam.viscera")
+        Touch(525 points, order 2, depth 0.0207846 m)
+        """
         with replacing(path) as scratch:
             scratch.write_bytes(self._model.to_bytes())
 
     def at(self, value: float) -> Touch:
-        """The model at another value of the parameter that it was made for a range of (`Organ.reduce(vary=)`)."""
+        """The model at another value of its parameter (see `Organ.reduce(vary=)`).
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2, vary=vs.Vary("young", 5e4, 2e5, nodes=2))
+        >>> soft, stiff = (touch.at(young)((1, 0.1, 0.1), (0, 0, -0.01)).force[2] for young in (5e4, 2e5))
+        >>> f"{stiff / soft:.2f}"
+        '4.59'
+        """
         parameter = self.metadata.get("parameter")
         if parameter is None:
             raise VisceraError("this model has no parameter to set; reduce with vary=")
@@ -134,12 +168,19 @@ class Touch(Pictured):
         return Touch(self._model.at(float(value), full.parameters.ravel().tolist()))
 
     def compressed(self, tolerance: float) -> Touch:
-        """The model with fewer modes: a smaller file, faster fields, forces and their trust as they are.
+        """The model with fewer modes: a smaller file and faster fields; forces and their trust stay the same.
 
         tolerance: of the field at full depth, relative to it, at the worst position, root mean square over directions;
         between 0 and 1. What is lost is added to the estimated error of the shape (`Answer.shape_error_estimate`).
         The fewest principal directions are kept, as off-line: region by region, of the stored fields, each order
         weighted by the depth to its degree.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> smaller = touch.compressed(0.05)
+        >>> smaller.summary()["modes"] < touch.summary()["modes"]
+        True
         """
         return Touch(self._model.compressed(float(tolerance)))
 
@@ -151,7 +192,14 @@ class Touch(Pictured):
         executor: Executor | None = None,
         progress: Callable[[int, int, str], None] | None = None,
     ) -> Check:
-        """The model against Newton at random unseen touches; see `viscera.check`."""
+        """Compare the model with Newton's method at random unseen touches; see `viscera.check`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch.check(touches=3, depths=["1%"]).verdict
+        'passed'
+        """
         from viscera.check import check
 
         return check(self, touches=touches, seed=seed, depths=depths, executor=executor, progress=progress)
@@ -164,13 +212,21 @@ class Touch(Pictured):
         depth: float | str | None = None,
         snapshots: int = 0,
     ) -> Galerkin:
-        """The model of several touches at once, see `viscera.galerkin`.
+        """The model of several touches at once; see `viscera.galerkin`.
 
         order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
         sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], or in words
         such as "5%" of the diagonal; by default this model's. snapshots: states solved on the whole organ when contacts
         take hold, at most, for the basis to hold what the series miss: two dozen spread evenly, then more in rounds,
         until the answers of a round are right to a tenth of what a trusted one may be wrong.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> fingers = touch.galerkin(order=2)
+        >>> held = fingers.solve([((1, 0, 0.1), (0, 0, -0.01)), ((1, 0.2, 0.1), (0, 0, 0.01))])
+        >>> held.is_converged, held.force.shape
+        (True, (2, 3))
         """
         from viscera.galerkin import galerkin
 
@@ -178,7 +234,14 @@ class Touch(Pictured):
         return galerkin(self, order, tolerance, depth, snapshots)
 
     def organ(self) -> Organ:
-        """The full organ this model was reduced from: mesh, law and supports are in the file."""
+        """The full organ this model was reduced from: mesh, law and supports are in the file.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch.organ()
+        Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
+        """
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
@@ -193,22 +256,53 @@ class Touch(Pictured):
         return self._full, displacement if self.preload is None else self.preload + displacement
 
     def surface_displacement(self, point: Lengths, displacement: Lengths) -> Floats:
-        """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`."""
+        """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> moved = touch.surface_displacement((1, 0.1, 0.1), (0, 0, -0.01))
+        >>> moved.shape == (len(touch.surface_nodes), 3)
+        True
+        """
         return self._asked(self._model.surface_displacement, self._point(point), self._push(displacement))
 
     def patch(self, point: Lengths) -> _core.Patch:
-        """The contact patch at a point: what a full solution prescribes to be comparable."""
+        """The contact patch at a point, for a full solution to prescribe.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> patch = touch.patch((1, 0.1, 0.1))
+        >>> full = touch.organ().solve(displacement={patch: (0, 0, -0.01)}).reaction(patch)
+        >>> reduced = touch((1, 0.1, 0.1), (0, 0, -0.01)).force
+        >>> bool(abs(full[2] - reduced[2]) < 0.01 * abs(full[2]))
+        True
+        """
         return self._asked(self._model.weights, self._point(point))
 
     def locate(self, point: Lengths) -> Floats:
-        """The touchable point (3,) [m] that is nearest to a point (3,) [m]: where to touch instead of beside it."""
+        """The touchable point (3,) [m] that is nearest to a point (3,) [m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch.locate((1.2, 0.1, 0.1)).round(6).tolist()
+        [1.0, 0.1, 0.1]
+        """
         triangle, weights, _ = self._touchable.closest(self._point(point))
         return np.asarray(weights @ self.mesh.points[self.touchable_triangles[triangle]])
 
     def plot(
         self, point: Lengths, displacement: Lengths, path: str | os.PathLike[str] | None = None, title: str = ""
     ) -> Figure:
-        """The touched organ over its rest shape, with the contact force; a PNG where a path is given."""
+        """The touched organ over its rest shape, with the contact force; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> figure = touch.plot((1, 0.1, 0.1), (0, 0, -0.01), "touch.png")
+        """
         from viscera.picture import draw
 
         answer = self(point, displacement)
@@ -223,18 +317,30 @@ class Touch(Pictured):
         return draw_rest(mesh.points, mesh.surface, fixed=none, parts={"touchable": self.touchable_triangles})
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
-        """The organ to be touched, below a notebook's cell (`pip install viscera[notebook]`); elsewhere `viscera view`.
+        """The touchable organ below a notebook's cell (`pip install viscera[notebook]`); elsewhere, use `viscera view`.
 
         name: shown above the organ; height: of the view, in pixels.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> widget = touch.view("Beam", height=400)
         """
         from viscera.viewer.notebook import widget
 
         return widget(self, name, height)
 
     def summary(self) -> dict[str, Any]:
-        """The model in numbers: positions, terms of the series, modes, and the errors that were measured off-line.
+        """The model in numbers: positions, terms of the series, modes, and the errors measured off-line.
 
         `errors` are relative to the norm of the field at the worst place tried; `worst_error` is the largest of them.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> summary = touch.summary()
+        >>> summary["positions"], summary["terms"], bool(summary["worst_error"] < 0.01)
+        (25, 9, True)
         """
         errors: dict[str, float] = self.metadata["errors"]
         return {
@@ -256,7 +362,7 @@ class Touch(Pictured):
 
     @cached_property
     def rest(self) -> Mesh:
-        """The mesh free of load: `mesh`, but for a preload."""
+        """The mesh at rest: `mesh`, unless the model has a preload."""
         points, cells = self._model.array("points"), self._model.array("cells")
         free = points if self.preload is None else points - self.preload
         linear = mesh(free[: int(cells.max()) + 1], cells)
@@ -334,7 +440,14 @@ class Touch(Pictured):
 def load(path: str | os.PathLike[str]) -> Touch:
     """Read a model file written by `Touch.save`; raises `VisceraError` where it is damaged or inconsistent.
 
-    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning says so.
+    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning is given.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> touch = beam.reduce("tip", depth="2%", order=2)
+    >>> touch.save("beam.viscera")
+    >>> vs.load("beam.viscera")((1, 0.1, 0.1), (0, 0, -0.01)).is_trusted
+    True
     """
     name = os.fspath(path)
     if not Path(name).is_file():

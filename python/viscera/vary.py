@@ -35,9 +35,9 @@ class Vary:
 
     name: str
     low: float | str
-    """Where the range begins; of the radius also in words such as "5 mm" or "2%"."""
+    """Lower end of the range; for the radius also in words such as "5 mm" or "2%"."""
     high: float | str
-    """Where it ends."""
+    """Upper end of the range."""
     part: Where | None = None
     """Cells whose law it is: a cell set's name, a condition, indices, or a predicate on centroids; all without."""
     nodes: int = 5
@@ -58,7 +58,12 @@ class Vary:
             raise VisceraError(f"the range of {self.name} begins at {low:g}; it must be positive")
 
     def on(self, mesh: Mesh) -> Vary:
-        """The range in numbers, as an organ of this mesh takes it."""
+        """The range in numbers, as an organ of this mesh takes it.
+
+        >>> import viscera as vs
+        >>> vs.Vary("radius", "5%", "8 cm", nodes=3).on(vs.organs.beam()).high
+        0.08
+        """
         if self.name != "radius":
             return self
         low, high = (length(end, mesh.diagonal, "the range of radius") for end in (self.low, self.high))
@@ -71,7 +76,7 @@ class Vary:
 
     @property
     def is_logarithmic(self) -> bool:
-        """Whether it is interpolated over its logarithm, as suits a stiffness and a length."""
+        """Whether it is interpolated on a logarithmic scale, as for a stiffness or a length."""
         return self.name != "poisson"
 
     @property
@@ -93,7 +98,14 @@ class Vary:
         return np.clip(np.exp(value) if self.is_logarithmic else value, *ends)
 
     def family(self, organ: Organ, radius: float) -> tuple[Organ, dict[str, Any]]:
-        """The organ at the value it has, or where that is outside the range at the middle, and the core's arguments."""
+        """The organ at its own value, or at the middle of the range if that is outside, and the core's arguments.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> organ, arguments = vs.Vary("young", 5e4, 2e5, nodes=3).on(beam.mesh).family(beam, radius=0.05)
+        >>> organ.law
+        NeoHookean(mu=38461.5, lam=57692.3)
+        """
         cells = np.empty(0, dtype=np.uint32) if self.part is None else organ.mesh.cells_in(self.part)
         own = self.own_value(organ.law, cells, radius)
         low, high = self._ends
@@ -118,7 +130,15 @@ class Vary:
         }
 
     def own_value(self, law: Law, cells: Indices, radius: float) -> float | None:
-        """The organ's own value, or None where it is not the same in all the cells."""
+        """The organ's own value, or None if it differs between the cells.
+
+        >>> import viscera as vs
+        >>> import numpy as np
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> vary = vs.Vary("young", 5e4, 2e5)
+        >>> f"{vary.own_value(beam.law, np.arange(len(beam.mesh.cells)), radius=0.05):.0f} Pa"
+        '100000 Pa'
+        """
         if self.name == "radius":
             return radius
         inside = _of(law, self.name)

@@ -119,7 +119,7 @@ def test_bad_input_is_refused(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=2e5, poisson=0.4), fixed="root")
     nothing: list[dict[str, Any]] = [{}, {"force": {}}, {"density": 1000.0}]
     for loads in nothing:
-        with pytest.raises(vs.VisceraError, match="no load to take off"):
+        with pytest.raises(vs.VisceraError, match="no load to remove"):
             organ.unloaded(**loads)
     with pytest.raises(vs.VisceraError, match="density"):
         organ.unloaded(gravity=DOWN)

@@ -92,7 +92,7 @@ def test_states_that_cannot_be_reduced_about(organ: vs.Organ, bar: vs.Mesh, cube
         "belongs to another organ: nodal forces differ by": stiffer.solve(**GRAVITY),
         "is under pressure, which turns with the surface": organ.solve(pressure={"tip": 100.0}),
         "is held at 9 points besides the fixed ones, such as point": organ.solve(displacement={end: (0, 0, -0.02)}),
-        "is no equilibrium: stopped at load": organ.solve(
+        "is not an equilibrium: stopped at load": organ.solve(
             force={"tip": (0, 0, -2000.0)}, settings={"max_iterations": 1, "smallest_step": 0.9}
         ),
     }

@@ -21,10 +21,10 @@
 extern "C" {
 #endif
 
-/* Compare with viscera_abi_version() once at the start: they differ where header and library do not belong together. */
+/* Compare with viscera_abi_version() once at the start: they differ if header and library do not belong together. */
 #define VISCERA_ABI_VERSION 3
 
-/* What a call came to. The first three come with an answer; only the first answer is to be relied on. */
+/* Status of a call. The first three come with an answer; only the answer of the first can be relied on. */
 enum viscera_status {
     VISCERA_OK = 0,
     VISCERA_BEYOND_DEPTH = 1,    /* displaced farther than the depth the model was made for */
@@ -33,7 +33,7 @@ enum viscera_status {
     VISCERA_NOT_FINITE = 4,      /* an input, or an answer that overflowed, is infinite or not a number */
     VISCERA_NULL_POINTER = 5,
     VISCERA_SHORT_BUFFER = 6,
-    VISCERA_BAD_MODEL = 7,       /* bytes or a file that cannot be read, or are no usable model */
+    VISCERA_BAD_MODEL = 7,       /* bytes or a file that cannot be read or hold no usable model */
     VISCERA_BAD_SETTING = 8,     /* a frame or a guard out of its range */
     VISCERA_STALE = 9            /* given to viscera_guard_step by a loop that has no new answer */
 };
@@ -69,11 +69,11 @@ typedef struct viscera_frame {
 
 /* Owned by the caller, set up by viscera_guard_init. Read the state if you like; write only the settings. */
 typedef struct viscera_guard {
-    double force_limit;  /* largest force given out */
+    double force_limit;  /* largest output force */
     double rate_limit;   /* largest change of it per second */
     double watchdog;     /* longest time without an answer [s] */
     double fade;         /* time in which the force then fades to zero [s] */
-    double force[3];     /* given out last */
+    double force[3];     /* last output force */
     double target[3];    /* last trusted force */
     double age;          /* of the last answer [s] */
     double fade_rate;    /* force lost per second while fading */
@@ -89,13 +89,13 @@ enum viscera_guard_mode {
     VISCERA_GUARD_HOLDS = 2,   /* no trusted answer: the last trusted force stays */
     VISCERA_GUARD_FADES = 3,   /* stale or faulty: on its way to zero */
     VISCERA_GUARD_REFUSES = 4, /* a null guard, a setting or a time step out of range: zero */
-    VISCERA_GUARD_DAMPS = 5    /* energy is owed: damped, or held down to what may still be given out */
+    VISCERA_GUARD_DAMPS = 5    /* energy debt: damped, or reduced to the allowed force */
 };
 
 /* The interface version of the library. */
 uint32_t viscera_abi_version(void);
 
-/* A status in words; never null, never to be freed. */
+/* Text of a status; never null, never to be freed. */
 const char *viscera_status_text(int32_t status);
 
 /* Reads a model from the bytes of a *.viscera file (they are copied) or from the file itself. On failure *model is null
@@ -119,8 +119,8 @@ int32_t viscera_set_frame(viscera_model *model, const viscera_frame *frame);
 /* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. */
 int32_t viscera_locate(const viscera_model *model, const double point[3], double contact_point[3], double *distance);
 
-/* REAL TIME. The answer to a touch: VISCERA_OK, or VISCERA_BEYOND_DEPTH or VISCERA_ERROR_TOO_LARGE with a force not to be
- * relied on. Any other status gives zero force and stiffness and error estimates of 1. */
+/* REAL TIME. The answer to a touch: VISCERA_OK, or VISCERA_BEYOND_DEPTH or VISCERA_ERROR_TOO_LARGE with a force that
+ * cannot be relied on. Any other status gives zero force and stiffness and error estimates of 1. */
 int32_t viscera_evaluate(const viscera_model *model, const double point[3], const double displacement[3],
                          viscera_answer *answer);
 
@@ -128,9 +128,9 @@ int32_t viscera_evaluate(const viscera_model *model, const double point[3], cons
 size_t viscera_workspace_size(const viscera_model *model);
 
 /* REAL TIME. Positions of the deformed surface nodes, three floats each: at least 3 * surface_nodes of them. The status
- * is that of the shape, whose estimated error is another than that of the force: a compressed model may answer with a
- * force that is sound and a shape that is not. Where there is no answer the positions are those at rest. After VISCERA_NULL_POINTER and
- * VISCERA_SHORT_BUFFER nothing has been written. Workspace and positions must not overlap; lengths count floats. */
+ * is that of the shape, whose estimated error differs from that of the force: a compressed model may answer with a
+ * trusted force and an untrusted shape. If there is no answer, the positions are those at rest. After
+ * VISCERA_NULL_POINTER and VISCERA_SHORT_BUFFER nothing has been written. Workspace and positions must not overlap; lengths count floats. */
 int32_t viscera_surface(const viscera_model *model, const double point[3], const double displacement[3],
                         float *workspace, size_t workspace_len, float *positions, size_t positions_len);
 

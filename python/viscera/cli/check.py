@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera check`."""
     parser.add_argument("model", metavar="organ.viscera")
     parser.add_argument("--touches", type=int, default=50, help="random contacts, each at every depth (default 50)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random contacts (default 0)")
-    parser.add_argument("--value", type=float, help="of the parameter that the model was made for a range of")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random contacts (default 0)")
+    parser.add_argument("--value", type=float, help="value of the model's parameter, within its range")
     parser.add_argument(
         "--depths", nargs="+", type=number_or_words, metavar="DEPTH",
         help="metres, '12 mm' or '5%%' of the bounding-box diagonal (default 5%% 10%%)",

@@ -24,9 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--reference",
         default=REFERENCE,
         metavar="MODEL",
-        help=f"what the others are compared with (default {REFERENCE})",
+        help=f"the model that the others are compared with (default {REFERENCE})",
     )
-    parser.add_argument("--models", nargs="+", metavar="MODEL", help="only these, such as Linear 'MooneyRivlin J-1'")
+    parser.add_argument(
+        "--models", nargs="+", metavar="MODEL", help="the models to compare, such as Linear 'MooneyRivlin J-1'"
+    )
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:

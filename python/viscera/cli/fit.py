@@ -38,14 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("curves", metavar="TEST.csv", nargs="+")
     laws = ", ".join(FAMILIES)
     parser.add_argument("--law", default="all", help=f"{laws}; or all of them, the best by AIC first (default)")
-    parser.add_argument("--terms", type=int, help="of Yeoh's or Ogden's sum, 1 to 3")
+    parser.add_argument("--terms", type=int, help="number of terms in Yeoh's or Ogden's sum, 1 to 3")
     parser.add_argument("--mode", default="uniaxial", help=f"deformation: {', '.join(MODES)} (default uniaxial)")
     parser.add_argument(
-        "--length", type=metres, metavar="LENGTH", help="of the specimen between the grips, such as '30 mm'"
+        "--length", type=metres, metavar="LENGTH", help="length of the specimen between the grips, such as '30 mm'"
     )
     parser.add_argument("--area", type=float, metavar="M2", help="rest cross-section of the specimen [m^2]")
     parser.add_argument(
-        "--diameter", type=metres, metavar="LENGTH", help="of a cylindrical specimen, instead of --area"
+        "--diameter", type=metres, metavar="LENGTH", help="diameter of a cylindrical specimen, in place of --area"
     )
     parser.add_argument("--compression", action="store_true", help="displacement and force are positive in compression")
     parser.add_argument("--poisson", type=float, default=0.499, help="Poisson's ratio of the law (default 0.499)")

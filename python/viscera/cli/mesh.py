@@ -30,13 +30,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--label", action="append", default=[], metavar="NAME=NUMBER",
         help="a label to mesh, such as 5, liver=5 or kidneys=2+3; once for each part",
     )  # fmt: skip
-    parser.add_argument("--edge", type=metres, required=True, metavar="LENGTH", help="mean edge of the cells, as 8mm")
+    parser.add_argument(
+        "--edge", type=metres, required=True, metavar="LENGTH", help="mean edge length of the cells, such as 8mm"
+    )
     parser.add_argument(
         "--fixed", action="append", default=[], metavar="PLACE",
         help="nodes for the set 'fixed': a condition such as 'z > 90%%', label:63 (where it touches that label), or a "
         "painted image",
     )  # fmt: skip
-    parser.add_argument("--units", type=number_or_words, help="of a surface: m, cm, mm, um, inch, or metres per unit")
+    parser.add_argument(
+        "--units", type=number_or_words, help="unit of a surface: m, cm, mm, um, inch, or metres per unit"
+    )
     parser.add_argument("-o", "--output", default="organ.vtu", metavar="FILE", help="the mesh (default organ.vtu)")
 
 
@@ -52,7 +56,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 def _from_labels(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[str, float]]:
     """The mesh, and the volume of each part's voxels [m^3]."""
     if args.units is not None:
-        raise VisceraError("--units is for surfaces; an image says where its voxels are")
+        raise VisceraError("--units is for surfaces; an image states the positions of its voxels")
     image = scan(args.source)
     size, sides = image.values.shape, [f"{1e3 * side:.3g}" for side in image.spacing]
     shape = " x ".join(map(str, size))
@@ -68,7 +72,7 @@ def _from_surface(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[
     if args.units is None:
         raise VisceraError(f"{args.source}: a surface needs its --units, such as mm or m")
     if len(args.label) > 1 or any(not _is_name(label) for label in args.label):
-        raise VisceraError("a surface has no labels; --label NAME calls its one part so")
+        raise VisceraError("a surface has no labels; --label NAME names its only part")
     with bar(output.is_quiet) as progress:
         name = args.label[0] if args.label else "organ"
         found = mesh_surface(args.source, edge=args.edge, units=args.units, name=name, progress=progress)

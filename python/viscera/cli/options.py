@@ -42,10 +42,10 @@ def add_organ(parser: argparse.ArgumentParser) -> None:
     )
     organ = parser.add_argument_group("an organ without a case file")
     organ.add_argument(
-        "--units", type=number_or_words, help="of the mesh file: m, cm, mm, um, inch, or metres per unit"
+        "--units", type=number_or_words, help="unit of the mesh file: m, cm, mm, um, inch, or metres per unit"
     )
     organ.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
-    organ.add_argument("--element", help="'P1', 'P1 mean volume' or 'P2' (default: what is right for Poisson's ratio)")
+    organ.add_argument("--element", help="'P1', 'P1 mean volume' or 'P2' (default: chosen for Poisson's ratio)")
     organ.add_argument("--law", help="Linear, Corotated, SaintVenantKirchhoff or NeoHookean (default)")
     organ.add_argument("--young", type=float, metavar="PA", help="Young's modulus [Pa]")
     organ.add_argument("--poisson", type=float, help="Poisson's ratio, above -1 and below 0.5")
@@ -58,18 +58,20 @@ def add_reduction(parser: argparse.ArgumentParser) -> None:
     reduction.add_argument(
         "--touchable",
         metavar="SET",
-        help="where it may be touched (default: the surface, but for a radius around the fixed)",
+        help="surface to be touched (default: all farther than the radius from fixed nodes)",
     )
     reduction.add_argument(
         "--radius", type=number_or_words, metavar="LENGTH",
-        help=f"of the contact patch: metres, '12 mm' or '10%%' {share} (default {defaults.RADIUS_FRACTION:.0%}%)",
+        help=f"radius of the contact: metres, '12 mm' or '10%%' {share} (default {defaults.RADIUS_FRACTION:.0%}%)",
     )  # fmt: skip
     reduction.add_argument(
         "--depth", type=number_or_words, metavar="LENGTH",
-        help=f"largest touch (default {defaults.DEPTH_FRACTION:.0%}% {share})",
+        help=f"largest contact displacement (default {defaults.DEPTH_FRACTION:.0%}% {share})",
     )  # fmt: skip
-    reduction.add_argument("--order", type=int, help=f"of the series (default {defaults.ORDER})")
-    reduction.add_argument("--tolerance", type=float, help=f"of the stored field (default {defaults.TOLERANCE:g})")
+    reduction.add_argument("--order", type=int, help=f"order of the series (default {defaults.ORDER})")
+    reduction.add_argument(
+        "--tolerance", type=float, help=f"relative error of the stored field (default {defaults.TOLERANCE:g})"
+    )
 
 
 def case_of(args: argparse.Namespace) -> Case:

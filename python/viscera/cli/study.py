@@ -26,9 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="a smaller study, to see what it writes")
     other = parser.add_argument_group("another organ than the built-in liver")
     other.add_argument("mesh", nargs="?", metavar="MESH", help="a mesh file")
-    other.add_argument("--units", type=number_or_words, help="of the file: m, cm, mm, um, inch, or metres per unit")
+    other.add_argument(
+        "--units", type=number_or_words, help="unit of the file: m, cm, mm, um, inch, or metres per unit"
+    )
     other.add_argument("--fixed", metavar="SET", help="a set's name, or a condition such as 'x < 10%%' or 'z > 3 cm'")
-    other.add_argument("--touchable", metavar="SET", help="where loads may act (default: the surface off the fixed)")
+    other.add_argument("--touchable", metavar="SET", help="surface to be loaded (default: all away from fixed nodes)")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
@@ -49,7 +51,7 @@ def _organ(args: argparse.Namespace) -> dict[str, Any]:
             raise VisceraError(f"--{given} describes a mesh; give its file as well")
         return {}
     if args.name != "liver":
-        raise VisceraError(f"the {args.name} study has its own mesh; another organ goes with `viscera study liver`")
+        raise VisceraError(f"the {args.name} study has its own mesh; for another organ use `viscera study liver`")
     if args.fixed is None:
         raise VisceraError(f"{args.mesh} is a mesh: it needs --fixed as well, a set's name or a condition")
     mesh = load_mesh(args.mesh, args.units)

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     words: dict[str, Any] = {"nargs": 3, "type": number_or_words, "required": True, "metavar": axes}
     parser.add_argument("--at", **words, help="contact point: metres, 12mm, or 80%% of the bounding box")
     parser.add_argument("--push", **words, help="contact displacement: metres, 12mm, or 5%% of the diagonal")
-    parser.add_argument("--value", type=float, help="of the parameter that the model was made for a range of")
+    parser.add_argument("--value", type=float, help="value of the model's parameter, within its range")
     parser.add_argument("--picture", metavar="FILE", help="write a PNG of the touched organ")
 
 

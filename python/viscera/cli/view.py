@@ -21,9 +21,11 @@ from viscera.touch import load
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera view`."""
     parser.add_argument("model", metavar="organ.viscera|CASE.toml")
-    parser.add_argument("--port", type=int, default=0, help="of the page's server on 127.0.0.1 (default: any free one)")
-    parser.add_argument("--no-browser", action="store_true", help="print the address, open nothing")
-    parser.add_argument("--export", metavar="DIR", help="write the page there as static files instead")
+    parser.add_argument(
+        "--port", type=int, default=0, help="port of the page's server on 127.0.0.1 (default: any free one)"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
+    parser.add_argument("--export", metavar="DIR", help="write the page there as static files")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:

@@ -23,22 +23,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of `viscera warp`."""
     parser.add_argument("image", metavar="IMAGE", help=f"the scan, or its labels: {', '.join(grid.FORMATS)}")
     parser.add_argument(
-        "--with", dest="state", metavar="STATE.vtu", required=True, help="as `viscera solve -o` wrote it"
+        "--with", dest="state", metavar="STATE.vtu", required=True, help="a solution that `viscera solve -o` wrote"
     )
-    parser.add_argument("-o", "--output", metavar="IMAGE", help="the image deformed")
+    parser.add_argument("-o", "--output", metavar="IMAGE", help="the deformed image")
     parser.add_argument("--axes", default="RAS", help="world axes of the mesh: RAS (default) or LPS")
     parser.add_argument(
         "--interpolation", choices=grid.INTERPOLATIONS,
         help="default: nearest for a label map (whole numbers from 0, at most 256 different ones), otherwise linear",
     )  # fmt: skip
-    parser.add_argument("--background", type=float, help="of what the organ has left (default: the smallest value)")
+    parser.add_argument(
+        "--background", type=float, help="value for voxels that the organ has left (default: the smallest value)"
+    )
     parser.add_argument(
         "--field", metavar="IMAGE",
-        help="write the displacement from the image deformed to the image given, mm in LPS: a transform of ITK and 3D "
+        help="write the displacement from the deformed image to the given one, mm in LPS: a transform of ITK and 3D "
         "Slicer that resamples images",
     )  # fmt: skip
     parser.add_argument(
-        "--forward-field", metavar="IMAGE", help="likewise from the image given to the image deformed: it moves points"
+        "--forward-field", metavar="IMAGE", help="the same from the given image to the deformed one: it moves points"
     )
 
 

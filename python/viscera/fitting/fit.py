@@ -26,7 +26,14 @@ N_SEARCHES = 3  # from the best of the starts: the error has local minima in the
 
 @dataclass(frozen=True)
 class Fit:
-    """A law fitted to material tests."""
+    """A law fitted to material tests.
+
+    >>> import viscera as vs
+    >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+    >>> found = vs.fit(vs.NeoHookean, [test])
+    >>> found.is_stable, found.parameters.keys()
+    (True, dict_keys(['mu']))
+    """
 
     law: Law
     """With the Poisson's ratio that the fit was given."""
@@ -53,12 +60,23 @@ class Fit:
         return all(self.stable[mode] == _range(self.tests, mode) for mode in self.stable)
 
     def errors(self) -> dict[str, float]:
-        """Root-mean-square error of each test by its name [Pa]."""
+        """Root-mean-square error of each test by its name [Pa].
+
+        >>> import viscera as vs
+        >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+        >>> f"{vs.fit(vs.NeoHookean, [test]).errors()['cylinder']:.0f} Pa"
+        '13 Pa'
+        """
         pairs = zip(self.tests, self.stresses, strict=True)
         return {test.name: float(np.sqrt(np.mean((stress - test.stress) ** 2))) for test, stress in pairs}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The measured points and the law's curve, a panel for each deformation; a PNG where a path is given."""
+        """The measured points and the law's curve, a panel for each deformation; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+        >>> figure = vs.fit(vs.NeoHookean, [test]).plot("fit.png")
+        """
         from viscera.fitting.plot import draw
 
         return draw(self, path)

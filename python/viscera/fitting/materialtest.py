@@ -27,6 +27,11 @@ class MaterialTest:
 
     Raises `VisceraError` for a mode that is not known, curves of different lengths, values that are not finite, and
     stretches that are not positive.
+
+    >>> import viscera as vs
+    >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
+    >>> test
+    MaterialTest('cylinder': uniaxial, 4 points, stretch 0.8 to 1.2)
     """
 
     mode: str
@@ -69,6 +74,11 @@ class MaterialTest:
         displacement (k,) [m] of the grips and force (k,) [N]; length [m]: rest length between the grips (in simple
         shear the thickness sheared); area [m^2]: rest cross-section. With `compression` both are counted positive in
         compression, as most machines do: stretch = 1 - displacement / length, stress = -force / area.
+
+        >>> import viscera as vs
+        >>> recorded = [0.0, 0.003, 0.006], [0.0, 1.2, 2.9]  # m, N
+        >>> vs.MaterialTest.from_force("uniaxial", *recorded, length=0.03, area=2e-3, compression=True)
+        MaterialTest('test': uniaxial, 3 points, stretch 0.8 to 1)
         """
         for what, value in (("length", length), ("area", area)):
             if isinstance(value, bool) or not np.isfinite(value) or not value > 0.0:

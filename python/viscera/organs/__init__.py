@@ -33,10 +33,19 @@ def artery() -> Mesh:
 
     After the artery of paper B (401 points, 1,101 cells). Sets: the rings `bottom` (z = 0), `middle` (z = 20 mm) and
     `top` (z = 40 mm), `branch`, the free end of the side branch, and `lumen`, the surface that the blood wets.
+
+    >>> import viscera as vs
+    >>> sorted(vs.organs.artery().sets)
+    ['bottom', 'branch', 'lumen', 'middle', 'top']
     """
     return read(FOLDER / "artery.vtu")
 
 
 def beam() -> Mesh:
-    """A beam of 1 x 0.2 x 0.2 m along x: 525 points, 1,920 cells. Sets: `clamp` (x = 0), `tip` (x = 1 m), `top`."""
+    """A beam of 1 x 0.2 x 0.2 m along x: 525 points, 1,920 cells. Sets: `clamp` (x = 0), `tip` (x = 1 m), `top`.
+
+    >>> import viscera as vs
+    >>> sorted(vs.organs.beam().sets)
+    ['clamp', 'tip', 'top']
+    """
     return read(FOLDER / "beam.vtu")

@@ -1,4 +1,4 @@
-"""A silicone beam that others clamped, loaded, let swing and measured: one modulus fitted to its weight, the rest told.
+"""A silicone beam measured by others, clamped, loaded, swinging: one modulus fitted to its weight, the rest predicted.
 
 Dragon Skin 10, 30 x 30 x 100 mm, motion capture of three markers at the free end. Data, facts of which are kept in
 `measured_beam.json` (`docs/validation.md` says how): Dubied, Michelis, Spielberg and Katzschmann, *Sim-to-Real for
@@ -229,7 +229,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
     page.text(
         "Dragon Skin 10, 30 x 30 x 100 mm, clamped at one end, 1070 kg/m3; three markers at the free end. Young's "
         "modulus is fitted to the displacements under the weight alone (all markers, both runs; nu = 0.499, "
-        "neo-Hookean), and Rayleigh's beta to the decay of the free swing under the weight; everything else is told. "
+        "neo-Hookean), and Rayleigh's beta to the decay of the free swing under the weight; all else is predicted. "
         "The experiment repeats to 0.1 mm under the weight and 0.6 mm under the load; markers at the clamp move by up "
         "to 0.4 mm and the hand that holds the beam at first may have bent or stretched it, so nothing is claimed "
         "below 1 mm."
@@ -241,7 +241,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
     say(f"E = {1e-3 * young:.1f} kPa from the weight alone ({element}, {cells} cells)")
     facts: dict[str, Any] = {"status": "reported", "young": young}
     facts["weight"] = _report_hanging(page, say, "weight", "under its weight, fitted", organ, 0.0, weight)
-    facts["load"] = _report_hanging(page, say, "load", "with 0.51 N more, told", organ, LOAD, loaded)
+    facts["load"] = _report_hanging(page, say, "load", "with 0.51 N more, predicted", organ, LOAD, loaded)
     facts["meshes"] = _report_meshes(page, say, weight, loaded, quick)
     coarse = organ_of(fitted_modulus(weight, "P2", 2), "P2", 2)  # thousands of frames; its own modulus, its own sag
     facts["swing"] = _report_swing(page, say, coarse, weight, loaded)
@@ -252,11 +252,11 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
 def _report_hanging(
     page: Report, say: Say, name: str, title: str, organ: Organ, load: float, runs: list[Measured]
 ) -> dict[str, Any]:
-    """Measured and told displacements of each marker, with the repeatability of the experiment."""
+    """Measured and predicted displacements of each marker, with the repeatability of the experiment."""
     found, (a, b) = markers(organ, hanging(organ, load)), (run.displacement for run in runs)
     mean = 0.5 * (a + b)
     rows: list[list[Cell]] = []
-    say(f"{title}: displacement upwards [mm]\nmarker  run a   run b   told    error   all axes  runs differ by")
+    say(f"{title}: displacement upwards [mm]\nmarker  run a   run b  model    error   all axes  runs differ by")
     for marker, *at in zip(MARKERS, a, b, found, found - mean, a - b, strict=True):
         first, second, told, error, spread = at
         far, apart = float(np.linalg.norm(error)), float(np.linalg.norm(spread))
@@ -264,7 +264,7 @@ def _report_hanging(
         say(
             f"{marker:6s} {first[2]:6.2f}  {second[2]:6.2f}  {told[2]:6.2f}  {error[2]:6.2f}  {far:8.2f}  {apart:14.2f}"
         )
-    header = ("marker", "run a", "run b", "told", "error", "error, all axes", "runs differ, all axes")
+    header = ("marker", "run a", "run b", "model", "error", "error, all axes", "runs differ, all axes")
     page.table(name, header, rows, f"The beam {title}: displacement upwards, and errors of the mean of both runs [mm].")
     return {"told": found, "measured": [a, b], "error": found - mean}
 
@@ -307,7 +307,7 @@ def _report_swing(
     beta = fitted_damping(organ, mean)
     told = {"weight": told_swing(organ, beta), "load": told_swing(organ, beta, LOAD)}
     say(f"free swing, Newmark, Rayleigh's beta = {1e3 * beta:.2f} ms from the decay under the weight")
-    say("under   frequency [Hz]: run a  run b   told   decay [1/s]: run a  run b   told   step, halving it moves")
+    say("under   frequency [Hz]: run a  run b  model   decay [1/s]: run a  run b  model   step, halving it moves")
     rows: list[list[Cell]] = []
     for name, model in told.items():
         (a, b), found = seen[name], model.swing
@@ -316,7 +316,8 @@ def _report_swing(
             f"{found.decay:7.2f}{1e3 * model.step:8.3g} ms {100 * model.moved:5.2f} %"
         )
         rows.append([name, a.frequency, b.frequency, found.frequency, a.decay, b.decay, found.decay, model.step])
-    header = ("under", "run a [Hz]", "run b [Hz]", "told [Hz]", "run a [1/s]", "run b [1/s]", "told [1/s]", "step [s]")
+    frequency, decay = [(f"run a [{unit}]", f"run b [{unit}]", f"model [{unit}]") for unit in ("Hz", "1/s")]
+    header = ("under", *frequency, *decay, "step [s]")
     page.table("swing", header, rows, "Frequency and decay of the free swing; the decay under the weight is fitted.")
     page.figure("swing", _drawn(told, {"weight": weight, "load": loaded}), "The top marker after the beam is let go.")
     return {"beta": beta, "told": {name: vars(model.swing) for name, model in told.items()},
@@ -329,7 +330,7 @@ def _drawn(told: dict[str, Told], runs: dict[str, list[Measured]]) -> Figure:
         for letter, measurement in zip("ab", runs[name], strict=True):
             plot.plot(measurement.time, measurement.height, ".", label=f"measured, run {letter}")
         rest = model.height[-1]  # the last swings are small beside the first
-        plot.plot(model.time, model.height - rest, "-", color="#22262e", linewidth=1.0, label="told")
+        plot.plot(model.time, model.height - rest, "-", color="#22262e", linewidth=1.0, label="model")
         plot.set(title=f"under its {name}" if name == "weight" else "with 0.51 N more", ylabel="height [mm]")
     plot.set_xlabel("time [s]")
     plot.legend()

@@ -1,0 +1,11 @@
+"""Examples in docstrings run in a folder of their own, where they may write."""
+
+import pytest
+
+import viscera  # noqa: F401  before pytest imports a module of it, which would take the place of `viscera.mesh()`
+
+
+@pytest.fixture(autouse=True)
+def _folder_of_an_example(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if isinstance(request.node, pytest.DoctestItem):
+        monkeypatch.chdir(request.getfixturevalue("tmp_path"))
