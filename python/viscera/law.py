@@ -70,7 +70,7 @@ class Law:
         self.parameters = parameters
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         """The law that the core calls `name`, from its parameters column by column."""
         raise NotImplementedError
 
@@ -200,7 +200,7 @@ class TwoModuli(Law):
         super().__init__(self.core_names[0], np.column_stack([shear, first]))
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         return cls(mu=columns[0], lam=columns[1])
 
     @property
@@ -323,7 +323,7 @@ class OfRow(Law):
         super().__init__(self.core_names[0], np.column_stack([*own, modulus]))
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         *own, kappa = columns
         return cls(*own, kappa=kappa)
 
@@ -383,7 +383,7 @@ class MooneyRivlin(Law):
         self.volumetric = volumetric
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         return cls(*columns, volumetric=name.removeprefix("mooney_rivlin "))
 
     def __repr__(self) -> str:
@@ -490,7 +490,7 @@ class Ogden(Law):
         super().__init__("ogden", np.column_stack([*moduli, *exponents, modulus]))
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         used = [p for p in range(cls.terms) if columns[p].any()]
         return cls([columns[p] for p in used], [columns[cls.terms + p] for p in used], kappa=columns[-1])
 
@@ -547,7 +547,7 @@ class HolzapfelGasserOgden(Law):
         )
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         c, k1, k2, dispersion, kappa = columns[:5]
         fibres = np.stack([columns[5:8].T, columns[8:11].T])
         both = name.endswith("both ways")
@@ -635,7 +635,7 @@ class StrainEnergy(Law):
         return values | ({"fibres": [components[:3], components[-3:]]} if components else {})
 
     @classmethod
-    def of_columns(cls, name: str, columns: Floats) -> Law:
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
         names = _core.law_parameters(name)
         families = sum(key in COMPONENTS for key in names) // 3
         own = len(names) - 3 * families
@@ -727,7 +727,7 @@ def from_core(name: str, parameters: ArrayLike) -> Law:
         kind = StrainEnergy
     if kind is None or len(table) != len(_core.law_parameters(name)):
         raise VisceraError(f"the model's law {name!r} with {len(table)} parameters is not known to this version")
-    return kind.of_columns(name, table)
+    return kind._of_columns(name, table)
 
 
 def _gradients(F: ArrayLike) -> Floats:

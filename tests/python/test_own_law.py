@@ -99,7 +99,7 @@ def test_a_formula_is_the_law_it_writes_out(law: vs.laws.Law, formula: vs.laws.L
         exact = getattr(law, of)(F)
         assert getattr(formula, of)(F) == pytest.approx(exact, rel=1e-10, abs=1e-10 * np.abs(exact).max())
     load: dict[str, Any] = {"displacement": {"top": (0.01, 0.0, 0.02)}}
-    # What "P1 mean volume" averages goes by the moduli at rest, where fibres are about to be switched: one rounding decides.
+    # "P1 mean volume" takes the moduli at rest, where one rounding decides whether fibres count.
     elements = ("P1",) if isinstance(law, vs.HolzapfelGasserOgden) else ("P1", "P1 mean volume")
     for element in elements:
         own, exact = (vs.Organ(cube, x, fixed="bottom", element=element).solve(**load) for x in (formula, law))
