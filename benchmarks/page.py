@@ -24,7 +24,7 @@ STEPS = """async ([requests, milliseconds]) => {
     const answer = () => new Promise((resolve) => (worker.onmessage = ({ data }) => resolve(data)));
     let [drawn, isDone] = [0, false];
     const draw = () => { drawn += 1; if (!isDone) requestAnimationFrame(draw); };
-    worker.postMessage(await (await fetch("organ.case")).arrayBuffer());
+    worker.postMessage([await (await fetch("organ.case")).arrayBuffer(), null]);
     await answer();
     draw();
     const [times, began] = [[], performance.now()];

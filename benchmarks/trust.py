@@ -5,8 +5,8 @@
 Random contacts between nodes, displacements in any direction, each pushed to four depths; POINTS of them for each
 case, 66 by default: 6,336 touches of ten bodies under twelve laws, less those at which Newton fails. An answer's error
 is that of its force or of its shape, whichever is larger. It is trusted where the model trusts both, and right where
-the error is within the allowance and the full organ is stable. With `tuning` other bodies and seeds are taken: what the estimate
-is fitted to, of which the study has none.
+the error is within the allowance and the full organ is stable. With `tuning` other bodies and seeds are taken: what
+the estimate is fitted to, of which the study has none.
 """
 
 from __future__ import annotations

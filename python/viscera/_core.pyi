@@ -295,14 +295,14 @@ class Model:
         """force (3,) [N], stiffness (3, 3) [N/m], contact_point (3,), and with `field` displacement (n, 3) [m]; of the
         force error_estimate, is_trusted, reason (str, empty when trusted), of the displacement the same with `shape_`:
         shape_error_estimate, is_shape_trusted, shape_reason."""
-    def surface_displacement(self, point: Floats, displacement: Floats) -> Floats:
+    def surface_displacement(self, point: Floats, displacement: Floats, order: int) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
     def at(self, value: float, law_parameters: list[float]) -> Model:
         """The model at another value of its parameter."""
     def compressed(self, tolerance: float) -> Model:
         """With the fewest modes that leave less than the tolerance of the field."""
-    def surface_alone(self) -> Model:
-        """Without what lies inside, and set to its value for good."""
+    def surface_alone(self, inside: Indices) -> Model:
+        """With these of the nodes inside alone, and set to its value for good."""
     def with_user(self, user: str) -> Model:
         """With other notes (JSON) under `user` in its metadata."""
     def weights(self, point: Floats) -> Patch:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -34,6 +35,7 @@ from viscera.loads import (
 )
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.navigation import Unloaded
+from viscera.parts import notes
 from viscera.path import Expansion, Path
 from viscera.pgd import Pgd, separate
 from viscera.preload import preload_of
@@ -474,7 +476,7 @@ class Organ(Pictured):
             model = organ._body.reduce(
                 **settings,
                 family=family,
-                metadata="{}",
+                metadata=json.dumps(notes(self.mesh)),
                 on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
                 batches=batches,
             )

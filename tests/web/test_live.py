@@ -36,7 +36,7 @@ CONVERSATION = """async (requests) => {
         worker.onerror = ({ message }) => reject(new Error(message));
     });
     const bytes = await (await fetch("organ.case")).arrayBuffer();
-    worker.postMessage(bytes);
+    worker.postMessage([bytes, null]);
     const answers = [await answer()];
     for (const request of requests) {
         worker.postMessage(request);

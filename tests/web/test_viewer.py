@@ -110,6 +110,8 @@ def test_what_every_order_says(viewer: Viewer, touch: vs.Touch, push: tuple[floa
     slope = touch.surface_displacement(state["point"], np.multiply(small, push)) / small
     viewer.call("setOrder", 1)
     assert close(viewer.state["field"], slope, 1e-3)
+    linear = touch.surface_displacement(state["point"], push, order=1)
+    assert close(viewer.state["field"], linear)
     off = np.linalg.norm(slope - full) / np.linalg.norm(full)
     assert state["orders"][0]["off"] == pytest.approx(off, rel=1e-2)
 

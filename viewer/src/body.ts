@@ -42,6 +42,8 @@ export class Body {
   private readonly drawnColours: Float32Array;
   private readonly tissue: Float32Array;
   private readonly isTouchable: Uint8Array;
+  /** What lies on its negative side is cut away [m]. */
+  private cut: THREE.Plane | null = null;
 
   constructor(private readonly surface: Surface) {
     const { rest, triangles } = surface;
@@ -102,10 +104,25 @@ export class Body {
     this.gloss(false);
   }
 
+  /** Shows what lies within: through translucent tissue, or beyond a plane, given in metres and as drawn in the scene. */
+  look(isTranslucent: boolean, cut: THREE.Plane | null, drawn: THREE.Plane): void {
+    const { material } = this.mesh;
+    this.cut = cut;
+    material.transparent = isTranslucent;
+    material.opacity = isTranslucent ? 0.32 : 1;
+    material.depthWrite = !isTranslucent;
+    material.clippingPlanes = cut ? [drawn] : null;
+    material.needsUpdate = true;
+  }
+
   /** The touchable point that a ray meets first, if it meets the organ there. */
   hit(ray: THREE.Raycaster): Hit | null {
-    const [first] = ray.intersectObject(this.mesh, false);
+    const isLeft = ({ point }: THREE.Intersection) => !this.cut || this.cut.distanceToPoint(this.mesh.worldToLocal(point.clone())) >= 0;
+    const first = ray.intersectObject(this.mesh, false).find(isLeft);
     if (first?.faceIndex == null) return null;
+    // Through a cut the far wall is seen from within, where no hand can press.
+    const along = ray.ray.direction.clone().transformDirection(this.mesh.matrixWorld.clone().invert());
+    if (this.cut && first.face!.normal.dot(along) > 0) return null;
     const triangle = this.skin.parent(first.faceIndex);
     if (!this.isTouchable[triangle]) return null;
     const moved = this.mesh.worldToLocal(first.point.clone());

@@ -12,6 +12,8 @@ const DEPTH_STEPS = 4;
 export interface Curves {
   depths: number[];
   forces: number[][];
+  /** Estimated error of the highest order's force, relative to it. */
+  errors: number[];
   isTrusted: boolean[];
 }
 
@@ -22,8 +24,9 @@ export function sample(evaluator: Evaluator, direction: Vec3): Curves {
   const along = (t: number) => direction.map((x) => t * x) as Vec3;
   const orders = Array.from({ length: order }, (_, p) => p + 1);
   const forces = orders.map((p) => depths.map((t) => Math.hypot(...evaluator.force(along(t), p))));
-  const isTrusted = depths.map((t) => evaluator.evaluate(along(t)).trust === "trusted");
-  return { depths, forces, isTrusted };
+  const answers = depths.map((t) => evaluator.evaluate(along(t)));
+  const isTrusted = answers.map(({ trust }) => trust === "trusted");
+  return { depths, forces, errors: answers.map(({ error }) => error), isTrusted };
 }
 
 /** What a plot shows: the curves, the chosen order, the model's depth [m], and the state of the moment. */
@@ -102,6 +105,16 @@ export class CurvePlot {
       const from = x(curves.depths[k]! - half);
       if (!trusted) context.fillRect(from, 0, x(curves.depths[k]! + half) - from, height);
     });
+    // The band within which the full solution is estimated to lie, where that is more than the width of a line.
+    const best = curves.forces.length - 1;
+    if (order - 1 === best) {
+      const edge = (k: number, sign: number) => y(Math.max(0, curves.forces[best]![k]! * (1 + sign * curves.errors[k]!)));
+      context.beginPath();
+      curves.depths.forEach((t, k) => context.lineTo(x(t), edge(k, 1)));
+      for (let k = curves.depths.length - 1; k >= 0; k--) context.lineTo(x(curves.depths[k]!), edge(k, -1));
+      context.fillStyle = colour("--band");
+      context.fill();
+    }
     const inFront = (p: number) => p === order - 1;
     const orders = curves.forces.map((_, p) => p).sort((a, b) => Number(inFront(a)) - Number(inFront(b)));
     for (const p of orders) {

@@ -1,5 +1,6 @@
 // The Rust evaluator (bindings/wasm) as an object: names for its numbers, nothing computed here.
 import wasmUrl from "../wasm/evaluator.wasm?url";
+import type { Part } from "./inside";
 import { requireRoom, withinMemory } from "./memory";
 
 export type Vec3 = [number, number, number];
@@ -19,6 +20,16 @@ export interface Answer {
   shapeTrust: Trust;
 }
 
+/** What Python writes for the page (viscera/viewer/surface.py). */
+export interface Notes {
+  name?: string;
+  web?: { worst_error: number; touches: number };
+  /** Parts within, and the anatomical axes, "RAS", "LPS" or empty. */
+  inside?: Part[];
+  axes?: string;
+  is_stress_free?: boolean;
+}
+
 /** What a model file says about itself (docs/model-file.md), and its sizes. */
 export interface Description {
   metadata: {
@@ -28,7 +39,7 @@ export interface Description {
     order: number;
     diagonal: number;
     errors: Record<string, number>;
-    user: { name?: string; web?: { worst_error: number; touches: number } } | null;
+    user: Notes | null;
   };
   n_points: number;
   n_surface: number;
@@ -70,11 +81,15 @@ export class Evaluator {
   /** Rest positions of the surface nodes [m]. */
   readonly rest: Float32Array;
   readonly triangles: Uint32Array;
+  /** Rows of the nodes on the surface; others are of parts within. */
+  readonly outer: Uint32Array;
   readonly touchable: Uint32Array;
   /** Load positions, by row of the surface nodes. */
   readonly positions: Uint32Array;
   readonly positionRegion: Uint32Array;
   readonly regionStart: Uint32Array;
+  /** All stiffnesses times this: where rest is free of stress, the shape of a touch stays and its force grows with it. */
+  factor = 1;
 
   private constructor(
     private readonly wasm: Exports,
@@ -86,6 +101,7 @@ export class Evaluator {
     const table = (which: number, length: number) =>
       new Uint32Array(wasm.memory.buffer, wasm.organ_table(organ, which), length).slice();
     this.triangles = table(0, 3 * n.n_triangles);
+    this.outer = Uint32Array.from(new Set(this.triangles));
     this.touchable = table(1, 3 * n.n_touchable);
     this.positions = table(2, n.n_positions);
     this.positionRegion = table(3, n.n_positions);
@@ -108,6 +124,11 @@ export class Evaluator {
     });
   }
 
+  /** What Python wrote for the page. */
+  get notes(): Notes {
+    return this.about.metadata.user ?? {};
+  }
+
   /** Length of the bounding box's diagonal [m]. */
   get diagonal(): number {
     return this.about.metadata.diagonal;
@@ -127,6 +148,7 @@ export class Evaluator {
   evaluate(d: Vec3): Answer {
     const trust = TRUST[this.wasm.organ_evaluate(this.organ, ...d)] ?? "no-number";
     const numbers = [...this.doubles(this.wasm.organ_answer(this.organ), 17)];
+    for (let i = 3; i < 15; i++) numbers[i]! *= this.factor;
     return {
       point: numbers.slice(0, 3) as Vec3,
       force: numbers.slice(3, 6) as Vec3,
@@ -140,7 +162,8 @@ export class Evaluator {
 
   /** Force [N] of the series cut after an order. */
   force(d: Vec3, order: number): Vec3 {
-    return [...this.doubles(this.wasm.organ_force(this.organ, ...d, order), 3)] as Vec3;
+    const force = this.doubles(this.wasm.organ_force(this.organ, ...d, order), 3);
+    return Array.from(force, (f) => this.factor * f) as Vec3;
   }
 
   /** Displacement [m] of the surface nodes for the series cut after an order; a view, valid until the slot's next use. */

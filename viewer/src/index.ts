@@ -1,8 +1,8 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
 import { element } from "./dom";
+import { load } from "./files";
 import { SocketLink, WorkerLink, type Link } from "./link";
 import { connect, type LiveView } from "./live";
-import { requireRoom, withinMemory } from "./memory";
 import { inWords, Notice } from "./notice";
 import { View } from "./view";
 
@@ -19,7 +19,7 @@ declare global {
 
 /** Fetches a model file and fills the place with its view. */
 export async function open(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => View.mount(place, await load(url, say), isFramed()));
+  await show(place, async (say) => View.mount(place, await load(url, loading(say)), isFramed()));
 }
 
 /** Connects to the stepper of a case on this machine and fills the place with its view. */
@@ -29,7 +29,7 @@ export async function openLive(place: HTMLElement, url: string): Promise<void> {
 
 /** Fetches a case, which a worker of this page steps, and fills the place with its view. */
 export async function openCase(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => linked(place, new WorkerLink((await load(url, say)).buffer)));
+  await show(place, async (say) => linked(place, new WorkerLink((await load(url, loading(say))).buffer)));
 }
 
 /** Whether the page is a part of another one, which wants the wheel for itself. */
@@ -52,6 +52,10 @@ async function show(place: HTMLElement, make: (say: (words: string) => void) => 
   }
 }
 
+function loading(say: (words: string) => void): (percent: number) => void {
+  return (percent) => say(`Loading the organ … ${percent} %`);
+}
+
 async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
   try {
     return await connect(place, link, isFramed());
@@ -59,26 +63,6 @@ async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
     link.close();
     throw error;
   }
-}
-
-/** The bytes of a file, saying how much of them is there. */
-async function load(url: string, say: (words: string) => void): Promise<Uint8Array<ArrayBuffer>> {
-  const response = await fetch(url);
-  if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
-  const total = Number(response.headers.get("content-length"));
-  requireRoom(total);
-  const reader = response.body?.getReader();
-  if (!reader || !total) return new Uint8Array(await response.arrayBuffer());
-  const chunks: Uint8Array[] = [];
-  let length = 0;
-  for (let part = await reader.read(); !part.done; part = await reader.read()) {
-    chunks.push(part.value);
-    length += part.value.length;
-    say(`Loading the organ … ${Math.min(100, Math.round((100 * length) / total))} %`);
-  }
-  const all = withinMemory(length, () => new Uint8Array(length));
-  chunks.reduce((at, chunk) => (all.set(chunk, at), at + chunk.length), 0);
-  return all;
 }
 
 /** The part of anywidget's model that is used. */
@@ -102,3 +86,7 @@ export default {
     }
   },
 };
+
+// A page of one file names here what it opens.
+const { opens, part } = document.querySelector<HTMLElement>("script[data-opens]")?.dataset ?? {};
+if (part) void (opens === "openCase" ? openCase : open)(document.body, part);

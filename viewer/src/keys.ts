@@ -12,6 +12,7 @@ export interface Keyed {
   /** Lets go and looks from where it looked first. */
   reset(): void;
   readonly help: HTMLDialogElement;
+  nextLook(): void;
   setOrder?(order: number): void;
   toggleKeeping?(): void;
   togglePath?(): void;
@@ -30,6 +31,7 @@ export const KEYS: readonly [string, string][] = [
   ["Esc", "let go, close this help"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
+  ["I", "solid, translucent, cut open"],
   ["P  M", "play a load path, show the modes ([ ] to step)"],
   ["T  R  ?", "light or dark, reset, this help"],
 ];
@@ -43,7 +45,7 @@ export const LIVE_KEYS: readonly [string, string][] = [
   ["↑ ↓ ← →", "move the hand; Shift for small steps"],
   ["+ −", "push in, pull out"],
   ["Esc", "let go, close this help"],
-  ["C  W", "colour by displacement, wireframe at rest"],
+  ["C  W  I", "colour by displacement, wireframe at rest, translucent or cut open"],
   ["T  R  ?", "light or dark, reset, this help"],
 ];
 
@@ -69,6 +71,7 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     else if (key === "Escape") view.rest();
     else if (key === "c") view.nextColouring();
     else if (key === "w") view.toggleOutline();
+    else if (key === "i") view.nextLook();
     else if (key === "k") view.toggleKeeping?.();
     else if (key === "p") view.togglePath?.();
     else if (key === "m") view.toggleModes?.();

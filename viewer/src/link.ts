@@ -1,5 +1,6 @@
 // What steps a case: this machine behind a web socket, or a worker of this page. Both take the same requests and give the
 // same frames (live/src/lib.rs).
+import { address, embedded } from "./files";
 
 /** Requests go out, the introduction and frames come in. */
 export interface Link {
@@ -52,15 +53,16 @@ export class WorkerLink implements Link {
 
   /** Takes the bytes of a case over. */
   constructor(bytes: ArrayBuffer) {
-    // Beside the page: a file of its own, which only pages that step a case load.
-    this.worker = new Worker("stepper.js", { type: "module" });
+    // Beside the page: a file of its own, which only pages that step a case load. No module, as a browser runs none in
+    // a worker of a page from a disk.
+    this.worker = new Worker(address("stepper.js"));
     this.worker.addEventListener("message", (event) => this.onMessage(event.data as string | ArrayBuffer));
     this.worker.addEventListener("error", (event) => {
       event.preventDefault();
       this.isOpen = false;
       this.onClose(`The stepper has stopped (${event.message}): load this page again.`);
     });
-    this.worker.postMessage(bytes, [bytes]);
+    this.worker.postMessage([bytes, embedded("stepper.wasm")?.buffer ?? null]);
   }
 
   send(request: string): void {

@@ -5,12 +5,16 @@ import { VIRIDIS } from "./colour";
 import { Contrast } from "./contrast";
 import { button, choice, element, followTheme, helpDialog, newtons, Segments, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
+import { Gauge } from "./gauge";
+import { Hint } from "./hint";
 import { LIVE_KEYS, listen, type Keyed } from "./keys";
 import { Legend } from "./legend";
 import type { Link } from "./link";
 import { Mean, paceInWords } from "./pace";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { FACTS, Specimen, type Hand } from "./specimen";
+import { Share, type Shared } from "./share";
+import { Sight } from "./sight";
 import { CONTEXT_LOST, Stage } from "./stage";
 import style from "./style.css?inline";
 import { Summary } from "./summary";
@@ -42,7 +46,7 @@ const GRAVITIES: readonly [string, string][] = [
   ["9.81,0,0", "gravity +x"],
 ];
 
-export class LiveView implements Touched, Keyed {
+export class LiveView implements Touched, Keyed, Shared {
   tool: Tool = "drag";
   readonly depth: number;
   readonly title: string;
@@ -64,6 +68,10 @@ export class LiveView implements Touched, Keyed {
   private specimens: Specimen[] = [];
   private readonly surface: Surface;
   private readonly stage: Stage;
+  private readonly sight: Sight;
+  private readonly share: Share;
+  private readonly gauge: Gauge;
+  private readonly hint: Hint;
   private readonly pointer: Pointer;
   private readonly step = new Mean();
   private readonly root: HTMLElement;
@@ -99,15 +107,21 @@ export class LiveView implements Touched, Keyed {
     this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, canvas);
     const host = element("div", { style: "position:absolute;inset:0" });
     host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
+    this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
+    this.share = new Share(this.stage, this, this.root);
+    this.gauge = new Gauge(this.stage);
+    this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
     const body = { hit: (ray: THREE.Raycaster) => this.hit(ray) };
     this.root.append(
       this.labels,
+      this.hint.root,
       element(
         "div",
         { class: "plan" },
         this.stage.clearing,
         this.header(headsetButton(this.stage, body, this)),
         this.warning,
+        this.gauge.root,
         this.legend.root,
         element("div", { class: "side" }, this.readings, this.clock),
         this.tools(),
@@ -132,6 +146,7 @@ export class LiveView implements Touched, Keyed {
   // What a hand does.
 
   grab(hit: Hit): void {
+    this.hint.end();
     const first = this.specimens[0]!;
     const displacement = first.displacementAt(hit.rest);
     this.held = { point: hit.rest, normal: first.body.normalAt(hit.rest, this.hello.radius), displacement };
@@ -232,6 +247,10 @@ export class LiveView implements Touched, Keyed {
     this.stage.shape(() => this.show());
   }
 
+  nextLook(): void {
+    this.sight.next();
+  }
+
   toggleOutline(): void {
     const isOn = this.outline.getAttribute("aria-pressed") !== "true";
     this.outline.setAttribute("aria-pressed", String(isOn));
@@ -246,6 +265,15 @@ export class LiveView implements Touched, Keyed {
   /** Makes the keys work. */
   focus(): void {
     this.stage.canvas.focus({ preventScroll: true });
+  }
+
+  announce(sentence: string): void {
+    this.summary.say(sentence);
+  }
+
+  /** The sentence below a picture of the hand's forces. */
+  caption(): string {
+    return this.held ? this.forces().join(" ") : "";
   }
 
   /** The state in numbers, for programs: SI units. */
@@ -274,6 +302,9 @@ export class LiveView implements Touched, Keyed {
   // How it goes on.
 
   private frame(): void {
+    this.sight.follow();
+    this.gauge.follow();
+    this.hint.follow(this.held === null);
     this.ask();
     if (this.isFresh) this.stage.shape(() => this.show());
     this.specimens.forEach((specimen) => specimen.label.follow(specimen.size, specimen.standing));
@@ -336,10 +367,14 @@ export class LiveView implements Touched, Keyed {
     const sentence = this.isBlind ? CONTEXT_LOST : this.complaint || this.trouble();
     this.warning.classList.toggle("is-shown", sentence !== "");
     if (sentence) this.warning.textContent = sentence;
-    const forces = this.specimens.map(
+    this.summary.say([this.caption(), sentence].filter(Boolean).join(" "));
+  }
+
+  /** What each organ's force is, in words. */
+  private forces(): string[] {
+    return this.specimens.map(
       ({ law, size, standing }) => `${spaced(law)}: ${newtons(size)}${standing === "unsettled" ? ", not settled" : ""}.`,
     );
-    this.summary.say([...(this.held ? forces : []), sentence].filter(Boolean).join(" "));
   }
 
   /** What is the matter with the last frame, in words; empty where nothing is. */
@@ -383,6 +418,7 @@ export class LiveView implements Touched, Keyed {
       this.labels.append(specimen.label.root);
       return specimen;
     });
+    this.sight.renew();
     const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
     const focused = this.controls().indexOf((this.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
     const isLast = focused === this.controls().length - 1;
@@ -423,7 +459,7 @@ export class LiveView implements Touched, Keyed {
     const facts = `${this.hello.rest.length / 3} surface nodes · stepped ${this.link.place}`;
     const theme = button("◐", "light or dark", () => this.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
-    const corner = element("div", { class: "corner" }, headset, theme, help);
+    const corner = element("div", { class: "corner" }, headset, this.share.root, theme, help);
     return element("header", {}, element("h1", {}, this.hello.name), element("p", {}, facts), corner);
   }
 
@@ -440,7 +476,7 @@ export class LiveView implements Touched, Keyed {
     const gravity = choice("gravity", GRAVITIES, (value) => this.setGravity(value.split(",").map(Number) as Vec3));
     gravity.value = GRAVITIES.find(([value]) => value === this.hello.gravity.map(String).join())?.[0] ?? "0,0,0";
     const reset = button("Reset", "begin anew", () => this.reset(), "R");
-    return element("nav", { class: "panel tools", "aria-label": "tools" }, tool.root, gravity, this.colouring, this.outline, reset);
+    return element("nav", { class: "panel tools", "aria-label": "tools" }, tool.root, gravity, this.colouring, this.outline, this.sight.choice.root, this.sight.slider, reset);
   }
 }
 

@@ -69,11 +69,13 @@ export class Modes {
     this.select(this.region, this.index + by);
   }
 
-  /** Moves the organ on by some seconds. */
-  advance(seconds: number): void {
+  /** Moves the organ on by some seconds, and returns by how much [m]. */
+  advance(seconds: number): Float32Array {
     this.phase = this.isSwinging ? this.phase + seconds * 2.4 : Math.PI / 2;
     const scale = SIZE * this.evaluator.about.metadata.diagonal * Math.sin(this.phase);
-    this.body.move(this.field.map((x) => scale * x));
+    const moved = this.field.map((x) => scale * x);
+    this.body.move(moved);
+    return moved;
   }
 
   select(region: number, index: number): void {

@@ -24,6 +24,8 @@ export class Stage {
   /** Holds the organ; its children are in metres. */
   readonly world = new THREE.Group();
   readonly controls: OrbitControls;
+  /** Work after a frame has been drawn, while the drawing is there. */
+  onDrawn: () => void = () => {};
   /** Work of every frame, before it is drawn; given the seconds since the last. */
   onFrame: (seconds: number) => void = () => {};
   readonly pace = new Pace();
@@ -89,6 +91,13 @@ export class Stage {
   goHome(): void {
     this.camera.position.copy(this.home).multiplyScalar(this.room);
     this.controls.target.set(0, 0, 0);
+    this.controls.update();
+    this.invalidate();
+  }
+
+  /** Looks at the organ from a place [diagonals]. */
+  lookFrom(place: Vec3): void {
+    this.camera.position.set(...place);
     this.controls.update();
     this.invalidate();
   }
@@ -244,6 +253,7 @@ export class Stage {
     this.isStale = false;
     const began = performance.now();
     this.renderer.render(this.scene, this.camera);
+    this.onDrawn();
     this.drawing.add(this.shaping + performance.now() - began);
     this.shaping = 0;
   }

@@ -1,5 +1,5 @@
-// The worker that steps a case in the page by the Rust stepper (bindings/wasm): it takes the bytes of a case, then one
-// request after the other, and posts what the server would send.
+// The worker that steps a case in the page by the Rust stepper (bindings/wasm): it takes the bytes of a case and of the
+// module, null where that is a file beside it, then one request after the other, and posts what the server would send.
 
 interface Exports {
   memory: WebAssembly.Memory;
@@ -15,7 +15,7 @@ interface Exports {
 /** Only what is used of the worker's world; the page's own types describe a window. */
 const page = self as unknown as {
   postMessage(data: string | ArrayBuffer, transfer?: Transferable[]): void;
-  onmessage: (event: MessageEvent<ArrayBuffer | string>) => void;
+  onmessage: (event: MessageEvent<[ArrayBuffer, ArrayBuffer | null] | string>) => void;
 };
 
 class Stepper {
@@ -25,11 +25,9 @@ class Stepper {
   ) {}
 
   /** Sets up a case; the stepper, and what it says of itself. */
-  static async open(bytes: Uint8Array): Promise<[Stepper, string]> {
-    const response = await fetch("stepper.wasm");
-    if (!response.ok) throw new Error(`stepper.wasm: ${response.status} ${response.statusText}`);
+  static async open(bytes: Uint8Array, module: ArrayBuffer | null): Promise<[Stepper, string]> {
     const clock = { page: { now: () => performance.now() } };
-    const { instance } = await WebAssembly.instantiate(await response.arrayBuffer(), clock);
+    const { instance } = await WebAssembly.instantiate(module ?? (await fetched("stepper.wasm")), clock);
     const wasm = instance.exports as unknown as Exports;
     const stepped = withinMemory(wasm, () => withBytes(wasm, bytes, (at) => wasm.case_open(at, bytes.length)));
     if (stepped === 0) throw new Error(message(wasm));
@@ -44,6 +42,12 @@ class Stepper {
     if (frame === 0) throw new Refusal(message(wasm));
     return new Float32Array(wasm.memory.buffer, frame, wasm.case_frame_len(stepped)).slice().buffer;
   }
+}
+
+async function fetched(url: string): Promise<ArrayBuffer> {
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
+  return response.arrayBuffer();
 }
 
 /** A request that was not followed. */
@@ -84,7 +88,8 @@ let stepper: Stepper | null = null;
 
 page.onmessage = ({ data }) => {
   if (typeof data !== "string") {
-    Stepper.open(new Uint8Array(data)).then(([opened, introduction]) => {
+    const [bytes, module] = data;
+    Stepper.open(new Uint8Array(bytes), module).then(([opened, introduction]) => {
       stepper = opened;
       page.postMessage(introduction);
     }, refuse);

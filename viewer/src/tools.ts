@@ -1,5 +1,5 @@
 // The controls: name of the organ above, tools below, and the help.
-import { button, element, helpDialog, Segments } from "./dom";
+import { button, digits, element, helpDialog, Segments } from "./dom";
 import { KEYS } from "./keys";
 import type { Tool } from "./pointer";
 import { percent } from "./readings";
@@ -15,15 +15,25 @@ export class Tools {
   readonly help: HTMLDialogElement;
   readonly tool: Segments<Tool>;
   readonly colouring: Segments<Colouring>;
+  private readonly stiffness = element("input", {
+    type: "range",
+    min: "-2",
+    max: "2",
+    step: "0.1",
+    value: "0",
+    "aria-label": "stiffness",
+    title: "all stiffnesses of the organ times a factor: the shape stays, the force changes",
+  });
+  private readonly factor = element("span", {}, "× 1");
   private readonly switches: Record<Switch, HTMLButtonElement>;
 
   constructor(view: View, headset: HTMLButtonElement) {
     const { about } = view.evaluator;
     const { metadata } = about;
-    const web = metadata.user?.web;
+    const { web } = view.evaluator.notes;
     const facts = [
       LAWS[metadata.law] ?? metadata.law,
-      `${about.n_surface} surface nodes`,
+      `${view.evaluator.outer.length} surface nodes`,
       `touch to ${(1000 * metadata.depth).toFixed(0)} mm`,
       ...(web ? [`web version, at most ${percent(web.worst_error)} from the full model in ${web.touches} touches`] : []),
     ];
@@ -36,6 +46,7 @@ export class Tools {
         "div",
         { class: "corner" },
         headset,
+        view.share.root,
         button("◐", "light or dark", () => view.toggleTheme(), "T"),
         button("?", "keys and gestures", () => this.help.showModal(), "?"),
       ),
@@ -73,10 +84,19 @@ export class Tools {
       this.switches.path,
       this.colouring.root,
       this.switches.modes,
+      view.sight.choice.root,
+      view.sight.slider,
+      ...(view.evaluator.notes.is_stress_free ? [element("label", { class: "stiffness" }, "Stiffness", this.stiffness, this.factor)] : []),
       button("Reset", "reset the view and let go", () => view.reset(), "R"),
     );
+    this.stiffness.addEventListener("input", () => view.setStiffness(2 ** Number(this.stiffness.value)));
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
     this.help = helpDialog("Touch the organ", KEYS);
+  }
+
+  sayStiffness(factor: number): void {
+    this.stiffness.value = String(Math.log2(factor));
+    this.factor.textContent = `× ${digits(factor, 2)}`;
   }
 
   press(name: Switch, isOn: boolean): void {

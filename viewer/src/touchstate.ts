@@ -106,6 +106,19 @@ export class TouchState {
     };
   }
 
+  /** Estimated relative error of the chosen order's field: at a lower one its distance from the highest is added. */
+  fieldError(order: number): number {
+    const highest = this.evaluator.about.metadata.order;
+    return this.answer.shapeError + (order < highest ? (this.orders[order - 1]?.off ?? 0) : 0);
+  }
+
+  /** Root mean square of the surface nodes' displacement [m]. */
+  get typical(): number {
+    const { field, evaluator } = this;
+    const sum = evaluator.outer.reduce((sum, n) => sum + field[3 * n]! ** 2 + field[3 * n + 1]! ** 2 + field[3 * n + 2]! ** 2, 0);
+    return Math.sqrt(sum / evaluator.outer.length);
+  }
+
   /** Length of the field's error at every node [m] (s,): from the highest order, or as estimated where that is chosen. */
   localError(order: number, out: Float32Array): void {
     const { evaluator, best } = this;

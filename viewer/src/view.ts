@@ -5,6 +5,10 @@ import { Body, lookOver, type Hit } from "./body";
 import { INFERNO, VIRIDIS, type ColourMap } from "./colour";
 import { element, fixed, followTheme, newtons, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
+import { read, written } from "./address";
+import { Gauge } from "./gauge";
+import { Hint } from "./hint";
+import { Inside, shiftInWords, type Shift } from "./inside";
 import { listen, type Keyed } from "./keys";
 import { ForceLabel } from "./label";
 import { Legend } from "./legend";
@@ -13,6 +17,8 @@ import { Modes } from "./modes";
 import { Mean, paceInWords } from "./pace";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { Readings } from "./readings";
+import { Share, type Shared } from "./share";
+import { LOOKINGS, Sight, type Looking } from "./sight";
 import { CONTEXT_LOST, Stage } from "./stage";
 import style from "./style.css?inline";
 import { Summary } from "./summary";
@@ -27,7 +33,7 @@ type Activity = "rest" | "held" | "kept" | "springing" | "path" | "modes";
 const SPRING_SECONDS = 0.22;
 const COLOURINGS: readonly Colouring[] = ["tissue", "displacement", "error"];
 
-export class View implements Touched, Keyed {
+export class View implements Touched, Keyed, Shared {
   tool: Tool = "push";
   order: number;
   readonly title: string;
@@ -49,6 +55,11 @@ export class View implements Touched, Keyed {
   private readonly clock = element("div", { class: "clock" });
   private readonly readings: Readings;
   private readonly legend = new Legend();
+  readonly sight: Sight;
+  readonly share: Share;
+  private readonly gauge: Gauge;
+  private readonly hint: Hint;
+  private readonly inside: Inside;
   private readonly tools: Tools;
   private readonly modes: Modes;
   private readonly stage: Stage;
@@ -88,20 +99,28 @@ export class View implements Touched, Keyed {
     this.body = new Body(evaluator);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
     this.label = new ForceLabel(this.stage, this.arrow);
-    this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group);
+    this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
+    this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group, this.inside.group);
+    this.sight = new Sight(this.stage, () => [this.body]);
+    if (evaluator.notes.inside?.length) this.sight.choose("translucent");
     this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
     this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
+    this.share = new Share(this.stage, this, this.root);
+    this.gauge = new Gauge(this.stage, evaluator.notes.axes);
+    this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
     this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
     this.root.append(
       this.label.root,
+      this.hint.root,
       element(
         "div",
         { class: "plan" },
         this.stage.clearing,
         this.tools.header,
         this.warning,
+        this.gauge.root,
         this.legend.root,
-        element("div", { class: "side" }, this.readings.root, this.modes.root, this.clock),
+        element("div", { class: "side" }, this.readings.root, this.inside.root, this.modes.root, this.clock),
         this.tools.root,
       ),
       this.help,
@@ -120,6 +139,7 @@ export class View implements Touched, Keyed {
     this.setOrder(this.order);
     this.setColouring("tissue");
     this.rest();
+    if (!isEmbedded) this.follow(location.hash);
   }
 
   // What a hand does.
@@ -129,7 +149,7 @@ export class View implements Touched, Keyed {
     const isAgain = this.touching !== null && this.isKeeping && this.reaches(hit.rest);
     if (!isAgain) this.touchAt(hit.rest);
     this.activity = "held";
-    this.root.classList.add("has-touched");
+    this.hint.end();
   }
 
   move(displacement: Vec3): void {
@@ -193,6 +213,7 @@ export class View implements Touched, Keyed {
     this.activity = "rest";
     this.touching = null;
     this.body.move(null);
+    this.inside.move(null);
     this.arrow.hide();
     for (let p = 1; p <= this.evaluator.about.metadata.order; p++) this.readings.showOrder(p, null);
     this.show();
@@ -216,6 +237,14 @@ export class View implements Touched, Keyed {
     this.setColouring(COLOURINGS[(COLOURINGS.indexOf(this.colouring) + 1) % COLOURINGS.length]!);
   }
 
+  /** All stiffnesses of the organ times a factor, where that is exact: about a rest that is free of stress. */
+  setStiffness(factor: number): void {
+    if (!this.evaluator.notes.is_stress_free || !(factor > 0)) return;
+    this.evaluator.factor = factor;
+    this.tools.sayStiffness(factor);
+    if (this.touching) this.move(this.touching.displacement);
+  }
+
   /** Whether the wheel is meant for the view. */
   get isInUse(): boolean {
     return !this.isEmbedded || (document.hasFocus() && this.root.matches(":focus-within"));
@@ -237,6 +266,10 @@ export class View implements Touched, Keyed {
 
   toggleKeeping(): void {
     this.setKeeping(!this.isKeeping);
+  }
+
+  nextLook(): void {
+    this.sight.next();
   }
 
   toggleOutline(): void {
@@ -306,6 +339,9 @@ export class View implements Touched, Keyed {
       is_shape_trusted: touching ? touching.answer.shapeTrust === "trusted" : null,
       field: touching ? Array.from(touching.field) : null,
       orders: touching?.orders ?? null,
+      looking: this.sight.looking,
+      stiffness_factor: this.evaluator.factor,
+      inside: this.shifts(),
       shapes: this.trail?.shapes ?? 0,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
@@ -324,14 +360,47 @@ export class View implements Touched, Keyed {
   dispose(): void {
     this.deaf.forEach((end) => end());
     this.summary.dispose();
+    this.share.dispose();
     this.readings.dispose();
     this.pointer.dispose();
     this.arrow.dispose();
     this.trail?.dispose();
     this.body.dispose();
+    this.inside.dispose();
     this.stage.dispose();
     this.evaluator.dispose();
     this.host.remove();
+  }
+
+  announce(sentence: string): void {
+    this.summary.say(sentence);
+  }
+
+  /** The sentence below a picture of the touch. */
+  caption(): string {
+    return this.inShort();
+  }
+
+  /** What an address carries that shows this touch, seen like this. */
+  hash(): string {
+    const { touching } = this;
+    return written({
+      ...(touching && { point: touching.point, displacement: touching.displacement }),
+      order: this.order,
+      colour: this.colouring,
+      look: this.sight.looking,
+      from: this.stage.camera.position.toArray(),
+    });
+  }
+
+  /** Does what an address says. */
+  follow(hash: string): void {
+    const { point, displacement, order, colour, look, from } = read(hash);
+    if (order) this.setOrder(order);
+    if (COLOURINGS.includes(colour as Colouring)) this.setColouring(colour as Colouring);
+    if (from) this.stage.lookFrom(from);
+    if (LOOKINGS.includes(look as Looking)) this.sight.choose(look as Looking);
+    if (point && displacement && this.evaluator.touch(point)) this.touch(point, displacement);
   }
 
   // How it is shown.
@@ -340,9 +409,12 @@ export class View implements Touched, Keyed {
     if (this.activity === "springing") this.spring(seconds);
     else if (this.activity === "path") this.walk(seconds);
     else if (this.activity === "modes") {
-      this.modes.advance(seconds);
+      this.inside.move(this.modes.advance(seconds));
       this.stage.invalidate();
     }
+    this.sight.follow();
+    this.gauge.follow();
+    this.hint.follow(this.activity === "rest");
     const { touching } = this;
     if (touching) this.label.follow(Math.hypot(...touching.force), touching.doubt(this.order) ? "doubtful" : "sound");
     else this.label.root.hidden = true;
@@ -401,10 +473,12 @@ export class View implements Touched, Keyed {
     const { touching, order } = this;
     if (touching) {
       this.body.move(touching.field);
+      this.inside.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
       this.arrow.show(at, touching.force, touching.normal, this.reference, touching.doubt(order) ? "doubtful" : "sound");
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
+    this.inside.show(this.shifts(), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));
     const force = touching ? Math.hypot(...touching.force) : 0;
     const depth = touching?.depth ?? 0;
     this.readings.show(touching?.answer ?? null, force, depth);
@@ -447,7 +521,14 @@ export class View implements Touched, Keyed {
   private inShort(): string {
     const { touching } = this;
     if (!touching || this.activity === "path") return "";
-    return `${newtons(Math.hypot(...touching.force))} at a depth of ${fixed(1000 * touching.depth, 1)} mm.`;
+    const shifts = this.shifts()!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`);
+    return [`${newtons(Math.hypot(...touching.force))} at a depth of ${fixed(1000 * touching.depth, 1)} mm.`, ...shifts].join(" ");
+  }
+
+  /** How far the parts within have moved; null where nobody touches. */
+  private shifts(): Shift[] | null {
+    const { touching, order } = this;
+    return touching && this.inside.shifts(touching.field, touching.fieldError(order), touching.typical);
   }
 
   /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */

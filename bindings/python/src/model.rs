@@ -89,12 +89,13 @@ impl Model {
         py: Python<'py>,
         point: PyReadonlyArray1<f64>,
         displacement: PyReadonlyArray1<f64>,
+        order: usize,
     ) -> PyResult<Bound<'py, numpy::PyArray2<f64>>> {
         let contact = self.contact(&point)?;
         let d = finite("displacement", &displacement)?;
         let mut workspace = vec![0.0; self.model.workspace_len()];
         let mut u = vec![0.0; 3 * self.model.arrays().surface_nodes.len()];
-        self.model.surface_displacement(&contact, d, &mut workspace, &mut u);
+        self.model.surface_displacement_to_order(&contact, d, order, &mut workspace, &mut u);
         convert::field(py, u.into_iter().map(f64::from).collect())
     }
 
@@ -110,8 +111,8 @@ impl Model {
         Ok(Model { model })
     }
 
-    fn surface_alone(&self, py: Python<'_>) -> PyResult<Self> {
-        let model = py.detach(|| self.model.surface_alone()).map_err(convert::error)?;
+    fn surface_alone(&self, py: Python<'_>, inside: Vec<u32>) -> PyResult<Self> {
+        let model = py.detach(|| self.model.surface_alone(&inside)).map_err(convert::error)?;
         Ok(Model { model })
     }
 

@@ -1,19 +1,27 @@
-//! A model without what lies inside: half of the bytes, and all that shows.
+//! A model without what lies inside, or with some of it: half of the bytes, and all that shows.
 
 use super::metadata::Metadata;
 use super::model::{Answers, Arrays, ReducedModel};
 use crate::Error;
 
 impl ReducedModel {
-    /// The model of the surface alone, whose only nodes are those of the surface: it answers alike,
-    /// but has no cells, so the full organ cannot be solved. Of a model for a range of a parameter,
+    /// The model whose only nodes are those of the surface and some inside, all of them its `surface_nodes`: it
+    /// answers alike, but has no cells, so the full organ cannot be solved. Of a model for a range of a parameter,
     /// that of the value it is set to.
     ///
     /// # Errors
-    /// A load position or a patch off the surface.
-    pub fn surface_alone(&self) -> Result<ReducedModel, Error> {
+    /// A load position or a patch off the surface; a node inside that the organ does not have.
+    pub fn surface_alone(&self, inside: &[u32]) -> Result<ReducedModel, Error> {
         let a = &self.arrays;
-        let nodes = &a.surface_nodes;
+        let mut nodes: Vec<u32> = a.surface_nodes.iter().chain(inside).copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        if let Some(node) = nodes.last().filter(|&&node| node as usize >= self.n_points()) {
+            return Err(Error::input(format!(
+                "node {node} inside; the organ has {} points",
+                self.n_points()
+            )));
+        }
         let row = |node: &u32| match nodes.binary_search(node) {
             Ok(row) => Ok(row as u32),
             Err(_) => Err(Error::ModelFile(format!("node {node} is not among surface_nodes"))),
@@ -31,6 +39,7 @@ impl ReducedModel {
             surface: rows(&a.surface)?,
             surface_nodes: (0..nodes.len() as u32).collect(),
             positions: rows(&a.positions)?,
+            surface_modes: self.modes_at(&nodes),
             patch_nodes: rows(&a.patch_nodes)?,
             interior_modes: Vec::new(),
             parameter_cells: Vec::new(),
@@ -38,5 +47,25 @@ impl ReducedModel {
             ..a.clone()
         };
         ReducedModel::new(Metadata { parameter: None, ..self.metadata.clone() }, arrays)
+    }
+
+    /// The stored modes (M, nodes, 3) at some nodes, ascending.
+    fn modes_at(&self, nodes: &[u32]) -> Vec<i16> {
+        let a = &self.arrays;
+        let (surface, interior) = (&a.surface_nodes, &self.interior_nodes);
+        let mut modes = Vec::with_capacity(3 * nodes.len() * self.n_modes());
+        for mode in 0..self.n_modes() {
+            for node in nodes {
+                let (all, row) = match surface.binary_search(node) {
+                    Ok(row) => (&a.surface_modes, mode * surface.len() + row),
+                    Err(_) => {
+                        let row = interior.partition_point(|other| other < node);
+                        (&a.interior_modes, mode * interior.len() + row)
+                    }
+                };
+                modes.extend(&all[3 * row..3 * row + 3]);
+            }
+        }
+        modes
     }
 }

@@ -2,6 +2,7 @@
 
 viscera view liver.viscera
 viscera view liver.viscera --export site/
+viscera view liver.viscera --export liver.html
 viscera view artery.toml
 viscera view artery.toml --export site/
 """
@@ -25,7 +26,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--port", type=int, default=0, help="port of the page's server on 127.0.0.1 (default: any free one)"
     )
     parser.add_argument("--no-browser", action="store_true", help="print the address without opening a browser")
-    parser.add_argument("--export", metavar="DIR", help="write the page there as static files")
+    parser.add_argument(
+        "--export",
+        metavar="DIR|FILE.html",
+        help="write the page there: static files for a web server, or one file that opens from a disk",
+    )
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
@@ -47,7 +52,7 @@ def export_page(model: str, folder: str, output: Output) -> Outcome:
         bar(1, 1, "web version of the model")
     web = written.model
     output.say(
-        f"{written.folder}: {', '.join(written.files)}\n"
+        f"{_written(written.folder, written.files)}\n"
         f"web version of the model: {len(web.data) / 1e6:.1f} MB, {web.modes} modes, at most "
         f"{100 * web.worst_error:.2g} % from the full model on the surface in {web.touches} touches"
     )
@@ -61,10 +66,15 @@ def export_stepped(case: str, folder: str, output: Output) -> Outcome:
 
     written = export_case(read_case(case), folder, name_of(case))
     output.say(
-        f"{written.folder}: {', '.join(written.files)}\n"
+        f"{_written(written.folder, written.files)}\n"
         f"the page steps the case itself: {written.bytes / 1e6:.1f} MB with the stepper"
     )
     return Outcome("exported", facts={"folder": str(written.folder), "files": written.files, "bytes": written.bytes})
+
+
+def _written(place: Path, files: list[str]) -> str:
+    """The files of a folder, or the size of one file."""
+    return f"{place}: {', '.join(files) or f'one file of {place.stat().st_size / 1e6:.1f} MB'}"
 
 
 def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:

@@ -1,4 +1,4 @@
-"""The page as a folder of static files: any web server can offer it, and Viscera need not be installed."""
+"""The page as a folder for any web server, or as one file that opens from a disk; Viscera need not be installed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ class Exported:
     """What was written for a model."""
 
     folder: Path
+    """What was written: a folder, or one file."""
     files: list[str]
+    """In the folder; none where it is one file."""
     model: WebModel
 
 
@@ -38,15 +40,18 @@ class ExportedCase:
 
 @shown
 def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") -> Exported:
-    """Write the page and the web version of a model (below 25 MB) into a folder, which is created where needed."""
-    target, files = _folder(folder), page.files()
+    """Write the page and the web version of a model (below 25 MB) into a folder, which is created where needed.
+
+    A name that ends in `.html` is one file with all of it, which opens from a disk.
+    """
+    target, files = _target(folder), page.files()
     model = web_model(touch, name)
-    return Exported(target, _write(target, {**files, page.MODEL: model.data}), model)
+    return Exported(target, _write(target, {**files, page.MODEL: model.data}, page.MODEL), model)
 
 
 def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:
-    """Write the page and a case that it steps in real time; raises `VisceraError` where the organ is too large."""
-    target, files = _folder(folder), page.stepping_files()
+    """Write the page and a case that it steps in real time, likewise; raises `VisceraError` where it is too large."""
+    target, files = _target(folder), page.stepping_files()
     live = live_case(case, name)
     if not live.fits_a_page:
         raise VisceraError(
@@ -55,17 +60,29 @@ def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ")
         )
     written = {**files, page.CASE: live.data}
     stepping = sum(len(written[file]) for file in (page.CASE, *page.STEPPER))
-    return ExportedCase(target, _write(target, written), stepping)
+    return ExportedCase(target, _write(target, written, page.CASE), stepping)
 
 
-def _folder(name: str | os.PathLike[str]) -> Path:
-    folder = Path(name)
-    if folder.exists() and not folder.is_dir():
-        raise VisceraError(f"{folder} is a file; name a folder for the page")
-    return folder
+def _target(name: str | os.PathLike[str]) -> Path:
+    target = Path(name)
+    if _is_single(target) and target.is_dir():
+        raise VisceraError(f"{target} is a folder; name a file for the page, or a folder that does not end in .html")
+    if not _is_single(target) and target.exists() and not target.is_dir():
+        raise VisceraError(f"{target} is a file; name a folder for the page, or a file that ends in .html")
+    return target
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> list[str]:
+def _is_single(target: Path) -> bool:
+    return target.suffix == ".html"
+
+
+def _write(folder: Path, files: Mapping[str, bytes], part: str) -> list[str]:
+    """Write the files of a page that opens `part`; their names."""
+    if _is_single(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(folder) as scratch:
+            scratch.write_bytes(page.single(files, part))
+        return []
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():
         with replacing(folder / name) as scratch:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Mapping
 from importlib import resources
 
 from viscera.errors import VisceraError
@@ -36,6 +38,38 @@ def live_files() -> dict[str, bytes]:
 def stepping_files() -> dict[str, bytes]:
     """The same for the page of a case that it steps itself, its case left out."""
     return {**_built(), "page.js": _script("openCase", CASE)}
+
+
+def single(files: Mapping[str, bytes], part: str) -> bytes:
+    """The page as one file that a browser opens from a disk: style and script within it, all else as base64.
+
+    files: of the page, with the model or the case that it opens, which is `part`.
+    """
+    opens = "openCase" if part == CASE else "open"
+    icon = base64.b64encode(files["icon.svg"]).decode()
+    within = "".join(
+        f'<script type="text/plain" id="{name}">{base64.b64encode(files[name]).decode()}</script>\n'
+        for name in (part, *STEPPER)
+        if name in files
+    )
+    # Nothing in the script may look like its end, or like a comment of the page.
+    script = files["viewer.js"].decode().replace("</script", "<\\/script").replace("<!--", "<\\!--")
+    html = files["index.html"].decode()
+    for old, new in (
+        (
+            '<link rel="icon" href="icon.svg" type="image/svg+xml" />',
+            f'<link rel="icon" href="data:image/svg+xml;base64,{icon}" />',
+        ),
+        ('<link rel="stylesheet" href="page.css" />', f"<style>{files['page.css'].decode()}</style>"),
+        (
+            '<script src="page.js"></script>',
+            f'{within}<script type="module" data-opens="{opens}" data-part="{part}">{script}</script>',
+        ),
+    ):
+        if html.count(old) != 1:
+            raise VisceraError(f"the built page has no {old}: run 'make viewer'")
+        html = html.replace(old, new)
+    return html.encode()
 
 
 def content_type(name: str) -> str:

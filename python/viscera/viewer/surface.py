@@ -1,19 +1,34 @@
-"""A model as the page needs it: the surface alone. Nothing that the surface shows is lost, half of the bytes are."""
+"""A model as the page needs it: the surface and those of parts within. All that shows is kept, half of the bytes."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+import numpy as np
+
+from viscera.parts import inner_parts
 from viscera.touch import Touch
 
 
 def surface_alone(touch: Touch) -> Touch:
-    """The model whose only nodes are those of the surface; it has no cells, so it cannot be solved.
+    """The model whose only nodes are those of the surface and of the parts within; it has no cells to be solved.
 
-    Of a model for a range of a parameter, that of the value it is set to.
+    Of a model for a range of a parameter, that of the value it is set to. What is within is listed in its notes, as
+    triangles between the rows of `surface_nodes`. A model that has no cells is returned as it is.
     """
-    return Touch(touch._model.surface_alone())
+    if not len(touch._model.array("cells")):
+        return touch
+    parts = inner_parts(touch.mesh)
+    inside = np.unique(np.concatenate([touch.surface_nodes, *(triangles.ravel() for triangles in parts.values())]))
+    rows = {name: np.searchsorted(inside, triangles).ravel().tolist() for name, triangles in parts.items()}
+    shown = {
+        "inside": [{"name": name, "triangles": listed} for name, listed in rows.items()],
+        "axes": touch.mesh.axes,
+        "is_stress_free": touch.preload is None,
+    }
+    others = {name: note for name, note in touch._notes.items() if name != "cell_sets"}
+    return Touch(touch._model.surface_alone(inside.tolist()).with_user(json.dumps({**others, **shown})))
 
 
 def surface_model(touch: Touch, name: str) -> bytes:
@@ -23,5 +38,4 @@ def surface_model(touch: Touch, name: str) -> bytes:
 
 def named(touch: Touch, name: str, **notes: Any) -> bytes:
     """The file of a model with the name to show and further notes among what is added to its metadata."""
-    user = touch.metadata["user"] if isinstance(touch.metadata["user"], dict) else {}
-    return touch._model.with_user(json.dumps({**user, "name": name, **notes})).to_bytes()
+    return touch._model.with_user(json.dumps({**touch._notes, "name": name, **notes})).to_bytes()

@@ -25,7 +25,7 @@ class WebModel:
     data: bytes
     modes: int
     worst_error: float
-    """|u - u_full| / |u_full| over the surface nodes: the worst of random touches at full depth."""
+    """|u - u_full| / |u_full| over the nodes that the page has: the worst of random touches at full depth."""
     touches: int
 
 
@@ -35,19 +35,19 @@ def web_model(touch: Touch, name: str, limit: int = LIMIT) -> WebModel:
     for tolerance in TOLERANCES:
         small = surface.compressed(tolerance)
         if len(named(small, name)) < 0.98 * limit:
-            worst = _worst_error(touch, small)
+            worst = _worst_error(touch, surface, small)
             data = named(small, name, web={"worst_error": worst, "touches": TOUCHES})
             return WebModel(data, small.summary()["modes"], worst, TOUCHES)
     raise VisceraError(f"no web version of this model is below {limit / 1e6:.0f} MB; reduce it with fewer positions")
 
 
-def _worst_error(touch: Touch, small: Touch) -> float:
+def _worst_error(touch: Touch, surface: Touch, small: Touch) -> float:
     rng = np.random.default_rng(0)
     worst = 0.0
     for point in surface_points(touch, TOUCHES, rng):
         direction = rng.normal(size=3)
         push = touch.depth * direction / np.linalg.norm(direction)
-        full = touch.surface_displacement(point, push)
+        full = surface.surface_displacement(point, push)
         difference = np.linalg.norm(small.surface_displacement(point, push) - full)
         worst = max(worst, float(difference / np.linalg.norm(full)))
     return worst

@@ -85,7 +85,7 @@ fn a_family_is_compressed_at_all_its_values() {
 
 #[test]
 fn the_surface_alone_answers_alike() {
-    let alone = MODEL.surface_alone().unwrap();
+    let alone = MODEL.surface_alone(&[]).unwrap();
     let surface = |model: &ReducedModel, contact: &Contact, d: [f64; 3]| {
         let mut workspace = vec![0.0; model.workspace_len()];
         let mut out = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
@@ -102,7 +102,24 @@ fn the_surface_alone_answers_alike() {
     let again = ReducedModel::from_bytes(&alone.to_bytes().unwrap()).unwrap();
     assert!(again.arrays() == alone.arrays());
     assert!(recompressed(&alone, COARSE).unwrap().n_modes() < alone.n_modes());
-    assert!(FAMILY.surface_alone().unwrap().metadata().parameter.is_none());
+    assert!(FAMILY.surface_alone(&[]).unwrap().metadata().parameter.is_none());
+}
+
+#[test]
+fn nodes_inside_move_as_in_the_whole_model() {
+    let inside = &MODEL.interior_nodes()[..3];
+    let some = MODEL.surface_alone(inside).unwrap();
+    let mut nodes = [&MODEL.arrays().surface_nodes[..], inside].concat();
+    nodes.sort_unstable();
+    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let (mut part, mut whole) = (vec![0.0; 3 * nodes.len()], vec![0.0; 3 * MODEL.n_points()]);
+    for (contact, d) in touches().into_iter().step_by(400) {
+        some.surface_displacement(&contact, d, &mut workspace, &mut part);
+        MODEL.displacement(&contact, d, &mut workspace, &mut whole);
+        let at = |&node: &u32| whole[3 * node as usize..3 * node as usize + 3].to_vec();
+        assert_eq!(part, nodes.iter().flat_map(at).collect::<Vec<f32>>());
+    }
+    assert!(MODEL.surface_alone(&[MODEL.n_points() as u32]).is_err());
 }
 
 #[test]

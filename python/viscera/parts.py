@@ -1,0 +1,99 @@
+"""Named parts within an organ, a tumour or its vessels: kept in the model file, and how far a touch moves them."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from viscera import _core
+from viscera.mesh import Floats, Indices, Mesh
+
+
+@dataclass(frozen=True)
+class Target:
+    """How far a touch moves a place within the organ."""
+
+    displacement: Floats
+    """Mean displacement (3,) [m] of the place's surface, weighted by its area at rest."""
+    band: float
+    """Half width [m] of the band around it: in 95 of 100 touches the full solution lies within.
+
+    `E sqrt(|u|^2 + U^2)` with the estimated error of the shape E, the mean displacement u of the place and the root
+    mean square U of the displacement over the organ's surface nodes. Where the organ hardly moves, an error is as large
+    as elsewhere: E is relative to the whole field. benchmarks/targets.py checks how often it holds.
+    """
+    is_trusted: bool
+    """Whether the model trusts the shape; elsewhere the band says nothing."""
+
+    @property
+    def distance(self) -> float:
+        """Length of the mean displacement [m]."""
+        return float(np.linalg.norm(self.displacement))
+
+    def __str__(self) -> str:
+        words = f"{1e3 * self.distance:.1f} ± {1e3 * self.band:.1f} mm"
+        return words if self.is_trusted else f"{words}, not trusted"
+
+
+def target(
+    mesh: Mesh, cells: Indices, displacement: Floats, surface_nodes: Indices, estimate: float, is_trusted: bool
+) -> Target:
+    """The motion of some cells of a mesh under a displacement (n, 3) [m] with an estimated relative error."""
+    nodes, weights = centroid_weights(mesh.points, boundary(mesh, cells))
+    mean = weights @ displacement[nodes]
+    typical = float(np.sqrt((displacement[surface_nodes] ** 2).sum(axis=1).mean()))
+    return Target(mean, estimate * float(np.hypot(np.linalg.norm(mean), typical)), is_trusted)
+
+
+def boundary(mesh: Mesh, cells: Indices) -> Indices:
+    """Outward triangles (t, 3) around some cells."""
+    triangles: Indices = _core.surface(mesh.points[: mesh.n_corners], mesh.cells[cells])
+    return triangles
+
+
+def centroid_weights(points: Floats, triangles: Indices) -> tuple[Indices, Floats]:
+    """The nodes of a surface, and weights that add up to 1 and give its centroid."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    nodes, rows = np.unique(triangles, return_inverse=True)
+    weights = np.bincount(rows.ravel(), np.repeat(areas, 3), len(nodes))
+    return nodes.astype(np.uint32), weights / weights.sum()
+
+
+def inner_parts(mesh: Mesh) -> dict[str, Indices]:
+    """Surfaces (t, 3) of what lies within: the cell sets that make up less than half of the organ."""
+    corners = mesh.points[mesh.cells[:, :4]]
+    volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
+    half = 0.5 * volumes.sum()
+    return {name: boundary(mesh, cells) for name, cells in mesh.cell_sets.items() if 0.0 < volumes[cells].sum() < half}
+
+
+def notes(mesh: Mesh) -> dict[str, Any]:
+    """What a model file keeps of a mesh under `user`: cell sets as bits, one for each cell, and the anatomical axes."""
+    kept: dict[str, Any] = {}
+    if mesh.cell_sets:
+        kept["cell_sets"] = {name: _packed(cells, len(mesh.cells)) for name, cells in mesh.cell_sets.items()}
+    if mesh.axes:
+        kept["axes"] = mesh.axes
+    return kept
+
+
+def cell_sets(user: Mapping[str, Any], cells: int) -> dict[str, Indices]:
+    """The cell sets of such notes."""
+    return {name: _unpacked(text, cells) for name, text in user.get("cell_sets", {}).items()}
+
+
+def _packed(members: Indices, cells: int) -> str:
+    is_member = np.zeros(cells, dtype=bool)
+    is_member[members] = True
+    return base64.b64encode(zlib.compress(np.packbits(is_member).tobytes(), 9)).decode()
+
+
+def _unpacked(text: str, cells: int) -> Indices:
+    bits = np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype=np.uint8)
+    return np.flatnonzero(np.unpackbits(bits, count=cells)).astype(np.uint32)

@@ -1,0 +1,121 @@
+"""What is taken along from the page: a picture, a film, a link; how large the organ is; and the first hint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from viscera.viewer import Server
+
+if TYPE_CHECKING:
+    from tests.web.conftest import Viewer
+
+TOP = (0.3, 0.05, 0.1)
+PUSH = (0.001, 0.002, -0.015)
+
+
+@pytest.fixture(autouse=True)
+def letting_go(viewer: Viewer) -> Iterator[None]:
+    viewer.call("rest")
+    yield
+    assert viewer.complaints == []
+
+
+def test_a_link_carries_the_touch(viewer: Viewer, server: Server, look_at: Callable[..., Viewer]) -> None:
+    viewer.call("touch", TOP, PUSH)
+    viewer.call("setOrder", 2)
+    viewer.call("setColouring", "displacement")
+    viewer.page.evaluate("() => viscera.sight.choose('translucent')")
+    viewer.page.get_by_label("take along").click()
+    viewer.page.get_by_role("button", name="Link").click()
+    viewer.page.wait_for_function("() => location.hash.includes('touch=')")
+    other = look_at(viewer.page.url)
+    for name in ("point", "displacement", "force"):
+        assert np.allclose(other.state[name], viewer.state[name], rtol=1e-4, atol=1e-6)
+    assert [other.state[name] for name in ("order", "looking", "activity")] == [2, "translucent", "kept"]
+    assert other.page.locator(".legend:visible").is_visible()
+    assert other.complaints == []
+    other.close()
+    viewer.call("setOrder", 4)
+    viewer.call("setColouring", "tissue")
+    viewer.page.evaluate("() => viscera.sight.choose('solid')")
+
+
+def test_an_address_without_sense_is_no_harm(server: Server, look_at: Callable[..., Viewer]) -> None:
+    other = look_at(f"{server.url}#touch=1,2;x&order=99&colour=mauve&look=up&from=0,0,0")
+    assert other.state["activity"] == "rest"
+    assert other.complaints == []
+    other.close()
+
+
+def test_a_picture_is_saved(viewer: Viewer) -> None:
+    viewer.call("touch", TOP, PUSH)
+    viewer.page.locator("details.share").evaluate("(menu) => (menu.open = true)")
+    with viewer.page.expect_download() as download:
+        viewer.page.get_by_role("button", name="Picture").click()
+    assert download.value.suggested_filename == "bar.png"
+    assert Path(download.value.path()).read_bytes().startswith(b"\x89PNG")
+    # The organ is on it: the middle is of another colour than the corner.
+    colours = viewer.page.evaluate(
+        """([x, y]) => {
+            const drawn = viscera.share.drawn();
+            const scale = drawn.width / viscera.stage.canvas.clientWidth;
+            const all = drawn.getContext("2d").getImageData(0, 0, drawn.width, drawn.height).data;
+            const at = (x, y) => {
+                const pixel = Math.round(y * scale) * drawn.width + Math.round(x * scale);
+                return [...all.slice(4 * pixel, 4 * pixel + 4)];
+            };
+            return [at(x, y), at(1, 1)];
+        }""",
+        viewer.place((0.2, 0.0, 0.05)),
+    )
+    assert np.abs(np.subtract(*colours)).max() > 30
+
+
+def test_a_film_is_saved(viewer: Viewer) -> None:
+    viewer.page.locator("details.share").evaluate("(menu) => (menu.open = true)")
+    film = viewer.page.get_by_role("button", name="Film")
+    film.click()
+    viewer.call("togglePath")
+    viewer.page.wait_for_function("() => viscera.share.frames > 3")
+    with viewer.page.expect_download() as download:
+        film.click()
+    content = Path(download.value.path()).read_bytes()
+    assert content.startswith(b"\x1a\x45\xdf\xa3")  # Matroska, of which WebM is a part
+    assert film.get_attribute("aria-pressed") == "false"
+
+
+def test_the_scale_bar_is_as_long_as_it_says(viewer: Viewer) -> None:
+    viewer.page.wait_for_function("() => viscera.gauge.bar.dataset.metres")
+    metres, pixels, ends = viewer.page.evaluate(
+        """() => {
+            const { bar } = viscera.gauge;
+            const { camera, centre } = viscera.stage;
+            const metres = Number(bar.dataset.metres);
+            const right = camera.matrixWorld.elements.slice(0, 3);
+            const at = (side) => viscera.stage.project(camera.position.clone().fromArray(
+                centre.map((x, i) => x + 0.5 * side * metres * right[i])));
+            return [metres, parseFloat(bar.style.width), [at(-1), at(1)]];
+        }"""
+    )
+    assert 0 < metres < 0.5
+    assert pixels == pytest.approx(ends[1]["x"] - ends[0]["x"], rel=0.01)
+
+
+def test_the_first_visit_has_a_hint(server: Server, look_at: Callable[..., Viewer]) -> None:
+    viewer = look_at(server.url)
+    hint = viewer.page.locator(".hint")
+    hint.wait_for()
+    x, y = viewer.place(TOP)
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
+    viewer.page.mouse.up()
+    hint.wait_for(state="hidden")
+    viewer.page.reload()
+    viewer.page.wait_for_function("() => window.viscera")
+    assert viewer.page.locator(".hint").is_hidden()
+    viewer.close()

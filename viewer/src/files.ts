@@ -1,0 +1,36 @@
+// The parts of a page: files beside it, or embedded in it as base64 where it is one file (viscera/viewer/page.py).
+import { requireRoom, withinMemory } from "./memory";
+
+/** The bytes of a part that is embedded in the page; null where it is a file of its own. */
+export function embedded(name: string): Uint8Array<ArrayBuffer> | null {
+  const text = document.getElementById(name)?.textContent;
+  return text ? Uint8Array.from(atob(text), (character) => character.charCodeAt(0)) : null;
+}
+
+/** Where a script is to be loaded from. */
+export function address(script: string): string | URL {
+  const content = embedded(script);
+  return content ? URL.createObjectURL(new Blob([content], { type: "text/javascript" })) : script;
+}
+
+/** The bytes of a part, saying how much of them is there [%]. */
+export async function load(url: string, say: (percent: number) => void): Promise<Uint8Array<ArrayBuffer>> {
+  const content = embedded(url);
+  if (content) return content;
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`${url}: ${response.status} ${response.statusText}`);
+  const total = Number(response.headers.get("content-length"));
+  requireRoom(total);
+  const reader = response.body?.getReader();
+  if (!reader || !total) return new Uint8Array(await response.arrayBuffer());
+  const chunks: Uint8Array[] = [];
+  let length = 0;
+  for (let part = await reader.read(); !part.done; part = await reader.read()) {
+    chunks.push(part.value);
+    length += part.value.length;
+    say(Math.min(100, Math.round((100 * length) / total)));
+  }
+  const all = withinMemory(length, () => new Uint8Array(length));
+  chunks.reduce((at, chunk) => (all.set(chunk, at), at + chunk.length), 0);
+  return all;
+}

@@ -1,0 +1,134 @@
+// What is taken along: a picture, a short film, an address that carries the touch.
+import { button, element } from "./dom";
+import type { Stage } from "./stage";
+
+/** A film ends after so many seconds by itself, and has so many frames in each. */
+const LONGEST = 20;
+const RATE = 30;
+
+/** What a view tells of itself. */
+export interface Shared {
+  readonly title: string;
+  /** Says a sentence to those who listen. */
+  announce(sentence: string): void;
+  /** The sentence below a picture. */
+  caption(): string;
+  /** What follows the # of an address that carries the touch; none where a view has no such address. */
+  hash?(): string;
+}
+
+export class Share {
+  readonly root: HTMLElement;
+  /** Frames of the present film, or of the last. */
+  frames = 0;
+  /** What became of it. */
+  private readonly outcome = element("div", { class: "outcome" });
+  private readonly filming: HTMLButtonElement;
+  private recorder: MediaRecorder | null = null;
+
+  constructor(
+    private readonly stage: Stage,
+    private readonly shared: Shared,
+    private readonly ground: HTMLElement,
+  ) {
+    this.filming = button("Film", "begin or end a film of the organ", () => this.film());
+    const link = button("Link", "an address that carries the touch", () => void this.link());
+    link.hidden = !shared.hash;
+    this.root = element(
+      "details",
+      { class: "share" },
+      element("summary", { "aria-label": "take along", title: "a picture, a film or a link" }, "⤓"),
+      element("div", { class: "panel" }, button("Picture", "save a picture", () => void this.picture()), this.filming, link, this.outcome),
+    );
+    this.filming.hidden = typeof MediaRecorder === "undefined";
+  }
+
+  /** The organ as it is seen, on its ground and with its caption, as a canvas. */
+  drawn(): HTMLCanvasElement {
+    const { canvas, renderer, scene, camera } = this.stage;
+    const picture = element("canvas");
+    [picture.width, picture.height] = [canvas.width, canvas.height];
+    renderer.render(scene, camera);
+    this.compose(picture);
+    return picture;
+  }
+
+  dispose(): void {
+    this.recorder?.stop();
+  }
+
+  private compose(picture: HTMLCanvasElement): void {
+    const context = picture.getContext("2d")!;
+    const { canvas } = this.stage;
+    const style = getComputedStyle(this.ground);
+    context.fillStyle = style.getPropertyValue("--panel").trim();
+    context.fillRect(0, 0, picture.width, picture.height);
+    context.drawImage(canvas, 0, 0, picture.width, picture.height);
+    const unit = picture.width / Math.max(canvas.clientWidth, 1);
+    context.fillStyle = style.getPropertyValue("--ink").trim();
+    context.font = `${14 * unit}px ${style.fontFamily}`;
+    context.fillText([this.shared.title, this.shared.caption()].filter(Boolean).join(" · "), 16 * unit, picture.height - 16 * unit);
+  }
+
+  private async picture(): Promise<void> {
+    const drawn = this.drawn();
+    const blob = await new Promise<Blob | null>((done) => drawn.toBlob(done, "image/png"));
+    if (blob) this.save(blob, "png");
+  }
+
+  /** Begins a film, or ends it. */
+  private film(): void {
+    if (this.recorder) return this.recorder.stop();
+    const { canvas } = this.stage;
+    const picture = element("canvas");
+    [picture.width, picture.height] = [canvas.width, canvas.height];
+    const recorder = new MediaRecorder(picture.captureStream(RATE));
+    const parts: Blob[] = [];
+    recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
+    recorder.addEventListener("stop", () => {
+      clearTimeout(end);
+      this.stage.onDrawn = () => {};
+      this.recorder = null;
+      this.filming.setAttribute("aria-pressed", "false");
+      const [kind = "video/webm"] = recorder.mimeType.split(";");
+      this.save(new Blob(parts, { type: kind }), kind.replace("video/", ""));
+    });
+    // While the organ's drawing is there: a browser clears it once it has been shown.
+    this.frames = 0;
+    this.stage.onDrawn = () => {
+      this.compose(picture);
+      this.frames += 1;
+    };
+    this.recorder = recorder;
+    this.filming.setAttribute("aria-pressed", "true");
+    this.outcome.textContent = "";
+    recorder.start();
+    this.stage.invalidate();
+    const end = setTimeout(() => recorder.state === "recording" && recorder.stop(), 1000 * LONGEST);
+  }
+
+  private async link(): Promise<void> {
+    const address = new URL(location.href);
+    address.hash = this.shared.hash!();
+    history.replaceState(null, "", address);
+    try {
+      await navigator.clipboard.writeText(address.href);
+      this.tell("The link is on the clipboard, and above as the address of this page.");
+    } catch {
+      this.tell("The address of this page now carries the touch.");
+    }
+  }
+
+  private save(blob: Blob, ending: string): void {
+    const url = URL.createObjectURL(blob);
+    const name = `${this.shared.title.toLowerCase().replace(/[^\p{Letter}\d]+/gu, "-")}.${ending}`;
+    element("a", { href: url, download: name }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    this.tell(`Saved as ${name}.`);
+  }
+
+  private tell(sentence: string): void {
+    this.outcome.textContent = sentence;
+    this.shared.announce(sentence);
+  }
+}
