@@ -107,7 +107,7 @@ fn the_surface_alone_answers_alike() {
 fn nodes_inside_move_as_in_the_whole_model() {
     let inside = &MODEL.interior_nodes()[..3];
     let some = MODEL.surface_alone(inside).unwrap();
-    let mut nodes = [&MODEL.arrays.surface_nodes, inside].concat();
+    let mut nodes = [&MODEL.arrays.surface_nodes[..], inside].concat();
     nodes.sort_unstable();
     let mut workspace = vec![0.0; MODEL.workspace_len()];
     let (mut part, mut whole) = (vec![0.0; 3 * nodes.len()], vec![0.0; 3 * MODEL.n_points()]);
