@@ -3,6 +3,9 @@
 Medians over 100 frames of what a frame says it took. `drawn` is how many frames a second the page could draw
 meanwhile: its worker steps as fast as it can. What a page steps by itself (`PAGE_UNKNOWNS` of viscera/viewer/live.py)
 is chosen by it.
+
+Then the time of the script for one move of the pointer over a reduced model: what every order answers, the curve, the
+shape of the organ and the readings. Drawing is left out: that is the graphics processor's.
 """
 
 import json
@@ -12,12 +15,23 @@ from statistics import median
 import numpy as np
 from machine import describe
 
+import viscera as vs
 from viscera import _core
 from viscera.case import Case
-from viscera.viewer import Server, page
+from viscera.viewer import Server, page, serve
 from viscera.viewer.live import LiveCase, live_case
 
 FRAMES, MILLISECONDS = 100, 7
+MOVES = """([point, depth, moves]) => {
+    const times = [];
+    viscera.touch(point, [0, 0, 0]);
+    for (let k = 0; k < moves; k++) {
+        const began = performance.now();
+        viscera.move([0.3 * depth * Math.sin(0.1 * k), 0, -depth * Math.abs(Math.sin(0.03 * k))]);
+        times.push(performance.now() - began);
+    }
+    return times.sort((a, b) => a - b);
+}"""
 ORGANS = {"artery": "top", "beam": "clamp", "liver": "hilum"}
 STEPS = """async ([requests, milliseconds]) => {
     const worker = new Worker("stepper.js", { type: "module" });
@@ -71,6 +85,19 @@ def main() -> None:
                 tab.close()
             there = median(times)
             print(f"{name:8s} {live.unknowns:8d}  {here:9.2f}  {there:16.2f}  {there / here:5.1f}  {drawn:11.0f}")
+        organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.45), fixed="clamp")
+        touch = organ.reduce("top")
+        with serve(touch, "Beam") as server:
+            tab = browser.new_page()
+            tab.goto(server.url)
+            tab.wait_for_function("() => window.viscera")
+            middle = touch.locate("(50%, 50%, 100%)").tolist()
+            times = tab.evaluate(MOVES, [middle, touch.depth, 5 * FRAMES])
+        low, high = times[len(times) // 10], times[19 * len(times) // 20]
+        print(
+            f"\nscript for one move of the pointer, beam of {len(touch.surface_nodes)} surface nodes, "
+            f"order {touch.order}: median {median(times):.2f} ms, 10th percentile {low:.2f} ms, 95th {high:.2f} ms"
+        )
         browser.close()
 
 

@@ -42,6 +42,7 @@ from viscera.mesh import Mesh, mesh, read
 from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
+from viscera.registration import Registered
 from viscera.scan import Scan, image_fibres, scan
 from viscera.series import write_series
 from viscera.solver import ConjugateGradients
@@ -76,6 +77,7 @@ __all__ = [
     "Organ",
     "Probe",
     "Prony",
+    "Registered",
     "SaintVenantKirchhoff",
     "Scan",
     "StableNeoHookean",

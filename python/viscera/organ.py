@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from viscera.case import Case
+    from viscera.registration import Registered
 
 ELEMENTS = ("P1", "P1 mean volume", "P2")
 ROUNDING = 1e-9
@@ -358,6 +359,64 @@ class Organ(Pictured):
         if throw and not result.is_converged:
             raise VisceraError(result.message)
         return result
+
+    @shown
+    def register(
+        self,
+        surface: ArrayLike | None = None,
+        *,
+        landmarks: Mapping[str, ArrayLike] | None = None,
+        points: tuple[ArrayLike, ArrayLike] | None = None,
+        weights: ArrayLike | None = None,
+        noise: float | str = 2e-3,
+        landmark_noise: float | str | None = None,
+        visible: Where | None = None,
+        loaded: Where | None = None,
+        start: ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> Registered:
+        """The organ fitted to what is seen of it: rigid motion and deformation under forces that nobody knows.
+
+        surface: points (k, 3) [m] on a part of the organ's surface, outliers among them; weights (k,), 1 by default.
+        landmarks: `{name: (x, y, z)}` [m], where the mean of a node set of the mesh was found.
+        points: places (l, 3) of the organ at rest and their displacements (l, 3) [m], both in metres.
+        noise: standard deviation [m] of the surface points along each axis, landmark_noise that of landmarks and
+            points (that of the surface by default); both also in words, "2 mm".
+        visible: the part of the surface that the cloud may lie on, loaded: the part on which forces may act; all of it
+            by default.
+        start: a matrix (4, 4) that takes the organ about to where it is. Without it, and without three landmarks, turns
+            of up to 60 degrees are searched for.
+
+        The fixed nodes move as one rigid body, with whatever reactions they need. Elsewhere smooth forces on the
+        surface and a uniform one in the volume deform the organ: docs/navigation.md. Raises `VisceraError` for data
+        that are not finite, in another unit or too few, and for landmarks that the mesh does not have.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> bent = beam.solve(force={"tip": (0, 0, -10.0)}).displacement
+        >>> found = beam.register(points=(beam.mesh.points[::20], bent[::20]), noise="1 mm")
+        >>> found.is_converged, bool(abs(found.displacement - bent).max() < 0.1 * abs(bent).max())
+        (True, True)
+        """
+        from viscera import registration
+
+        deviation = self._length("noise", noise)
+        other = deviation if landmark_noise is None else self._length("landmark_noise", landmark_noise)
+        seen = registration.observed(self.mesh, surface, weights, landmarks, points, deviation, other)
+        triangles = self.mesh.surface
+        if visible is not None:
+            triangles = triangles[np.isin(triangles, self.mesh.nodes(visible)).all(axis=1)]
+            if not len(triangles):
+                raise VisceraError("`visible` holds no whole triangle of the surface; choose a larger part")
+        motion = None if start is None else registration.rigid_of(start)
+        return registration.register(
+            self,
+            seen,
+            triangles,
+            self.touchable(self.mesh.surface_nodes if loaded is None else loaded),
+            motion,
+            progress,
+        )
 
     def patch(self, point: Lengths, radius: float | str) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].

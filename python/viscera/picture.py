@@ -32,6 +32,7 @@ COLOURS = {
     "displacement": ("displacement [mm]", 1e3),
     "von_mises": ("von Mises stress [kPa]", 1e-3),
     "pressure": ("pressure [kPa]", 1e-3),
+    "band": ("radius of the 95 % band [mm]", 1e3),
     "energy_density": ("strain energy density [kJ/m³]", 1e-3),
 }
 """What may colour an organ: its words with the unit, and that unit per SI unit."""

@@ -134,7 +134,7 @@ class State(Deformed, Pictured):
         """
         from viscera.picture import COLOURS, draw
 
-        Choice(COLOURS)(colour, "the colour")
+        Choice([name for name in COLOURS if name != "band"])(colour, "the colour")
         values = None if colour == "displacement" else getattr(self, colour)("nodes")
         return draw(self.mesh.points, self.mesh.surface, self.displacement, values=values, colour=colour, path=path)
 

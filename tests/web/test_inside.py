@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ TUMOUR = "within 24 mm of (32.5, 7.5, 7.5) cm"
 @pytest.fixture(scope="module")
 def ill(bar: vs.Mesh) -> vs.Touch:
     """The bar with a hard tumour, and a set that is most of it and therefore no part within."""
-    mesh = bar.with_cell_sets(tumour=TUMOUR, tissue="x > 10%")
+    mesh = replace(bar.with_cell_sets(tumour=TUMOUR, tissue="x > 10%"), axes="LPS")
     law = vs.NeoHookean(young=mesh.per_cell(1e5, {"tumour": 1e6}), poisson=0.45)
     return vs.Organ(mesh, law, fixed="root").reduce(lambda x: x[:, 0] > 0.1, radius=0.07, depth=0.025, order=3)
 
@@ -112,3 +113,16 @@ def test_all_stiffnesses_times_a_factor(viewer: Viewer, ill: vs.Touch, bar: vs.M
     assert np.allclose(hard["force"], answer.force, rtol=1e-6)
     assert np.allclose(np.reshape(hard["stiffness"], (3, 3)), answer.stiffness, rtol=1e-5, atol=1e-3)
     viewer.call("setStiffness", 1)
+
+
+def test_letters_stand_where_the_patient_has_them(viewer: Viewer) -> None:
+    """LPS: x to the left of the patient, y to the back, z to the head."""
+    letters = viewer.page.evaluate("() => { viscera.gauge.follow(); return viscera.gauge.letters }")
+    assert set(letters) == set("RLAPSI")
+    middle = np.array([0.2, 0.05, 0.05])
+    x, y = viewer.place(middle)
+    for letter, opposite, axis in zip("LPS", "RAI", np.eye(3), strict=True):
+        to_x, to_y = viewer.place(middle + 1e-3 * axis)
+        seen = np.array([to_x - x, y - to_y])
+        assert letters[letter] @ seen > 0.98 * np.linalg.norm(letters[letter]) * np.linalg.norm(seen)
+        assert np.allclose(letters[opposite], np.negative(letters[letter]))

@@ -42,6 +42,8 @@ export class Body {
   private readonly drawnColours: Float32Array;
   private readonly tissue: Float32Array;
   private readonly isTouchable: Uint8Array;
+  /** Whether its colours are those of tissue: they stay on the graphics processor then. */
+  private isTissue = false;
   /** What lies on its negative side is cut away [m]. */
   private cut: THREE.Plane | null = null;
 
@@ -85,6 +87,8 @@ export class Body {
   }
 
   paintTissue(): void {
+    if (this.isTissue) return;
+    this.isTissue = true;
     this.drawnColours.set(this.tissue);
     this.renew("color");
     this.gloss(true);
@@ -92,6 +96,7 @@ export class Body {
 
   /** Colours the nodes by numbers (s,) between low and high; NaN is shown as grey. */
   paint(values: ArrayLike<number>, low: number, high: number, map: ColourMap): void {
+    this.isTissue = false;
     const rgb: Rgb = [0, 0, 0];
     const scale = high > low ? 1 / (high - low) : 0;
     for (let node = 0; node < values.length; node++) {

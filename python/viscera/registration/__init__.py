@@ -1,0 +1,17 @@
+"""An organ fitted to what is seen of it during an intervention: part of its surface, landmarks, points.
+
+docs/navigation.md says how to use it, and how well it does.
+
+observed.py    what was measured, checked
+rigid.py       rigid motions; where the organ is, before anything deforms
+forces.py      forces on the boundary and in the volume, and the equilibrium responses of the organ to them
+fit.py         the most probable motion and forces, by Gauss-Newton with closest points renewed
+registered.py  what comes out
+"""
+
+from viscera.registration.fit import register
+from viscera.registration.observed import observed
+from viscera.registration.registered import Registered
+from viscera.registration.rigid import rigid_of
+
+__all__ = ["Registered", "observed", "register", "rigid_of"]

@@ -1,0 +1,305 @@
+"""The most probable rigid motion and forces, given what was measured: Gauss-Newton with closest points renewed.
+
+With x = X + u(a) the equilibrium of the organ under forces a, and T its rigid motion, it minimises
+
+    sum_i w_i rho(n_i . (T^-1 y_i - p_i)) / sigma^2 + sum_l |T^-1 y_l - x_l|^2 / sigma_l^2 + sum_g a_g . P_g a_g / s_g^2
+
+y_i: points of the cloud; p_i: the closest point of x and n_i the normal there; rho: Tukey's biweight; y_l: landmarks.
+P_g: the smoothness of the forces on the boundary and the size of that on the volume, in units in which s_g is the
+root-mean-square displacement [m] that they are expected to cause. The data choose s_g: MacKay's re-estimation (Neural
+Computation 4 (1992) 415). Stiffness drops out of P_g / s_g^2, so that only its distribution matters, not its size.
+Strain energy alone as P_g does worse: it hardly resists forces of short wavelength and resists those that move the
+whole organ, whereas what moves organs is smooth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices
+from viscera.registration.forces import Forces
+from viscera.registration.observed import Observed
+from viscera.registration.registered import Registered, band_of
+from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spread, starts, tukey
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ, Progress
+    from viscera.state import State
+
+N_POINTS = 700
+"""Points of the cloud that the fit looks at, each for its neighbours too."""
+TANGENTS = 6
+"""At most."""
+FIRST, LATER = 20, 8
+"""Closest points renewed at most so often with a tangent."""
+SETTLED = 3e-3
+"""Change of a node's place at which a tangent is good enough; this and the following lengths in diagonals."""
+STILL = 1e-3
+"""Largest motion of a node in the last iteration with one tangent."""
+TRUST = 0.1
+"""Largest motion of a node with one tangent."""
+CORRELATED = 50.0
+"""Points whose residuals err together: what law, mesh and forces get wrong is smooth, and noise alone averages out."""
+EXPECTED, LARGEST = 0.013, 0.08
+"""Root-mean-square displacement by forces of a kind, to begin with and at most."""
+SMALLEST = (0.013, 0.003)
+"""And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
+GROWTH = 2.0
+"""Largest factor on it in an iteration."""
+REACH = 0.05
+"""Largest motion of a node in an iteration."""
+DAMPING = 100.0
+"""Cost of a step that moves the surface by `REACH`: along the organ's surface the data hardly hold it."""
+FAR = 0.03
+"""Residuals that belong to the organ for certain before it has deformed."""
+
+
+@dataclass
+class Iterate:
+    """Where the fit is."""
+
+    motion: Rigid
+    amplitudes: Floats
+    displacement: Floats
+    expected: Floats
+    state: State | None = None
+    covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    responses: Floats = field(default_factory=lambda: np.empty((0, 3, 0)))
+    prior: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    change: float = np.inf
+    """Largest distance of a node [m] between the equilibrium and what the tangent had said."""
+    cost: float = np.inf
+    iterations: int = 0
+
+
+def register(
+    organ: Organ,
+    seen: Observed,
+    visible: Indices,
+    loaded: Indices,
+    start: Rigid | None,
+    progress: Progress | None = None,
+) -> Registered:
+    """Fit the organ; visible (t, 3): triangles that may have been seen; loaded (k,): nodes where forces may act."""
+    began = perf_counter()
+    rest = np.zeros_like(organ.mesh.points)
+    shape = Shape(organ.mesh.points, visible)
+    motions = starts(shape, seen, start)
+    forces = Forces(organ, loaded)
+    fit = _Fit(organ, seen, visible, forces)
+    try:
+        responses = forces.responses(rest)
+    except VisceraError as error:
+        raise VisceraError(f"the organ at rest has no stable tangent to register with: {error}") from error
+    steps, done = len(motions) + TANGENTS - 1, 0
+    found = []
+    for motion in motions:
+        found.append(Iterate(motion, np.zeros(len(forces)), rest, np.full(2, EXPECTED * organ.mesh.diagonal)))
+        fit.improve(found[-1], responses, FIRST, first=True)
+        done += 1
+        if progress:
+            progress(done, steps, "registration")
+    best = min(found, key=lambda iterate: iterate.cost)
+    message = fit.balance(best)
+    for _ in range(TANGENTS - 1):
+        if message or best.change < SETTLED * organ.mesh.diagonal:
+            break
+        fit.improve(best, forces.responses(best.displacement), LATER, first=False)
+        message = fit.balance(best)
+        done += 1
+        if progress:
+            progress(done, steps, "registration")
+    return fit.result(best, message, perf_counter() - began)
+
+
+class _Fit:
+    """What does not change from one iterate to the next."""
+
+    def __init__(self, organ: Organ, seen: Observed, visible: Indices, forces: Forces) -> None:
+        self.organ, self.seen, self.visible, self.forces = organ, seen, visible, forces
+        stride = max(1, -(-len(seen.surface) // N_POINTS))
+        self.cloud, self.weights = seen.surface[::stride], seen.weights[::stride] * stride
+        self.size = organ.mesh.diagonal
+        self.sample = organ.mesh.surface_nodes[:: max(1, len(organ.mesh.surface_nodes) // 100)]
+        self.centre = organ.mesh.points.mean(axis=0)
+        self.groups = (slice(0, len(forces) - 3), slice(len(forces) - 3, len(forces)))
+
+    def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
+        """Gauss-Newton with the equilibrium linearised, u + U (a' - a)."""
+        metrics = self.forces.metrics(responses)
+        begin_x = self.organ.mesh.points[self.sample] + at.displacement[self.sample]
+        motions = self._motions(responses, begin_x)
+        begin_u, begin_a = at.displacement, at.amplitudes
+        scale = max(FAR * self.size if first else 0.0, 2.0 * self.seen.noise)
+        for _ in range(count):
+            rows, residual, weight, scatter = self.equations(at, responses, scale)
+            prior = np.zeros((rows.shape[1], rows.shape[1]))
+            for group, metric, size in zip(self.groups, metrics, at.expected, strict=True):
+                where = slice(6 + group.start, 6 + group.stop)
+                prior[where, where] = metric / size**2
+            amplitudes = np.concatenate([np.zeros(6), at.amplitudes])
+            hessian = (rows * weight[:, None]).T @ rows + prior
+            at.covariance = _inverse(hessian)
+            damping = motions.T @ motions * (DAMPING * 3.0 / (len(motions) * (REACH * self.size) ** 2))
+            step = _inverse(hessian + damping) @ (rows.T @ (weight * residual) - prior @ amplitudes)
+            largest = float(np.linalg.norm((motions @ step).reshape(-1, 3), axis=1).max())
+            step *= min(1.0, REACH * self.size / max(largest, 1e-12))
+            at.motion = at.motion.turned(step[:3], step[3:6], self.centre)
+            at.amplitudes = at.amplitudes + step[6:]
+            at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
+            at.prior, at.responses = prior[6:, 6:], responses
+            at.cost = float(weight @ residual**2 + amplitudes @ prior @ amplitudes + self._missed(weight))
+            at.iterations += 1
+            self._expect(at, metrics)
+            scale = max(min(scale, 2.0 * scatter), 1.2 * self.seen.noise)
+            if largest < STILL * self.size:
+                break
+        moved = float(np.linalg.norm(at.displacement - begin_u, axis=1).max())
+        at.amplitudes = begin_a + min(1.0, TRUST * self.size / max(moved, 1e-12)) * (at.amplitudes - begin_a)
+
+    def balance(self, at: Iterate) -> str:
+        """The equilibrium under the forces found, by Newton's method; what went wrong in words."""
+        state = self.organ.solve(force=self.forces.nodal(at.amplitudes), start=at.state)
+        at.change = float(np.linalg.norm(state.displacement - at.displacement, axis=1).max())
+        if state.load > 0.0 or at.state is None:
+            at.state, at.displacement = state, state.displacement
+            at.amplitudes = at.amplitudes * state.load
+        return "" if state.is_converged else f"the forces found have no equilibrium: {state.message or state.status}"
+
+    def equations(self, at: Iterate, responses: Floats, scale: float) -> tuple[Floats, Floats, Floats, float]:
+        """Rows (k, 6 + m) of turn, shift and amplitudes, residuals (k,) [m], weights (k,) [1/m^2], scatter [m]."""
+        flat = responses.reshape(-1, responses.shape[2])
+        rows, residuals, weights, scatter = [], [], [], self.seen.noise
+        if len(self.cloud):
+            shape = Shape(self.organ.mesh.points + at.displacement, self.visible)
+            z = at.motion.back(self.cloud)
+            _, corners, shares, p, normal = shape.closest(z)
+            residual = np.einsum("ki,ki->k", normal, z - p)
+            beside = np.maximum(np.linalg.norm(z - p, axis=1) - 3.0 * scale, 0.0)
+            scatter = spread(residual)
+            rows.append(
+                np.concatenate([np.cross(z - self.centre, normal), normal, _along(flat, corners, shares, normal)], 1)
+            )
+            residuals.append(residual)
+            doubt = CORRELATED * self.seen.noise**2
+            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / doubt)
+        if self.seen.members:
+            x = self._means(self.organ.mesh.points + at.displacement)
+            z = at.motion.back(self.seen.measured)
+            lever = levers(z - self.centre)
+            moved = self._means(responses)
+            ones = np.broadcast_to(np.eye(3), lever.shape)
+            rows.append(np.concatenate([lever, ones, moved], axis=2).reshape(-1, 6 + len(self.forces)))
+            residuals.append((z - x).ravel())
+            weights.append(np.repeat(self.seen.pair_noise**-2.0, 3))
+        return np.concatenate(rows), np.concatenate(residuals), np.concatenate(weights), scatter
+
+    def _means(self, field: Floats) -> Floats:
+        """A field (n, 3, ...) at landmarks and points (l, 3, ...)."""
+        return np.stack([np.tensordot(weights, field[nodes], axes=1) for nodes, weights in self.seen.members])
+
+    def _expect(self, at: Iterate, metrics: list[Floats]) -> None:
+        """MacKay's update: s^2 = a . P a / (number of amplitudes that the data determine)."""
+        for g, (group, metric) in enumerate(zip(self.groups, metrics, strict=True)):
+            a = at.amplitudes[group]
+            where = slice(6 + group.start, 6 + group.stop)
+            left = float(np.sum(metric * at.covariance[where, where])) / at.expected[g] ** 2
+            determined = max(len(a) - left, 0.05)
+            size = np.sqrt(a @ metric @ a / determined)
+            size = np.clip(size, at.expected[g] / GROWTH, at.expected[g] * GROWTH)
+            at.expected[g] = float(np.clip(size, SMALLEST[g] * self.size, LARGEST * self.size))
+
+    def _missed(self, weight: Floats) -> float:
+        """The cost of what was left out as an outlier: as if at the biweight's end, so that starts can be compared."""
+        count = len(self.cloud)
+        full = self.weights / (CORRELATED * self.seen.noise**2)
+        return float((full - weight[:count]).sum() * (TUKEY * 2.0 * self.seen.noise) ** 2) if count else 0.0
+
+    def result(self, at: Iterate, message: str, seconds: float) -> Registered:
+        assert at.state is not None
+        mesh, motion = self.organ.mesh, at.motion
+        x = mesh.points + at.displacement
+        shape = Shape(x, self.visible)
+        residual, inside, coverage = np.empty(0), np.empty(0, dtype=bool), 0.0
+        if len(self.seen.surface):
+            z = motion.back(self.seen.surface)
+            triangles, _, _, p, normal = shape.closest(z)
+            residual = np.copysign(np.linalg.norm(z - p, axis=1), np.einsum("ki,ki->k", normal, z - p))
+            inside = np.abs(residual) < TUKEY * max(spread(residual), 1e-6)
+            coverage = self._coverage(triangles[inside])
+        pairs: dict[str, float] = {}
+        if self.seen.members:
+            gaps = np.linalg.norm(motion.back(self.seen.measured) - self._means(x), axis=1)
+            names = [*self.seen.names, *(f"point {k}" for k in range(len(gaps) - len(self.seen.names)))]
+            pairs = dict(zip(names, gaps.tolist(), strict=True))
+        covariance = self._covariance(at, x)
+        deformation = np.linalg.norm(at.displacement, axis=1)
+        prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
+        known = np.trace(covariance, axis1=1, axis2=2)
+        is_settled = at.change < 3.0 * SETTLED * self.size
+        if not message and not is_settled:
+            message = f"{TANGENTS} tangents leave a node {1e3 * at.change:.1f} mm from equilibrium"
+        return Registered(
+            self.organ,
+            at.state,
+            motion,
+            residual=residual,
+            inliers=inside,
+            pair_residual=pairs,
+            covariance=np.einsum("ij,njk,lk->nil", motion.rotation, covariance, motion.rotation, optimize=True),
+            band=band_of(covariance, deformation),
+            observed=known < 0.25 * (prior + 1e-30),
+            coverage=coverage,
+            nodal_force=self.forces.nodal(at.amplitudes),
+            iterations=at.iterations,
+            is_settled=is_settled,
+            message=message,
+            seconds=seconds,
+        )
+
+    def _motions(self, responses: Floats, x: Floats) -> Floats:
+        """Rows (3 k, 6 + m): how a turn, a shift and amplitudes move some nodes of the surface together."""
+        lever = levers(x - self.centre)
+        ones = np.broadcast_to(np.eye(3), lever.shape)
+        return np.concatenate([lever, ones, responses[self.sample]], axis=2).reshape(-1, 6 + len(self.forces))
+
+    def _covariance(self, at: Iterate, x: Floats) -> Floats:
+        """Of each node's place (n, 3, 3) [m^2], in the organ's axes."""
+        root = np.linalg.cholesky(0.5 * (at.covariance + at.covariance.T))
+        lever = levers(x - self.centre)
+        ones = np.broadcast_to(np.eye(3), lever.shape)
+        rows = np.concatenate([lever, ones, at.responses], axis=2) @ root
+        return np.asarray(rows @ rows.transpose(0, 2, 1))
+
+    def _coverage(self, triangles: NDArray[np.int64]) -> float:
+        """Share of the surface with points on it; few beside many are taken for scatter past its edge."""
+        mesh = self.organ.mesh
+        hits = np.bincount(triangles, minlength=len(self.visible))
+        is_hit = hits > 0.25 * np.median(hits[hits > 0]) if hits.any() else hits > 0
+        return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
+
+
+def _areas(points: Floats, triangles: Indices) -> Floats:
+    x = points[triangles]
+    return np.asarray(0.5 * np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1))
+
+
+def _along(flat: Floats, nodes: Indices, shares: Floats, normal: Floats) -> Floats:
+    """Responses (k, m) of points in triangles along the normals there."""
+    columns = np.zeros((len(nodes), flat.shape[1]))
+    for corner in range(3):
+        for axis in range(3):
+            columns += (shares[:, corner] * normal[:, axis])[:, None] * flat[3 * nodes[:, corner] + axis]
+    return columns
+
+
+def _inverse(matrix: Floats) -> Floats:
+    """Of a symmetric positive definite matrix whose rows have different units."""
+    scale = 1.0 / np.sqrt(np.diag(matrix))
+    return np.asarray(scale[:, None] * np.linalg.inv(matrix * scale[:, None] * scale) * scale)

@@ -1,0 +1,157 @@
+"""What was measured during the intervention, checked before anything is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core
+from viscera.errors import VisceraError, did_you_mean
+from viscera.mesh import Floats, Mesh
+from viscera.quantity import numbers_of, refused, vector
+
+LARGEST_CLOUD = 4.0
+"""Diagonals of the organ; a cloud wider than that is of something else, or in another unit."""
+SMALLEST_CLOUD = 0.02
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Places in space [m], in the axes of the intervention."""
+
+    surface: Floats
+    """Points (k, 3) on the organ's surface, nobody knows where on it."""
+    weights: Floats
+    """(k,), 1 by default."""
+    places: Floats
+    """Places (l, 3) of the organ at rest that were found again: landmarks first, then points."""
+    members: tuple[tuple[NDArray[np.int64], Floats], ...]
+    """Nodes and their weights, whose mean each of these places is."""
+    measured: Floats
+    """Where they were found (l, 3)."""
+    names: tuple[str, ...]
+    """Of the landmarks."""
+    noise: float
+    """Standard deviation of the surface points [m] along each axis."""
+    pair_noise: Floats
+    """The same of landmarks and points (l,)."""
+
+    @property
+    def fixes_motion(self) -> bool:
+        """Whether landmarks and points alone fix a rigid motion: three that are not on a line."""
+        if len(self.places) < 3:
+            return False
+        return bool(np.linalg.svd(self.places - self.places.mean(axis=0), compute_uv=False)[1] > 5e-3)
+
+
+def observed(
+    mesh: Mesh,
+    surface: ArrayLike | None,
+    weights: ArrayLike | None,
+    landmarks: Mapping[str, ArrayLike] | None,
+    points: tuple[ArrayLike, ArrayLike] | None,
+    noise: float,
+    landmark_noise: float,
+) -> Observed:
+    """Check what was measured; raises `VisceraError` with the place, the value and what to do."""
+    cloud = np.empty((0, 3)) if surface is None else _places(surface, "surface")
+    share = np.ones(len(cloud)) if weights is None else _weights(weights, len(cloud))
+    names, members, measured = _landmarks(mesh, landmarks or {})
+    if points is not None:
+        if not isinstance(points, tuple | list) or len(points) != 2:
+            raise refused(
+                "points", "a pair of arrays (l, 3): places of the organ [m] and their displacements [m]", points
+            )
+        at, moved = _places(points[0], "the places of points"), _places(points[1], "the displacements of points")
+        if at.shape != moved.shape:
+            raise VisceraError(f"points has {len(at)} places but {len(moved)} displacements")
+        low, high = mesh.bounding_box
+        away = np.linalg.norm(np.clip(at, low, high) - at, axis=1)
+        if (away > 0.1 * mesh.diagonal).any():
+            first = int(np.argmax(away > 0.1 * mesh.diagonal))
+            raise VisceraError(
+                f"place {first} of points, {at[first].tolist()} m, is {away[first]:.3g} m outside the organ's box; "
+                "give places of the organ at rest, in metres"
+            )
+        members, measured = [*members, *_within(mesh, at)], np.concatenate([measured, at + moved])
+    places = np.array([weights @ mesh.points[nodes] for nodes, weights in members]).reshape(-1, 3)
+    if not len(cloud) and not len(places):
+        raise VisceraError("nothing was measured: give surface points, landmarks or points with displacements")
+    seen = Observed(cloud, share, places, tuple(members), measured, names, noise, np.full(len(places), landmark_noise))
+    if not len(cloud) and not seen.fixes_motion:
+        raise VisceraError(
+            f"{len(places)} landmarks and points do not fix a rigid motion; give three that are not on a line, or "
+            "surface points"
+        )
+    if 0 < len(cloud) < 20 and not seen.fixes_motion:
+        raise VisceraError(f"{len(cloud)} surface points are too few to find the organ by; give 20, or three landmarks")
+    _check_size(mesh, seen)
+    return seen
+
+
+def _places(values: ArrayLike, what: str) -> Floats:
+    given = numbers_of(values)
+    if given is None or given.ndim != 2 or given.shape[1] != 3:
+        raise refused(what, "an array (k, 3) [m]", values)
+    if not len(given):
+        raise VisceraError(f"{what} has no points")
+    wrong = np.flatnonzero(~np.isfinite(given).all(axis=1))
+    if len(wrong):
+        raise VisceraError(
+            f"point {wrong[0]} of {what} is not finite: {given[wrong[0]].tolist()} ({len(wrong)} of {len(given)} are "
+            "not); leave it out"
+        )
+    return given
+
+
+def _weights(values: ArrayLike, count: int) -> Floats:
+    given = numbers_of(values)
+    if given is None or given.shape != (count,) or not (np.isfinite(given) & (given >= 0.0)).all() or not given.any():
+        raise refused("weights", f"{count} finite numbers from 0 on, one for each surface point, not all 0", values)
+    return given
+
+
+def _landmarks(
+    mesh: Mesh, landmarks: Mapping[str, ArrayLike]
+) -> tuple[tuple[str, ...], list[tuple[NDArray[np.int64], Floats]], Floats]:
+    """Names, their node sets, and where the means of these were found."""
+    if not isinstance(landmarks, Mapping):
+        raise refused("landmarks", "{name of a node set: (x, y, z)} [m]", landmarks)
+    unknown = [name for name in landmarks if name not in mesh.sets]
+    if unknown:
+        raise VisceraError(f"no node set is called {unknown[0]!r}; {did_you_mean(str(unknown[0]), mesh.sets)}")
+    sets = [mesh.sets[name].astype(np.int64) for name in landmarks]
+    members = [(nodes, np.full(len(nodes), 1.0 / len(nodes))) for nodes in sets]
+    measured = [vector(place, f"landmark {name!r}", "m") for name, place in landmarks.items()]
+    return tuple(landmarks), members, np.array(measured).reshape(-1, 3)
+
+
+def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]]:
+    """Nodes and weights of places, those outside of all cells being moved onto the surface."""
+    linear = mesh.linear()
+    cells, weights = _core.Locator(linear.points, linear.cells).find(places)
+    surface = _core.Surface(linear.points, linear.surface)
+    found = []
+    for place, cell, share in zip(places, cells, weights, strict=True):
+        if cell < 0:
+            triangle, corners, _ = surface.closest(place)
+            found.append((linear.surface[triangle].astype(np.int64), np.array(corners)))
+        else:
+            found.append((linear.cells[cell].astype(np.int64), share))
+    return found
+
+
+def _check_size(mesh: Mesh, seen: Observed) -> None:
+    """Raise `VisceraError` where what was measured cannot be this organ in metres."""
+    everything: Any = np.concatenate([seen.surface, seen.measured])
+    size = (
+        float(np.linalg.norm(np.subtract(*np.percentile(everything, [95, 5], axis=0)))) if len(everything) > 1 else 0.0
+    )
+    if not SMALLEST_CLOUD * mesh.diagonal < size < LARGEST_CLOUD * mesh.diagonal:
+        raise VisceraError(
+            f"what was measured extends over {size:.3g} m and the organ over {mesh.diagonal:.3g} m; are both in metres?"
+        )

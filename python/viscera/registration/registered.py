@@ -1,0 +1,188 @@
+"""What a registration gives back."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core, statefile
+from viscera.deformed import Deformed
+from viscera.display import Pictured
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Mesh
+from viscera.quantity import numbers_of, refused
+from viscera.registration.rigid import Rigid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from viscera.organ import Organ
+    from viscera.state import State
+
+MODEL = 0.3
+"""Share of a node's deformation, standard deviation along an axis, that law, mesh and linearisation may get wrong."""
+
+
+class Registered(Deformed, Pictured):
+    """An organ where it was found: displacement, rigid motion, residuals, uncertainty. Made by `Organ.register`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> moved = beam.mesh.points[::20] * 0.0 + [0.0, 0.0, 0.1]
+    >>> found = beam.register(points=(beam.mesh.points[::20], moved), noise="1 mm")
+    >>> found.translation.round(3).tolist(), found.band_at([[0.5, 0.1, 0.1]]).shape
+    ([0.0, 0.0, 0.1], (1,))
+    """
+
+    def __init__(
+        self,
+        organ: Organ,
+        state: State,
+        motion: Rigid,
+        *,
+        residual: Floats,
+        inliers: NDArray[np.bool_],
+        pair_residual: dict[str, float],
+        covariance: Floats,
+        band: Floats,
+        observed: NDArray[np.bool_],
+        coverage: float,
+        nodal_force: Floats,
+        iterations: int,
+        is_settled: bool,
+        message: str,
+        seconds: float,
+    ) -> None:
+        self.organ = organ
+        self.state = state
+        """The equilibrium before the rigid motion, in the organ's own axes, under `nodal_force`."""
+        self.mesh: Mesh = organ.mesh
+        self.rotation: Floats = motion.rotation
+        """(3, 3): x -> rotation x + translation takes the deformed organ to where it was seen."""
+        self.translation: Floats = motion.translation
+        """(3,) [m]"""
+        self.displacement: Floats = motion(self.mesh.points + state.displacement) - self.mesh.points
+        """Displacement (n, 3) [m] from the mesh to where the organ is now, rigid motion included."""
+        self.residual = residual
+        """Distance (k,) [m] of each surface point from the organ, positive outside."""
+        self.is_inlier = inliers
+        """(k,) whether a surface point is taken for the organ's."""
+        self.pair_residual = pair_residual
+        """Distance [m] left at each landmark, and at each point as "point 0", "point 1", ..."""
+        self.covariance = covariance
+        """Covariance (n, 3, 3) [m^2] of each node's place, linearised, of the noise and the unknown forces."""
+        self.band = band
+        """Radius (n,) [m] within which a node lies of its place with a probability of 95 %."""
+        self.is_observed = observed
+        """(n,) whether the data say where a node is: they leave less than a quarter of the variance it had without."""
+        self.coverage = coverage
+        """Share of the surface that the cloud lies on."""
+        self.nodal_force = nodal_force
+        """Nodal forces (n, 3) [N] of the fit, in the organ's axes; proportional to the stiffness that the law has."""
+        self.iterations = iterations
+        self.is_converged: bool = is_settled and state.is_converged
+        self.seconds = seconds
+        """Wall time."""
+        self.message = message or self._unseen()
+        """What went wrong, or what was not observed; empty where all is well."""
+
+    @property
+    def status(self) -> str:
+        """ "converged", "partly observed" or "not converged"."""
+        if not self.is_converged:
+            return "not converged"
+        return "converged" if self.is_observed.all() else "partly observed"
+
+    def _unseen(self) -> str:
+        hidden = ~self.is_observed
+        if not hidden.any():
+            return ""
+        sets = [name for name, nodes in self.mesh.sets.items() if hidden[nodes].mean() > 0.5]
+        words = f"; not observed for the most part: {', '.join(map(repr, sets))}" if sets else ""
+        return (
+            f"{100 * self.coverage:.0f} % of the surface was seen; {hidden.sum()} of {len(hidden)} nodes not observed, "
+            f"and what is said there comes from the prior{words}"
+        )
+
+    def band_at(self, points: ArrayLike) -> Floats:
+        """The band (k,) [m] at places (k, 3) [m] of the mesh; infinite where a place is not observed.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> places = beam.mesh.points[::20]
+        >>> found = beam.register(points=(places, 0.0 * places + [0.0, 0.0, 0.1]), noise="1 mm")
+        >>> bool(found.band_at([[0.5, 0.1, 0.1]])[0] < 5e-3)
+        True
+        """
+        places = numbers_of(points)
+        if places is None or places.ndim != 2 or places.shape[1] != 3:
+            raise refused("the places", "an array (k, 3) [m]", points)
+        mesh = self.mesh.linear()
+        cells, weights = _core.Locator(mesh.points, mesh.cells).find(places)
+        if (cells < 0).any():
+            outside = int(np.argmax(cells < 0))
+            raise VisceraError(f"place {outside} at {places[outside].tolist()} m lies outside the organ")
+        nodes = mesh.cells[cells]
+        is_known = np.einsum("ka,ka->k", weights, self.is_observed[nodes].astype(float)) > 0.5
+        return np.where(is_known, np.einsum("ka,ka->k", weights, self.band[nodes]), np.inf)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write mesh, displacement, `band` [m] and `is_observed`, as `State.write` does.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> places = beam.mesh.points[::20]
+        >>> found = beam.register(points=(places, 0.0 * places + [0.0, 0.0, 0.1]), noise="1 mm")
+        >>> found.write("found.vtu")
+        """
+        points, cells = self.fields()
+        own = {"displacement": self.displacement, "band": self.band, "is_observed": self.is_observed.astype(float)}
+        statefile.write(path, self.mesh, self.displacement, own | points, cells)
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self.organ, self.displacement
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The organ where it was found, coloured by its band; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> places = beam.mesh.points[::20]
+        >>> found = beam.register(points=(places, 0.0 * places + [0.0, 0.0, 0.1]), noise="1 mm")
+        >>> found.plot("found.png")
+        <Figure size 1350x975 with 2 Axes>
+        """
+        from viscera.picture import draw
+
+        return draw(
+            self.mesh.points,
+            self.mesh.surface,
+            self.displacement,
+            values=self.band,
+            colour="band",
+            path=path,
+        )
+
+    def __repr__(self) -> str:
+        return (
+            f"Registered({self.status}, coverage={100 * self.coverage:.0f} %, "
+            f"largest band {1e3 * self.band.max():.1f} mm, {self.seconds:.1f} s)"
+        )
+
+
+def band_of(covariance: Floats, deformation: Floats) -> Floats:
+    """Radius (n,) [m] that holds 95 % of a normal distribution, by Satterthwaite's and Wilson and Hilferty's formulas.
+
+    deformation (n,) [m]: a share of it, `MODEL`, joins the covariance (n, 3, 3) as what the model gets wrong.
+    """
+    total = covariance + (MODEL * deformation)[:, None, None] ** 2 / 3.0 * np.eye(3)
+    first, second = np.trace(total, axis1=1, axis2=2), np.einsum("nij,nij->n", total, total)
+    degrees = first**2 / second
+    part = 2.0 / (9.0 * degrees)
+    return np.asarray(np.sqrt(first * (1.0 - part + 1.645 * np.sqrt(part)) ** 3))

@@ -1,0 +1,173 @@
+"""Rigid motions, and the search for the one from which an organ's deformation is followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Indices
+from viscera.quantity import numbers_of, refused
+from viscera.registration.observed import Observed
+
+N_COARSE, N_FINE = 120, 400  # points of the cloud that a start is judged by
+COARSE_STEPS, FINE_STEPS = 10, 25
+N_KEPT = 8  # starts that are followed further
+APART = 0.015  # diagonals between two motions that differ
+N_STARTS = 2  # that the fit begins from
+N_PLACES = 10  # of the surface, where the middle of the cloud may lie
+TURN = np.radians(40.0)  # of the starts away from the given orientation
+FAR = 0.1  # of the diagonal from the organ, a point is not its own
+TUKEY = 4.685  # residuals beyond so many standard deviations count as outliers; Beaton and Tukey (1974)
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """x -> rotation x + translation."""
+
+    rotation: Floats
+    """(3, 3)"""
+    translation: Floats
+    """(3,) [m]"""
+
+    def __call__(self, x: Floats) -> Floats:
+        return np.asarray(x @ self.rotation.T + self.translation)
+
+    def back(self, y: Floats) -> Floats:
+        """The inverse."""
+        return np.asarray((y - self.translation) @ self.rotation)
+
+    def turned(self, turn: Floats, shift: Floats, centre: Floats) -> Rigid:
+        """This motion after a small one in the organ's axes: x -> x + turn x (x - centre) + shift."""
+        small = rotation_of(turn)
+        return Rigid(self.rotation @ small, self(centre + shift - small @ centre))
+
+
+def rigid_of(matrix: ArrayLike) -> Rigid:
+    """The rigid motion of a matrix (4, 4); raises `VisceraError` where it is none."""
+    given = numbers_of(matrix)
+    if given is None or given.shape != (4, 4) or not np.isfinite(given).all():
+        raise refused("start", "a matrix (4, 4) of finite numbers", matrix)
+    rotation = given[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-4 or np.linalg.det(rotation) < 0.0:
+        raise VisceraError(f"start is no rigid motion: its 3 x 3 part is not a rotation, {rotation.round(4).tolist()}")
+    return Rigid(rotation, given[:3, 3])
+
+
+def rotation_of(vector: Floats) -> Floats:
+    """The rotation (3, 3) about a vector by its length in radians (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / angle if angle > 0.0 else vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+
+
+def levers(arm: Floats) -> Floats:
+    """The matrices (k, 3, 3) that take a small turn to the motion turn x arm of points (k, 3)."""
+    matrices = np.zeros((len(arm), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrices[:, i, j], matrices[:, i, k] = arm[:, k], -arm[:, j]
+    return matrices
+
+
+def aligned(places: Floats, measured: Floats, weights: Floats) -> Rigid:
+    """The rigid motion of least weighted squares between pairs of points (Kabsch, Acta Cryst. A 32 (1976) 922)."""
+    share = weights / weights.sum()
+    a, b = share @ places, share @ measured
+    u, _, vt = np.linalg.svd((measured - b).T @ ((places - a) * share[:, None]))
+    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+    return Rigid(rotation, b - rotation @ a)
+
+
+class Shape:
+    """The organ's surface in some shape, to find closest points on; only `triangles` (t, 3) may have been seen."""
+
+    def __init__(self, points: Floats, triangles: Indices) -> None:
+        self.points, self.triangles = np.ascontiguousarray(points), triangles
+        self._surface = _core.Surface(self.points, triangles)
+        self.diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+        x = points[triangles]
+        normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        self.normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def closest(self, places: Floats) -> tuple[NDArray[np.int64], Indices, Floats, Floats, Floats]:
+        """Triangles (k,), their nodes and weights (k, 3), closest points (k, 3), outward normals there (k, 3)."""
+        found = [self._surface.closest(place) for place in places]
+        triangle = np.array([f[0] for f in found], dtype=np.int64)
+        weights = np.array([f[1] for f in found])
+        nodes = self.triangles[triangle]
+        closest = np.einsum("ka,kai->ki", weights, self.points[nodes])
+        return triangle, nodes, weights, closest, self.normals[triangle]
+
+
+def tukey(residual: Floats, scale: float | Floats) -> Floats:
+    """Weights (k,) from 1 to 0 of the biweight for residuals with this standard deviation."""
+    return np.asarray(np.clip(1.0 - (residual / (TUKEY * scale)) ** 2, 0.0, None) ** 2)
+
+
+def spread(residual: Floats) -> float:
+    """Standard deviation of a normal distribution with outliers, from the median of sizes."""
+    return 1.4826 * float(np.median(np.abs(residual)))
+
+
+def spaced(points: Floats, count: int) -> NDArray[np.int64]:
+    """Indices of points far from each other: each next one is the farthest from all before; the first is an end."""
+    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
+    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count, len(points)):
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def starts(shape: Shape, seen: Observed, given: Rigid | None) -> list[Rigid]:
+    """The best few rigid motions, by robust iterated closest points from many starts.
+
+    Where three landmarks or points are there, they say where to start; else the middle of the cloud lies at one of some
+    places of the surface, in orientations around the given one.
+    """
+    if seen.fixes_motion:
+        return [aligned(seen.places, seen.measured, seen.pair_noise**-2.0)]
+    if given is not None:
+        return [_icp(shape, seen, given, N_FINE, FINE_STEPS)[1]]
+    middle = seen.surface.mean(axis=0)
+    nodes = np.unique(shape.triangles)
+    places = shape.points[nodes[spaced(shape.points[nodes], N_PLACES)]]
+    axes = np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    tried = []
+    for turn in axes * TURN:
+        rotation = rotation_of(turn)
+        for place in places:
+            tried.append(_icp(shape, seen, Rigid(rotation, middle - rotation @ place), N_COARSE, COARSE_STEPS))
+    tried = sorted(tried, key=lambda pair: pair[0])[:N_KEPT]
+    tried = sorted((_icp(shape, seen, motion, N_FINE, FINE_STEPS) for _, motion in tried), key=lambda pair: pair[0])
+    kept: list[Rigid] = []
+    for _, motion in tried:
+        gaps = [np.linalg.norm(motion(shape.points) - other(shape.points), axis=1).max() for other in kept]
+        if min(gaps, default=np.inf) > APART * shape.diagonal:
+            kept.append(motion)
+    return kept[:N_STARTS]
+
+
+def _icp(shape: Shape, seen: Observed, motion: Rigid, count: int, steps: int) -> tuple[float, Rigid]:
+    """Point-to-plane iterations; the robust misfit [m] and the motion."""
+    cloud = seen.surface[:: max(1, len(seen.surface) // count)]
+    for _ in range(steps):
+        z = motion.back(cloud)
+        _, _, _, p, normal = shape.closest(z)
+        centre = z.mean(axis=0)
+        residual = np.einsum("ki,ki->k", normal, z - p)
+        near = tukey(np.linalg.norm(z - p, axis=1), FAR * shape.diagonal)
+        weight = near * tukey(residual, max(spread(residual), 1e-4 * shape.diagonal))
+        rows = np.concatenate([np.cross(z - centre, normal), normal], axis=1)
+        size = np.repeat([0.5 * shape.diagonal, 1.0], 3)
+        scaled = rows / size
+        normal_matrix = (scaled * weight[:, None]).T @ scaled + 1e-3 * max(weight.sum(), 1.0) * np.eye(6)
+        step = np.linalg.solve(normal_matrix, scaled.T @ (weight * residual)) / size
+        motion = motion.turned(step[:3], step[3:], centre)
+    z = motion.back(cloud)
+    distance = np.linalg.norm(z - shape.closest(z)[3], axis=1)
+    return float(np.minimum(distance, FAR * shape.diagonal).mean()), motion

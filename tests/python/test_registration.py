@@ -1,0 +1,190 @@
+"""Registration: an organ that was moved and deformed is found again; what nobody can use is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.registration.forces import Forces
+from viscera.registration.registered import MODEL, band_of
+from viscera.registration.rigid import Rigid, Shape, aligned, levers, rotation_of
+
+Floats = np.ndarray
+MOVED = Rigid(rotation_of(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.02, 0.04]))
+NOISE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def organ() -> vs.Organ:
+    """The built-in liver with few cells."""
+    liver = vs.organs.liver()
+    coarse = vs.mesh_surface((liver.points, liver.surface), edge=0.022)
+    near = np.linalg.norm(coarse.points[:, None] - liver.points[liver.sets["hilum"]], axis=2).min(axis=1)
+    tip = coarse.points[:, 0] > 0.095
+    mesh = coarse.with_sets(hilum=np.flatnonzero(near < 0.01), tip=np.flatnonzero(tip))
+    return vs.Organ(mesh, vs.NeoHookean(young=6e3, poisson=0.45), fixed="hilum")
+
+
+@pytest.fixture(scope="module")
+def truth(organ: vs.Organ) -> Floats:
+    """Where the nodes are after a load that the registration knows nothing of, and a rigid motion."""
+    state = organ.solve(gravity=(4.0, 0.0, 3.0), density=1060.0, throw=True)
+    return MOVED(organ.mesh.points + state.displacement)
+
+
+@pytest.fixture(scope="module")
+def cloud(organ: vs.Organ, truth: Floats) -> Floats:
+    """Noisy points on what is seen from the front, and some that are not the organ's."""
+    rng = np.random.default_rng(3)
+    rest = organ.mesh.points[organ.mesh.surface]
+    facing = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0]) @ [0.0, -0.75, 0.66]
+    seen = organ.mesh.surface[(facing > 0.0) & (rest.mean(axis=1)[:, 1] < 0.03)]
+    corners = truth[seen]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    chosen = rng.choice(len(seen), size=1500, p=area / area.sum())
+    points = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=1500), corners[chosen])
+    points = points + rng.normal(scale=NOISE, size=points.shape)
+    points[:60] += rng.uniform(-0.03, 0.03, size=(60, 3))
+    return np.asarray(points)
+
+
+@pytest.fixture(scope="module")
+def found(organ: vs.Organ, cloud: Floats) -> vs.Registered:
+    return organ.register(cloud, noise=NOISE)
+
+
+def test_an_organ_is_found_again_where_a_rigid_motion_does_not_explain_it(
+    organ: vs.Organ, truth: Floats, found: vs.Registered
+) -> None:
+    assert found.is_converged, found.message
+    error = np.linalg.norm(organ.mesh.points + found.displacement - truth, axis=1)
+    best = aligned(organ.mesh.points, truth, np.ones(len(truth)))
+    rigid = np.linalg.norm(best(organ.mesh.points) - truth, axis=1)
+    assert error.mean() < 0.7 * rigid.mean(), "better than the best rigid motion that there is"
+    assert (error < found.band)[found.is_observed].mean() > 0.9
+
+
+def test_residuals_tell_the_organ_from_what_is_not_its(found: vs.Registered) -> None:
+    assert np.median(np.abs(found.residual)) < 1.5 * NOISE
+    assert found.is_inlier[60:].mean() > 0.97
+    assert (~found.is_inlier[:60]).mean() > 0.5
+
+
+def test_the_shape_found_is_an_equilibrium(organ: vs.Organ, found: vs.Registered) -> None:
+    inner = organ._body.internal_force(found.state.displacement)
+    free = np.setdiff1d(np.arange(len(inner)), organ.fixed)
+    assert np.abs((inner - found.nodal_force)[free]).max() < 1e-5 * np.abs(inner).max()
+    rotated = organ.mesh.points + found.state.displacement
+    assert np.allclose(organ.mesh.points + found.displacement, rotated @ found.rotation.T + found.translation)
+
+
+def test_landmarks_say_where_a_cloud_alone_would_not(organ: vs.Organ, truth: Floats) -> None:
+    """Points with displacements need no cloud; a landmark is the mean of its set."""
+    at = np.linspace(0, len(truth) - 1, 40).astype(int)
+    points = (organ.mesh.points[at], truth[at] - organ.mesh.points[at])
+    landmarks = {name: truth[organ.mesh.sets[name]].mean(axis=0) for name in ("tip", "hilum")}
+    found = organ.register(points=points, landmarks=landmarks, noise=5e-4)
+    assert found.is_converged, found.message
+    assert list(found.pair_residual)[:3] == ["tip", "hilum", "point 0"]
+    assert max(found.pair_residual.values()) < 3e-3
+    error = np.linalg.norm(organ.mesh.points + found.displacement - truth, axis=1)
+    assert error.mean() < 2e-3
+    assert found.coverage == 0.0
+
+
+def test_what_was_not_seen_is_said(organ: vs.Organ, cloud: Floats) -> None:
+    """Without the left lobe in sight, its place is not known; elsewhere it is."""
+    right = cloud[MOVED.back(cloud)[:, 0] < 0.0]
+    found = organ.register(right, noise=NOISE, start=_matrix(MOVED))
+    assert found.status == "partly observed"
+    assert "not observed" in found.message
+    assert found.band[organ.mesh.sets["tip"]].mean() > 1.5 * np.median(found.band[organ.mesh.points[:, 0] < -0.03])
+
+
+def test_it_can_be_written_probed_and_drawn(organ: vs.Organ, found: vs.Registered, tmp_path: Path) -> None:
+    found.write(tmp_path / "found.vtu")
+    data = meshio.read(tmp_path / "found.vtu").point_data
+    assert np.allclose(data["displacement"], found.displacement)
+    assert np.allclose(data["band"], found.band)
+    place = organ.mesh.centroids[:3]
+    assert np.allclose(found.at(place).displacement, found.displacement[organ.mesh.cells[:3]].mean(axis=1))
+    assert found.band_at(place).shape == (3,)
+    assert found.plot() is not None
+
+
+def test_responses_are_those_of_small_forces(organ: vs.Organ) -> None:
+    forces = Forces(organ, organ.touchable(organ.mesh.surface_nodes), 12)
+    responses = forces.responses(np.zeros_like(organ.mesh.points))
+    amplitudes = np.random.default_rng(0).normal(size=len(forces)) * 1e-6
+    state = organ.solve(force=forces.nodal(amplitudes), settings={"tolerance": 1e-12})
+    expected = responses @ amplitudes
+    assert np.abs(state.displacement - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_the_derivative_of_a_rigid_motion_agrees_with_differences() -> None:
+    x = np.random.default_rng(1).normal(size=(5, 3))
+    turn, shift, centre, h = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, -0.3]), x.mean(axis=0), 1e-6
+    plus, minus = (MOVED.turned(s * h * turn, s * h * shift, centre)(x) for s in (1, -1))
+    slope = (levers(x - centre) @ turn + shift) @ MOVED.rotation.T
+    assert np.allclose((plus - minus) / (2 * h), slope, atol=1e-8)
+    assert np.allclose(MOVED.back(MOVED(x)), x)
+
+
+def test_kabsch_finds_a_motion_and_no_reflection() -> None:
+    x = np.random.default_rng(2).normal(size=(6, 3))
+    assert np.allclose(aligned(x, MOVED(x), np.ones(6)).rotation, MOVED.rotation)
+    assert np.linalg.det(aligned(x, -x, np.ones(6)).rotation) > 0.0
+
+
+def test_closest_points_have_the_normal_of_their_triangle(organ: vs.Organ) -> None:
+    shape = Shape(organ.mesh.points, organ.mesh.surface)
+    middle = organ.mesh.points[organ.mesh.surface[:4]].mean(axis=1)
+    triangle, _, _, closest, normal = shape.closest(middle + 1e-4 * shape.normals[:4])
+    assert triangle.tolist() == [0, 1, 2, 3]
+    assert np.allclose(closest, middle)
+    assert np.allclose(normal, shape.normals[:4])
+
+
+def test_the_band_holds_95_percent_of_a_normal_distribution() -> None:
+    rng = np.random.default_rng(4)
+    for axes in ([1.0, 1.0, 1.0], [1.0, 0.3, 0.1], [1.0, 1.0, 0.01]):
+        samples = rng.normal(size=(200_000, 3)) * axes
+        band = band_of(np.diag(np.square(axes))[None], np.zeros(1))[0]
+        assert abs((np.linalg.norm(samples, axis=1) < band).mean() - 0.95) < 0.01
+    assert band_of(np.zeros((1, 3, 3)) + 1e-12 * np.eye(3), np.array([0.01]))[0] > 0.01 * MODEL
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "nothing was measured"),
+        ({"surface": np.empty((0, 3))}, "surface has no points"),
+        ({"surface": [[0.0, np.nan, 0.0]] * 30}, "point 0 of surface is not finite"),
+        ({"surface": [[0.0, 0.0]] * 30}, r"surface must be an array \(k, 3\)"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 100}, "are both in metres"),
+        ({"surface": np.random.default_rng(0).normal(size=(9, 3)) * 0.1}, "9 surface points are too few"),
+        ({"landmarks": {"tipp": (0, 0, 0)}}, "no node set is called 'tipp'; did you mean 'tip'"),
+        ({"landmarks": {"tip": (0, 0, np.inf)}}, "landmark 'tip' must be"),
+        ({"landmarks": {"tip": (0, 0, 0)}}, "do not fix a rigid motion"),
+        ({"points": ([[0.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]] * 2)}, "1 places but 2 displacements"),
+        ({"points": ([[40.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]])}, "outside the organ's box"),
+        ({"points": [1.0, 2.0, 3.0]}, "points must be a pair"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": 0.0}, "noise is 0 m"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "noise": "2 mN"}, "noise"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "weights": [1.0]}, "weights must be 50"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "start": 2 * np.eye(4)}, "no rigid motion"),
+        ({"surface": np.random.default_rng(0).normal(size=(50, 3)) * 0.1, "visible": "nowhere"}, "nowhere"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(organ: vs.Organ, given: dict[str, Any], words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        organ.register(**given)
+
+
+def _matrix(motion: Rigid) -> Floats:
+    return np.block([[motion.rotation, motion.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
