@@ -164,7 +164,7 @@ class Organ(Pictured):
         steps: at least this many load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
-        solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
+        solver: of the linear systems, "cholesky", "cg", "multigrid" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
 
         >>> import viscera as vs
@@ -229,7 +229,7 @@ class Organ(Pictured):
 
         grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold at first; every frame may change it.
         start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
-        solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
+        solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid" or a `ConjugateGradients`.
         iterations: largest number of Newton iterations in a frame; it ends earlier at a residual of `settled`.
         budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.

@@ -18,7 +18,7 @@ NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
 }
 """Settings of Newton's iteration: what each must be, what it is, and the default in core/src/equilibrium/newton.rs."""
 
-PRECONDITIONERS = ("block_jacobi", "incomplete_cholesky", "lagged_cholesky")
+PRECONDITIONERS = ("block_jacobi", "incomplete_cholesky", "lagged_cholesky", "multigrid")
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ class ConjugateGradients:
 
     preconditioner: str = "lagged_cholesky"
     """"block_jacobi" (paper B), "incomplete_cholesky" without fill, or "lagged_cholesky": the factor of an earlier
-    frame in single precision, renewed when iterations grow."""
+    frame in single precision, renewed when iterations grow; or "multigrid": a V-cycle on aggregates of nodes with their
+    rigid-body modes, for large bodies."""
     tolerance: float = 1e-3
     """Residual of the linear system to reach, relative to its right-hand side."""
     max_iterations: int = 200
@@ -56,7 +57,8 @@ class ConjugateGradients:
 
 
 Solver: TypeAlias = str | ConjugateGradients
-""""cholesky", "cg" for `ConjugateGradients()`, or settings of its own."""
+""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for the same with that preconditioner, or settings of its
+own."""
 
 
 def core_solver(solver: Solver) -> _core.Solver:
@@ -66,9 +68,11 @@ def core_solver(solver: Solver) -> _core.Solver:
         return *settings, bool(solver.matrix_free)
     if solver == "cg":
         return core_solver(ConjugateGradients())
+    if solver == "multigrid":
+        return core_solver(ConjugateGradients("multigrid"))
     if solver == "cholesky":
         return "cholesky", 0.0, 0, False
-    hint = did_you_mean(str(solver), ("cholesky", "cg"))
+    hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid"))
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
 
 

@@ -16,6 +16,7 @@ mod front;
 mod fronts;
 mod gmres;
 mod ldlt;
+mod multigrid;
 mod ordering;
 mod pattern;
 mod precision;
@@ -30,6 +31,7 @@ pub use column::Column;
 pub use error::FactorError;
 pub use gmres::gmres;
 pub use ldlt::{Inertia, Ldlt};
+pub use multigrid::Multigrid;
 pub use pattern::Pattern;
 pub use precision::Precision;
 

@@ -14,7 +14,7 @@ use crate::equilibrium::Tangent;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
-use crate::linear::{BlockMatrix, FactorError};
+use crate::linear::{BlockMatrix, FactorError, Multigrid};
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;
@@ -26,6 +26,7 @@ enum Inverse {
     BlockJacobi(BlockJacobi),
     IncompleteCholesky(Box<Incomplete>),
     Lagged(Lagged),
+    Multigrid(Box<Multigrid>),
 }
 
 /// An incomplete factor, and the matrix that it is made from.
@@ -67,6 +68,10 @@ impl Iterative {
             Preconditioner::LaggedCholesky => {
                 Inverse::Lagged(Lagged::new(body.pattern(), free, n_dofs)?)
             }
+            Preconditioner::Multigrid => {
+                let multigrid = Multigrid::new(body.points(), body.pattern().pairs())?;
+                Inverse::Multigrid(Box::new(multigrid))
+            }
         };
         Ok(Iterative {
             settings,
@@ -87,6 +92,7 @@ impl Iterative {
             Inverse::BlockJacobi(_) => {}
             Inverse::IncompleteCholesky(incomplete) => incomplete.matrix.hold(is_held),
             Inverse::Lagged(lagged) => lagged.hold(is_held),
+            Inverse::Multigrid(multigrid) => multigrid.hold(is_held),
         }
         // The last step moved what is held now, or left alone what is free.
         self.last.fill(0.0);
@@ -103,7 +109,10 @@ impl Iterative {
                 incomplete.matrix.fill(tangent.blocks()?.values(), shift);
                 incomplete.factor.factorize(&incomplete.matrix).map(|()| true)
             }
-            Inverse::IncompleteCholesky(_) => Ok(false),
+            Inverse::Multigrid(multigrid) if is_stale => {
+                multigrid.factorize(tangent.blocks()?.values(), shift).map(|()| true)
+            }
+            Inverse::IncompleteCholesky(_) | Inverse::Multigrid(_) => Ok(false),
             Inverse::Lagged(inverse) => inverse.renew(tangent.blocks()?.values(), shift, is_stale),
         };
         self.is_stale = is_stale && renewed.is_err();
@@ -116,11 +125,15 @@ impl Iterative {
     /// Makes the preconditioner of the tangent with another shift, where it has none with its own; none where its kind
     /// does not take one.
     pub fn lift(&mut self, tangent: &Tangent, shift: f64) -> Option<Result<bool, FactorError>> {
-        let (Inverse::Lagged(inverse), Ok(blocks)) = (&mut self.inverse, tangent.blocks()) else {
-            return None;
-        };
+        let blocks = tangent.blocks().ok()?;
         let shift = absolute(shift, || blocks.mean_diagonal());
-        let renewed = inverse.renew(blocks.values(), shift, true);
+        let renewed = match &mut self.inverse {
+            Inverse::Lagged(inverse) => inverse.renew(blocks.values(), shift, true),
+            Inverse::Multigrid(multigrid) => {
+                multigrid.factorize(blocks.values(), shift).map(|()| true)
+            }
+            Inverse::BlockJacobi(_) | Inverse::IncompleteCholesky(_) => return None,
+        };
         self.is_stale &= renewed.is_err();
         Some(renewed)
     }
@@ -266,6 +279,7 @@ impl Inverse {
                 cg::Preconditioner::apply(&mut incomplete.factor, r, z);
             }
             Inverse::Lagged(inverse) => inverse.apply(r, z),
+            Inverse::Multigrid(multigrid) => cg::Preconditioner::apply(&mut **multigrid, r, z),
         }
     }
 }

@@ -72,14 +72,17 @@ pub enum Preconditioner {
     /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside the
     /// frames where there is a second thread.
     LaggedCholesky,
+    /// A V-cycle on aggregates of nodes with their rigid-body modes; made anew when iterations grow.
+    Multigrid,
 }
 
 impl Preconditioner {
     /// Names, for messages and other languages.
-    pub const NAMES: [(&'static str, Preconditioner); 3] = [
+    pub const NAMES: [(&'static str, Preconditioner); 4] = [
         ("block_jacobi", Preconditioner::BlockJacobi),
         ("incomplete_cholesky", Preconditioner::IncompleteCholesky),
         ("lagged_cholesky", Preconditioner::LaggedCholesky),
+        ("multigrid", Preconditioner::Multigrid),
     ];
 }
 

@@ -6,12 +6,13 @@ use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use faer::{Mat, Side};
 
-const METHODS: [Method; 5] = [
+const METHODS: [Method; 6] = [
     Method::Cholesky,
     with(Preconditioner::BlockJacobi, false),
     with(Preconditioner::BlockJacobi, true),
     with(Preconditioner::IncompleteCholesky, false),
     with(Preconditioner::LaggedCholesky, false),
+    with(Preconditioner::Multigrid, false),
 ];
 
 const fn with(preconditioner: Preconditioner, is_matrix_free: bool) -> Method {
@@ -134,7 +135,11 @@ fn what_is_solved_of_a_slender_stiff_body_is_right() {
         (solved, norm(&residual) / norm(&b), s)
     };
     let (_, _, exact) = run(Method::Cholesky);
-    for preconditioner in [Preconditioner::IncompleteCholesky, Preconditioner::LaggedCholesky] {
+    for preconditioner in [
+        Preconditioner::IncompleteCholesky,
+        Preconditioner::LaggedCholesky,
+        Preconditioner::Multigrid,
+    ] {
         let method = Method::ConjugateGradients(ConjugateGradients {
             preconditioner,
             tolerance: 1e-6,

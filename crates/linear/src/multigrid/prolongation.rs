@@ -1,0 +1,282 @@
+//! From a level to the next finer one: the modes of each aggregate, smoothed.
+
+use super::aggregates::{Aggregates, Neighbours};
+use super::blocks::{Smoother, Upper};
+use viscera_number::simd::{Kernel, dispatch};
+
+/// Rigid-body modes, and so unknowns of an aggregate.
+pub(super) const MODES: usize = 6;
+
+/// A node's part in the modes of an aggregate; two lanes of padding.
+pub(super) type Part = [f32; 8];
+
+/// A mode that the others of its aggregate leave less of is one of them: nodes in a line turn about it in vain.
+const RANK_TOLERANCE: f64 = 1e-10;
+
+/// Values of all modes at the unknowns of a level, one row each.
+pub(super) type Modes = Vec<[f64; MODES]>;
+
+/// Translations and rotations at every point, lengths over the size of the body.
+pub(super) fn rigid_modes(points: &[[f64; 3]]) -> Modes {
+    let n = points.len().max(1) as f64;
+    let centre: [f64; 3] =
+        std::array::from_fn(|i| points.iter().map(|point| point[i]).sum::<f64>() / n);
+    let arm = |point: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|i| point[i] - centre[i]) };
+    let size = points.iter().flat_map(arm).fold(0.0f64, |size, x| size.max(x.abs()));
+    let scale = if size > 0.0 { 1.0 / size } else { 1.0 };
+    let at = |point: &[f64; 3]| {
+        let [x, y, z] = arm(point).map(|x| scale * x);
+        [[1.0, 0.0, 0.0, 0.0, z, -y], [0.0, 1.0, 0.0, -z, 0.0, x], [0.0, 0.0, 1.0, y, -x, 0.0]]
+    };
+    points.iter().flat_map(at).collect()
+}
+
+/// Blocks of `B` rows and six columns.
+pub(super) struct Prolongation<const B: usize> {
+    n_coarse: usize,
+    /// The aggregate of each node.
+    aggregate: Vec<u32>,
+    /// Its orthonormal modes at each node, by rows.
+    tentative: Vec<[Part; B]>,
+    /// Where a node's blocks start; aggregates ascend.
+    start: Vec<u32>,
+    column: Vec<u32>,
+    blocks: Vec<[Part; B]>,
+    /// Unknowns of the next level that stand for a mode.
+    has_unknown: Vec<bool>,
+}
+
+impl<const B: usize> Prolongation<B> {
+    /// From the aggregates of a node and of its neighbours.
+    pub fn new(aggregates: &Aggregates, neighbours: &Neighbours) -> Self {
+        let n = aggregates.of.len();
+        let (mut start, mut column) = (vec![0u32], Vec::new());
+        for node in 0..n {
+            let around = neighbours.of(node).iter().map(|&k| aggregates.of[k as usize]);
+            let first = column.len();
+            for aggregate in around.chain([aggregates.of[node]]) {
+                if !column[first..].contains(&aggregate) {
+                    column.push(aggregate);
+                }
+            }
+            column[first..].sort_unstable();
+            start.push(column.len() as u32);
+        }
+        Prolongation {
+            n_coarse: aggregates.count(),
+            aggregate: aggregates.of.clone(),
+            tentative: vec![[Part::default(); B]; n],
+            blocks: vec![[Part::default(); B]; column.len()],
+            start,
+            column,
+            has_unknown: vec![false; MODES * aggregates.count()],
+        }
+    }
+
+    pub fn n_coarse(&self) -> usize {
+        self.n_coarse
+    }
+
+    /// Which rows of the next level stand for a mode.
+    pub fn unknowns(&self) -> &[bool] {
+        &self.has_unknown
+    }
+
+    /// A node's aggregates and blocks.
+    #[inline(always)]
+    pub fn row(&self, node: usize) -> (&[u32], &[[Part; B]]) {
+        let range = self.start[node] as usize..self.start[node + 1] as usize;
+        (&self.column[range.clone()], &self.blocks[range])
+    }
+
+    /// Makes the modes orthonormal in each aggregate, `modes = Q R`, and keeps `Q`; `R`, the modes of the next level.
+    pub fn orthonormalize(&mut self, modes: &Modes) -> Modes {
+        let mut members = vec![Vec::new(); self.n_coarse];
+        for (node, &aggregate) in self.aggregate.iter().enumerate() {
+            members[aggregate as usize].push(node);
+        }
+        let mut coarse = vec![[0.0; MODES]; MODES * self.n_coarse];
+        for (aggregate, members) in members.iter().enumerate() {
+            let rows: Vec<usize> =
+                members.iter().flat_map(|&node| B * node..B * (node + 1)).collect();
+            let own: Modes = rows.iter().map(|&row| modes[row]).collect();
+            let (q, is_new) = orthonormal(&own);
+            for (k, &node) in members.iter().enumerate() {
+                for (i, part) in self.tentative[node].iter_mut().enumerate() {
+                    (0..MODES).for_each(|mode| part[mode] = q[B * k + i][mode] as f32);
+                }
+            }
+            let first = MODES * aggregate;
+            self.has_unknown[first..first + MODES].copy_from_slice(&is_new);
+            for (q, mode) in q.iter().zip(&own) {
+                for i in 0..MODES {
+                    (0..MODES).for_each(|k| coarse[first + i][k] += q[i] * mode[k]);
+                }
+            }
+        }
+        coarse
+    }
+
+    /// `P = (1 - omega D⁻¹ A) Q`, with the matrix whose values are given.
+    pub fn smooth<const W: usize>(
+        &mut self,
+        smoother: &Smoother<B, W>,
+        values: &[f64],
+        shift: f64,
+        omega: f64,
+    ) {
+        self.blocks.fill([Part::default(); B]);
+        dispatch(Products { prolongation: self, pattern: &smoother.pattern, values });
+        for node in 0..self.tentative.len() {
+            let own = self.place(node, self.aggregate[node]);
+            let tentative = self.tentative[node];
+            for i in 0..B {
+                let product = &mut self.blocks[own][i];
+                (0..MODES).for_each(|m| product[m] += shift as f32 * tentative[i][m]);
+            }
+            for place in self.start[node] as usize..self.start[node + 1] as usize {
+                let block = &mut self.blocks[place];
+                for m in 0..MODES {
+                    let mut product = [0.0; W];
+                    (0..B).for_each(|i| product[i] = block[i][m]);
+                    let product = smoother.solve_diagonal(node, product);
+                    (0..B).for_each(|i| block[i][m] = -(omega as f32) * product[i]);
+                }
+                if place == own {
+                    for i in 0..B {
+                        (0..MODES).for_each(|m| block[i][m] += tentative[i][m]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn place(&self, node: usize, aggregate: u32) -> usize {
+        let (first, end) = (self.start[node] as usize, self.start[node + 1] as usize);
+        let found = self.column[first..end].iter().position(|&a| a == aggregate);
+        first + found.unwrap_or_else(|| unreachable!("a node knows its neighbours' aggregates"))
+    }
+
+    /// `r_coarse = -Pᵀ x`.
+    pub fn restrict_negative<const W: usize>(&self, x: &[[f32; W]], coarse: &mut [Part]) {
+        dispatch(Restrict { prolongation: self, x, coarse });
+    }
+
+    /// `x += P x_coarse`.
+    pub fn prolongate<const W: usize>(&self, coarse: &[Part], x: &mut [[f32; W]]) {
+        dispatch(Prolongate { prolongation: self, coarse, x });
+    }
+}
+
+/// `A Q` into the blocks.
+struct Products<'a, const B: usize> {
+    prolongation: &'a mut Prolongation<B>,
+    pattern: &'a Upper,
+    values: &'a [f64],
+}
+
+impl<const B: usize> Kernel for Products<'_, B> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let p = self.prolongation;
+        for column in 0..self.pattern.n() {
+            let places = self.pattern.column(column);
+            for (&row, block) in self
+                .pattern
+                .rows(column)
+                .iter()
+                .zip(self.values[B * B * places.start..B * B * places.end].chunks_exact(B * B))
+            {
+                let row = row as usize;
+                let to = p.place(row, p.aggregate[column]);
+                for i in 0..B {
+                    for k in 0..B {
+                        let (a, from) = (block[B * i + k] as f32, &p.tentative[column][k]);
+                        (0..8).for_each(|m| p.blocks[to][i][m] += a * from[m]);
+                    }
+                }
+                if row == column {
+                    continue;
+                }
+                let to = p.place(column, p.aggregate[row]);
+                for i in 0..B {
+                    for k in 0..B {
+                        let (a, from) = (block[B * k + i] as f32, &p.tentative[row][k]);
+                        (0..8).for_each(|m| p.blocks[to][i][m] += a * from[m]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+struct Restrict<'a, const B: usize, const W: usize> {
+    prolongation: &'a Prolongation<B>,
+    x: &'a [[f32; W]],
+    coarse: &'a mut [Part],
+}
+
+impl<const B: usize, const W: usize> Kernel for Restrict<'_, B, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.coarse.fill(Part::default());
+        for (node, x) in self.x.iter().enumerate() {
+            let (columns, blocks) = self.prolongation.row(node);
+            for (&column, block) in columns.iter().zip(blocks) {
+                let sum = &mut self.coarse[column as usize];
+                for i in 0..B {
+                    (0..8).for_each(|m| sum[m] -= block[i][m] * x[i]);
+                }
+            }
+        }
+    }
+}
+
+struct Prolongate<'a, const B: usize, const W: usize> {
+    prolongation: &'a Prolongation<B>,
+    coarse: &'a [Part],
+    x: &'a mut [[f32; W]],
+}
+
+impl<const B: usize, const W: usize> Kernel for Prolongate<'_, B, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (node, x) in self.x.iter_mut().enumerate() {
+            let (columns, blocks) = self.prolongation.row(node);
+            let mut products = [Part::default(); B];
+            for (&column, block) in columns.iter().zip(blocks) {
+                let coarse = &self.coarse[column as usize];
+                for i in 0..B {
+                    (0..8).for_each(|m| products[i][m] += block[i][m] * coarse[m]);
+                }
+            }
+            (0..B).for_each(|i| x[i] += products[i].iter().sum::<f32>());
+        }
+    }
+}
+
+/// Orthonormal columns that span the given ones, by Gram and Schmidt twice over; zero where a column brings nothing new.
+fn orthonormal(columns: &Modes) -> (Modes, [bool; MODES]) {
+    let (mut q, mut is_new) = (columns.clone(), [false; MODES]);
+    for k in 0..MODES {
+        let norm = |q: &Modes| q.iter().map(|row| row[k] * row[k]).sum::<f64>().sqrt();
+        let whole = norm(&q);
+        for _ in 0..2 {
+            for j in 0..k {
+                let along: f64 = q.iter().map(|row| row[j] * row[k]).sum();
+                q.iter_mut().for_each(|row| row[k] -= along * row[j]);
+            }
+        }
+        let left = norm(&q);
+        is_new[k] = left > RANK_TOLERANCE * whole;
+        q.iter_mut().for_each(|row| row[k] = if is_new[k] { row[k] / left } else { 0.0 });
+    }
+    (q, is_new)
+}
