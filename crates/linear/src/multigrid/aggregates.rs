@@ -73,7 +73,8 @@ impl Aggregates {
         let whole = of.clone();
         for node in (0..n).filter(|&node| whole[node] == FREE) {
             // A node that touches none would have founded one.
-            let joined = neighbours.of(node).iter().map(|&k| whole[k as usize]).find(|&a| a != FREE);
+            let joined =
+                neighbours.of(node).iter().map(|&k| whole[k as usize]).find(|&a| a != FREE);
             of[node] = joined.unwrap_or(0);
         }
         Aggregates { of, root }

@@ -22,7 +22,10 @@ impl Upper {
         let mut last = (0, 0);
         for (r, c) in pairs {
             if r > c || c as usize >= n || (!row.is_empty() && (c, r) <= last) {
-                return invalid(c as usize, "its blocks must come by columns, their rows ascending");
+                return invalid(
+                    c as usize,
+                    "its blocks must come by columns, their rows ascending",
+                );
             }
             last = (c, r);
             row.push(r);
@@ -75,7 +78,8 @@ impl Upper {
     /// Place of a block, row <= column, that is there.
     pub fn place(&self, row: u32, column: u32) -> usize {
         let found = self.rows(column as usize).binary_search(&row);
-        self.start[column as usize] as usize + found.unwrap_or_else(|_| unreachable!("no such block"))
+        self.start[column as usize] as usize
+            + found.unwrap_or_else(|_| unreachable!("no such block"))
     }
 }
 
@@ -118,7 +122,8 @@ impl<const B: usize, const W: usize> Smoother<B, W> {
             (0..B).for_each(|k| self.blocks[at][k][k] += shift as f32);
             let values = &values[B * B * at..B * B * (at + 1)];
             let entry = |i: usize, k: usize| values[B * i + k] + if i == k { shift } else { 0.0 };
-            let inverse = inverse_of_positive::<B>(entry, |i| has_unknown(B * node + i)).ok_or(node)?;
+            let inverse =
+                inverse_of_positive::<B>(entry, |i| has_unknown(B * node + i)).ok_or(node)?;
             for k in 0..B {
                 (0..B).for_each(|i| self.inverses[node][k][i] = inverse[i][k] as f32);
             }

@@ -66,6 +66,7 @@ impl<const B: usize> Kernel for Product<'_, B> {
     fn run(self) {
         let Product { fine, values, shift, prolongation: p, coarse, out } = self;
         out.fill(0.0);
+        let (out, _) = out.as_chunks_mut::<SQUARE>();
         let mut slot = vec![NONE; p.n_coarse()];
         let mut halves: Vec<(u32, Half<B>)> = Vec::new();
         for column in 0..fine.n() {
@@ -97,23 +98,23 @@ impl<const B: usize> Kernel for Product<'_, B> {
             }
             let (aggregates, blocks) = p.row(column);
             for (&right, block) in aggregates.iter().zip(blocks) {
-                let part: [[f64; MODES]; B] =
-                    std::array::from_fn(|i| std::array::from_fn(|m| f64::from(block[i][m])));
+                let part = block.map(|row| row.map(f64::from));
                 for (left, half) in &halves {
-                    let place = coarse.place(right.min(*left), right.max(*left));
-                    let out: &mut [f64] = &mut out[SQUARE * place..SQUARE * (place + 1)];
+                    let mut product = [[0.0f64; 8]; MODES];
+                    for i in 0..MODES {
+                        for b in 0..B {
+                            (0..8).for_each(|k| product[i][k] += half[i][b] * part[b][k]);
+                        }
+                    }
+                    let out = &mut out[coarse.place(right.min(*left), right.max(*left))];
                     if *left <= right {
                         for i in 0..MODES {
-                            for b in 0..B {
-                                (0..MODES).for_each(|k| out[MODES * i + k] += half[i][b] * part[b][k]);
-                            }
+                            (0..MODES).for_each(|k| out[MODES * i + k] += product[i][k]);
                         }
                     }
                     if *left >= right {
-                        for k in 0..MODES {
-                            for b in 0..B {
-                                (0..MODES).for_each(|i| out[MODES * k + i] += part[b][k] * half[i][b]);
-                            }
+                        for i in 0..MODES {
+                            (0..MODES).for_each(|k| out[MODES * k + i] += product[i][k]);
                         }
                     }
                 }

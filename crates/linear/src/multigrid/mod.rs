@@ -78,10 +78,19 @@ impl Multigrid {
         points: &[[f64; 3]],
         pairs: impl Iterator<Item = (u32, u32)>,
     ) -> Result<Self, FactorError> {
+        Self::with_coarsest(COARSEST, points, pairs)
+    }
+
+    /// The same with levels down to so many nodes.
+    fn with_coarsest(
+        n_coarsest: usize,
+        points: &[[f64; 3]],
+        pairs: impl Iterator<Item = (u32, u32)>,
+    ) -> Result<Self, FactorError> {
         let upper = Upper::new(points.len(), pairs)?;
         let (finest, mut next) = Level::new(upper);
         let (mut coarse, mut above) = (Vec::<Level<6, 8>>::new(), points.len());
-        while next.n() > COARSEST && (next.n() as f64) < SLOWEST * above as f64 {
+        while next.n() > n_coarsest && (next.n() as f64) < SLOWEST * above as f64 {
             above = next.n();
             let (level, below) = Level::new(next);
             coarse.push(level);
@@ -277,7 +286,8 @@ fn largest_eigenvalue<const B: usize, const W: usize>(
     let mut largest = 1.0;
     for _ in 0..POWER_ITERATIONS {
         smoother.jacobi(x, y);
-        let square = |v: &[[f32; W]]| v.iter().flatten().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+        let square =
+            |v: &[[f32; W]]| v.iter().flatten().map(|v| f64::from(*v).powi(2)).sum::<f64>();
         let (before, after) = (square(x).sqrt(), square(y).sqrt());
         if !(before > 0.0 && after > 0.0) {
             break;
