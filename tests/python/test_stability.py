@@ -28,7 +28,7 @@ def column(block: Block) -> vs.Organ:
     return vs.Organ(mesh, vs.NeoHookean(young=YOUNG, poisson=0.3), fixed="foot", element="P2")
 
 
-@pytest.mark.parametrize("solver", ["cholesky", "cg"])
+@pytest.mark.parametrize("solver", ["cholesky", "cg", "multigrid"])
 def test_a_column_pushed_by_a_tool_buckles_where_euler_says(column: vs.Organ, solver: Solver) -> None:
     # The tool holds the means of the three displacements of the head, which can still turn. Without the tool the column
     # would buckle at an eighth of the load.
@@ -42,7 +42,7 @@ def test_a_column_pushed_by_a_tool_buckles_where_euler_says(column: vs.Organ, so
     assert pushed[1.1].status == "converged past an instability", pushed[1.1].message
 
 
-@pytest.mark.parametrize("solver", ["cholesky", "cg"])
+@pytest.mark.parametrize("solver", ["cholesky", "cg", "multigrid"])
 def test_frames_with_a_tool_are_stable_as_long_as_the_column_is(column: vs.Organ, solver: Solver) -> None:
     head = column.patch((THICK / 2, THICK / 2, LONG), 0.8 * THICK)
     way = CRITICAL / abs(column.solve(displacement={head: (0, 0, -1e-6)}).reaction(head)[2]) * 1e-6

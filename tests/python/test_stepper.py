@@ -66,6 +66,7 @@ SOLVERS = [
     "cholesky",
     "cg",
     *(vs.ConjugateGradients(p, 1e-4) for p in ("block_jacobi", "incomplete_cholesky")),
+    vs.ConjugateGradients("multigrid", 1e-4),
     vs.ConjugateGradients("block_jacobi", 1e-4, matrix_free=True),
 ]
 
@@ -92,7 +93,7 @@ def rod(wire: vs.Mesh) -> vs.Organ:
     return vs.Organ(wire, vs.MooneyRivlin(1.5e5, 1.0e5, 1e7, volumetric="ln J"), fixed="root", element="P1")
 
 
-PRECISE = [vs.ConjugateGradients(p, 1e-6, 5000) for p in ("incomplete_cholesky", "lagged_cholesky")]
+PRECISE = [vs.ConjugateGradients(p, 1e-6, 5000) for p in ("incomplete_cholesky", "lagged_cholesky", "multigrid")]
 
 
 @pytest.mark.parametrize("solver", ["cg", *PRECISE], ids=str)
