@@ -58,7 +58,6 @@ struct Level<const B: usize, const W: usize> {
 
 /// The matrix of the last level, factorised.
 struct Coarsest {
-    n_blocks: usize,
     pattern: Pattern,
     /// Where the values of the pattern are among those of the blocks.
     source: Vec<u32>,
@@ -117,13 +116,6 @@ impl Multigrid {
         let between = self.coarse.iter().map(|level| level.b.len());
         let ends = (self.finest.b.len(), self.coarsest.b.len());
         [ends.0].into_iter().chain(between).chain([ends.1]).collect()
-    }
-
-    /// Numbers that the matrices of all levels have, over those of the finest: what a cycle costs, about.
-    pub fn complexity(&self) -> f64 {
-        let finest = 9 * self.finest.smoother.pattern.len();
-        let blocks = self.coarse.iter().map(|level| level.smoother.pattern.len()).sum::<usize>();
-        (finest + SQUARE * (blocks + self.coarsest.n_blocks)) as f64 / finest as f64
     }
 
     /// Takes over a matrix, nine values for each block, row-major, with `shift` added to its diagonal: smooths the
@@ -323,7 +315,6 @@ impl Coarsest {
             solution: vec![0.0; pattern.n],
             pattern,
             source,
-            n_blocks: upper.len(),
         })
     }
 
