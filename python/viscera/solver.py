@@ -57,8 +57,8 @@ class ConjugateGradients:
 
 
 Solver: TypeAlias = str | ConjugateGradients
-""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for the same with that preconditioner, or settings of its
-own."""
+""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, or settings
+of its own."""
 
 
 def core_solver(solver: Solver) -> _core.Solver:
@@ -69,7 +69,7 @@ def core_solver(solver: Solver) -> _core.Solver:
     if solver == "cg":
         return core_solver(ConjugateGradients())
     if solver == "multigrid":
-        return core_solver(ConjugateGradients("multigrid"))
+        return core_solver(ConjugateGradients("multigrid", tolerance=1e-8, max_iterations=2000))
     if solver == "cholesky":
         return "cholesky", 0.0, 0, False
     hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid"))
