@@ -57,8 +57,8 @@ class ConjugateGradients:
 
 
 Solver: TypeAlias = str | ConjugateGradients
-""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, or settings
-of its own."""
+""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, or
+settings of its own."""
 
 
 def core_solver(solver: Solver) -> _core.Solver:
