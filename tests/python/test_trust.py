@@ -49,6 +49,12 @@ def test_the_study_has_ten_bodies_and_every_law_that_can_be_reduced(trust: Modul
     assert all(case.law.is_analytic for case in cases)
 
 
+def test_every_case_can_be_touched(trust: ModuleType) -> None:
+    for case in trust.study():
+        organ = vs.Organ(case.mesh(), case.law, fixed=case.fixed, element=case.element)
+        assert len(organ.touchable(case.touchable)) > 20, case
+
+
 def test_meshes_that_are_made_are_sound(trust: ModuleType) -> None:
     made = {case.mesh for case in [*trust.study(), *trust.tuning()] if case.mesh.__module__ == "trust"}
     assert len(made) > 10

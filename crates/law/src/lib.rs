@@ -60,7 +60,7 @@ pub use material::Material;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
 pub use neo_hookean::NeoHookean;
 pub use ogden::Ogden;
-pub use rows::{Bounds, Kind, Parameter, ROWS, Row};
+pub use rows::{Bounds, Condition, Kind, Parameter, ROWS, Row};
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
 pub use stable_neo_hookean::StableNeoHookean;
 pub use veronda_westmann::VerondaWestmann;

@@ -8,6 +8,9 @@ use super::{
 };
 use std::sync::Arc;
 
+/// What of a row of parameters must be positive: its words and its value.
+pub type Condition = (&'static str, fn(&[f64]) -> f64);
+
 /// What is known of a law.
 pub struct Row {
     /// Its name in model files.
@@ -15,7 +18,7 @@ pub struct Row {
     /// The columns of a row of parameters.
     pub parameters: &'static [Parameter],
     /// What must be positive besides: words and value.
-    pub conditions: &'static [(&'static str, fn(&[f64]) -> f64)],
+    pub conditions: &'static [Condition],
     /// Whether the energy has a power series at rest.
     pub is_analytic: bool,
     /// A soft tissue for tests and examples: shear modulus about 3 kPa, as incompressible as differences of energies
@@ -121,7 +124,7 @@ const fn fibre(name: &'static str) -> Parameter {
 
 /// Shear modulus and first Lamé constant.
 const LAME: &[Parameter] = &[modulus("mu", "shear modulus"), stress("lam", "first Lamé constant")];
-const LAME_CONDITIONS: &[(&str, fn(&[f64]) -> f64)] =
+const LAME_CONDITIONS: &[Condition] =
     &[("lam + 2 mu / 3, the bulk modulus,", |p| p[1] + 2.0 / 3.0 * p[0])];
 const LAME_SAMPLE: &[f64] = &[3.0e3, 11.0e3];
 
