@@ -8,8 +8,8 @@ y_i: points of the cloud; p_i: the closest point of x and n_i the normal there; 
 P_g: the smoothness of the forces on the boundary and the size of that on the volume, in units in which s_g is the
 root-mean-square displacement [m] that they are expected to cause. The data choose s_g: MacKay's re-estimation (Neural
 Computation 4 (1992) 415). Stiffness drops out of P_g / s_g^2, so that only its distribution matters, not its size.
-Strain energy alone as P_g does worse: it hardly resists forces of short wavelength and resists those that move the
-whole organ, whereas what moves organs is smooth.
+The strain energy as P_g would hardly resist forces of short wavelength, and would resist those that move the whole
+organ, whereas what moves organs is smooth.
 """
 
 from __future__ import annotations
