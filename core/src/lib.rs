@@ -1,12 +1,13 @@
 //! Viscera's numerical core: from a tetrahedral mesh and a strain energy to a reduced model
 //! that answers a touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
-//! Layers, each using only those above it: [`element`], [`body`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`],
+//! Layers, each using only those above it: [`element`], [`body`], [`contact`], [`equilibrium`], [`series`], [`reduced`], [`galerkin`],
 //! [`pgd`]; beside them [`error`], which any of them may use. Below them lie crates, given on here under short names:
 //! [`number`], with [`tensor`] and [`simd`]; [`mesh`]; [`linear`], with [`clock`]; [`law`]; and `viscera_touch`, which
 //! answers touches on-line.
 
 pub mod body;
+pub mod contact;
 pub mod element;
 pub mod equilibrium;
 pub mod error;

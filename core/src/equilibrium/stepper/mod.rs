@@ -6,6 +6,7 @@
 //! the body gives way before it is pressed further.
 
 mod balance;
+mod contact;
 mod frame;
 mod guard;
 mod mass;
@@ -27,6 +28,7 @@ use super::solver::Solver;
 use super::tangent::Tangent;
 use crate::body::{Body, UPRIGHT};
 use crate::clock::Instant;
+use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
@@ -59,6 +61,7 @@ pub struct Stepper {
     relaxation: Option<Relaxation>,
     nodal_mass: Vec<f64>,
     pressure: Pressure,
+    contact: Contact,
     force_scale: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -155,6 +158,7 @@ impl Stepper {
             relaxation,
             nodal_mass,
             pressure: Pressure::default(),
+            contact: Contact::new(body),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
             guard,
@@ -261,6 +265,7 @@ impl Stepper {
         });
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
+        self.contact.begin(&self.displacement);
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {

@@ -136,7 +136,7 @@ impl Stepper {
             self.set_out();
         }
         self.move_hands(input);
-        self.balance();
+        self.balance(curvature);
         if curvature == Curvature::Convex {
             self.convex = clock.elapsed();
         }

@@ -1,0 +1,155 @@
+//! Where a surface may touch: corners, middles of edges and centres of its faces, with the weights 1/20, 2/15 and 9/20
+//! of a rule exact to the third degree, so that a uniform pressure gives the nodal forces of the element, linear or
+//! quadratic.
+
+use super::layer::Layer;
+use crate::body::Body;
+use crate::mesh::{cell_volume, cross, norm, sub, surface};
+use std::collections::HashMap;
+
+const CORNER: f64 = 1.0 / 20.0;
+const MIDDLE: f64 = 2.0 / 15.0;
+const CENTRE: f64 = 9.0 / 20.0;
+
+/// The samples of a body's surface.
+pub(super) struct Samples {
+    samples: Vec<Sample>,
+    /// Nodes with their weights in the place of a sample, by sample.
+    nodes: Vec<(u32, f64)>,
+}
+
+struct Sample {
+    /// Where its nodes begin and end.
+    range: [u32; 2],
+    /// Place at rest [m].
+    rest: [f64; 3],
+    /// Its share of the surface at rest [m^2].
+    area: f64,
+    /// Plane strain modulus times area [N], and height of the cells behind times area [m^3].
+    modulus: f64,
+    height: f64,
+}
+
+impl Samples {
+    pub fn none() -> Self {
+        Samples { samples: Vec::new(), nodes: Vec::new() }
+    }
+
+    pub fn new(body: &Body) -> Self {
+        let mut samples = Samples::none();
+        let mut known = HashMap::new();
+        let points = body.points();
+        let middles: HashMap<[u32; 2], u32> =
+            body.edges().iter().copied().zip(body.n_corners() as u32..).collect();
+        let behind = cells_behind(body);
+        for triangle in surface(points, body.cells()) {
+            let x = triangle.map(|i| points[i as usize]);
+            let area = 0.5 * norm(cross(sub(x[1], x[0]), sub(x[2], x[0])));
+            let mut key = triangle;
+            key.sort_unstable();
+            let cell = behind[&key];
+            let height = 3.0 * cell_volume(points, body.cells()[cell]).abs() / area;
+            let modulus = plane_strain_modulus(body, cell);
+            let mut add = |key: [u32; 3], weight: f64, nodes: &[(u32, f64)]| {
+                let sample = *known.entry(key).or_insert_with(|| samples.push(points, nodes));
+                let sample: &mut Sample = &mut samples.samples[sample];
+                sample.area += weight * area;
+                sample.modulus += weight * area * modulus;
+                sample.height += weight * area * height;
+            };
+            let middle = |i: usize| {
+                let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
+                middles.get(&[a.min(b), a.max(b)]).copied()
+            };
+            for i in 0..3 {
+                let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
+                add([a, a, a], CORNER, &[(a, 1.0)]);
+                let ends = [a.min(b), a.max(b)];
+                match middle(i) {
+                    Some(node) => add([ends[0], ends[0], ends[1]], MIDDLE, &[(node, 1.0)]),
+                    None => add([ends[0], ends[0], ends[1]], MIDDLE, &[(a, 0.5), (b, 0.5)]),
+                }
+            }
+            let nodes: Vec<(u32, f64)> = match middle(0) {
+                Some(_) => (0..3)
+                    .flat_map(|i| [(triangle[i], -1.0 / 9.0), (middle(i).unwrap_or(0), 4.0 / 9.0)])
+                    .collect(),
+                None => triangle.map(|a| (a, 1.0 / 3.0)).to_vec(),
+            };
+            add(key, CENTRE, &nodes);
+        }
+        samples
+    }
+
+    fn push(&mut self, points: &[[f64; 3]], nodes: &[(u32, f64)]) -> usize {
+        let start = self.nodes.len() as u32;
+        self.nodes.extend(nodes);
+        let mut rest = [0.0; 3];
+        for &(node, weight) in nodes {
+            (0..3).for_each(|i| rest[i] += weight * points[node as usize][i]);
+        }
+        let range = [start, self.nodes.len() as u32];
+        self.samples.push(Sample { range, rest, area: 0.0, modulus: 0.0, height: 0.0 });
+        self.samples.len() - 1
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.samples.is_empty()
+    }
+
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Nodes and weights of a sample.
+    pub fn nodes(&self, sample: usize) -> &[(u32, f64)] {
+        let [start, end] = self.samples[sample].range;
+        &self.nodes[start as usize..end as usize]
+    }
+
+    /// Its share of the surface at rest [m^2].
+    pub fn area(&self, sample: usize) -> f64 {
+        self.samples[sample].area
+    }
+
+    /// A nodal field at a sample.
+    pub fn mean(&self, sample: usize, u: &[f64]) -> [f64; 3] {
+        let mut mean = [0.0; 3];
+        for &(node, weight) in self.nodes(sample) {
+            (0..3).for_each(|i| mean[i] += weight * u[3 * node as usize + i]);
+        }
+        mean
+    }
+
+    /// Where a sample is under a displacement [m].
+    pub fn place(&self, sample: usize, u: &[f64]) -> [f64; 3] {
+        let (rest, moved) = (self.samples[sample].rest, self.mean(sample, u));
+        std::array::from_fn(|i| rest[i] + moved[i])
+    }
+
+    /// The layer at a sample, for a tool of a stiffness.
+    pub fn layer(&self, sample: usize, factor: f64) -> Layer {
+        let Sample { area, modulus, height, .. } = self.samples[sample];
+        Layer::new(modulus / area, height / area, factor)
+    }
+}
+
+/// The cell behind each face of the surface, by its ascending corners.
+fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
+    let mut behind = HashMap::new();
+    for (cell, corners) in body.cells().iter().enumerate() {
+        for left_out in 0..4 {
+            let mut key: [u32; 3] = std::array::from_fn(|i| corners[i + usize::from(i >= left_out)]);
+            key.sort_unstable();
+            behind.insert(key, cell);
+        }
+    }
+    behind
+}
+
+/// `E / (1 - nu^2)` at rest [Pa], finite where volume is nearly kept.
+fn plane_strain_modulus(body: &Body, cell: usize) -> f64 {
+    let material = body.material();
+    let [shear, bulk] = material.moduli(material.of_cell(cell));
+    4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
+}
