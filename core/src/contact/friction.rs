@@ -30,11 +30,9 @@ impl Friction {
 
     pub(super) fn check(self, number: usize) -> Result<(), Error> {
         match self {
-            Friction::Coulomb(mu) if !(mu >= 0.0 && mu.is_finite()) => {
-                Err(Error::input(format!(
-                    "the friction coefficient of tool {number} is {mu}; it must be finite and not negative"
-                )))
-            }
+            Friction::Coulomb(mu) if !(mu >= 0.0 && mu.is_finite()) => Err(Error::input(format!(
+                "the friction coefficient of tool {number} is {mu}; it must be finite and not negative"
+            ))),
             _ => Ok(()),
         }
     }

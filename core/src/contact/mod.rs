@@ -152,8 +152,7 @@ impl Contact {
             let nodes = self.samples.nodes(touching.sample);
             for &(row, a) in nodes {
                 for &(column, b) in nodes.iter().filter(|(column, _)| *column >= row) {
-                    let block =
-                        std::array::from_fn(|k| a * b * touching.stiffness[k / 3][k % 3]);
+                    let block = std::array::from_fn(|k| a * b * touching.stiffness[k / 3][k % 3]);
                     let position = blocks.pattern().position(row, column);
                     position.into_iter().for_each(|position| blocks.add(position, &block));
                 }

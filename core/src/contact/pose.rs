@@ -62,7 +62,8 @@ impl Pose {
         }
         let [a, b, c] = self.rotation;
         let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let is_unit = [(a, a), (b, b), (c, c)].iter().all(|&(a, b)| (dot(a, b) - 1.0).abs() < ROUNDING);
+        let is_unit =
+            [(a, a), (b, b), (c, c)].iter().all(|&(a, b)| (dot(a, b) - 1.0).abs() < ROUNDING);
         if !is_unit || dot(a, b).abs() > ROUNDING || (dot(cross(a, b), c) - 1.0).abs() > ROUNDING {
             return Err(Error::input(format!(
                 "the rotation of tool {number} is no rotation; give an orthogonal matrix of determinant 1"

@@ -139,7 +139,8 @@ fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
     let mut behind = HashMap::new();
     for (cell, corners) in body.cells().iter().enumerate() {
         for left_out in 0..4 {
-            let mut key: [u32; 3] = std::array::from_fn(|i| corners[i + usize::from(i >= left_out)]);
+            let mut key: [u32; 3] =
+                std::array::from_fn(|i| corners[i + usize::from(i >= left_out)]);
             key.sort_unstable();
             behind.insert(key, cell);
         }

@@ -72,7 +72,9 @@ impl Shape {
             return Ok(());
         };
         let is_length = |x: &f64| x.is_finite() && *x >= 0.0;
-        if !half.iter().chain([radius]).all(is_length) || half.iter().all(|h| *h == 0.0) && *radius == 0.0 {
+        if !half.iter().chain([radius]).all(is_length)
+            || half.iter().all(|h| *h == 0.0) && *radius == 0.0
+        {
             return Err(Error::input(format!(
                 "tool {number} has the half sides {half:?} m and the radius {radius} m; give finite lengths, not all zero"
             )));

@@ -26,7 +26,10 @@ impl Solid {
     /// oriented, or inside out.
     pub fn new(points: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, Error> {
         if let Some(k) = points.iter().position(|x| x.iter().any(|x| !x.is_finite())) {
-            return Err(Error::input(format!("point {k} of the shape is {:?}; it must be finite", points[k])));
+            return Err(Error::input(format!(
+                "point {k} of the shape is {:?}; it must be finite",
+                points[k]
+            )));
         }
         let is_known = |triangle: &[u32; 3]| triangle.iter().all(|&i| (i as usize) < points.len());
         if let Some(k) = triangles.iter().position(|triangle| !is_known(triangle)) {

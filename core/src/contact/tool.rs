@@ -279,7 +279,8 @@ impl Held {
     }
 
     pub fn report(&self, samples: &Samples) -> Report {
-        let mut report = Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
+        let mut report =
+            Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
         for touching in &self.touching {
             let torque = cross(sub(touching.place, self.pose.position), touching.force);
             for i in 0..3 {
@@ -321,7 +322,8 @@ impl Touching {
         let size = norm(stretch);
         let [energy, _, pull] = spring(size, stiffness, self.bound);
         self.is_sliding = stiffness * size > self.bound;
-        self.energy += if self.is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
+        self.energy +=
+            if self.is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
         let way = if self.is_sliding { stretch.map(|s| s / size) } else { [0.0; 3] };
         for i in 0..3 {
             self.force[i] -= pull * stretch[i];
