@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 BONDED = "bonded"
 STIFFNESS = 30.0
 """Of the layer between tool and organ, as in `core/src/contact/layer.rs`."""
-UNTURNED: Floats = np.eye(3)
+UNTURNED = np.eye(3)
 
 
 class Sphere:
@@ -241,7 +241,7 @@ def contacts(reports: list[dict[str, Any]]) -> list[Contact]:
 def rotation_matrix(rotation: ArrayLike | None) -> Floats:
     """A rotation matrix (3, 3) of one, or of a rotation vector (3,) [rad] by Rodrigues' formula."""
     if rotation is None:
-        return UNTURNED.copy()
+        return np.array(UNTURNED)
     given = numbers_of(rotation)
     if given is None or given.shape not in {(3,), (3, 3)} or not np.isfinite(given).all():
         raise refused("the rotation of a tool", "a matrix (3, 3) or a rotation vector (3,) [rad], finite", rotation)
@@ -251,7 +251,7 @@ def rotation_matrix(rotation: ArrayLike | None) -> Floats:
         return np.asarray(given)
     angle = float(np.linalg.norm(given))
     if angle == 0.0:
-        return UNTURNED.copy()
+        return np.array(UNTURNED)
     x, y, z = given / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(UNTURNED + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
