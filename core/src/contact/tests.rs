@@ -295,3 +295,55 @@ fn a_frame_that_settles_is_the_equilibrium() {
     }
     assert!(stepper.displacement().iter().all(|u| u.abs() < 1e-9));
 }
+
+const GRAVITY: f64 = 9.81;
+const COEFFICIENT: f64 = 0.4;
+
+/// Mean motion along an incline, and its velocity, after every frame of 10 ms of a free block that was put on it.
+fn slide(slope: f64, frames: usize) -> Vec<[f64; 2]> {
+    let (points, cells) = block([3, 3, 1], [SIDE, SIDE, 0.03]);
+    let material = Material::new("neo_hookean", vec![vec![4e4, 6e4]]).unwrap();
+    let body = Body::new(points, cells, material).unwrap();
+    let settings = StepperSettings {
+        iterations: 30,
+        settled: 1e-7,
+        time_step: Some(0.01),
+        density: vec![1000.0],
+        dynamics: Some(crate::equilibrium::Dynamics {
+            integration: crate::equilibrium::Integration::BackwardEuler,
+            mass: crate::equilibrium::Mass::Lumped,
+            damping: [0.0, 0.0],
+        }),
+        ..StepperSettings::default()
+    };
+    let mut stepper = Stepper::new(&body, &[], None, settings).unwrap();
+    let table = Tool::new(Shape::HalfSpace, Friction::Coulomb(COEFFICIENT), Pose::default());
+    stepper.add_tool(&body, table).unwrap();
+    let (sine, cosine) = slope.atan().sin_cos();
+    let gravity = [GRAVITY * sine, 0.0, -GRAVITY * cosine];
+    let input = crate::equilibrium::Input { values: &[], means: &[], force: &[], gravity };
+    let mean = |v: &[f64]| v.iter().step_by(3).sum::<f64>() / (v.len() / 3) as f64;
+    let one = |_| {
+        let frame = stepper.frame(&body, &input).unwrap();
+        assert!(frame.residual < 1e-3, "{frame:?}");
+        [mean(stepper.displacement()), mean(stepper.velocity().unwrap())]
+    };
+    (0..frames).map(one).collect()
+}
+
+#[test]
+fn a_block_on_an_incline_sticks_below_the_angle_of_friction() {
+    let way = slide(0.9 * COEFFICIENT, 150);
+    let creep = way[149][0] - way[49][0];
+    assert!(creep.abs() < 1e-3 * SIDE, "{creep}");
+}
+
+#[test]
+fn and_slides_above_it_as_coulomb_says() {
+    let slope = 1.25 * COEFFICIENT;
+    let way = slide(slope, 60);
+    let acceleration = (way[59][1] - way[29][1]) / 0.3;
+    let (sine, cosine) = f64::sin_cos(slope.atan());
+    let expected = GRAVITY * (sine - COEFFICIENT * cosine);
+    assert!((acceleration / expected - 1.0).abs() < 0.01, "{acceleration} {expected}");
+}
