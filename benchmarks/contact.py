@@ -33,7 +33,8 @@ def row(name: str, frames: list[vs.Frame], force: float, gap: float) -> str:
 def main() -> None:
     liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
     top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
-    heads = "frames                                    iteration   frame       steps     settled         force [N]  depth [um]"
+    start = top + np.array((0, 0, RADIUS))
+    heads = f"{'frames':42}iteration   frame       steps     settled         force [N] depth [um]"
     lines = [describe(), "", heads]
     for solver in ("cholesky", "cg"):
         stepper = liver.stepper(solver=solver, iterations=8)

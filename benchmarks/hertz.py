@@ -1,11 +1,11 @@
-"""A rigid sphere pressed into a block without friction: force against Hertz's, on meshes of 4, 8 and 16 cells per contact radius.
+"""A rigid sphere pressed into a block without friction: force against Hertz's, with 4 to 16 cells to a contact radius.
 
     python benchmarks/hertz.py [CELLS ...] [--write]
 
-Hertz (1881): F = 4/3 E/(1 - nu^2) sqrt(R) d^(3/2) at the depth d, contact radius a = sqrt(R d); here a/R = 0.05. A quarter
-of a block of 100 a x 100 a x 50 a, graded away from the contact, on a floor without friction; P1 below, "P1 mean volume" at
-nu = 0.499. `back` is the same depth reached from one and a half times as deep; `layer` repeats the coarsest mesh with a
-layer four times as stiff between sphere and block.
+Hertz (1881): F = 4/3 E/(1 - nu^2) sqrt(R) d^(3/2) at the depth d, contact radius a = sqrt(R d); here a/R = 0.05. A
+quarter of a block of 100 a x 100 a x 100 a, graded away from the contact, its floor held; "P1" at nu = 0.3, "P1 mean
+volume" at nu = 0.499. `back` is the force at the same depth come back to from one and a half times as deep, less 1;
+`layer` repeats the coarsest mesh with a layer four times as stiff between sphere and block.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def graded(cells: int, far: float) -> np.ndarray:
 
 def block(cells: int) -> vs.Mesh:
     """A quarter of the block, its top at z = 0."""
-    along, down = graded(cells, 50 * A), graded(cells, 50 * A)
+    along, down = graded(cells, 50 * A), graded(cells, 100 * A)
     n, m = len(along), len(down)
     points = np.array([(x, y, -z) for z in down for y in along for x in along])
     grid = itertools.product(range(m - 1), range(n - 1), range(n - 1))
@@ -49,7 +49,7 @@ def block(cells: int) -> vs.Mesh:
     for order in itertools.permutations((1, n, n * n)):
         parts.append(np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1))
     x, y, z = points.T
-    sets = {"x": np.flatnonzero(x == 0), "y": np.flatnonzero(y == 0), "floor": np.flatnonzero(z == -50 * A)}
+    sets = {"x": np.flatnonzero(x == 0), "y": np.flatnonzero(y == 0), "floor": np.flatnonzero(z < -99.9 * A)}
     sets["x"] = np.setdiff1d(sets["x"], sets["floor"])
     sets["y"] = np.setdiff1d(sets["y"], sets["floor"])
     return vs.mesh(points, np.vstack(parts), sets)

@@ -1,8 +1,8 @@
 """A capsule pressed into the liver and dragged along it, without friction, with it, and bonded to the surface.
 
 The same way of the same tool: 6 mm down, then 12 mm across. Without friction the drag is what the slope of the dent
-gives. With a coefficient of 0.3 the surface sticks, is carried along, and slips when the force along it reaches 0.3 times
-the pressure. Bonded, it must follow all the way.
+gives. With a coefficient of 0.3 the surface sticks, is carried along, and slips when the force along it reaches 0.3
+times the pressure. Bonded, it must follow all the way.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ DOWN, ACROSS, FRAMES = 0.006, 0.012, 20
 
 liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
 top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
-start = top + (0, 0, 0.0102)
+start = top + np.array((0, 0, 0.0102))
 
 drags, presses = {}, {}
 for name, friction in {"frictionless": 0.0, "friction 0.3": 0.3, "bonded": "bonded"}.items():
@@ -28,9 +28,7 @@ for name, friction in {"frictionless": 0.0, "friction 0.3": 0.3, "bonded": "bond
         drag.append(frame.force(tool)[1])
         press.append(-frame.force(tool)[2])
     drags[name], presses[name] = np.array(drag), np.array(press)
-    print(
-        f"{name:13} pressed with {press[FRAMES - 1]:.2f} N, at the end {drag[-1]:.2f} N along under {press[-1]:.2f} N"
-    )
+    print(f"{name:13} pressed with {press[FRAMES - 1]:.2f} N, then {drag[-1]:.2f} N along under {press[-1]:.2f} N")
 
 figure = Figure(figsize=(6.4, 4.4), layout="constrained")
 axes = figure.subplots()
