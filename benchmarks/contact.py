@@ -47,7 +47,7 @@ def main() -> None:
             for friction in (0.0, 0.3):
                 stepper = liver.stepper(solver=solver, iterations=8)
                 given = vs.Tool(
-                    vs.Sphere(RADIUS), top + np.array((0, 0, RADIUS)), friction=friction, stiffness=stiffness
+                    vs.Sphere(RADIUS), start, friction=friction, stiffness=stiffness
                 )
                 tool, frames = stepper.tool(given), []
                 for _ in range(FRAMES):
