@@ -225,10 +225,10 @@ def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
     """The tools of a solve; a shape alone is a tool at the origin without friction."""
     if contact is None:
         return []
-    if isinstance(contact, Tool | SHAPES) or not isinstance(contact, Sequence):
+    if isinstance(contact, Tool | AnyShape) or not isinstance(contact, Sequence):
         raise refused("contact", "a list of tools, such as [Tool(Sphere(0.01), position=(0, 0, 0.1))]", contact)
     for each in contact:
-        if not isinstance(each, Tool | SHAPES):
+        if not isinstance(each, Tool | AnyShape):
             raise refused("a tool of contact", "a Tool or a shape", each)
     return [each if isinstance(each, Tool) else Tool(each) for each in contact]
 

@@ -30,7 +30,7 @@ use samples::Samples;
 use tool::{Held, Touching};
 
 /// Depth at which a tool may start, over the diagonal of the body: what is left of an equilibrium with another tool.
-const SHALLOW: f64 = 1e-3;
+const SHALLOW: f64 = 5e-3;
 
 /// The tools that may touch a body.
 pub struct Contact {

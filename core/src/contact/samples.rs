@@ -4,12 +4,15 @@
 
 use super::layer::Layer;
 use crate::body::Body;
-use crate::mesh::{cell_volume, cross, norm, sub, surface};
+use crate::mesh::{cell_volume, cross, diagonal, norm, sub, surface};
 use std::collections::HashMap;
 
 const CORNER: f64 = 1.0 / 20.0;
 const MIDDLE: f64 = 2.0 / 15.0;
 const CENTRE: f64 = 9.0 / 20.0;
+
+/// Height that counts of a cell, over the diagonal of the body, at most: coarse meshes let no tool in deeper for it.
+const THICKEST: f64 = 0.03;
 
 /// The samples of a body's surface.
 pub(super) struct Samples {
@@ -42,13 +45,14 @@ impl Samples {
         let middles: HashMap<[u32; 2], u32> =
             body.edges().iter().copied().zip(body.n_corners() as u32..).collect();
         let behind = cells_behind(body);
+        let thickest = THICKEST * diagonal(points);
         for triangle in surface(points, body.cells()) {
             let x = triangle.map(|i| points[i as usize]);
             let area = 0.5 * norm(cross(sub(x[1], x[0]), sub(x[2], x[0])));
             let mut key = triangle;
             key.sort_unstable();
             let cell = behind[&key];
-            let height = 3.0 * cell_volume(points, body.cells()[cell]).abs() / area;
+            let height = (3.0 * cell_volume(points, body.cells()[cell]).abs() / area).min(thickest);
             let modulus = plane_strain_modulus(body, cell);
             let mut add = |key: [u32; 3], weight: f64, nodes: &[(u32, f64)]| {
                 let sample = *known.entry(key).or_insert_with(|| samples.push(points, nodes));

@@ -11,7 +11,7 @@ use crate::tensor::Mat3;
 
 /// The part of a cell's stiffness that the curvature of a shape may take from the tangent: at sharp edges there is no
 /// end to it.
-const CURVED: f64 = 0.25;
+const CURVED: f64 = 1.0;
 
 /// A rigid tool and its way in a solve.
 #[derive(Clone, Debug)]
