@@ -62,7 +62,7 @@ def test_a_capsule_presses_as_far_as_it_reaches(organ: vs.Organ) -> None:
     state = organ.solve(contact=[lying], throw=True)
     touched = organ.mesh.points[state.contact(lying).pressures > 0.0]
     assert np.ptp(touched[:, 0]) > np.ptp(touched[:, 1])
-    assert np.abs(state.torque(lying)).max() < 0.02 * 0.01 * abs(state.force(lying)[2])
+    assert abs(state.torque(lying)[0]) < 1e-9  # nothing rubs, so nothing turns it about its own axis
 
 
 def test_a_box_and_the_closed_surface_of_it_are_the_same_tool(organ: vs.Organ) -> None:
