@@ -17,7 +17,8 @@ top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
 start = top + np.array((0, 0, 0.0102))
 
 drags, presses = {}, {}
-for name, friction in {"frictionless": 0.0, "friction 0.3": 0.3, "bonded": "bonded"}.items():
+cases: dict[str, float | str] = {"frictionless": 0.0, "friction 0.3": 0.3, "bonded": "bonded"}
+for name, friction in cases.items():
     stepper = liver.stepper(iterations=20)
     tool = stepper.tool(vs.Capsule("10 mm", "60 mm"), position=start, rotation=(0, np.pi / 2, 0), friction=friction)
     drag, press = [], []
@@ -32,8 +33,8 @@ for name, friction in {"frictionless": 0.0, "friction 0.3": 0.3, "bonded": "bond
 
 figure = Figure(figsize=(6.4, 4.4), layout="constrained")
 axes = figure.subplots()
-for name, drag in drags.items():
-    axes.plot(1e3 * ACROSS / FRAMES * np.arange(FRAMES + 1), drag[FRAMES - 1 :], label=name)
+for name, forces in drags.items():
+    axes.plot(1e3 * ACROSS / FRAMES * np.arange(FRAMES + 1), forces[FRAMES - 1 :], label=name)
 axes.set(xlabel="way across [mm]", ylabel="force along the surface [N]")
 axes.legend()
 assert drags["frictionless"][-1] < drags["friction 0.3"][-1] < drags["bonded"][-1]

@@ -25,7 +25,12 @@ UNTURNED = np.eye(3)
 
 
 class Sphere:
-    """A sphere around the tool's origin; radius [m], or in words such as "8 mm"."""
+    """A sphere around the tool's origin; radius [m], or in words such as "8 mm".
+
+    >>> import viscera as vs
+    >>> vs.Sphere("8 mm")
+    Sphere(radius=0.008)
+    """
 
     def __init__(self, radius: float | str) -> None:
         self.radius = _positive(radius, "the radius of a sphere")
@@ -36,7 +41,12 @@ class Sphere:
 
 
 class Capsule:
-    """A cylinder along the tool's z axis with round ends: all points within `radius` of a segment of `length` [m]."""
+    """A cylinder along the tool's z axis with round ends: all points within `radius` of a segment of `length` [m].
+
+    >>> import viscera as vs
+    >>> vs.Capsule("5 mm", "60 mm")
+    Capsule(radius=0.005, length=0.06)
+    """
 
     def __init__(self, radius: float | str, length: float | str) -> None:
         self.radius = _positive(radius, "the radius of a capsule")
@@ -48,7 +58,12 @@ class Capsule:
 
 
 class Box:
-    """A box around the tool's origin with these sides (3,) [m], its edges rounded by `rounding` [m] within them."""
+    """A box around the tool's origin with these sides (3,) [m], its edges rounded by `rounding` [m] within them.
+
+    >>> import viscera as vs
+    >>> vs.Box(("20 mm", "20 mm", "5 mm"), rounding="1 mm")
+    Box(sides=(0.02, 0.02, 0.005), rounding=0.001)
+    """
 
     def __init__(self, sides: Lengths, rounding: float | str = 0.0) -> None:
         given = [sides] * 3 if isinstance(sides, str | int | float) else list(np.asarray(sides, dtype=object).ravel())
@@ -69,7 +84,11 @@ class Box:
 
 
 class HalfSpace:
-    """All below z = 0 in the axes of the tool: a table, or the flat face of a large plate."""
+    """All below z = 0 in the axes of the tool: a table, or the flat face of a large plate.
+
+    >>> import viscera as vs
+    >>> plate = vs.Tool(vs.HalfSpace(), position=(0, 0, 0.2), rotation=(3.141592653589793, 0, 0))  # all above z = 0.2
+    """
 
     def __init__(self) -> None:
         self._core = _core.Shape.half_space()
@@ -83,6 +102,10 @@ class Shape:
 
     surface: a `Mesh`, of which the surface is taken, or points (n, 3) [m] and triangles (t, 3) seen anticlockwise from
     outside. Raises `VisceraError` where the surface is open, inside out or turned in part.
+
+    >>> import viscera as vs
+    >>> vs.Shape(vs.organs.beam())
+    Shape(704 triangles)
     """
 
     def __init__(self, surface: Mesh | tuple[ArrayLike, ArrayLike]) -> None:
@@ -122,6 +145,13 @@ class Tool:
     stiffness: of the layer between tool and organ, in units of the plane strain modulus of the cell behind over its
         height h, at most 3 % of the organ's diagonal: a pressure p presses the tool p h (1 - nu^2) / (E stiffness) into
         the surface. More is closer to a tool that cannot enter, and takes more iterations.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> state = beam.solve(contact=[tool])
+    >>> bool(state.force(tool)[2] < 0.0)
+    True
     """
 
     def __init__(
@@ -149,7 +179,18 @@ class Tool:
         return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
 
     def arrived(self) -> Tool:
-        """The tool where its way ends, for a solve that goes on from there."""
+        """The tool where its way ends, for a solve that goes on from there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> back = tool.arrived()
+        >>> back.way = -tool.way
+        >>> state = beam.solve(contact=[back], start=state)
+        >>> bool(abs(state.force(back)[2]) < 0.01)
+        True
+        """
         rotation = rotation_matrix(self.turn) @ self.rotation
         kept: dict[str, Any] = {"friction": self.friction, "stiffness": self.stiffness}
         return Tool(self.shape, self.position + self.way, rotation, **kept)
@@ -163,7 +204,16 @@ class Tool:
 
 @dataclass(frozen=True)
 class Contact:
-    """What a tool does to the organ."""
+    """What a tool does to the organ.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> state = beam.solve(contact=[tool])
+    >>> contact = state.contact(tool)
+    >>> contact.touching > 0, contact.sliding, bool(-1e-3 * beam.mesh.diagonal < contact.gap < 0.0)
+    (True, 0, True)
+    """
 
     force: Floats
     """Force (3,) of the tool on the organ [N]."""
@@ -187,7 +237,17 @@ class Contact:
 
 
 class Instrument:
-    """A tool at work in a stepper: made by `Stepper.tool`, moved from frame to frame, ended by `remove`."""
+    """A tool at work in a stepper: made by `Stepper.tool`, moved from frame to frame, ended by `remove`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper(iterations=10)
+    >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+    >>> tool.move((0, 0, -0.01))
+    >>> frame = stepper.frame()
+    >>> frame.is_settled, bool(frame.force(tool)[2] < 0.0)
+    (True, True)
+    """
 
     def __init__(self, stepper: Stepper, tool: Tool, number: int) -> None:
         self._stepper = stepper
@@ -199,7 +259,16 @@ class Instrument:
         """Rotation matrix for the next frame (3, 3)."""
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
-        """Put it elsewhere with the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad]."""
+        """Put it elsewhere with the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.place((0.5, 0.1, 0.4))
+        >>> stepper.frame().contact(tool).touching
+        0
+        """
         if position is not None:
             position = vector(position, "the position of a tool", "m")
         turned = self.rotation if rotation is None else rotation_matrix(rotation)
@@ -208,15 +277,44 @@ class Instrument:
         self._stepper._core.place_tool(self._number, self.rotation.tolist(), self.position.tolist())
 
     def move(self, by: ArrayLike) -> None:
-        """Move on by (x, y, z) [m] with the next frame."""
+        """Move on by (x, y, z) [m] with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.position.round(3).tolist()
+        [0.9, 0.1, 0.29]
+        """
         self.place(self.position + vector(by, "the motion of a tool", "m"))
 
     def turn(self, by: ArrayLike) -> None:
-        """Turn on about its origin by a rotation vector (3,) [rad], in axes of the world, with the next frame."""
+        """Turn on about its origin by a rotation vector (3,) [rad], in axes of the world, with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.turn((0, 3.141592653589793, 0))
+        >>> tool.rotation.round(3).diagonal().tolist()
+        [-1.0, 1.0, -1.0]
+        """
         self.place(rotation=rotation_matrix(vector(by, "the turn of a tool", "")) @ self.rotation)
 
     def remove(self) -> None:
-        """Take it away with the next frame."""
+        """Take it away with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.remove()
+        >>> frame = stepper.frame()
+        """
         self._stepper._core.remove_tool(self._number)
         self._stepper._tools = [tool for tool in self._stepper._tools if tool is not self]
 

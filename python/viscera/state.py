@@ -96,18 +96,42 @@ class State(Deformed, Pictured):
         return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
 
     def contact(self, tool: Tool | AnyShape) -> Contact:
-        """What a tool of the solve does to the organ: force, torque, area, pressures, gap."""
+        """What a tool of the solve does to the organ: force, torque, area, pressures, gap.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> state.contact(tool).touching > 0
+        True
+        """
         for known, contact in self._tools:
             if known is tool or known.shape is tool:
                 return contact
         raise VisceraError(f"{tool!r} was no tool of this solve; name it in contact=[...]")
 
     def force(self, tool: Tool | AnyShape) -> Floats:
-        """Force (3,) of a tool on the organ [N]."""
+        """Force (3,) of a tool on the organ [N].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> bool(abs(state.force(tool) + state.reaction("clamp")).max() < 1e-6)
+        True
+        """
         return self.contact(tool).force
 
     def torque(self, tool: Tool | AnyShape) -> Floats:
-        """Torque (3,) of a tool on the organ about the tool's origin [N m]."""
+        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> bool(abs(state.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
+        True
+        """
         return self.contact(tool).torque
 
     def write(self, path: str | os.PathLike[str]) -> None:

@@ -119,18 +119,48 @@ class Frame(Deformed, Pictured):
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
     def contact(self, tool: Instrument) -> Contact:
-        """What a tool did to the organ at the end of the frame: force, torque, area, pressures, gap."""
+        """What a tool did to the organ at the end of the frame: force, torque, area, pressures, gap.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> frame.contact(tool).touching > 0
+        True
+        """
         for known, contact in self._contacts:
             if known is tool:
                 return contact
         raise VisceraError(f"{tool!r} was no tool of this frame; make it by Stepper.tool")
 
     def force(self, tool: Instrument) -> Floats:
-        """Force (3,) of a tool on the organ [N]."""
+        """Force (3,) of a tool on the organ [N].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(frame.force(tool)[2] < 0.0)
+        True
+        """
         return self.contact(tool).force
 
     def torque(self, tool: Instrument) -> Floats:
-        """Torque (3,) of a tool on the organ about the tool's origin [N m]."""
+        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(abs(frame.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
+        True
+        """
         return self.contact(tool).torque
 
     def reaction(self, where: Where | Hand) -> Floats:
@@ -223,6 +253,15 @@ class Stepper:
 
         It must start outside the organ. What it is told for a frame, it does: organs can be asked for what they cannot
         give, so drive it through a coupling that bounds its force.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> frame.is_settled
+        True
         """
         tool = shape if isinstance(shape, Tool) else Tool(shape, position, rotation, friction=friction)
         made = Instrument(self, tool, self._core.add_tool(tool._spec()))

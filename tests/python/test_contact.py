@@ -1,6 +1,7 @@
 """Rigid tools: what they press against, what they feel, and every way they can be refused."""
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -69,8 +70,8 @@ def test_a_box_and_the_closed_surface_of_it_are_the_same_tool(organ: vs.Organ) -
     box = block(1, 0.04)
     corner = vs.Tool(vs.Shape(box), (0.03, 0.03, SIDE), way=(0, 0, -0.004))
     centred = vs.Tool(vs.Box(0.04), (0.05, 0.05, SIDE + 0.02), way=(0, 0, -0.004))
-    forces = [organ.solve(contact=[tool], throw=True).force(tool) for tool in (corner, centred)]
-    assert np.allclose(*forces, atol=1e-5 * abs(forces[0][2]))
+    one, other = (organ.solve(contact=[tool], throw=True).force(tool) for tool in (corner, centred))
+    assert np.allclose(one, other, atol=1e-5 * abs(one[2]))
 
 
 def test_friction_drags_and_is_bounded(organ: vs.Organ) -> None:
@@ -118,7 +119,7 @@ def test_two_tools_each_feel_their_own(organ: vs.Organ) -> None:
 def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
     sphere = vs.Sphere(0.02)
     closed = block(1)
-    refusals = {
+    refusals: dict[str, Callable[[], object]] = {
         "a length above 0": lambda: vs.Sphere(-0.01),
         "rounding of a box is 0.1": lambda: vs.Box((0.1, 0.1, 0.1), rounding=0.1),
         "not closed": lambda: vs.Shape((closed.points, closed.surface[1:])),

@@ -142,6 +142,7 @@ impl Contact {
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
         let mut touching = std::mem::take(&mut self.in_tangent);
         touching.clear();
+        self.each(Held::soften);
         touching.extend(self.touching().cloned());
         for touching in &mut touching {
             if curvature == Curvature::Exact {

@@ -13,6 +13,9 @@ use crate::tensor::Mat3;
 /// end to it.
 const CURVED: f64 = 1.0;
 
+/// Cosine between the ways of a slide in two iterations from which on it is the same.
+const STEADY: f64 = 0.5;
+
 /// A rigid tool and its way in a solve.
 #[derive(Clone, Debug)]
 pub struct Tool {
@@ -66,9 +69,11 @@ pub(super) struct Touching {
     pub curvature: Mat3<f64>,
     /// Largest force along the surface [N]; none without friction.
     bound: f64,
+    /// Which way it slides, zero where it sticks, and the force along the surface over the stretch [N/m].
+    slide: [f64; 3],
+    pull: f64,
     /// The point of the tool it is tied to, in the world.
     anchor: [f64; 3],
-    is_sliding: bool,
     energy: f64,
 }
 
@@ -86,6 +91,8 @@ pub(super) struct Held {
     /// The pose at the end of the last step.
     before: Pose,
     anchors: Vec<Option<Anchor>>,
+    /// Which way each sample slid when the tangent was last formed.
+    slides: Vec<[f64; 3]>,
     pub touching: Vec<Touching>,
     gap: f64,
     dissipation: f64,
@@ -129,6 +136,7 @@ impl Held {
             pose: tool.pose,
             before: tool.pose,
             tool,
+            slides: vec![[0.0; 3]; anchors.len()],
             anchors,
             touching: Vec::new(),
             gap: f64::INFINITY,
@@ -181,8 +189,9 @@ impl Held {
                 }),
                 curvature: curvature.map(|row| row.map(|k| -part * k)),
                 bound: 0.0,
+                slide: [0.0; 3],
+                pull: 0.0,
                 anchor: x,
-                is_sliding: false,
                 energy: area * energy,
             };
             if !self.anchors.is_empty() {
@@ -196,6 +205,25 @@ impl Held {
             }
             self.touching.push(touching);
         }
+    }
+
+    /// Of what slides on the way it slid before, the tangent takes the derivative in the place of the chord, which has none
+    /// of its stiffness along the slide. Elsewhere that would let steps go to and fro between one way and the other.
+    pub fn soften(&mut self) {
+        if self.anchors.is_empty() {
+            return;
+        }
+        let mut slides = vec![[0.0; 3]; self.slides.len()];
+        for touching in &mut self.touching {
+            let way = touching.slide;
+            slides[touching.sample] = way;
+            if dot(way, self.slides[touching.sample]) > STEADY {
+                for (row, a) in touching.stiffness.iter_mut().zip(way) {
+                    row.iter_mut().zip(way).for_each(|(k, b)| *k -= touching.pull * a * b);
+                }
+            }
+        }
+        self.slides = slides;
     }
 
     /// A sample tied across the surface as well as along it.
@@ -217,8 +245,9 @@ impl Held {
             }),
             curvature: [[0.0; 3]; 3],
             bound: f64::INFINITY,
+            slide: [0.0; 3],
+            pull: 0.0,
             anchor: point,
-            is_sliding: false,
             energy: 0.5 * stiffness * dot(stretch, stretch),
         }
     }
@@ -290,7 +319,7 @@ impl Held {
             report.area += samples.area(touching.sample);
             report.energy += touching.energy;
             report.touching += 1;
-            report.sliding += usize::from(touching.is_sliding);
+            report.sliding += usize::from(touching.slide != [0.0; 3]);
         }
         report
     }
@@ -315,21 +344,20 @@ impl Held {
 }
 
 impl Touching {
-    /// Adds friction.
+    /// Adds friction, with the stiffness of a chord: less than it never takes a step too far.
     fn rub(&mut self, stiffness: f64) {
         let n = self.normal;
         let stretch = along(sub(self.place, self.anchor), n);
         let size = norm(stretch);
         let [energy, _, pull] = spring(size, stiffness, self.bound);
-        self.is_sliding = stiffness * size > self.bound;
-        self.energy +=
-            if self.is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
-        let way = if self.is_sliding { stretch.map(|s| s / size) } else { [0.0; 3] };
+        let is_sliding = stiffness * size > self.bound;
+        self.energy += if is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
+        self.slide = if is_sliding { stretch.map(|s| s / size) } else { [0.0; 3] };
+        self.pull = pull;
         for i in 0..3 {
             self.force[i] -= pull * stretch[i];
             for j in 0..3 {
-                let tangential = f64::from(i == j) - n[i] * n[j] - way[i] * way[j];
-                self.stiffness[i][j] += pull * tangential;
+                self.stiffness[i][j] += pull * (f64::from(i == j) - n[i] * n[j]);
             }
         }
     }
