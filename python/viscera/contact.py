@@ -143,7 +143,7 @@ class Tool:
     friction: Coulomb's coefficient, 0 for none, or "bonded": what has touched stays, also when pulled.
     way: (3,) [m], turn: a rotation vector (3,) [rad] about its origin: how far `Organ.solve` moves it from there.
     stiffness: of the layer between tool and organ, in units of the plane strain modulus of the cell behind over its
-        height h, at most 3 % of the organ's diagonal: a pressure p presses the tool p h (1 - nu^2) / (E stiffness) into
+        height h, at most 1.5 % of the organ's diagonal: a pressure p presses the tool p h (1 - nu^2) / (E stiffness) into
         the surface. More is closer to a tool that cannot enter, and takes more iterations.
 
     >>> import viscera as vs

@@ -12,7 +12,7 @@ const MIDDLE: f64 = 2.0 / 15.0;
 const CENTRE: f64 = 9.0 / 20.0;
 
 /// Height that counts of a cell, over the diagonal of the body, at most: coarse meshes let no tool in deeper for it.
-const THICKEST: f64 = 0.03;
+const THICKEST: f64 = 0.015;
 
 /// The samples of a body's surface.
 pub(super) struct Samples {

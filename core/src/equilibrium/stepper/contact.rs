@@ -5,6 +5,11 @@ use crate::body::Body;
 use crate::contact::{Contact, Pose, Tool};
 use crate::error::Error;
 
+/// Part of the power that a step set out with beyond which, with the other sign, it has gone too far.
+pub(super) const OVERSHOT: f64 = 0.5;
+/// Times that a step may go back.
+pub(super) const MAX_RETURNS: usize = 4;
+
 impl Stepper {
     /// Adds a tool, from the next frame on; its number.
     ///

@@ -89,6 +89,8 @@ pub struct Stepper {
     inertia: Vec<f64>,
     way: Vec<f64>,
     step: Vec<f64>,
+    /// Power of what was out of balance along the way of the last step, per step [J]; known among tools.
+    descent: f64,
     trial: Vec<f64>,
     forces: Vec<f64>,
 }
@@ -177,6 +179,7 @@ impl Stepper {
             inertia: vec![0.0; n],
             way: vec![0.0; n],
             step: vec![0.0; n],
+            descent: 0.0,
             trial: vec![0.0; n],
             forces: Vec::new(),
         })
