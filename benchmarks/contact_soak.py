@@ -21,7 +21,7 @@ from machine import describe
 
 import viscera as vs
 
-SIDE, PULL, DRAG = 0.1, 1.0, 1000.0
+SIDE, PULL, DRAG = 0.1, 1.0, 4000.0
 """Of the cube [m]; largest force of the coupling [N]; force over the way of the tool in a frame [N/m]."""
 SHAPES = {"sphere": vs.Sphere(0.02), "capsule": vs.Capsule(0.012, 0.04), "box": vs.Box(0.05, rounding=0.015)}
 LARGEST_DEPTH, LARGEST_GAIN = 1e-3, 1e-6

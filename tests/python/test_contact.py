@@ -1,7 +1,9 @@
 """Rigid tools: what they press against, what they feel, and every way they can be refused."""
 
+import importlib
 import itertools
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -138,3 +140,14 @@ def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
     for sentence, ask in refusals.items():
         with pytest.raises(vs.VisceraError, match=sentence):
             ask()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "capsule", "box"])
+def test_a_random_tool_keeps_out_and_the_energy_balance_holds(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The beginning of `benchmarks/contact_soak.py`."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    soak = importlib.import_module("contact_soak").Soak(shape, seed=0)
+    for _ in range(150):
+        soak.frame()
+    assert soak.touched > 20
+    assert soak.wrong() == []
