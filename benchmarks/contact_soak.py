@@ -21,7 +21,7 @@ from machine import describe
 
 import viscera as vs
 
-SIDE, PULL, DRAG = 0.1, 1.0, 4000.0
+SIDE, PULL, DRAG = 0.1, 2.0, 4000.0
 """Of the cube [m]; largest force of the coupling [N]; force over the way of the tool in a frame [N/m]."""
 SHAPES = {"sphere": vs.Sphere(0.02), "capsule": vs.Capsule(0.012, 0.04), "box": vs.Box(0.05, rounding=0.015)}
 LARGEST_DEPTH, LARGEST_GAIN = 1e-3, 1e-6
@@ -47,7 +47,7 @@ class Soak:
         self.stepper = self.organ.stepper(
             dynamics="backward_euler", time_step=0.01, density=1000, iterations=40, settled=1e-9
         )
-        self.tool = self.stepper.tool(SHAPES[shape], (0.05, 0.05, SIDE + 0.06), friction=friction)
+        self.tool = self.stepper.tool(SHAPES[shape], (0.05, 0.05, SIDE + 0.035), friction=friction)
         self.target = self.tool.position.copy()
         self.force = np.zeros(3)
         self.work = self.exchanged = self.dissipated = 0.0
