@@ -235,8 +235,16 @@ class Live:
     def describe(self) -> str: ...  # JSON
     def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
-Solver = tuple[str, float, int, bool]
-"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
+Solver = tuple[str, float, int, bool, str]
+"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations, whether
+there is no matrix, where conjugate gradients run ("cpu" or "gpu")."""
+
+def gpu() -> tuple[str, str, str, bool]:
+    """Name, driver and interface of the graphics processor, and whether it is software. In builds with the feature
+    `gpu` only, as `lose_gpu`; raises `VisceraError` where there is none."""
+
+def lose_gpu() -> None:
+    """Shut the graphics processor down, as after a fault of its driver."""
 
 class Stepper:
     """One Newton iteration a frame; the fixed nodes of the body are held beside what is grasped."""
@@ -275,7 +283,8 @@ class Stepper:
     ) -> dict[str, Any]:
         """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), is_settled, steps
         (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the linear solver),
-        is_solved, within_budget, seconds, energy, kinetic_energy."""
+        is_solved, within_budget, seconds, energy, kinetic_energy, device_fault (str | None: why the graphics processor
+        that was asked for takes no part)."""
 
 class Model:
     """A loaded reduced model and its evaluator."""

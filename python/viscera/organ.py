@@ -148,7 +148,7 @@ class Organ(Pictured):
         steps: at least this many load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
-        solver: of the linear systems, "cholesky", "cg" or a `ConjugateGradients`.
+        solver: of the linear systems, "cholesky", "cg", "gpu" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
         """
         if gravity is not None and density is None:
@@ -207,7 +207,7 @@ class Organ(Pictured):
 
         grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold to begin with; every frame may change it.
         start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
-        solver: "cholesky", "cg" (conjugate gradients with a lagged factor) or a `ConjugateGradients`.
+        solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "gpu" or a `ConjugateGradients`.
         iterations: Newton iterations a frame at most; the first that leaves a residual of `settled` ends it.
         budget: wall time [s] after which conjugate gradients stop with what they have, and no iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from viscera.organ import Organ
+
+log = logging.getLogger("viscera")
 
 
 @dataclass(frozen=True, repr=False)
@@ -156,6 +159,7 @@ class Stepper:
         self._named: Displacements = grasped
         self._pressure: Pressures = {}
         self._faces: dict[Any, Indices] = {}
+        self._fault: str | None = None
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         self._relaxes = settings["relaxation"] is not None
@@ -226,6 +230,9 @@ class Stepper:
         self._press(by_place(pressure or {}, "pressure"))
         result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         self._named = named
+        if result["device_fault"] not in (None, self._fault):
+            self._fault = result["device_fault"]
+            log.warning("%s; the processor makes the frames", self._fault)
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],

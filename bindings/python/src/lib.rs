@@ -9,6 +9,8 @@ mod exclusive;
 mod factor;
 mod family;
 mod galerkin;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod interrupt;
 mod law;
 mod live;
@@ -36,6 +38,11 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
+    #[cfg(feature = "gpu")]
+    {
+        m.add_function(wrap_pyfunction!(gpu::gpu, m)?)?;
+        m.add_function(wrap_pyfunction!(gpu::lose_gpu, m)?)?;
+    }
     m.add_class::<factor::Factor>()?;
     m.add_function(wrap_pyfunction!(law::laws, m)?)?;
     m.add_function(wrap_pyfunction!(law::law_parameters, m)?)?;

@@ -14,11 +14,12 @@ use viscera_core::equilibrium::{
     StepperSettings,
 };
 
-/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled.
-pub type Solver = (String, f64, usize, bool);
+/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled, where it runs.
+pub type Solver = (String, f64, usize, bool, String);
 
 /// The core's name for a linear solver.
-pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyResult<Method> {
+pub fn method(solver: Solver) -> PyResult<Method> {
+    let (name, tolerance, max_iterations, is_matrix_free, device) = solver;
     if name == "cholesky" {
         return Ok(Method::Cholesky);
     }
@@ -26,8 +27,20 @@ pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyRe
     let Some((_, preconditioner)) = known else {
         return Err(VisceraError::new_err(format!("no solver is called {name:?}")));
     };
-    let settings = ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free };
+    let device = if device == "gpu" { Some(graphics()?) } else { None };
+    let settings =
+        ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free, device };
     Ok(Method::ConjugateGradients(settings))
+}
+
+#[cfg(feature = "gpu")]
+use crate::gpu::device as graphics;
+
+#[cfg(not(feature = "gpu"))]
+fn graphics() -> PyResult<equilibrium::OnDevice> {
+    Err(VisceraError::new_err(
+        "this build of viscera has no graphics processor in it; build it with `make GPU=1`, or choose solver=\"cg\"",
+    ))
 }
 
 /// `beta` and `gamma` of Newmark's rule or none for backward Euler; whether the mass is lumped; Rayleigh's damping.
@@ -156,6 +169,7 @@ impl Stepper {
         dict.set_item("seconds", frame.seconds)?;
         dict.set_item("energy", frame.energy)?;
         dict.set_item("kinetic_energy", frame.kinetic_energy)?;
+        dict.set_item("device_fault", stepper.device_fault())?;
         Ok(dict)
     }
 }

@@ -486,7 +486,12 @@ impl<'a> Run<'a> {
             external_force,
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
             status: ending.status(),
-            message: ending.message(self.problem),
+            message: match self.solver.device_fault() {
+                Some(fault) => {
+                    format!("{}; {fault}: the processor did it", ending.message(self.problem))
+                }
+                None => ending.message(self.problem),
+            },
             load: self.load,
             iterations: self.iterations,
             factorizations: self.factorizations,

@@ -5,6 +5,7 @@
 //! a hand mostly goes on as it went.
 
 use super::border::Border;
+use super::device::{DeviceSolution, Remote};
 use super::lagged::Lagged;
 use super::operand::Operand;
 use super::{ConjugateGradients, Preconditioner, Solved, absolute};
@@ -39,6 +40,7 @@ pub(super) struct Iterative {
     settings: ConjugateGradients,
     operand: Operand,
     inverse: Inverse,
+    remote: Remote,
     /// Whether the preconditioner must be made anew, for good reason or because iterations grew.
     is_stale: bool,
     /// Iterations of the first solve after the preconditioner was made.
@@ -72,6 +74,7 @@ impl Iterative {
             settings,
             operand,
             inverse,
+            remote: Remote::new(settings.device, body.pattern(), n_dofs),
             is_stale: true,
             fresh_iterations: None,
             workspace: Workspace::new(n_dofs),
@@ -83,6 +86,7 @@ impl Iterative {
 
     pub fn hold(&mut self, is_held: &[bool]) {
         self.operand.hold(is_held);
+        self.remote.hold(is_held);
         match &mut self.inverse {
             Inverse::BlockJacobi(_) => {}
             Inverse::IncompleteCholesky(incomplete) => incomplete.matrix.hold(is_held),
@@ -106,6 +110,9 @@ impl Iterative {
             Inverse::IncompleteCholesky(_) => Ok(false),
             Inverse::Lagged(inverse) => inverse.renew(tangent.blocks()?.values(), shift, is_stale),
         };
+        if let (true, Ok(blocks)) = (renewed.is_ok(), tangent.blocks()) {
+            self.remote.load(blocks.values(), shift);
+        }
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
             self.fresh_iterations = None;
@@ -123,6 +130,11 @@ impl Iterative {
         let renewed = inverse.renew(blocks.values(), shift, true);
         self.is_stale &= renewed.is_err();
         Some(renewed)
+    }
+
+    /// Why there is no device, where one was asked for.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.remote.fault()
     }
 
     /// `z = M⁻¹ r`.
@@ -175,6 +187,9 @@ impl Iterative {
         deadline: Option<Instant>,
     ) -> Result<Solved, FactorError> {
         self.guess(border);
+        if let Some(solved) = self.iterate_on_device(border) {
+            return Ok(solved);
+        }
         let settings = Settings {
             relative_tolerance: self.settings.tolerance,
             max_iterations: self.settings.max_iterations,
@@ -197,6 +212,65 @@ impl Iterative {
         self.last.fill(0.0);
         self.is_stale = true;
         Err(FactorError::NotFinite { position: 0 })
+    }
+
+    /// The same on the device, in single precision, from the guess; none where there is no device or its answer will not
+    /// do.
+    fn iterate_on_device(&mut self, border: &Border) -> Option<Solved> {
+        let matrix = self.operand.matrix()?;
+        if !matches!(self.remote, Remote::Working { .. }) {
+            return None;
+        }
+        let mut left = self.residual.clone();
+        if self.correction.iter().any(|&x| x != 0.0) {
+            let mut product = vec![0.0; left.len()];
+            Projected { operand: &self.operand, border }.apply(&self.correction, &mut product);
+            left.iter_mut().zip(&product).for_each(|(r, k)| *r -= k);
+        }
+        let of = |v: &[f64]| dot(v, v).sqrt();
+        let (size, wanted) = (of(&left), self.settings.tolerance * of(&self.residual));
+        if size <= wanted {
+            return Some(Solved {
+                residual: size / of(&self.residual),
+                is_complete: true,
+                ..Solved::default()
+            });
+        }
+        let (tolerance, budget) = (wanted / size, self.settings.max_iterations);
+        let found = self.remote.solve(border, matrix, &left, tolerance, budget)?;
+        self.judge_device(border, found, size / of(&self.residual))
+    }
+
+    /// What the device says, checked here where it would end the search: curvature that rounding made negative does not
+    /// count.
+    fn judge_device(
+        &mut self,
+        border: &Border,
+        found: DeviceSolution,
+        scale: f64,
+    ) -> Option<Solved> {
+        let DeviceSolution { x, direction, iterations, residual, is_complete, is_indefinite } =
+            found;
+        if !x.iter().all(|x| x.is_finite()) {
+            return None;
+        }
+        let mut solved =
+            Solved { iterations, residual: residual * scale, is_complete, indefinite: None };
+        if is_indefinite {
+            let mut product = vec![0.0; direction.len()];
+            Projected { operand: &self.operand, border }.apply(&direction, &mut product);
+            let largest = (0..direction.len())
+                .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()));
+            if dot(&direction, &product) <= 0.0 {
+                (solved.residual, solved.indefinite) = (1.0, largest);
+                if iterations == 0 {
+                    self.correction.copy_from_slice(&direction);
+                    return Some(solved);
+                }
+            }
+        }
+        self.correction.iter_mut().zip(&x).for_each(|(c, x)| *c += x);
+        Some(solved)
     }
 
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.

@@ -46,6 +46,14 @@ impl Operand {
         Ok(self.shift)
     }
 
+    /// Values of the assembled matrix and the shift, where it is assembled.
+    pub fn matrix(&self) -> Option<(&[f64], f64)> {
+        match &self.kind {
+            Kind::Matrix(matrix) => Some((matrix.values(), self.shift)),
+            Kind::Product(_) => None,
+        }
+    }
+
     /// The block of each node with itself, without the shift.
     fn diagonal(&self) -> Vec<[f64; 9]> {
         match &self.kind {

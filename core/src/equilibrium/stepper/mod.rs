@@ -209,6 +209,11 @@ impl Stepper {
         &self.displacement
     }
 
+    /// Why the device that was asked for takes no part in frames, if it does not.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.solver.device_fault()
+    }
+
     /// Velocity after the last frame [m/s]; none without inertia.
     pub fn velocity(&self) -> Option<&[f64]> {
         self.motion.as_ref().map(|motion| motion.velocity.as_slice())
