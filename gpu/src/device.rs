@@ -4,7 +4,8 @@ use crate::Error;
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::Duration;
 use wgpu::util::DeviceExt;
 use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePipeline};
 
@@ -13,6 +14,9 @@ pub(crate) const THREADS: u32 = 128;
 
 /// Workgroups that a dispatch may have in one direction: what WebGPU grants everywhere.
 const MOST_WORKGROUPS: u32 = 65_535;
+
+/// How long another thread may take to hand over a result that the device has already finished.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A graphics processor, or software that takes its place.
 pub struct Gpu {
@@ -244,19 +248,16 @@ impl Gpu {
         let staging = self.device.create_buffer(&descriptor);
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
         self.submit(encoder);
-        let arrived = Arc::new(Mutex::new(None));
-        let told = arrived.clone();
-        staging.map_async(wgpu::MapMode::Read, .., move |result| {
-            *told.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
-        });
+        let (sender, mapped) = mpsc::channel();
+        staging.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
         polled.map_err(|error| Error::Lost(sentence(&error)))?;
-        let result = arrived.lock().unwrap_or_else(PoisonError::into_inner).take();
-        match result {
-            Some(Ok(())) => {}
-            Some(Err(error)) => return Err(Error::Lost(sentence(&error))),
-            None => return Err(Error::Lost("it does not answer".to_string())),
+        // Another thread that waits for the device may have taken the callback, and be about to call it.
+        match mapped.recv_timeout(PATIENCE) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(Error::Lost(sentence(&error))),
+            Err(_) => return Err(Error::Lost("it does not answer".to_string())),
         }
         let view = staging.get_mapped_range(..).map_err(|error| Error::Lost(sentence(&error)))?;
         Ok(bytemuck::pod_collect_to_vec(&view))

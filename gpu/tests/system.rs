@@ -248,3 +248,22 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
         "{error}"
     );
 }
+
+/// Whichever thread waits for the device hears what the others wait for, too; each gets its own answer all the same.
+#[test]
+fn threads_share_a_device() {
+    let Some(gpu) = device() else { return };
+    let block = Block::new(1);
+    let problem = Problem::new(&block, 0.3);
+    let alone = problem.system(&gpu, &[]).solve(&problem.b, &TIGHT).unwrap();
+    std::thread::scope(|scope| {
+        for _ in 0..8 {
+            scope.spawn(|| {
+                let mut system = problem.system(&gpu, &[]);
+                for _ in 0..60 {
+                    assert_eq!(system.solve(&problem.b, &TIGHT).unwrap().x, alone.x);
+                }
+            });
+        }
+    });
+}
