@@ -1,0 +1,135 @@
+"""A law of your own, as a formula."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core
+from viscera.errors import VisceraError, did_you_mean
+from viscera.fibres import directions
+from viscera.law.base import Law
+from viscera.mesh import Floats
+from viscera.parameters import columns, shown
+from viscera.quantity import refused
+
+log = logging.getLogger("viscera")
+
+COMPONENTS = tuple(f"a{family}{axis}" for family in range(2) for axis in "xyz")
+"""Columns of the directions of fibres."""
+_STRAINED = np.eye(3) + 0.05 * np.sin(np.arange(27.0)).reshape(3, 3, 3)
+
+
+class StrainEnergy(Law):
+    """A strain energy of your own, as a formula: no compiler, and all that the other laws can.
+
+    energy [J/m^3]: text in `I1`, `I2`, `J`, the isochoric `I1bar` = I1 J^(-2/3) and `I2bar` = I2 J^(-4/3), and with
+    fibres `I4` and `I6`, |F a|^2 along the first and second direction; `+ - * / **`, `exp`, `log`, `sqrt`, `max`,
+    `min`, `step` (1 where positive, else 0), and numbers. Every other name is a parameter: a number, or an array (m,)
+    over cells. fibres: two directions (2, 3), or (2, m, 3) over cells.
+
+    Stress, tangent and power series are derived from the formula exactly. The stress at rest must vanish. `young` and
+    `poisson` are those at small strain. Raises `VisceraError` for text that is no formula, with the place in it; for a
+    parameter without a value; for a stress at rest; for moduli that are not positive. Warns in the log where the energy
+    stays bounded as J -> 0, since strong pressure then crushes cells.
+
+    >>> law = StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", mu=1e3, lam=4e3)
+    >>> law
+    StrainEnergy('mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2', mu=1000, lam=4000)
+    >>> float(law.young.round()[0]), float(law.poisson.round(2)[0])
+    (2800.0, 0.4)
+    """
+
+    prefix: ClassVar[str] = "formula "
+
+    def __init__(self, energy: str, *, fibres: ArrayLike | None = None, **parameters: ArrayLike) -> None:
+        if not isinstance(energy, str):
+            raise refused(
+                "StrainEnergy: the energy", "a formula, such as 'mu/2*(I1bar - 3) + kappa/2*(J - 1)**2'", energy
+            )
+        self.formula = " ".join(energy.split())
+        name = self.prefix + self.formula
+        names = _core.law_parameters(name)
+        families = sum(key in COMPONENTS for key in names) // 3
+        self.names = tuple(names[: len(names) - 3 * families])
+        for key in parameters:
+            if key not in self.names:
+                raise VisceraError(
+                    f"StrainEnergy: the formula has no parameter {key!r}; {did_you_mean(key, self.names)}"
+                )
+        missing = [key for key in self.names if key not in parameters]
+        if missing:
+            raise VisceraError(
+                f"StrainEnergy: the formula has a parameter {missing[0]!r}; give its value, {missing[0]}="
+            )
+        if (fibres is None) == (families > 0):
+            say = (
+                "uses I4 or I6: give two directions, fibres=" if families else "uses no I4 and no I6: leave fibres out"
+            )
+            raise VisceraError(f"StrainEnergy: the formula {say}")
+        axes = {} if fibres is None else {f"fibre {f + 1}{axis}": x for f, axis, x in directions(fibres)}
+        used = dict(list(axes.items())[: 3 * families])
+        own = columns("StrainEnergy", **{key: parameters[key] for key in self.names}, **used)
+        super().__init__(name, np.column_stack(own))
+        if not all(self.core().resists_collapse()):
+            log.warning(
+                "StrainEnergy: the energy stays bounded as J -> 0, so strong pressure can crush cells; a term such as "
+                "log(J)**2 resists it"
+            )
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """What makes the law of a single set of parameters, as a case file gives it."""
+        row = self.parameters[0].tolist()
+        values = {"energy": self.formula, **dict(zip(self.names, row, strict=False))}
+        components = row[len(self.names) :]
+        return values | ({"fibres": [components[:3], components[-3:]]} if components else {})
+
+    @classmethod
+    def _of_columns(cls, name: str, columns: Floats) -> Law:
+        names = _core.law_parameters(name)
+        families = sum(key in COMPONENTS for key in names) // 3
+        own = len(names) - 3 * families
+        fibres = None
+        if families:
+            first = columns[own : own + 3].T
+            fibres = np.stack([first, columns[own + 3 :].T if families == 2 else first])
+        values = dict(zip(names[:own], columns[:own], strict=True))
+        return cls(name.removeprefix(cls.prefix), fibres=fibres, **values)
+
+    @property
+    def stresses(self) -> tuple[int, ...]:
+        """The parameters that the energy is proportional to together; raises `VisceraError` where there are none."""
+        rows, F = self.parameters[:1], _STRAINED
+        energy = _core.Law(self.name, rows).energy(F)
+
+        def of(columns: list[int], factor: float) -> Floats:
+            scaled = rows.copy()
+            scaled[:, columns] *= factor
+            return _core.Law(self.name, scaled).energy(F)
+
+        def is_linear(k: int) -> bool:
+            try:
+                return np.allclose(of([k], 1.02) - energy, energy - of([k], 0.98), rtol=1e-6, atol=1e-13 * energy.max())
+            except VisceraError:
+                return True  # Not alone, then: stress at rest.
+
+        linear = [k for k in range(len(self.names)) if rows[0, k] != 0.0 and is_linear(k)]
+        if not linear or not np.allclose(of(linear, 2.0), 2.0 * energy, rtol=1e-9):
+            raise VisceraError(
+                f"StrainEnergy({self.formula!r}): which of its parameters scale the energy cannot be told, so no young "
+                "can be varied"
+            )
+        return tuple(linear)
+
+    @property
+    def is_analytic(self) -> bool:
+        """Whether the formula has no switch (`max`, `min`, `step`), which might turn over at rest."""
+        return not any(f"{word}(" in self.formula.replace(" ", "") for word in ("max", "min", "step"))
+
+    def __repr__(self) -> str:
+        values = zip(self.names, self.parameters.T, strict=False)
+        return f"StrainEnergy({self.formula!r}, {', '.join(f'{key}={shown(column)}' for key, column in values)})"
