@@ -25,7 +25,7 @@ from machine import describe
 
 import viscera as vs
 from viscera.check import Full, allowed_error, surface_points, unit_vectors
-from viscera.galerkin import Grasp, Held
+from viscera.galerkin import GalerkinAnswer, HyperReducedModel
 from viscera.mesh import Floats
 
 ORDER, TOLERANCE, STEPS, LESSONS = 4, 0.01, 30, 3
@@ -55,7 +55,7 @@ def main(touches: int, snapshots: int, first: int) -> None:
     ticks: list[float] = []
     lessons: list[float] = []
 
-    def follow(grasp: Grasp, k: int, ticks: list[float]) -> Iterator[tuple[float, Held]]:
+    def follow(grasp: HyperReducedModel, k: int, ticks: list[float]) -> Iterator[tuple[float, GalerkinAnswer]]:
         """The answers at the depths, on the way of a finger."""
         for step in range(1, STEPS + 1):
             share = max(DEPTHS) * step / STEPS
@@ -74,11 +74,11 @@ def main(touches: int, snapshots: int, first: int) -> None:
         learned = {share: stay(grasp, share * liver.diagonal * directions[k], held) for share, held in again}
         return {share: (first[share], learned.get(share, first[share])) for share in DEPTHS}
 
-    def stay(grasp: Grasp, there: Floats, held: Held) -> Answer:
+    def stay(grasp: HyperReducedModel, there: Floats, held: GalerkinAnswer) -> Answer:
         """What it answers when it has learned where the finger is."""
         for _ in range(LESSONS):
             began = perf_counter()
-            if not grasp.learn():
+            if not grasp.add_snapshot():
                 break
             lessons.append(perf_counter() - began)
             held = grasp.solve([there], from_last=True, stiffness=False)
@@ -131,7 +131,7 @@ def main(touches: int, snapshots: int, first: int) -> None:
         )
 
 
-def _answer(held: Held) -> Answer:
+def _answer(held: GalerkinAnswer) -> Answer:
     return held.displacement, held.force[0], held.is_trusted
 
 

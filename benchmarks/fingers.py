@@ -25,7 +25,7 @@ from machine import describe
 
 import viscera as vs
 from viscera.check import PATIENCE, surface_points, unit_vectors
-from viscera.galerkin import Galerkin, Grasp
+from viscera.galerkin import Galerkin, HyperReducedModel
 from viscera.organ import ELEMENTS
 
 Array = np.ndarray
@@ -120,7 +120,7 @@ def relative(value: Array, truth: Array) -> float:
 
 
 def scores(
-    touch: vs.Touch, grasps: list[Grasp], cases: list[Case], name: str = "Galerkin"
+    touch: vs.Touch, grasps: list[HyperReducedModel], cases: list[Case], name: str = "Galerkin"
 ) -> tuple[list[Score], list[float]]:
     """The Galerkin model's answers, and of the trusted ones error over estimate."""
     found, ratios = [], []
@@ -157,7 +157,7 @@ def table(title: str, found: Iterable[Score]) -> None:
         print(f"  {name:50s} {len(scored):5d}  {columns}", flush=True)
 
 
-def compare(touch: vs.Touch, grasps: dict[str, list[Grasp]], cases: list[Case]) -> None:
+def compare(touch: vs.Touch, grasps: dict[str, list[HyperReducedModel]], cases: list[Case]) -> None:
     """Superposition and the Galerkin models against Newton, by depth and by distance."""
     found, ratios = superposed(touch, cases), []
     for name, some in grasps.items():
@@ -196,7 +196,7 @@ def sampled(touch: vs.Touch, cases: list[Case]) -> None:
             table(f"sampling to {tolerance:g}: two fingers, {100 * depth:.0f} %", chosen)
 
 
-def times(touch: vs.Touch, grasps: list[Grasp], name: str) -> None:
+def times(touch: vs.Touch, grasps: list[HyperReducedModel], name: str) -> None:
     """Milliseconds of taking hold, of single solutions, and of every tick of a hand that moves."""
     random = np.random.default_rng(5)
     size = (f"{np.median([getattr(grasp, what) for grasp in grasps]):.0f}" for what in ("snapshots", "modes", "cells"))
@@ -220,7 +220,7 @@ def report(name: str, seconds: list[float]) -> None:
 
 def moving(
     touch: vs.Touch,
-    grasps: list[Grasp],
+    grasps: list[HyperReducedModel],
     random: np.random.Generator,
     stiffness: bool,
     budget: float | None = None,
@@ -253,7 +253,7 @@ def learning(fingers: Galerkin, cases: list[Case]) -> None:
         grasp, places = fingers.grasp(case.points, wait=False), hand(fingers.touch, random)
         grasp.solve(next(places), stiffness=False)
         first.append(perf_counter() - began)
-        while grasp.is_learning:
+        while grasp.is_training:
             now = perf_counter()
             ticks.append(grasp.solve(next(places), from_last=True, stiffness=False).seconds)
             sleep(max(0.0, now + 1e-3 - perf_counter()))

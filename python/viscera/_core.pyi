@@ -320,27 +320,29 @@ class Galerkin:
         depth: float,  # [m]
         snapshots: int,
     ) -> None: ...
-    def grasp(self, points: Floats, wait: bool) -> Grasp:
+    def grasp(self, points: Floats, wait: bool) -> HyperReducedModel:
         """Contacts at points (k, 3) [m] take hold; without `wait`, snapshots follow while they are in use."""
 
-class Grasp:
+class HyperReducedModel:
     """Contacts that hold an organ."""
 
     modes: int
     cells: int  # that the energy is summed over
     snapshots: int  # solved on the whole organ
     seconds: float  # from taking hold to the modes as they are
-    def is_learning(self) -> bool:
+    def is_training(self) -> bool:
         """Whether better modes are still to come; those that are ready are taken over."""
-    def learn(self) -> bool:
+    def add_snapshot(self) -> bool:
         """Takes in the equilibrium next to the last answer, where that is wrong; whether it was."""
     def patches(self) -> list[Patch]: ...
-    def solve(self, displacements: Floats, from_last: bool, with_stiffness: bool, budget: float | None) -> Held:
+    def solve(
+        self, displacements: Floats, from_last: bool, with_stiffness: bool, budget: float | None
+    ) -> GalerkinAnswer:
         """Equilibrium under mean displacements (k, 3) [m], searched for `budget` seconds and a step at most."""
     def superposed(self, displacements: Floats) -> Floats:
         """Field (n, 3) [m] of the superposed series with their coupling."""
 
-class Held:
+class GalerkinAnswer:
     """An answer of a grasp."""
 
     facts: dict[str, Any]

@@ -26,10 +26,10 @@ Touches = Sequence[tuple[ArrayLike, ArrayLike]]
 """Contact point (3,) at rest [m] and displacement (3,) [m] of each."""
 
 
-class Held(Deformed):
-    """The answer of a grasp. Field and assessment are computed on first access, because a haptic loop needs neither."""
+class GalerkinAnswer(Deformed):
+    """The answer of a hyper-reduced model. Field and assessment are computed on first access; a loop needs neither."""
 
-    def __init__(self, held: _core.Held, touch: Touch) -> None:
+    def __init__(self, held: _core.GalerkinAnswer, touch: Touch) -> None:
         self._held, self._touch = held, touch
         facts = held.facts
         self.force: Floats = facts["force"]
@@ -82,13 +82,13 @@ class Held(Deformed):
 
     def __repr__(self) -> str:
         trust = "trusted" if self.is_trusted else f"not trusted: {self.reason}"
-        return f"Held(force={np.round(self.force, 4).tolist()} N, {trust})"
+        return f"GalerkinAnswer(force={np.round(self.force, 4).tolist()} N, {trust})"
 
 
-class Grasp:
+class HyperReducedModel:
     """Contacts that hold an organ at some points, to be displaced at 1 kHz. Made by `Galerkin.grasp`."""
 
-    def __init__(self, grasp: _core.Grasp, points: Floats, touch: Touch) -> None:
+    def __init__(self, grasp: _core.HyperReducedModel, points: Floats, touch: Touch) -> None:
         self._grasp, self._touch = grasp, touch
         self.points = points
         """Contact points (k, 3) at rest [m]."""
@@ -114,23 +114,23 @@ class Grasp:
         return self._grasp.seconds
 
     @property
-    def is_learning(self) -> bool:
+    def is_training(self) -> bool:
         """Whether snapshots are still being solved in the background; finished ones are in use already."""
-        return self._grasp.is_learning()
+        return self._grasp.is_training()
 
     def wait(self) -> None:
         """Wait until nothing is solved in the background any more."""
-        while self.is_learning:
+        while self.is_training:
             sleep(0.02)
 
-    def learn(self) -> bool:
+    def add_snapshot(self) -> bool:
         """Compare the last answer with the nearest equilibrium of the whole organ; add a snapshot if they differ.
 
         Returns whether a snapshot was added; if so, solve again. The tolerance is that of training. Returns False
         as well if no such equilibrium is found; `is_trusted` tells. A grasp made with `wait=False` does this by
         itself, wherever the tools are.
         """
-        return self._grasp.learn()
+        return self._grasp.add_snapshot()
 
     def solve(
         self,
@@ -139,7 +139,7 @@ class Grasp:
         from_last: bool = False,
         stiffness: bool = True,
         budget: float | None = None,
-    ) -> Held:
+    ) -> GalerkinAnswer:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
 
         displacements (k, 3) [m]. from_last: start from the last solution, as a moving hand does, instead of the
@@ -148,7 +148,9 @@ class Grasp:
         over the status is "out of time", and the next search `from_last` goes on from there; one step is always taken,
         with its tangent where it needs one.
         """
-        return Held(self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget), self._touch)
+        return GalerkinAnswer(
+            self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget), self._touch
+        )
 
     def superposed(self, displacements: ArrayLike) -> Floats:
         """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""
@@ -160,7 +162,7 @@ class Grasp:
         return self._grasp.patches()
 
     def __repr__(self) -> str:
-        return f"Grasp({len(self.points)} contacts, {self.modes} modes, {self.cells} cells)"
+        return f"HyperReducedModel({len(self.points)} contacts, {self.modes} modes, {self.cells} cells)"
 
     def _displacements(self, displacements: ArrayLike) -> Floats:
         rows = np.ascontiguousarray(displacements, dtype=np.float64)
@@ -175,17 +177,17 @@ class Galerkin:
     """The model of several touches at once. Made by `Touch.galerkin`.
 
     `grasp` makes a basis from the fields of some contacts and samples a few weighted cells. That takes less than a
-    second without snapshots and some seconds with them. `Grasp.solve` then answers any displacement of the contacts,
-    a thousand times a second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
+    second without snapshots and some seconds with them. `HyperReducedModel.solve` then answers any displacement of
+    the contacts, a thousand times a second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
     """
 
     def __init__(self, touch: Touch, core: _core.Galerkin) -> None:
         self.touch = touch
         """The series model of single touches."""
         self._core = core
-        self._last: Grasp | None = None
+        self._last: HyperReducedModel | None = None
 
-    def grasp(self, points: ArrayLike, *, wait: bool = True) -> Grasp:
+    def grasp(self, points: ArrayLike, *, wait: bool = True) -> HyperReducedModel:
         """Take hold at some points (k, 3) [m] of the touchable surface, at rest; coordinates also in words.
 
         wait: for the snapshots. With `wait=False` the grasp answers at once in the fields of the series, and improves
@@ -197,9 +199,9 @@ class Galerkin:
             raise VisceraError(f"contact points have shape {shape}; they must be (k, 3)")
         given = [points] if len(shape) == 1 else list(points)  # type: ignore[arg-type]
         rows = np.array([point_of(row, self.touch.mesh, f"contact point {k}") for k, row in enumerate(given)])
-        return Grasp(self._core.grasp(rows, wait), rows, self.touch)
+        return HyperReducedModel(self._core.grasp(rows, wait), rows, self.touch)
 
-    def solve(self, touches: Touches, *, stiffness: bool = True) -> Held:
+    def solve(self, touches: Touches, *, stiffness: bool = True) -> GalerkinAnswer:
         """Answer to touches `[(point, displacement), ...]` [m]; the grasp is kept while the points are the same."""
         if not touches:
             raise VisceraError("no touch; give at least one (point, displacement)")

@@ -73,7 +73,7 @@ def test_a_grasp_that_does_not_wait_answers_at_once_and_learns(touch: vs.Touch, 
         assert grasp.modes == series.modes
         assert at_once == pytest.approx(series.solve(pushes).displacement, rel=1e-6, abs=1e-9)
     grasp.wait()
-    assert not grasp.is_learning
+    assert not grasp.is_training
     assert (grasp.modes, grasp.snapshots) == (trained.modes, trained.snapshots)
     full = organ.solve(displacement=dict(zip(grasp.patches, pushes, strict=True)))
     error = relative(series.solve(pushes).displacement, full.displacement)
@@ -94,12 +94,12 @@ def test_a_wrong_answer_is_learned(touch: vs.Touch, organ: vs.Organ) -> None:
     grasp = touch.galerkin(depth=0.05).grasp([LEFT, RIGHT])
     full = organ.solve(displacement=dict(zip(grasp.patches, pushes, strict=True)))
     before = relative(grasp.solve(pushes).displacement, full.displacement)
-    assert grasp.learn()
+    assert grasp.add_snapshot()
     assert relative(grasp.solve(pushes).displacement, full.displacement) < 0.5 * before
-    assert not grasp.learn()
+    assert not grasp.add_snapshot()
     by_itself = touch.galerkin(snapshots=24).grasp([LEFT, RIGHT], wait=False)
     with pytest.raises(vs.VisceraError, match="by itself"):
-        by_itself.learn()
+        by_itself.add_snapshot()
 
 
 def test_threads_may_ask_one_grasp(fingers: Galerkin) -> None:

@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use crate::status::{self, Status};
 use crate::{all_finite, put, vector};
-use viscera_touch::{Contact, ReducedModel, Response, Trust};
+use viscera_touch::{Contact, ReducedModel, Trust};
 
 /// `viscera_model`, opaque to C.
 pub struct Model {
@@ -92,7 +92,11 @@ impl Model {
     }
 
     /// The contact and the answer in SI, or why there is none.
-    fn touch(&self, point: [f64; 3], d: [f64; 3]) -> Result<(Contact, Response), Status> {
+    fn touch(
+        &self,
+        point: [f64; 3],
+        d: [f64; 3],
+    ) -> Result<(Contact, viscera_touch::Answer), Status> {
         if !all_finite(&point) || !all_finite(&d) {
             return Err(status::NOT_FINITE);
         }

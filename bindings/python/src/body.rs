@@ -132,10 +132,10 @@ impl Body {
         displacement: PyReadonlyArray2<f64>,
     ) -> PyResult<Responses<'py>> {
         let u = convert::dofs("displacement", &displacement, self.body.points().len())?;
-        let found = py.detach(|| self.body.responses(&u));
+        let found = py.detach(|| self.body.quadrature_points(&u));
         let m = self.body.cells().len();
         let q = found.len() / m;
-        let tensors = |of: fn(&body::Response) -> [[f64; 3]; 3]| {
+        let tensors = |of: fn(&body::QuadraturePoint) -> [[f64; 3]; 3]| {
             let entries: Vec<f64> =
                 found.iter().flat_map(|r| of(r).into_iter().flatten()).collect();
             PyArray1::from_vec(py, entries).reshape([m, q, 3, 3])

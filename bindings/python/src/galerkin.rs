@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use viscera_core::Error;
-use viscera_core::galerkin::{self, Hold, Sampling, Solution, Status, Trust};
+use viscera_core::galerkin::{self, ReducedContacts, ReducedStatus, Sampling, Solution, Trust};
 
 /// The series model of an organ and its body.
 #[pyclass(frozen, module = "viscera._core")]
@@ -36,29 +36,34 @@ impl Galerkin {
         Ok(Galerkin { galerkin: Arc::new(made.map_err(convert::error)?) })
     }
 
-    fn grasp(&self, py: Python<'_>, points: PyReadonlyArray2<f64>, wait: bool) -> PyResult<Grasp> {
+    fn grasp(
+        &self,
+        py: Python<'_>,
+        points: PyReadonlyArray2<f64>,
+        wait: bool,
+    ) -> PyResult<HyperReducedModel> {
         let points = convert::points("contacts", &points)?;
         let grasp = if wait {
             interruptible(py, |is_wanted| self.galerkin.grasp_while(&points, is_wanted))?
         } else {
-            py.detach(|| self.galerkin.grasp_and_learn(&points)).map_err(convert::error)?
+            py.detach(|| self.galerkin.grasp_in_background(&points)).map_err(convert::error)?
         };
-        Ok(Grasp { grasp: Mutex::new(grasp) })
+        Ok(HyperReducedModel { grasp: Mutex::new(grasp) })
     }
 }
 
 /// Contacts that hold the organ.
 #[pyclass(frozen, module = "viscera._core")]
-pub struct Grasp {
-    grasp: Mutex<galerkin::Grasp>,
+pub struct HyperReducedModel {
+    grasp: Mutex<galerkin::HyperReducedModel>,
 }
 
-impl Grasp {
+impl HyperReducedModel {
     /// What `ask` says of the grasp. Waits for it without the interpreter, which whoever has it may need to go on.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
-        ask: impl FnOnce(&mut galerkin::Grasp) -> T + Send,
+        ask: impl FnOnce(&mut galerkin::HyperReducedModel) -> T + Send,
     ) -> PyResult<T> {
         let broken = || VisceraError::new_err("this grasp broke off; take hold anew");
         py.detach(|| Some(ask(&mut *self.grasp.lock().ok()?))).ok_or_else(broken)
@@ -66,10 +71,10 @@ impl Grasp {
 }
 
 #[pymethods]
-impl Grasp {
+impl HyperReducedModel {
     #[getter]
     fn modes(&self, py: Python<'_>) -> PyResult<usize> {
-        self.ask(py, |grasp| grasp.hold().n_modes())
+        self.ask(py, |grasp| grasp.contacts().n_modes())
     }
 
     #[getter]
@@ -88,17 +93,17 @@ impl Grasp {
     }
 
     /// Whether better modes are still to come; those that are ready are taken over.
-    fn is_learning(&self, py: Python<'_>) -> PyResult<bool> {
-        self.ask(py, galerkin::Grasp::is_learning)?.map_err(convert::error)
+    fn is_training(&self, py: Python<'_>) -> PyResult<bool> {
+        self.ask(py, galerkin::HyperReducedModel::is_training)?.map_err(convert::error)
     }
 
     /// Takes in the equilibrium next to the last answer, where that is wrong; whether it was.
-    fn learn(&self, py: Python<'_>) -> PyResult<bool> {
-        self.ask(py, galerkin::Grasp::learn)?.map_err(convert::error)
+    fn add_snapshot(&self, py: Python<'_>) -> PyResult<bool> {
+        self.ask(py, galerkin::HyperReducedModel::add_snapshot)?.map_err(convert::error)
     }
 
     fn patches(&self, py: Python<'_>) -> PyResult<Vec<Patch>> {
-        let patches = self.ask(py, |grasp| grasp.hold().patches())?;
+        let patches = self.ask(py, |grasp| grasp.contacts().patches())?;
         Ok(patches.into_iter().map(|patch| Patch { patch }).collect())
     }
 
@@ -109,12 +114,12 @@ impl Grasp {
         from_last: bool,
         with_stiffness: bool,
         budget: Option<f64>,
-    ) -> PyResult<Held> {
+    ) -> PyResult<GalerkinAnswer> {
         let d = convert::points("displacements", &displacements)?;
         let budget = budget.map(duration).transpose().map_err(convert::error)?;
-        let solve = |grasp: &mut galerkin::Grasp| -> Result<Held, Error> {
+        let solve = |grasp: &mut galerkin::HyperReducedModel| -> Result<GalerkinAnswer, Error> {
             let solution = grasp.solve_within(&d, from_last, with_stiffness, budget)?;
-            Ok(Held { hold: Arc::clone(grasp.hold()), solution })
+            Ok(GalerkinAnswer { contacts: Arc::clone(grasp.contacts()), solution })
         };
         self.ask(py, solve)?.map_err(convert::error)
     }
@@ -125,20 +130,20 @@ impl Grasp {
         displacements: PyReadonlyArray2<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let d = convert::points("displacements", &displacements)?;
-        let field = self.ask(py, |grasp| grasp.hold().superposed(&d))?;
+        let field = self.ask(py, |grasp| grasp.contacts().superposed(&d))?;
         convert::field(py, field.map_err(convert::error)?)
     }
 }
 
 /// An answer, with what it takes to make its field and to assess it.
 #[pyclass(frozen, module = "viscera._core")]
-pub struct Held {
-    hold: Arc<Hold>,
+pub struct GalerkinAnswer {
+    contacts: Arc<ReducedContacts>,
     solution: Solution,
 }
 
 #[pymethods]
-impl Held {
+impl GalerkinAnswer {
     /// Everything that is known at once.
     #[getter]
     fn facts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -152,7 +157,7 @@ impl Held {
         }
         facts.set_item("energy", solution.energy)?;
         facts.set_item("status", status(solution.status))?;
-        facts.set_item("is_converged", solution.status == Status::Converged)?;
+        facts.set_item("is_converged", solution.status == ReducedStatus::Converged)?;
         facts.set_item("smallest_jacobian", solution.smallest_jacobian)?;
         facts.set_item("iterations", solution.iterations)?;
         facts.set_item("tangents", solution.tangents)?;
@@ -162,12 +167,13 @@ impl Held {
     }
 
     fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        convert::field(py, py.detach(|| self.hold.displacement(&self.solution)))
+        convert::field(py, py.detach(|| self.contacts.displacement(&self.solution)))
     }
 
     /// Expected error, and why not to rely on the answer.
     fn assess(&self, py: Python<'_>) -> PyResult<(f64, &'static str)> {
-        let assessment = py.detach(|| self.hold.assess(&self.solution)).map_err(convert::error)?;
+        let assessment =
+            py.detach(|| self.contacts.assess(&self.solution)).map_err(convert::error)?;
         Ok((assessment.error, reason(assessment.trust)))
     }
 }
@@ -179,12 +185,12 @@ fn duration(budget: f64) -> Result<Duration, Error> {
     Duration::try_from_secs_f64(budget).map_err(refused)
 }
 
-fn status(status: Status) -> &'static str {
+fn status(status: ReducedStatus) -> &'static str {
     match status {
-        Status::Converged => "converged",
-        Status::StepTooSmall => "step too small",
-        Status::TooManyIterations => "too many iterations",
-        Status::OutOfTime => "out of time",
+        ReducedStatus::Converged => "converged",
+        ReducedStatus::StepTooSmall => "step too small",
+        ReducedStatus::TooManyIterations => "too many iterations",
+        ReducedStatus::OutOfTime => "out of time",
     }
 }
 

@@ -48,7 +48,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     m.add_class::<galerkin::Galerkin>()?;
-    m.add_class::<galerkin::Grasp>()?;
-    m.add_class::<galerkin::Held>()?;
+    m.add_class::<galerkin::HyperReducedModel>()?;
+    m.add_class::<galerkin::GalerkinAnswer>()?;
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! A page holds one or more organs by their address. Every pointer handed out stays valid until the organ is closed;
 //! what it points to is overwritten by the next call of the same function (and slot).
 
-use crate::organ::Organ;
+use crate::model::Model;
 use crate::say;
 
 /// Reads a model file; null where it is refused, and the message says why.
@@ -11,9 +11,9 @@ use crate::say;
 /// # Safety
 /// `bytes` is readable for `len` bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_open(bytes: *const u8, len: usize) -> *mut Organ {
+pub unsafe extern "C" fn organ_open(bytes: *const u8, len: usize) -> *mut Model {
     // SAFETY: the caller's contract.
-    match Organ::read(unsafe { std::slice::from_raw_parts(bytes, len) }) {
+    match Model::read(unsafe { std::slice::from_raw_parts(bytes, len) }) {
         Ok(organ) => Box::into_raw(Box::new(organ)),
         Err(sentence) => {
             say(sentence);
@@ -27,7 +27,7 @@ pub unsafe extern "C" fn organ_open(bytes: *const u8, len: usize) -> *mut Organ 
 /// # Safety
 /// `organ` comes from [`organ_open`] and is not used again.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_close(organ: *mut Organ) {
+pub unsafe extern "C" fn organ_close(organ: *mut Model) {
     // SAFETY: the caller's contract.
     drop(unsafe { Box::from_raw(organ) });
 }
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn organ_close(organ: *mut Organ) {
 /// # Safety
 /// As for every function below: `organ` comes from [`organ_open`] and has not been closed.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_describe(organ: *const Organ) {
+pub unsafe extern "C" fn organ_describe(organ: *const Model) {
     // SAFETY: the caller's contract, here and below.
     say(unsafe { &*organ }.describe());
 }
@@ -47,7 +47,7 @@ pub unsafe extern "C" fn organ_describe(organ: *const Organ) {
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_table(organ: *const Organ, number: usize) -> *const u32 {
+pub unsafe extern "C" fn organ_table(organ: *const Model, number: usize) -> *const u32 {
     unsafe { &*organ }.table(number)
 }
 
@@ -56,7 +56,7 @@ pub unsafe extern "C" fn organ_table(organ: *const Organ, number: usize) -> *con
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_rest(organ: *const Organ) -> *const f32 {
+pub unsafe extern "C" fn organ_rest(organ: *const Model) -> *const f32 {
     unsafe { &*organ }.rest().as_ptr()
 }
 
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn organ_rest(organ: *const Organ) -> *const f32 {
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_touch(organ: *mut Organ, x: f64, y: f64, z: f64) -> f64 {
+pub unsafe extern "C" fn organ_touch(organ: *mut Model, x: f64, y: f64, z: f64) -> f64 {
     unsafe { &mut *organ }.touch([x, y, z])
 }
 
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn organ_touch(organ: *mut Organ, x: f64, y: f64, z: f64) 
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_evaluate(organ: *mut Organ, x: f64, y: f64, z: f64) -> u32 {
+pub unsafe extern "C" fn organ_evaluate(organ: *mut Model, x: f64, y: f64, z: f64) -> u32 {
     unsafe { &mut *organ }.evaluate([x, y, z])
 }
 
@@ -85,7 +85,7 @@ pub unsafe extern "C" fn organ_evaluate(organ: *mut Organ, x: f64, y: f64, z: f6
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_shape_trust(organ: *const Organ) -> u32 {
+pub unsafe extern "C" fn organ_shape_trust(organ: *const Model) -> u32 {
     unsafe { &*organ }.shape_trust()
 }
 
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn organ_shape_trust(organ: *const Organ) -> u32 {
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_answer(organ: *const Organ) -> *const f64 {
+pub unsafe extern "C" fn organ_answer(organ: *const Model) -> *const f64 {
     unsafe { &*organ }.answer().as_ptr()
 }
 
@@ -104,7 +104,7 @@ pub unsafe extern "C" fn organ_answer(organ: *const Organ) -> *const f64 {
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn organ_force(
-    organ: *mut Organ,
+    organ: *mut Model,
     x: f64,
     y: f64,
     z: f64,
@@ -119,7 +119,7 @@ pub unsafe extern "C" fn organ_force(
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn organ_surface(
-    organ: *mut Organ,
+    organ: *mut Model,
     x: f64,
     y: f64,
     z: f64,
@@ -134,7 +134,7 @@ pub unsafe extern "C" fn organ_surface(
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_volume(organ: *const Organ, slot: usize) -> f64 {
+pub unsafe extern "C" fn organ_volume(organ: *const Model, slot: usize) -> f64 {
     unsafe { &*organ }.volume(slot)
 }
 
@@ -143,7 +143,7 @@ pub unsafe extern "C" fn organ_volume(organ: *const Organ, slot: usize) -> f64 {
 /// # Safety
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn organ_mode(organ: *mut Organ, mode: usize) -> *const f32 {
+pub unsafe extern "C" fn organ_mode(organ: *mut Model, mode: usize) -> *const f32 {
     unsafe { &mut *organ }.mode(mode).as_ptr()
 }
 
@@ -154,7 +154,7 @@ pub unsafe extern "C" fn organ_mode(organ: *mut Organ, mode: usize) -> *const f3
 /// See [`organ_describe`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn organ_mode_amplitude(
-    organ: *mut Organ,
+    organ: *mut Model,
     mode: usize,
     term: usize,
 ) -> *const f32 {

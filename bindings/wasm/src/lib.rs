@@ -6,7 +6,7 @@
 #[cfg(feature = "evaluator")]
 mod evaluator;
 #[cfg(feature = "evaluator")]
-mod organ;
+mod model;
 #[cfg(feature = "stepper")]
 mod stepper;
 

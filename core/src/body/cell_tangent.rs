@@ -1,7 +1,7 @@
 //! The tangent of a cell from that of its law: summed over quadrature points, or multiplied with a vector.
 
 use super::cells::{Batch, add_product};
-use super::tangent::Response;
+use super::tangent::StressTangent;
 use crate::element::Shape;
 use crate::law::TangentBlocks;
 use crate::number::{LANES, Lane};
@@ -15,14 +15,14 @@ use std::marker::PhantomData;
 pub(super) fn add<E: Shape<N>, const N: usize>(
     batch: &Batch<N>,
     point: usize,
-    response: &Response,
+    response: &StressTangent,
     forces: &mut [Vec3<Lane>; N],
     sums: &mut [Mat3<Lane>],
 ) {
     struct Add<'a, E, const N: usize> {
         batch: &'a Batch<N>,
         point: usize,
-        response: &'a Response,
+        response: &'a StressTangent,
         forces: &'a mut [Vec3<Lane>; N],
         sums: &'a mut [Mat3<Lane>],
         shape: PhantomData<E>,

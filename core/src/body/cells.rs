@@ -43,7 +43,7 @@ pub(super) struct Destination {
 pub(super) const NOWHERE: u32 = u32::MAX;
 
 /// Cells of an element with `N` nodes.
-pub(super) struct Cells<E, const N: usize> {
+pub(super) struct CellBatches<E, const N: usize> {
     pub nodes: Vec<[u32; N]>,
     pub batches: Vec<Batch<N>>,
     /// The rows of parameters of the tissues.
@@ -58,7 +58,7 @@ pub(super) struct Cells<E, const N: usize> {
     shape: PhantomData<E>,
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Local pairs `a <= b`, whose blocks a cell contributes.
     pub const PAIRS: usize = N * (N + 1) / 2;
 
@@ -100,7 +100,7 @@ impl<E: Shape<N>, const N: usize> Cells<E, N> {
             .filter(|(_, d)| d.block != NOWHERE)
             .map(|(of_cell, d)| (d.block, Contribution { of_cell, transposed: d.transposed }))
             .collect();
-        Cells {
+        CellBatches {
             incidence: Grouped::new(n_points, &at_nodes),
             contributions: Grouped::new(pattern.len(), &at_blocks),
             destinations,

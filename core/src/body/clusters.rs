@@ -9,7 +9,7 @@
 //! Poisson's ratio 0, `2 mu / 3`, in the cell: enough to hold its shape, too little to lock.
 
 use super::blocks::{BlockPattern, Grouped};
-use super::cells::{Cells, Slot, tissues};
+use super::cells::{CellBatches, Slot, tissues};
 use super::kernels::{RUN, TASK, tasks};
 use super::partition::Partition;
 use super::tangent::Curvature;
@@ -36,7 +36,7 @@ pub(super) struct Clusters {
     /// By cluster: the nodes of its cells, ascending.
     nodes: Grouped<u32>,
     /// The clusters in batches of one tissue.
-    pub(super) responses: Vec<Response>,
+    pub(super) batches: Vec<ClusterBatch>,
     /// By block: the places of `j_c` whose products add up to it.
     products: Grouped<[u32; 2]>,
 }
@@ -51,7 +51,7 @@ pub(super) struct Member {
 }
 
 /// `s V_c` of some clusters in one tissue.
-pub(super) struct Response {
+pub(super) struct ClusterBatch {
     pub cluster: [u32; LANES],
     pub weight: Lane,
     pub parameters: Vec<f64>,
@@ -109,7 +109,7 @@ impl Clusters {
             of,
             share,
             members: Grouped::new(volume.len(), &members),
-            responses: responses(partition, geometry, material),
+            batches: batches(partition, geometry, material),
             products: products(partition, pattern),
             nodes: partition.nodes.clone(),
             volume,
@@ -117,7 +117,7 @@ impl Clusters {
     }
 
     /// Volume ratios of cells and clusters.
-    pub fn volumes(&self, law: &dyn LawKernels, of: &Cells<Tet4, 4>, u: &[f64]) -> Volumes {
+    pub fn volumes(&self, law: &dyn LawKernels, of: &CellBatches<Tet4, 4>, u: &[f64]) -> Volumes {
         let n = of.batches.len();
         let mut cells = vec![Lane::default(); n];
         let mut slopes = vec![[[Lane::default(); 3]; 3]; n];
@@ -147,26 +147,26 @@ impl Clusters {
 
     /// `sum_c s V_c U(J_c)`.
     pub fn energy(&self, law: &dyn LawKernels, volumes: &Volumes) -> f64 {
-        let response = |r: &Response| {
+        let batch = |r: &ClusterBatch| {
             let ratio = Lanes(r.cluster.map(|c| volumes.clusters[c as usize]));
             let mut energy = [Lane::default()];
             law.dilatation(&r.parameters, &[ratio], &mut energy);
             (energy[0] * r.weight).0.iter().sum::<f64>()
         };
-        self.responses.iter().map(response).sum()
+        self.batches.iter().map(batch).sum()
     }
 
     /// `s U'(J_c)` and `s V_c U''(J_c)`.
     pub fn pressures(&self, law: &dyn LawKernels, volumes: &Volumes) -> (Vec<f64>, Vec<f64>) {
         let count = self.members.len();
         let (mut pressures, mut moduli) = (vec![0.0; count], vec![0.0; count]);
-        for response in &self.responses {
-            let ratio = Lanes(response.cluster.map(|c| volumes.clusters[c as usize]));
+        for batch in &self.batches {
+            let ratio = Lanes(batch.cluster.map(|c| volumes.clusters[c as usize]));
             let mut answer = [[Lane::default(); 2]];
-            law.pressure(&response.parameters, &[ratio], &mut answer);
+            law.pressure(&batch.parameters, &[ratio], &mut answer);
             let [pressure, modulus] = answer[0];
-            for (lane, cluster) in response.cluster.into_iter().enumerate() {
-                let (cluster, weight) = (cluster as usize, response.weight[lane]);
+            for (lane, cluster) in batch.cluster.into_iter().enumerate() {
+                let (cluster, weight) = (cluster as usize, batch.weight[lane]);
                 pressures[cluster] += weight / self.volume[cluster] * pressure[lane];
                 moduli[cluster] += weight * modulus[lane];
             }
@@ -187,7 +187,7 @@ impl Clusters {
         curvature: Curvature,
     ) -> SharedTangent {
         let (pressures, mut moduli) = self.pressures(law, volumes);
-        if curvature == Curvature::Convex {
+        if curvature == Curvature::Projected {
             moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
         }
         let slopes = self.slopes(volumes);
@@ -267,8 +267,8 @@ pub(super) fn averaged_part(material: &Material, cell: usize) -> f64 {
     (1.0 - 2.0 / 3.0 * shear / bulk).max(0.0)
 }
 
-fn responses(partition: &Partition, geometry: &[Geometry], material: &Material) -> Vec<Response> {
-    let mut responses = Vec::new();
+fn batches(partition: &Partition, geometry: &[Geometry], material: &Material) -> Vec<ClusterBatch> {
+    let mut batches = Vec::new();
     for tissue in tissues(partition.of.len(), material) {
         let share = averaged_part(material, tissue[0]);
         let mut weights: Vec<(u32, f64)> =
@@ -277,13 +277,13 @@ fn responses(partition: &Partition, geometry: &[Geometry], material: &Material) 
         let sums: Vec<(u32, f64)> = (weights.chunk_by(|a, b| a.0 == b.0))
             .map(|same| (same[0].0, same.iter().map(|w| w.1).sum()))
             .collect();
-        responses.extend(sums.chunks(LANES).map(|some| Response {
+        batches.extend(sums.chunks(LANES).map(|some| ClusterBatch {
             cluster: std::array::from_fn(|l| some[l.min(some.len() - 1)].0),
             weight: Lanes(std::array::from_fn(|l| some.get(l).map_or(0.0, |w| w.1))),
             parameters: material.row(tissue[0]).to_vec(),
         }));
     }
-    responses
+    batches
 }
 
 fn products(partition: &Partition, pattern: &BlockPattern) -> Grouped<[u32; 2]> {
@@ -329,7 +329,7 @@ impl Around<'_> {
 
 /// Volume ratios of the batches from `first` on, and their slopes along the gradients.
 struct VolumeKernel<'a> {
-    cells: &'a Cells<Tet4, 4>,
+    cells: &'a CellBatches<Tet4, 4>,
     first: usize,
     law: &'a dyn LawKernels,
     u: &'a [f64],

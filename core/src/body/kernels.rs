@@ -1,6 +1,6 @@
 //! Energy and internal force: from displacements to deformation gradients, through the law, to forces on nodes.
 
-use super::cells::{Batch, Cells, add_product};
+use super::cells::{Batch, CellBatches, add_product};
 use super::clusters::Around;
 use crate::element::Shape;
 use crate::law::LawKernels;
@@ -35,7 +35,7 @@ pub(super) fn for_tasks<T: Send>(of_batches: &mut [T], run: impl Fn(usize, &mut 
 /// Volume ratios of cells that are the right way round.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Number of tasks that the batches make.
     pub fn n_tasks(&self) -> usize {
         tasks(self.batches.len())
@@ -130,7 +130,7 @@ impl<const N: usize> Batch<N> {
 
 /// Energy of the batches from `first` to before `last`.
 struct EnergyKernel<'a, E, const N: usize> {
-    cells: &'a Cells<E, N>,
+    cells: &'a CellBatches<E, N>,
     first: usize,
     last: usize,
     law: &'a dyn LawKernels,
@@ -169,7 +169,7 @@ impl<E: Shape<N>, const N: usize> Kernel for EnergyKernel<'_, E, N> {
 
 /// Energy of the batches from `first` on, and their forces.
 struct ForceKernel<'a, E, const N: usize> {
-    cells: &'a Cells<E, N>,
+    cells: &'a CellBatches<E, N>,
     first: usize,
     law: &'a dyn LawKernels,
     around: Around<'a>,

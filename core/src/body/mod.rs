@@ -10,23 +10,23 @@ mod cells;
 mod check;
 mod clusters;
 mod convex;
-mod cut;
 mod kernels;
 mod outliers;
 mod partition;
 mod product;
-mod responses;
+mod quadrature_points;
 mod series;
+mod subset;
 mod tangent;
 #[cfg(test)]
 mod tests;
 
 pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
-pub use cut::{Cut, Seams};
 pub use kernels::UPRIGHT;
 pub use outliers::Outlier;
 pub use product::TangentProduct;
-pub use responses::Response;
+pub use quadrature_points::QuadraturePoint;
+pub use subset::{SharedNodes, WeightedSubset};
 pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
@@ -36,7 +36,7 @@ use crate::mesh;
 use crate::simd;
 use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
-use cells::{Cells, pairs_of};
+use cells::{CellBatches, pairs_of};
 use clusters::{Around, Clusters};
 use partition::Partition;
 use std::sync::Arc;
@@ -55,9 +55,9 @@ pub struct Body {
 }
 
 enum Assembly {
-    P1(Cells<Tet4, 4>),
-    P1MeanVolume(Cells<Tet4, 4>, Box<Clusters>),
-    P2(Cells<Tet10, 10>),
+    P1(CellBatches<Tet4, 4>),
+    P1MeanVolume(CellBatches<Tet4, 4>, Box<Clusters>),
+    P2(CellBatches<Tet10, 10>),
 }
 
 /// The same expression on the cells of any element.
@@ -119,13 +119,13 @@ impl Body {
         let (pattern, assembly) = match element {
             Element::P1 => {
                 let pattern = BlockPattern::new(n, cells.iter().flat_map(pairs_of));
-                let cells = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
+                let cells = CellBatches::new(cells.clone(), &geometry, &material, &pattern, n);
                 (pattern, Assembly::P1(cells))
             }
             Element::P1MeanVolume => {
                 let parts = partition(&cells, &material);
                 let pattern = BlockPattern::new(n, parts.pairs());
-                let batched = Cells::new(cells.clone(), &geometry, &material, &pattern, n);
+                let batched = CellBatches::new(cells.clone(), &geometry, &material, &pattern, n);
                 let slots = &batched.slots;
                 let clusters = Clusters::new(&parts, &cells, slots, &geometry, &material, &pattern);
                 (pattern, Assembly::P1MeanVolume(batched, Box::new(clusters)))
@@ -133,7 +133,7 @@ impl Body {
             Element::P2 => {
                 let nodes = mesh::quadratic_cells(corners, &cells, &edges);
                 let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
-                let cells = Cells::new(nodes, &geometry, &material, &pattern, n);
+                let cells = CellBatches::new(nodes, &geometry, &material, &pattern, n);
                 (pattern, Assembly::P2(cells))
             }
         };
@@ -311,7 +311,7 @@ impl Body {
         self.linearize(u, Curvature::Exact, force, tangent);
     }
 
-    /// Internal force and tangent, in place; a [`Curvature::Convex`] tangent is positive semidefinite everywhere.
+    /// Internal force and tangent, in place; a [`Curvature::Projected`] tangent is positive semidefinite everywhere.
     pub fn linearize(
         &self,
         u: &[f64],
@@ -351,7 +351,7 @@ impl Body {
     }
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// `det F` at the quadrature points, cell by cell.
     fn jacobians(&self, geometry: &[Geometry], u: &[f64]) -> Vec<f64> {
         self.gradients(geometry, u).iter().map(|f| determinant(f, &cofactor(f))).collect()

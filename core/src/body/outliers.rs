@@ -1,6 +1,6 @@
 //! Quadrature points whose volume ratio is out of a range, and how it changes with the displacement of their nodes.
 
-use super::cells::{Cells, deformation};
+use super::cells::{CellBatches, deformation};
 use crate::element::{Geometry, Shape};
 use crate::tensor::{cofactor, determinant, mul_vector};
 
@@ -19,7 +19,7 @@ pub struct Outlier {
     pub slopes: Vec<(u32, [f64; 3])>,
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     pub fn outliers(
         &self,
         geometry: &[Geometry],

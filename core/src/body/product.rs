@@ -4,7 +4,7 @@
 //! bodies whose matrix does not fit.
 
 use super::blocks::BlockPattern;
-use super::cells::Cells;
+use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
 use super::kernels::for_tasks;
 use super::tangent::{Curvature, Purpose, TangentLoop};
@@ -90,7 +90,7 @@ impl TangentProduct {
     }
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// `y = K x`.
     fn tangent_times(
         &self,

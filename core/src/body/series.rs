@@ -1,7 +1,7 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
 //! internal force along a series of displacements (paper A; docs/architecture.md).
 
-use super::cells::{Cells, Slot};
+use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
 use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
@@ -85,7 +85,7 @@ impl<T: Real> Along<'_, T> {
     }
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Adds the degree-p forces; `pressure` holds the series of an extra pressure in each cell, or nothing.
     fn force_series<T: Real>(
         &self,
@@ -125,7 +125,7 @@ fn gradients<const N: usize>(slopes: &[[f64; 3]; N], geometry: &Geometry) -> [[f
 }
 
 struct Forces<'a, T, E, const N: usize> {
-    cells: &'a Cells<E, N>,
+    cells: &'a CellBatches<E, N>,
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
@@ -173,7 +173,7 @@ where
 }
 
 struct Volumes<'a, T, E, const N: usize> {
-    cells: &'a Cells<E, N>,
+    cells: &'a CellBatches<E, N>,
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
@@ -224,14 +224,14 @@ impl Clusters {
             add_scaled(sum, factor, &pressure);
         };
         let mut means = vec![T::default(); count * n];
-        for response in &self.responses {
-            for (lane, cluster) in response.cluster.into_iter().enumerate() {
-                let (cluster, weight) = (cluster as usize, response.weight[lane]);
+        for batch in &self.batches {
+            for (lane, cluster) in batch.cluster.into_iter().enumerate() {
+                let (cluster, weight) = (cluster as usize, batch.weight[lane]);
                 if weight > 0.0 {
                     let (ratio, factor) =
                         (&ratios[cluster * n..][..n], weight / self.volume[cluster]);
                     let mean = &mut means[cluster * n..][..n];
-                    pressure_at(&response.parameters, ratio, factor, mean);
+                    pressure_at(&batch.parameters, ratio, factor, mean);
                 }
             }
         }

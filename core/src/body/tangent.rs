@@ -2,7 +2,7 @@
 
 use super::blocks::SymmetricBlocks;
 use super::cell_tangent::{add, add_times};
-use super::cells::{Batch, Cells, Destination, NOWHERE};
+use super::cells::{Batch, CellBatches, Destination, NOWHERE};
 use super::clusters::Around;
 use super::convex::make_convex;
 use super::kernels::TASK;
@@ -22,13 +22,13 @@ pub enum Curvature {
     /// The derivative of the force.
     Exact,
     /// Cells that are not positive semidefinite are made so.
-    Convex,
+    Projected,
 }
 
 /// Stress and tangent of a law in the cells of a batch.
-pub(super) type Response = (Mat3<Lane>, TangentBlocks<Lane>);
+pub(super) type StressTangent = (Mat3<Lane>, TangentBlocks<Lane>);
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Internal force and tangent, to each block of which `rest` adds.
     pub fn force_and_tangent(
         &self,
@@ -152,7 +152,7 @@ fn scatter(sums: &[Mat3<Lane>], destinations: &[Destination], values: &mut [[f64
 
 /// Goes through the cells of tasks. Its pieces are compiled once for what each depends on.
 pub(super) struct TangentLoop<'a, E, const N: usize> {
-    pub cells: &'a Cells<E, N>,
+    pub cells: &'a CellBatches<E, N>,
     pub law: &'a dyn LawKernels,
     pub around: Around<'a>,
     pub u: &'a [f64],
@@ -163,8 +163,8 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
     /// Goes through a task: as many batches as there are `forces`.
     pub fn run(&self, task: usize, forces: &mut [[Vec3<Lane>; N]], mut purpose: Purpose<'_, N>) {
         let &TangentLoop { cells, law, around, u, curvature } = self;
-        let mut sums = vec![Mat3::<Lane>::default(); Cells::<E, N>::PAIRS];
-        let mut response = Response::default();
+        let mut sums = vec![Mat3::<Lane>::default(); CellBatches::<E, N>::PAIRS];
+        let mut response = StressTangent::default();
         let mut pressure = [Lane::default()];
         for (local, forces) in forces.iter_mut().enumerate() {
             let number = task * TASK + local;
@@ -176,7 +176,7 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
                 let f = dispatch_solver(Deform::<E, N> { batch, point, u, shape: PhantomData });
                 let (stress, blocks) = &mut response;
                 law.tangent(row, &[f], from_ref(g), shared, from_mut(stress), from_mut(blocks));
-                if curvature == Curvature::Convex {
+                if curvature == Curvature::Projected {
                     make_convex(&mut response.1);
                 }
                 if let Purpose::Product(x) = purpose {

@@ -105,7 +105,7 @@ fn the_tangent_without_a_matrix_is_the_matrix() {
         for body in bodies(law) {
             // The second state is beyond the first: cells are crushed, and some of their tangents indefinite.
             for (u, curvature) in
-                [(state(&body), Curvature::Exact), (crushed(&body), Curvature::Convex)]
+                [(state(&body), Curvature::Exact), (crushed(&body), Curvature::Projected)]
             {
                 let (mut f, mut matrix) = (vec![0.0; u.len()], body.zero_tangent());
                 body.linearize(&u, curvature, &mut f, &mut matrix);
@@ -134,7 +134,8 @@ fn responses_are_what_force_and_energy_integrate() {
         for body in bodies(law) {
             let u = state(&body);
             let v: Vec<f64> = noise(u.len(), 3).iter().map(|n| 1e-3 * n).collect();
-            let (here, there) = (body.responses(&u), body.responses(&along(&u, 1.0, &v)));
+            let (here, there) =
+                (body.quadrature_points(&u), body.quadrature_points(&along(&u, 1.0, &v)));
             let points = here.len() / body.cells().len();
             let (mut work, mut energy) = (0.0, 0.0);
             for (k, (response, moved)) in here.iter().zip(&there).enumerate() {
@@ -212,7 +213,7 @@ fn a_convex_tangent_is_positive_semidefinite_and_leaves_the_force_alone() {
                 body.linearize(&u, curvature, &mut f, &mut tangent);
                 (f, extremes(&tangent, u.len()))
             };
-            let (exact, convex) = (linearized(Curvature::Exact), linearized(Curvature::Convex));
+            let (exact, convex) = (linearized(Curvature::Exact), linearized(Curvature::Projected));
             assert!(exact.1[0] < -1e-3 * exact.1[1], "{name}: definite anyway, {:?}", exact.1);
             assert!(convex.1[0] > -1e-9 * convex.1[1], "{name}: {:?}", convex.1);
             assert_eq!(exact.0, convex.0, "{name}");
@@ -229,7 +230,7 @@ fn where_every_cell_is_stable_the_convex_tangent_is_the_exact_one() {
             body.linearize(&u, curvature, &mut vec![0.0; u.len()], &mut tangent);
             tangent.values
         };
-        let (exact, convex) = (values(Curvature::Exact), values(Curvature::Convex));
+        let (exact, convex) = (values(Curvature::Exact), values(Curvature::Projected));
         // Rotations of a stressed cell are curved, by the size of its stress: a part of the strain.
         assert!(gap(&exact, &convex) < 0.05 * largest(&exact), "{}", body.element().name());
     }

@@ -14,20 +14,20 @@ use std::slice::{from_mut, from_ref};
 
 /// Linear cells with weights, and the modes on them, in panels.
 #[derive(Clone)]
-pub(super) struct Cells {
+pub(super) struct SampledCells {
     sample: Sample,
     panels: Vec<Panel>,
     works: Vec<Work>,
 }
 
-impl Cells {
+impl SampledCells {
     /// Some cells of a body, each counting `weights` times; `modes` are runs of all degrees of freedom.
     pub fn new(origin: &Origin, cells: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
         let body = &origin.body;
         let mut sample = Sample::new(body.points(), body.cells(), body.material(), cells);
-        sample.weigh(weights);
+        sample.set_weights(weights);
         let panels = Panel::all(&sample, &origin.displacement, modes);
-        Cells { sample, works: panels.iter().map(Panel::work).collect(), panels }
+        SampledCells { sample, works: panels.iter().map(Panel::work).collect(), panels }
     }
 
     /// Number of cells.
@@ -37,30 +37,34 @@ impl Cells {
 
     /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
     pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
-        let Cells { sample, panels, works } = self;
-        let ask = |((panel, batches), work): ((&Panel, &[Batch]), &mut Work)| {
+        let SampledCells { sample, panels, works } = self;
+        let evaluate = |((panel, batches), work): ((&Panel, &[Batch]), &mut Work)| {
             panel.combine(q, work);
-            let said =
-                dispatch_solver(Ask { law: sample.material.law(), batches, work, with_tangent });
+            let results = dispatch_solver(PanelEvaluation {
+                law: sample.material.law(),
+                batches,
+                work,
+                with_tangent,
+            });
             panel.project(work);
             if with_tangent {
                 panel.curve(work);
             }
-            said
+            results
         };
         let is_shared = with_tangent && panels.len() > 1 && rayon::current_num_threads() > 1;
-        let said: Vec<Said> = if is_shared {
+        let results: Vec<PanelResult> = if is_shared {
             let panels = panels.par_iter().zip(sample.batches.par_chunks(BATCHES));
-            panels.zip(works).map(ask).collect()
+            panels.zip(works).map(evaluate).collect()
         } else {
             let panels = panels.iter().zip(sample.batches.chunks(BATCHES));
-            panels.zip(works).map(ask).collect()
+            panels.zip(works).map(evaluate).collect()
         };
-        self.add(&said, with_tangent, reduced);
+        self.add(&results, with_tangent, reduced);
     }
 
     /// What all panels say together, always in the same order.
-    fn add(&self, said: &[Said], with_tangent: bool, reduced: &mut Reduced) {
+    fn add(&self, results: &[PanelResult], with_tangent: bool, reduced: &mut Reduced) {
         let Reduced { force, tangent, .. } = reduced;
         force.fill(0.0);
         for work in &self.works {
@@ -73,19 +77,19 @@ impl Cells {
             }
             reduced.mirror();
         }
-        reduced.jacobian = said.iter().fold(f64::INFINITY, |least, s| least.min(s.jacobian));
-        reduced.energy = said.iter().map(|s| s.energy).sum();
+        reduced.jacobian = results.iter().fold(f64::INFINITY, |least, s| least.min(s.jacobian));
+        reduced.energy = results.iter().map(|s| s.energy).sum();
     }
 
     /// The force of each cell along each mode at `q`: runs of all modes, cell by cell.
     pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
-        let (r, Cells { sample, panels, works }) = (q.len(), self);
+        let (r, SampledCells { sample, panels, works }) = (q.len(), self);
         let mut forces = vec![0.0; sample.batches.len() * LANES * r];
         let panels = panels.iter().zip(sample.batches.chunks(BATCHES)).zip(works);
         for (((panel, batches), work), out) in panels.zip(forces.chunks_mut(BATCHES * LANES * r)) {
             panel.combine(q, work);
             let law = sample.material.law();
-            dispatch_solver(Ask { law, batches, work, with_tangent: false });
+            dispatch_solver(PanelEvaluation { law, batches, work, with_tangent: false });
             panel.each(work, batches.len(), |cell, mode, force| out[cell * r + mode] = force);
         }
         sample.by_cell(&forces, r)
@@ -93,7 +97,7 @@ impl Cells {
 }
 
 /// What some cells say together.
-struct Said {
+struct PanelResult {
     /// Their energy; infinite where one of them is outside of what its law is defined for.
     energy: f64,
     /// Smallest volume ratio of a cell that counts, minus infinity where one is not a number.
@@ -101,18 +105,18 @@ struct Said {
 }
 
 /// Asks the law of the cells of a panel: from edge displacements to forces on the edges, and their derivative.
-struct Ask<'a> {
+struct PanelEvaluation<'a> {
     law: &'a dyn LawKernels,
     batches: &'a [Batch],
     work: &'a mut Work,
     with_tangent: bool,
 }
 
-impl Kernel for Ask<'_> {
-    type Output = Said;
+impl Kernel for PanelEvaluation<'_> {
+    type Output = PanelResult;
     #[inline(always)]
-    fn run(self) -> Said {
-        let Ask { law, batches, work, with_tangent } = self;
+    fn run(self) -> PanelResult {
+        let PanelEvaluation { law, batches, work, with_tangent } = self;
         let (mut f, mut stresses) =
             ([Mat3::<Lane>::default(); BATCHES], [Mat3::<Lane>::default(); BATCHES]);
         let mut psi = [Lane::default(); BATCHES];
@@ -145,7 +149,7 @@ impl Kernel for Ask<'_> {
             }
         }
         let is_outside = law.forbids_inversion() && !(jacobian > 0.0);
-        Said { energy: if is_outside { f64::INFINITY } else { energy }, jacobian }
+        PanelResult { energy: if is_outside { f64::INFINITY } else { energy }, jacobian }
     }
 }
 

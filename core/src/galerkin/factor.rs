@@ -14,7 +14,7 @@ const SHIFT: f64 = 1e-3;
 
 /// Cholesky factor of `K_g`, and of `A K_g^-1 A^T`.
 #[derive(Clone)]
-pub(super) struct Factor {
+pub(super) struct ReducedFactor {
     r: usize,
     /// Rows of the lower factor, each `r` long.
     lower: Vec<f64>,
@@ -28,10 +28,10 @@ pub(super) struct Factor {
     is_shifted: bool,
 }
 
-impl Factor {
+impl ReducedFactor {
     /// Room for `r` coordinates under some constraints.
     pub fn new(r: usize, constraints: usize) -> Self {
-        Factor {
+        ReducedFactor {
             r,
             lower: vec![0.0; r * r],
             influence: vec![0.0; constraints * r],
@@ -44,11 +44,11 @@ impl Factor {
     }
 
     /// Of the tangent in the origin, where `r` orthonormal modes have the identity.
-    pub fn in_origin(means: &[Vec<f64>], r: usize) -> Self {
-        let mut factor = Factor::new(r, means.len());
+    pub fn in_origin(constraints: &[Vec<f64>], r: usize) -> Self {
+        let mut factor = ReducedFactor::new(r, constraints.len());
         let mut identity = vec![0.0; r * r];
         (0..r).for_each(|k| identity[k * r + k] = 1.0);
-        factor.factorize(&identity, means);
+        factor.factorize(&identity, constraints);
         factor
     }
 
@@ -68,17 +68,17 @@ impl Factor {
     }
 
     /// Factorises a tangent, shifted until it is definite.
-    pub fn factorize(&mut self, tangent: &[f64], means: &[Vec<f64>]) {
+    pub fn factorize(&mut self, tangent: &[f64], constraints: &[Vec<f64>]) {
         let (r, n) = (self.r, self.constraints);
         let mean = (0..r).map(|k| tangent[k * r + k].abs()).sum::<f64>() / r as f64;
-        let size = means.iter().map(|row| dot(row, row)).sum::<f64>() / n as f64;
+        let size = constraints.iter().map(|row| dot(row, row)).sum::<f64>() / n as f64;
         self.penalty = PENALTY * mean / size;
         let mut shift = 0.0;
         loop {
             self.lower.copy_from_slice(tangent);
             for (k, row) in self.lower.chunks_exact_mut(r).enumerate() {
                 row[k] += shift * mean;
-                for a in means {
+                for a in constraints {
                     let scale = self.penalty * a[k];
                     row[..=k].iter_mut().zip(a).for_each(|(x, a)| *x += scale * a);
                 }
@@ -89,14 +89,14 @@ impl Factor {
             shift = if shift == 0.0 { SHIFT } else { 10.0 * shift };
         }
         self.is_shifted = shift > 0.0;
-        for (row, mean) in self.influence.chunks_exact_mut(r).zip(means) {
+        for (row, mean) in self.influence.chunks_exact_mut(r).zip(constraints) {
             row.copy_from_slice(mean);
             solve(&self.lower, r, row);
         }
         for i in 0..n {
             for j in 0..n {
                 let row = &self.influence[j * r..(j + 1) * r];
-                self.compliance[i * n + j] = dot(&means[i], row);
+                self.compliance[i * n + j] = dot(&constraints[i], row);
             }
         }
         self.is_ready = cholesky(&mut self.compliance, n);
@@ -106,21 +106,21 @@ impl Factor {
     pub fn step(
         &self,
         force: &[f64],
-        missing: &[f64],
-        means: &[Vec<f64>],
+        constraint_residual: &[f64],
+        constraints: &[Vec<f64>],
         step: &mut [f64],
         forces: &mut [f64],
     ) {
         step.iter_mut().zip(force).for_each(|(x, f)| *x = -f);
         solve(&self.lower, self.r, step);
-        for ((f, row), m) in forces.iter_mut().zip(means).zip(missing) {
+        for ((f, row), m) in forces.iter_mut().zip(constraints).zip(constraint_residual) {
             *f = m - dot(row, step);
         }
         solve(&self.compliance, self.constraints, forces);
         for (row, f) in self.influence.chunks_exact(self.r).zip(forces.iter()) {
             step.iter_mut().zip(row).for_each(|(x, a)| *x += f * a);
         }
-        forces.iter_mut().zip(missing).for_each(|(f, m)| *f -= self.penalty * m);
+        forces.iter_mut().zip(constraint_residual).for_each(|(f, m)| *f -= self.penalty * m);
     }
 
     /// `dF/dd = (A K_g^-1 A^T)^-1 - g`, row by row.

@@ -1,4 +1,4 @@
-//! The forces of every piece in the states of training, by which pieces are chosen and weighed.
+//! The forces of every unit in the states of training, by which units are chosen and weighed.
 
 use super::nnls::norm;
 use super::origin::Origin;
@@ -7,7 +7,7 @@ use super::sketch::Sketch;
 use super::subspace::Subspace;
 use rayon::prelude::*;
 
-/// Pieces that a thread takes at once.
+/// Sampling units that a thread takes at once.
 const CHUNK: usize = 64;
 
 /// A state of training.
@@ -44,32 +44,32 @@ pub(super) fn with_forces(
         .collect()
 }
 
-/// Forces of some pieces along the modes in some states, each state in units of the force of the whole body over its
+/// Forces of some units along the modes in some states, each state in units of the force of the whole body over its
 /// weight.
 pub(super) struct Forces {
     /// Rows: modes of a state after modes of another, or a sketch of them where they are many.
     pub rows: usize,
-    /// Piece by piece.
-    pub pieces: Vec<f64>,
+    /// Unit by unit.
+    pub units: Vec<f64>,
     /// Of the whole body.
     pub body: Vec<f64>,
 }
 
 impl Forces {
-    /// Of some pieces of a body.
-    pub fn new(origin: &Origin, pieces: &[usize], subspace: &Subspace, states: &[State]) -> Self {
-        let units: Vec<f64> =
+    /// Of some units of a body.
+    pub fn new(origin: &Origin, units: &[usize], subspace: &Subspace, states: &[State]) -> Self {
+        let scales: Vec<f64> =
             states.iter().map(|s| s.weight / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
         let (r, rows) = (subspace.len(), subspace.len() * states.len());
         let sketch = Sketch::new(rows);
         let of_some = |some: &[usize]| {
             let mut one_by_one = OneByOne::new(origin, some, &subspace.basis.modes);
             let mut columns = vec![0.0; rows * some.len()];
-            for (k, (state, unit)) in states.iter().zip(&units).enumerate() {
+            for (k, (state, scale)) in states.iter().zip(&scales).enumerate() {
                 let forces = one_by_one.forces(&state.q);
                 for (column, force) in columns.chunks_exact_mut(rows).zip(forces.chunks_exact(r)) {
                     let out = &mut column[k * r..(k + 1) * r];
-                    out.iter_mut().zip(force).for_each(|(out, f)| *out = unit * f);
+                    out.iter_mut().zip(force).for_each(|(out, f)| *out = scale * f);
                 }
             }
             let mut sketched = vec![0.0; sketch.rows() * some.len()];
@@ -77,18 +77,18 @@ impl Forces {
             pairs.for_each(|(column, out)| sketch.apply(column, out));
             sketched
         };
-        let pieces = pieces.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
-        let forces = states.iter().zip(&units);
+        let units = units.par_chunks(CHUNK).map(of_some).collect::<Vec<_>>().concat();
+        let forces = states.iter().zip(&scales);
         let forces: Vec<f64> =
-            forces.flat_map(|(s, unit)| s.force.iter().map(move |f| unit * f)).collect();
+            forces.flat_map(|(s, scale)| s.force.iter().map(move |f| scale * f)).collect();
         let mut body = vec![0.0; sketch.rows()];
         sketch.apply(&forces, &mut body);
-        Forces { rows: sketch.rows(), pieces, body }
+        Forces { rows: sketch.rows(), units, body }
     }
 
-    /// The norm of each piece's forces.
+    /// The norm of each unit's forces.
     pub fn sizes(&self) -> Vec<f64> {
-        self.pieces.chunks_exact(self.rows).map(norm).collect()
+        self.units.chunks_exact(self.rows).map(norm).collect()
     }
 }
 

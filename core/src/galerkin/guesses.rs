@@ -1,8 +1,8 @@
 //! Guesses at what contacts may do to an organ: displacements spread over a ball, and the superposed series under them.
 
+use super::newton::{ReducedNewton, ReducedStatus, Search};
 use super::nnls::norm;
 use super::origin::Origin;
-use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -24,10 +24,10 @@ impl Guess {
     }
 
     /// Coordinates of the model's answer to the displacements; the guess itself where it finds none.
-    pub fn answer(&self, subspace: &Subspace, model: &mut Solver) -> Vec<f64> {
+    pub fn answer(&self, subspace: &Subspace, model: &mut ReducedNewton) -> Vec<f64> {
         model.start_at(&self.d, subspace.guess(&self.d));
         match model.solve(&self.d, &mut Search::default()) {
-            Status::Converged => model.q.clone(),
+            ReducedStatus::Converged => model.q.clone(),
             _ => self.q.clone(),
         }
     }
@@ -40,7 +40,7 @@ pub(super) fn guesses(
     depth: f64,
     numbers: Range<usize>,
 ) -> Vec<Guess> {
-    let contacts = subspace.means.len() / 3;
+    let contacts = subspace.constraints.len() / 3;
     numbers
         .into_par_iter()
         .map(|number| {

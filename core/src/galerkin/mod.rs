@@ -2,37 +2,37 @@
 //!
 //! When tools take hold ([`Galerkin::grasp`]) the fields of their series and of their coupling become a basis, if
 //! wanted with what some snapshots of the whole body have beyond them; and few cells get the weights `w_e >= 0` that integrate its forces best (energy-conserving sampling and weighting, Farhat,
-//! Avery, Chapman and Cortial, IJNME 98 (2014) 625). On-line ([`Grasp::solve`]) the reduced energy
+//! Avery, Chapman and Cortial, IJNME 98 (2014) 625). On-line ([`HyperReducedModel::solve`]) the reduced energy
 //!   W(q) = sum_e w_e V_e psi(F_e(q))   under   A q = d
 //! is minimised by Newton's method: forces are its gradient, tangents symmetric, whatever the weights.
 
+mod background;
 mod basis;
+mod broyden;
 mod cells;
+mod contacts;
 mod coupling;
 mod factor;
 mod forces;
-mod grasp;
 mod guesses;
-mod hold;
-mod lessons;
+mod hyper_reduced;
 mod model;
+mod newton;
 mod nnls;
 mod origin;
 mod panels;
-mod pieces;
 mod sample;
 mod sampled;
-mod secants;
 mod sketch;
 mod snapshots;
-mod solver;
 mod starts;
 mod subspace;
 #[cfg(test)]
 mod tests;
 mod training;
+mod units;
 
-pub use grasp::{Grasp, Solution};
-pub use hold::{Assessment, Hold, Trust};
+pub use contacts::{Assessment, ReducedContacts, Trust};
+pub use hyper_reduced::{HyperReducedModel, Solution};
 pub use model::{Galerkin, Sampling};
-pub use solver::Status;
+pub use newton::ReducedStatus;

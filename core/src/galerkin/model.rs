@@ -1,7 +1,7 @@
 //! The Galerkin model of an organ: its series model, and the body that it was reduced from.
 
-use super::grasp::Grasp;
-use super::hold::Hold;
+use super::contacts::ReducedContacts;
+use super::hyper_reduced::HyperReducedModel;
 use super::origin::Origin;
 use super::snapshots::Solvers;
 use super::training::train;
@@ -50,7 +50,7 @@ impl Galerkin {
     ///
     /// # Errors
     /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
-    pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+    pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<HyperReducedModel, Error> {
         self.grasp_while(points, &|| true)
     }
 
@@ -62,10 +62,10 @@ impl Galerkin {
         self: &Arc<Self>,
         points: &[[f64; 3]],
         is_wanted: &(dyn Fn() -> bool + Sync),
-    ) -> Result<Grasp, Error> {
+    ) -> Result<HyperReducedModel, Error> {
         let (since, mut best) = (Instant::now(), None);
-        let hold_on = &mut |grasp| best = Some(grasp);
-        train(&mut self.hold(points)?, since, is_wanted, hold_on)?;
+        let go_on = &mut |grasp| best = Some(grasp);
+        train(&mut self.contacts(points)?, since, is_wanted, go_on)?;
         Ok(best.expect("training hands over a grasp or an error"))
     }
 
@@ -74,12 +74,15 @@ impl Galerkin {
     ///
     /// # Errors
     /// As [`Galerkin::grasp`]; no thread.
-    pub fn grasp_and_learn(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Grasp, Error> {
+    pub fn grasp_in_background(
+        self: &Arc<Self>,
+        points: &[[f64; 3]],
+    ) -> Result<HyperReducedModel, Error> {
         let since = Instant::now();
-        Grasp::learning(self.hold(points)?, since)
+        HyperReducedModel::in_training(self.contacts(points)?, since)
     }
 
-    fn hold(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<Hold, Error> {
+    fn contacts(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<ReducedContacts, Error> {
         if points.is_empty() {
             return Err(Error::input(
                 "no contact; give at least one point of the touchable surface",
@@ -90,7 +93,7 @@ impl Galerkin {
             .enumerate()
             .map(|(k, &point)| self.contact(k, point))
             .collect::<Result<Vec<_>, _>>()?;
-        Hold::new(Arc::clone(self), contacts)
+        ReducedContacts::new(Arc::clone(self), contacts)
     }
 
     fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {

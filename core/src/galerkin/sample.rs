@@ -72,7 +72,7 @@ impl Sample {
     }
 
     /// Makes each cell count `weights` times.
-    pub fn weigh(&mut self, weights: &[f64]) {
+    pub fn set_weights(&mut self, weights: &[f64]) {
         for (&(batch, lane), w) in self.slots.iter().zip(weights) {
             self.batches[batch].weight[lane] *= w;
         }

@@ -1,11 +1,11 @@
 //! What the reduced energy is summed over: linear cells one by one, in panels that are made for them; of other elements,
-//! pieces that are a body of their own.
+//! units that are a body of their own.
 
-use super::cells::Cells;
+use super::cells::SampledCells;
 use super::nnls::dot;
 use super::origin::{Origin, ROUNDING};
-use super::pieces::Pieces;
-use crate::body::Seams;
+use super::units::SamplingUnits;
+use crate::body::SharedNodes;
 use crate::element::Element;
 
 /// What is summed up says at some coordinates.
@@ -41,60 +41,61 @@ impl Reduced {
     }
 }
 
-/// Pieces of a body ([`crate::body::Cut`]), and the modes on them. Energies and forces are those of the law alone.
+/// Sampling units of a body ([`crate::body::WeightedSubset`]), and the modes on them. Energies and forces are those of
+/// the law alone.
 #[derive(Clone)]
-enum Sum {
+enum SampledEnergy {
     /// Linear cells.
-    Cells(Cells),
+    Cells(SampledCells),
     /// Cells of other elements, or clusters of them.
-    Pieces(Pieces),
+    Units(SamplingUnits),
 }
 
-impl Sum {
+impl SampledEnergy {
     fn new(
         origin: &Origin,
-        pieces: &[usize],
+        units: &[usize],
         weights: &[f64],
-        seams: Seams,
+        shared: SharedNodes,
         modes: &[Vec<f64>],
     ) -> Self {
         match origin.body.element() {
-            Element::P1 => Sum::Cells(Cells::new(origin, pieces, weights, modes)),
+            Element::P1 => SampledEnergy::Cells(SampledCells::new(origin, units, weights, modes)),
             Element::P1MeanVolume | Element::P2 => {
-                let cut = origin.body.cut(pieces, weights, seams);
-                Sum::Pieces(Pieces::new(cut, &origin.displacement, modes))
+                let subset = origin.body.subset(units, weights, shared);
+                SampledEnergy::Units(SamplingUnits::new(subset, &origin.displacement, modes))
             }
         }
     }
 
     fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
         match self {
-            Sum::Cells(cells) => cells.evaluate(q, with_tangent, reduced),
-            Sum::Pieces(pieces) => pieces.evaluate(q, with_tangent, reduced),
+            SampledEnergy::Cells(cells) => cells.evaluate(q, with_tangent, reduced),
+            SampledEnergy::Units(units) => units.evaluate(q, with_tangent, reduced),
         }
     }
 
     fn forces(&mut self, q: &[f64]) -> Vec<f64> {
         match self {
-            Sum::Cells(cells) => cells.forces(q),
-            Sum::Pieces(pieces) => pieces.forces(q),
+            SampledEnergy::Cells(cells) => cells.forces(q),
+            SampledEnergy::Units(units) => units.forces(q),
         }
     }
 }
 
-/// Some pieces with weights: the energy of a body in the coordinates of the modes.
+/// Some units with weights: the energy of a body in the coordinates of the modes.
 #[derive(Clone)]
 pub(super) struct Sampled {
-    sum: Sum,
+    sum: SampledEnergy,
     /// Energy and force in the origin, where a load that stays is in balance with them.
     energy: f64,
     force: Vec<f64>,
 }
 
 impl Sampled {
-    /// Some pieces, each counting `weights` times; `modes` are runs of all degrees of freedom.
-    pub fn new(origin: &Origin, pieces: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
-        let mut sum = Sum::new(origin, pieces, weights, Seams::Kept, modes);
+    /// Some units, each counting `weights` times; `modes` are runs of all degrees of freedom.
+    pub fn new(origin: &Origin, units: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
+        let mut sum = SampledEnergy::new(origin, units, weights, SharedNodes::Merged, modes);
         let mut there = Reduced::new(modes.len());
         sum.evaluate(&vec![0.0; modes.len()], false, &mut there);
         Sampled { sum, energy: there.energy, force: there.force }
@@ -111,29 +112,29 @@ impl Sampled {
     /// Number of cells.
     pub fn n_cells(&self) -> usize {
         match &self.sum {
-            Sum::Cells(cells) => cells.len(),
-            Sum::Pieces(pieces) => pieces.n_cells(),
+            SampledEnergy::Cells(cells) => cells.len(),
+            SampledEnergy::Units(units) => units.n_cells(),
         }
     }
 }
 
-/// Some pieces without a node in common, for the force of each of them.
+/// Some units without a node in common, for the force of each of them.
 pub(super) struct OneByOne {
-    sum: Sum,
+    sum: SampledEnergy,
     /// Their forces in the origin.
     there: Vec<f64>,
 }
 
 impl OneByOne {
-    /// Of these pieces; `modes` are runs of all degrees of freedom.
-    pub fn new(origin: &Origin, pieces: &[usize], modes: &[Vec<f64>]) -> Self {
-        let ones = vec![1.0; pieces.len()];
-        let mut sum = Sum::new(origin, pieces, &ones, Seams::Opened, modes);
+    /// Of these units; `modes` are runs of all degrees of freedom.
+    pub fn new(origin: &Origin, units: &[usize], modes: &[Vec<f64>]) -> Self {
+        let ones = vec![1.0; units.len()];
+        let mut sum = SampledEnergy::new(origin, units, &ones, SharedNodes::Duplicated, modes);
         let there = sum.forces(&vec![0.0; modes.len()]);
         OneByOne { sum, there }
     }
 
-    /// The force of each along each mode at `q`: runs of all modes, piece by piece.
+    /// The force of each along each mode at `q`: runs of all modes, unit by unit.
     pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
         let mut forces = self.sum.forces(q);
         forces.iter_mut().zip(&self.there).for_each(|(f, there)| *f -= there);

@@ -121,7 +121,7 @@ fn prepare(
     if solver.prepare(tangent, 0.0).is_ok() {
         return Some(true);
     }
-    origin.linearize(u, Curvature::Convex, force, tangent);
+    origin.linearize(u, Curvature::Projected, force, tangent);
     solver.prepare(tangent, 0.0).is_ok().then_some(false)
 }
 

@@ -1,6 +1,6 @@
 //! Where a search starts that does not go on from the last one: the superposed series, or an equilibrium that is known.
 
-use super::factor::Factor;
+use super::factor::ReducedFactor;
 use super::forces::State;
 use super::nnls::dot;
 
@@ -20,32 +20,39 @@ struct Known {
 pub(super) struct Starts {
     known: Vec<Known>,
     /// The tangent in the origin, in which the modes are orthonormal.
-    in_origin: Factor,
+    in_origin: ReducedFactor,
 }
 
 impl Starts {
     /// From `known` equilibria of orthonormal modes with these means.
-    pub fn new(known: &[State], means: &[Vec<f64>], r: usize) -> Self {
+    pub fn new(known: &[State], constraints: &[Vec<f64>], r: usize) -> Self {
         let known = known.iter().map(|State { q, .. }| {
-            let d = means.iter().map(|row| dot(row, q)).collect();
+            let d = constraints.iter().map(|row| dot(row, q)).collect();
             Known { q: q.clone(), d }
         });
-        Starts { known: known.collect(), in_origin: Factor::in_origin(means, r) }
+        Starts { known: known.collect(), in_origin: ReducedFactor::in_origin(constraints, r) }
     }
 
     /// The `guess` and the known equilibria nearest to `d`, moved by the tangent in the origin to where the means are `d`.
-    pub fn at(&self, d: &[f64], guess: Vec<f64>, means: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub fn at(&self, d: &[f64], guess: Vec<f64>, constraints: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let gap = |known: &Known| known.d.iter().zip(d).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
         let mut nearest: Vec<(f64, &Known)> = self.known.iter().map(|k| (gap(k), k)).collect();
         nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
         let known = nearest.into_iter().take(NEAREST).map(|(_, known)| known.q.clone());
-        std::iter::once(guess).chain(known).map(|q| self.moved(q, d, means)).collect()
+        std::iter::once(guess).chain(known).map(|q| self.moved(q, d, constraints)).collect()
     }
 
-    fn moved(&self, mut q: Vec<f64>, d: &[f64], means: &[Vec<f64>]) -> Vec<f64> {
-        let missing: Vec<f64> = d.iter().zip(means).map(|(d, row)| d - dot(row, &q)).collect();
+    fn moved(&self, mut q: Vec<f64>, d: &[f64], constraints: &[Vec<f64>]) -> Vec<f64> {
+        let constraint_residual: Vec<f64> =
+            d.iter().zip(constraints).map(|(d, row)| d - dot(row, &q)).collect();
         let (mut step, mut forces) = (vec![0.0; q.len()], vec![0.0; d.len()]);
-        self.in_origin.step(&vec![0.0; q.len()], &missing, means, &mut step, &mut forces);
+        self.in_origin.step(
+            &vec![0.0; q.len()],
+            &constraint_residual,
+            constraints,
+            &mut step,
+            &mut forces,
+        );
         q.iter_mut().zip(step).for_each(|(q, s)| *q += s);
         q
     }

@@ -40,7 +40,7 @@ impl Source {
 pub(super) struct Subspace {
     pub basis: Basis,
     /// Mean displacement of the patches under each mode: three rows for each contact.
-    pub means: Vec<Vec<f64>>,
+    pub constraints: Vec<Vec<f64>>,
     sources: Vec<Source>,
     /// Inverse of the means of the first-order fields.
     unmixed: Mat<f64>,
@@ -80,9 +80,9 @@ impl Subspace {
         }
         let basis = Basis::new(&fields, &origin.stiffness);
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
-        let means = means(&patches, &basis);
-        let unmixed = unmixed(&means, &basis, &sources)?;
-        Ok(Subspace { basis, means, sources, unmixed })
+        let constraints = constraints(&patches, &basis);
+        let unmixed = unmixed(&constraints, &basis, &sources)?;
+        Ok(Subspace { basis, constraints, sources, unmixed })
     }
 
     /// Takes in what these fields have beyond the span, but for parts below `smallest` of the largest field.
@@ -94,7 +94,7 @@ impl Subspace {
         origin: &Origin,
     ) {
         self.basis.enrich(fields, smallest, &origin.stiffness);
-        self.means = means(patches, &self.basis);
+        self.constraints = constraints(patches, &self.basis);
     }
 
     /// Number of modes.
@@ -107,11 +107,11 @@ impl Subspace {
     pub fn superposed(&self, d: &[f64]) -> Vec<f64> {
         let mut alone = self.unmix(d);
         let q = self.sum_of_series(&alone);
-        let mut missing = d.to_vec();
-        for (m, row) in missing.iter_mut().zip(&self.means) {
+        let mut constraint_residual = d.to_vec();
+        for (m, row) in constraint_residual.iter_mut().zip(&self.constraints) {
             *m -= row.iter().zip(&q).map(|(a, q)| a * q).sum::<f64>();
         }
-        alone.iter_mut().zip(self.unmix(&missing)).for_each(|(a, more)| *a += more);
+        alone.iter_mut().zip(self.unmix(&constraint_residual)).for_each(|(a, more)| *a += more);
         self.sum_of_series(&alone)
     }
 
@@ -146,18 +146,18 @@ impl Subspace {
     }
 }
 
-fn means(patches: &[Patch], basis: &Basis) -> Vec<Vec<f64>> {
+fn constraints(patches: &[Patch], basis: &Basis) -> Vec<Vec<f64>> {
     patches.iter().flat_map(|patch| basis.means(patch)).collect()
 }
 
 /// Inverse of the means under the first-order field of each contact, in units of their displacement.
-fn unmixed(means: &[Vec<f64>], basis: &Basis, sources: &[Source]) -> Result<Mat<f64>, Error> {
+fn unmixed(constraints: &[Vec<f64>], basis: &Basis, sources: &[Source]) -> Result<Mat<f64>, Error> {
     let is_first = |&f: &usize| sources[f].first_order().is_some();
     let first: Vec<usize> = (0..sources.len()).filter(is_first).collect();
-    let n = means.len();
+    let n = constraints.len();
     let mixed = Mat::from_fn(n, n, |i, j| {
         let row = &basis.coordinates[first[j]];
-        row.iter().zip(&means[i]).map(|(x, a)| x * a).sum::<f64>()
+        row.iter().zip(&constraints[i]).map(|(x, a)| x * a).sum::<f64>()
     });
     let size = mixed.norm_max();
     let inverse = PartialPivLu::new(mixed.as_ref()).solve(Mat::<f64>::identity(n, n));

@@ -4,12 +4,12 @@ use super::basis::Basis;
 use super::forces::{Forces, State, systematic, with_forces};
 use super::guesses::guesses;
 use super::model::{Galerkin, Sampling};
+use super::newton::{ReducedNewton, ReducedStatus, Search};
 use super::nnls::{self, Columns, norm};
 use super::origin::Origin;
 use super::sampled::{Reduced, Sampled};
-use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
-use super::{Assessment, Grasp, Trust};
+use super::{Assessment, HyperReducedModel, Trust};
 use crate::body::Body;
 use crate::element::Element;
 use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem, patch_mean};
@@ -84,7 +84,7 @@ fn loaded(body: &Body, fixed: &[u32], weight: [f64; 3]) -> Vec<f64> {
 const LEFT: [f64; 3] = [0.018, 0.021, 0.03];
 const RIGHT: [f64; 3] = [0.042, 0.017, 0.03];
 
-fn two() -> Grasp {
+fn two() -> HyperReducedModel {
     MODEL.grasp(&[LEFT, RIGHT]).unwrap()
 }
 
@@ -223,8 +223,8 @@ fn sampled_energies_are_those_of_the_body_in_training() {
     let body = &MODEL.origin.body;
     let mut grasp = two();
     assert!(grasp.n_cells() < body.cells().len() * 3 / 4, "{} cells", grasp.n_cells());
-    for state in states(&MODEL.origin, &grasp.hold().subspace, DEPTH, 0..20) {
-        let full = body.energy(&grasp.hold().subspace.basis.field(&state.q));
+    for state in states(&MODEL.origin, &grasp.contacts().subspace, DEPTH, 0..20) {
+        let full = body.energy(&grasp.contacts().subspace.basis.field(&state.q));
         grasp.solver_mut().start(|_| state.q.clone());
         let error = (grasp.solver_mut().reduced.energy - full).abs() / full;
         assert!(error < 0.03, "energy off by {error}");
@@ -234,7 +234,7 @@ fn sampled_energies_are_those_of_the_body_in_training() {
 #[test]
 fn one_shallow_touch_is_that_of_the_series() {
     let mut grasp = MODEL.grasp(&[LEFT]).unwrap();
-    let contact = grasp.hold().contacts()[0];
+    let contact = grasp.contacts().places()[0];
     let d = pushes(1e-3 * DEPTH)[0];
     let solution = grasp.solve(&[d], false, true).unwrap();
     let response = MODEL.model.respond(&contact, d);
@@ -242,16 +242,16 @@ fn one_shallow_touch_is_that_of_the_series() {
     assert!(relative(&solution.forces[0], &response.force) < 0.02);
     let stiffness = response.stiffness.as_flattened();
     assert!(relative(&solution.stiffness, stiffness) < 0.02);
-    assert_eq!(solution.status, Status::Converged);
+    assert_eq!(solution.status, ReducedStatus::Converged);
 }
 
 #[test]
 fn the_superposed_series_is_right_to_second_order() {
     let grasp = two();
-    let patches = grasp.hold().patches();
+    let patches = grasp.contacts().patches();
     let error = |depth: f64| {
         let d = pushes(depth);
-        relative(&grasp.hold().superposed(&d).unwrap(), &newton(&patches, &d).0)
+        relative(&grasp.contacts().superposed(&d).unwrap(), &newton(&patches, &d).0)
     };
     let (coarse, fine) = (error(0.5 * DEPTH), error(0.25 * DEPTH));
     // The part left is of third order, a quarter relative to a displacement half as large.
@@ -261,15 +261,15 @@ fn the_superposed_series_is_right_to_second_order() {
 #[test]
 fn two_fingers_are_near_newton_where_superposition_is_not() {
     let mut grasp = two();
-    let patches = grasp.hold().patches();
+    let patches = grasp.contacts().patches();
     for depth in [0.25 * DEPTH, 0.5 * DEPTH] {
         let d = pushes(depth);
         let (field, forces) = newton(&patches, &d);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let error = relative(&grasp.hold().displacement(&solution), &field);
+        let error = relative(&grasp.contacts().displacement(&solution), &field);
         let force_error = relative(solution.forces.as_flattened(), forces.as_flattened());
         assert!(error < 0.015 && force_error < 0.03, "{error}, force {force_error} at {depth} m");
-        let responses = grasp.hold().contacts().iter().zip(d);
+        let responses = grasp.contacts().places().iter().zip(d);
         let alone: Vec<f64> =
             responses.flat_map(|(c, d)| MODEL.model.respond(c, d).force).collect();
         let alone = relative(&alone, forces.as_flattened());
@@ -307,7 +307,7 @@ fn the_way_there_does_not_matter() {
     assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
     let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
     assert_eq!(
-        grasp.hold().assess(&rest).unwrap(),
+        grasp.contacts().assess(&rest).unwrap(),
         Assessment { error: 0.0, trust: Trust::Trusted }
     );
     assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
@@ -319,9 +319,9 @@ fn the_whole_body_knows_the_error_of_an_answer() {
     for depth in [0.5 * DEPTH, DEPTH] {
         let d = pushes(depth);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let (field, _) = newton(&grasp.hold().patches(), &d);
-        let error = relative(&grasp.hold().displacement(&solution), &field);
-        let Assessment { error: expected, trust } = grasp.hold().assess(&solution).unwrap();
+        let (field, _) = newton(&grasp.contacts().patches(), &d);
+        let error = relative(&grasp.contacts().displacement(&solution), &field);
+        let Assessment { error: expected, trust } = grasp.contacts().assess(&solution).unwrap();
         // An expectation, no bound: it may fall short by little.
         assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
@@ -336,33 +336,37 @@ fn a_search_that_runs_out_of_time_goes_on_in_the_next() {
     let mut step = |from_last| {
         let solution = grasp.solve_within(&d, from_last, true, Some(Duration::ZERO)).unwrap();
         assert!(solution.iterations <= 1, "one step and no more");
-        assert_eq!(solution.stiffness.is_empty(), solution.status != Status::Converged);
+        assert_eq!(solution.stiffness.is_empty(), solution.status != ReducedStatus::Converged);
         solution
     };
     let mut solution = step(false);
-    assert_eq!(solution.status, Status::OutOfTime);
+    assert_eq!(solution.status, ReducedStatus::OutOfTime);
     for _ in 0..whole.iterations + 2 {
         solution = step(true);
     }
-    assert_eq!(solution.status, Status::Converged);
+    assert_eq!(solution.status, ReducedStatus::Converged);
     assert!(relative(solution.forces.as_flattened(), whole.forces.as_flattened()) < 1e-4);
     let late = grasp.solve_within(&d, false, false, Some(Duration::ZERO)).unwrap();
-    assert_eq!(grasp.hold().assess(&late).unwrap().trust, Trust::OutOfTime);
-    assert!(!grasp.learn().unwrap(), "there is no answer to learn from");
+    assert_eq!(grasp.contacts().assess(&late).unwrap().trust, Trust::OutOfTime);
+    assert!(!grasp.add_snapshot().unwrap(), "there is no answer to learn from");
 }
 
 #[test]
 fn failures_say_so() {
     let mut grasp = two();
     let beyond = grasp.solve(&pushes(1.5 * DEPTH), false, false).unwrap();
-    assert_ne!(grasp.hold().assess(&beyond).unwrap().trust, Trust::Trusted);
+    assert_ne!(grasp.contacts().assess(&beyond).unwrap().trust, Trust::Trusted);
     // Two fingers pulled through each other: no equilibrium, or none to be trusted.
     let through = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]];
     let hopeless = grasp.solve(&through, false, true).unwrap();
-    assert_ne!(grasp.hold().assess(&hopeless).unwrap().trust, Trust::Trusted);
+    assert_ne!(grasp.contacts().assess(&hopeless).unwrap().trust, Trust::Trusted);
     assert!(hopeless.forces.iter().flatten().all(|f| f.is_finite()));
     let again = grasp.solve(&pushes(0.5 * DEPTH), true, false).unwrap();
-    assert_eq!(again.status, Status::Converged, "a failure spoils nothing that comes after it");
+    assert_eq!(
+        again.status,
+        ReducedStatus::Converged,
+        "a failure spoils nothing that comes after it"
+    );
 }
 
 #[test]

@@ -1,13 +1,13 @@
 //! Training: states that the superposed series predicts, and states solved on the whole body where answers are wrong.
 
+use super::contacts::ReducedContacts;
 use super::forces::{State, with_forces};
-use super::grasp::Grasp;
 use super::guesses::{Guess, guesses};
-use super::hold::Hold;
+use super::hyper_reduced::HyperReducedModel;
 use super::model::{Galerkin, MOST_SNAPSHOTS};
+use super::newton::ReducedNewton;
 use super::nnls::norm;
 use super::snapshots::Patience;
-use super::solver::Solver;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::reduced::allowance;
@@ -50,8 +50,12 @@ impl Training {
     ///
     /// # Errors
     /// No memory for a solver; [`Error::Cancelled`].
-    pub fn new(hold: &mut Hold, most: usize, is_wanted: IsWanted<'_>) -> Result<Self, Error> {
-        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+    pub fn new(
+        contacts: &mut ReducedContacts,
+        most: usize,
+        is_wanted: IsWanted<'_>,
+    ) -> Result<Self, Error> {
+        let (patches, ReducedContacts { owner, subspace, .. }) = (contacts.patches(), contacts);
         let tried = most.min(FIRST);
         let numbers = 0..STATES.max(tried);
         let mut guesses = guesses(&owner.origin, subspace, owner.sampling.depth, numbers);
@@ -86,7 +90,7 @@ impl Training {
     }
 
     /// The states in the span as it is.
-    pub fn states(&self, Hold { owner, subspace, .. }: &Hold) -> Vec<State> {
+    pub fn states(&self, ReducedContacts { owner, subspace, .. }: &ReducedContacts) -> Vec<State> {
         let origin = &owner.origin;
         let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &origin.stiffness);
         let mut states: Vec<Vec<f64>> = self.solved.par_iter().map(nearest).collect();
@@ -107,15 +111,15 @@ impl Training {
     /// No memory for a solver; [`Error::Cancelled`].
     pub fn examine(
         &mut self,
-        hold: &mut Hold,
-        model: &Solver,
+        contacts: &mut ReducedContacts,
+        model: &ReducedNewton,
         is_wanted: IsWanted<'_>,
     ) -> Result<bool, Error> {
-        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+        let (patches, ReducedContacts { owner, subspace, .. }) = (contacts.patches(), contacts);
         let numbers = self.tried..self.most.min(self.tried + ROUND);
         self.tried = numbers.end;
         let guesses = guesses(&owner.origin, subspace, owner.sampling.depth, numbers);
-        let ask = |model: &mut Solver, guess: &Guess| -> Result<Option<Vec<f64>>, Error> {
+        let ask = |model: &mut ReducedNewton, guess: &Guess| -> Result<Option<Vec<f64>>, Error> {
             go_on(is_wanted)?;
             let answer = subspace.basis.field(&guess.answer(subspace, model));
             let Some(u) = owner.snapshot(&patches, &answer, &Patience::OF_MANY)? else {
@@ -137,8 +141,13 @@ impl Training {
     ///
     /// # Errors
     /// No memory for a solver.
-    pub fn correct(&mut self, hold: &mut Hold, u: &[f64], depth: f64) -> Result<bool, Error> {
-        let (patches, Hold { owner, subspace, .. }) = (hold.patches(), hold);
+    pub fn correct(
+        &mut self,
+        contacts: &mut ReducedContacts,
+        u: &[f64],
+        depth: f64,
+    ) -> Result<bool, Error> {
+        let (patches, ReducedContacts { owner, subspace, .. }) = (contacts.patches(), contacts);
         if self.solved.len() >= MOST_SNAPSHOTS {
             return Ok(false);
         }
@@ -167,18 +176,18 @@ fn is_wrong(owner: &Galerkin, depth: f64, answer: &[f64], u: &[f64]) -> bool {
 /// # Errors
 /// No memory for a solver; [`Error::Cancelled`].
 pub(super) fn train(
-    hold: &mut Hold,
+    contacts: &mut ReducedContacts,
     since: Instant,
     is_wanted: IsWanted<'_>,
-    hand_over: &mut (dyn FnMut(Grasp) + Send),
+    hand_over: &mut (dyn FnMut(HyperReducedModel) + Send),
 ) -> Result<Training, Error> {
-    let mut training = Training::new(hold, hold.owner.sampling.snapshots, is_wanted)?;
+    let mut training = Training::new(contacts, contacts.owner.sampling.snapshots, is_wanted)?;
     loop {
         go_on(is_wanted)?;
-        let grasp = Grasp::new(hold.clone(), training.clone(), since);
+        let grasp = HyperReducedModel::new(contacts.clone(), training.clone(), since);
         let model = grasp.solver().clone();
         hand_over(grasp);
-        if training.is_complete() || training.examine(hold, &model, is_wanted)? {
+        if training.is_complete() || training.examine(contacts, &model, is_wanted)? {
             return Ok(training);
         }
     }

@@ -23,6 +23,6 @@ pub use batch::Batches;
 pub use build::{Family, Member, Progress, Reduction};
 pub use recompress::recompressed;
 pub use viscera_touch::{
-    Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Response, Trust, View,
+    Answer, Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Trust, View,
     allowance,
 };

@@ -23,14 +23,14 @@ const DEPTH: f64 = 0.004;
 const TOLERANCE: f64 = 1e-3;
 
 /// A block held at the bottom, touched at the top.
-struct Organ {
+struct FullModel {
     body: Body,
     surface: Surface,
     fixed: Vec<u32>,
     top: Vec<u32>,
 }
 
-static ORGAN: LazyLock<Organ> = LazyLock::new(|| {
+static FULL: LazyLock<FullModel> = LazyLock::new(|| {
     let (points, cells) = block([4, 3, 3], SIZE);
     let at = |z: f64| -> Vec<u32> {
         (0..points.len() as u32).filter(|&n| (points[n as usize][2] - z).abs() < 1e-12).collect()
@@ -38,14 +38,14 @@ static ORGAN: LazyLock<Organ> = LazyLock::new(|| {
     let law = Material::new("neo_hookean", vec![vec![3.0e3, 11.0e3]]).unwrap();
     let surface = Surface::new(&points, &surface(&points, &cells));
     let (fixed, top) = (at(0.0), at(SIZE[2]));
-    Organ { body: Body::new(points, cells, law).unwrap(), surface, fixed, top }
+    FullModel { body: Body::new(points, cells, law).unwrap(), surface, fixed, top }
 });
 
 static MODEL: LazyLock<ReducedModel> = LazyLock::new(|| reduce(&settings()).unwrap());
 
 fn settings() -> Reduction {
     Reduction {
-        touchable: ORGAN.top.clone(),
+        touchable: FULL.top.clone(),
         radius: 0.012,
         depth: DEPTH,
         order: 3,
@@ -57,13 +57,13 @@ fn settings() -> Reduction {
 }
 
 fn reduce(settings: &Reduction) -> Result<ReducedModel, Error> {
-    settings.run(&ORGAN.body, &ORGAN.surface, &ORGAN.fixed, &mut |_| true)
+    settings.run(&FULL.body, &FULL.surface, &FULL.fixed, &mut |_| true)
 }
 
 /// The series the model was made from, for any patch.
 fn series(patch: &Patch) -> TouchSeries {
-    let base = vec![0.0; ORGAN.body.n_dofs()];
-    let expansion = TouchExpansion::new(&ORGAN.body, &ORGAN.fixed, base, 3).unwrap();
+    let base = vec![0.0; FULL.body.n_dofs()];
+    let expansion = TouchExpansion::new(&FULL.body, &FULL.fixed, base, 3).unwrap();
     expansion.expand(&[patch], 3).unwrap().remove(0)
 }
 
@@ -109,10 +109,10 @@ fn directions() -> Vec<[f64; 3]> {
 #[test]
 fn at_a_position_force_and_field_are_those_of_the_series() {
     for (p, &node) in MODEL.arrays().positions.iter().enumerate() {
-        let point = ORGAN.body.points()[node as usize];
+        let point = FULL.body.points()[node as usize];
         let contact = MODEL.locate(point).unwrap();
         assert!(contact.distance < 1e-15 && MODEL.is_on_surface(&contact));
-        let patch = ORGAN.surface.patch_at_node(node, 0.012, &|_| false).unwrap();
+        let patch = FULL.surface.patch_at_node(node, 0.012, &|_| false).unwrap();
         let series = series(&patch);
         let mut squares = 0.0;
         for d in directions() {
@@ -293,13 +293,13 @@ fn surfaces_that_cannot_be_touched_are_refused() {
         let settings = Reduction { touchable: touchable.to_vec(), ..settings() };
         reduce(&settings).err().map_or("accepted".to_string(), |e| e.to_string())
     };
-    let inside = (0..80).find(|&n| !ORGAN.surface.contains(n)).unwrap();
-    let with = |node: u32| ORGAN.top.iter().copied().chain([node]).collect::<Vec<u32>>();
+    let inside = (0..80).find(|&n| !FULL.surface.contains(n)).unwrap();
+    let with = |node: u32| FULL.top.iter().copied().chain([node]).collect::<Vec<u32>>();
     let cases = [
-        (refused(&with(ORGAN.fixed[2])), "point 2 is both touchable and fixed"),
+        (refused(&with(FULL.fixed[2])), "point 2 is both touchable and fixed"),
         (refused(&with(inside)), "is not on the surface"),
         (refused(&with(80)), "touchable point 80 is not on the surface"),
-        (refused(&ORGAN.top[..2]), "the 2 touchable points span no surface triangle"),
+        (refused(&FULL.top[..2]), "the 2 touchable points span no surface triangle"),
         (refused(&[]), "the 0 touchable points span no surface triangle"),
     ];
     for (sentence, expected) in cases {
@@ -325,7 +325,7 @@ fn bad_settings_are_refused() {
     for (sentence, expected) in cases {
         assert!(sentence.contains(expected), "{sentence:?} does not say {expected:?}");
     }
-    let floating = settings().run(&ORGAN.body, &ORGAN.surface, &[], &mut |_| true);
+    let floating = settings().run(&FULL.body, &FULL.surface, &[], &mut |_| true);
     assert!(floating.unwrap_err().to_string().contains("nothing is fixed"));
 }
 
@@ -336,9 +336,9 @@ fn progress_reaches_the_end_and_may_stop_the_work() {
         seen.push((p.done, p.total));
         true
     };
-    settings().run(&ORGAN.body, &ORGAN.surface, &ORGAN.fixed, &mut watch).unwrap();
+    settings().run(&FULL.body, &FULL.surface, &FULL.fixed, &mut watch).unwrap();
     assert!(seen.is_sorted() && seen.last() == Some(&(20, 20)), "{seen:?}");
-    let stopped = settings().run(&ORGAN.body, &ORGAN.surface, &ORGAN.fixed, &mut |_| false);
+    let stopped = settings().run(&FULL.body, &FULL.surface, &FULL.fixed, &mut |_| false);
     assert_eq!(stopped.unwrap_err(), Error::Cancelled);
 }
 

@@ -39,7 +39,7 @@ pub enum Trust {
 
 /// Force, stiffness and what they are worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Response {
+pub struct Answer {
     /// Force of the tool on the organ [N].
     pub force: [f64; 3],
     /// Contact stiffness `dF/dd` [N/m].
@@ -83,18 +83,18 @@ impl ReducedModel {
     }
 
     /// Force, stiffness and error estimate; the field is not needed for them.
-    pub fn respond(&self, contact: &Contact, d: [f64; 3]) -> Response {
+    pub fn respond(&self, contact: &Contact, d: [f64; 3]) -> Answer {
         let here = Interpolation::new(self, contact);
         let mut monomials = [0.0; MAX_TERMS];
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
-        let sum = here.sum(monomials, d);
+        let order_weights = here.order_weights(monomials, d);
         let parts = here.force(monomials, d);
-        let force = weighted(&sum.weights, &parts.0);
-        let stiffness = here.stiffness(d, &parts.0, &sum.weights);
-        let estimates = here.error_estimates(monomials, force, &parts, &sum);
+        let force = weighted(&order_weights.weights, &parts.0);
+        let stiffness = here.stiffness(d, &parts.0, &order_weights.weights);
+        let estimates = here.error_estimates(monomials, force, &parts, &order_weights);
         let depth = norm(d);
-        Response {
+        Answer {
             force,
             stiffness,
             error_estimate: estimates.force,
@@ -138,9 +138,9 @@ impl ReducedModel {
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
         let here = Interpolation::new(self, contact);
-        let (sum, parts) = (here.sum(monomials, d), here.force(monomials, d));
-        let force = norm(weighted(&sum.weights, &parts.0));
-        here.disagreement(monomials, &parts, force, &sum)
+        let (order_weights, parts) = (here.order_weights(monomials, d), here.force(monomials, d));
+        let force = norm(weighted(&order_weights.weights, &parts.0));
+        here.disagreement(monomials, &parts, force, &order_weights)
     }
 
     /// Numbers of workspace that the field functions need.

@@ -39,7 +39,7 @@ type Weights = [Dual; MAX_ORDER];
 type Orders = [[f64; 3]; MAX_ORDER];
 
 /// How much each order of the series counts, and what the sketch tells about the sum.
-pub(super) struct Sum {
+pub(super) struct OrderWeights {
     pub weights: [Dual; MAX_ORDER],
     sketched: Option<Sketched>,
 }
@@ -129,9 +129,12 @@ impl<'a> Interpolation<'a> {
     }
 
     /// How much each order counts, and what the sketch tells about the sum.
-    pub(super) fn sum(&self, monomials: &[f64], d: [f64; 3]) -> Sum {
+    pub(super) fn order_weights(&self, monomials: &[f64], d: [f64; 3]) -> OrderWeights {
         let Some(parts) = self.parts(monomials, d) else {
-            return Sum { weights: std::array::from_fn(|_| constant(1.0)), sketched: None };
+            return OrderWeights {
+                weights: std::array::from_fn(|_| constant(1.0)),
+                sketched: None,
+            };
         };
         let order = self.model.metadata.order;
         let (weights, lower) = (weights(&parts, order), weights(&parts, order - 1));
@@ -148,7 +151,7 @@ impl<'a> Interpolation<'a> {
             whole += of(&|p| weights[p].value).powi(2);
         }
         let spread = self.spread(monomials, &parts, &weights) / whole.sqrt();
-        Sum {
+        OrderWeights {
             weights,
             sketched: Some(Sketched { difference, change: (square / whole).sqrt(), spread }),
         }
@@ -208,12 +211,15 @@ impl<'a> Interpolation<'a> {
         monomials: &[f64],
         (orders, correction): &(Orders, f64),
         force: f64,
-        sum: &Sum,
+        order_weights: &OrderWeights,
     ) -> Option<[f64; 2]> {
-        let sketched = sum.sketched.as_ref()?;
+        let sketched = order_weights.sketched.as_ref()?;
         let force = force.max(f64::MIN_POSITIVE);
         let common = sketched.spread + CORRECTION * correction / force;
-        Some([common + self.force_spread(monomials, orders, &sum.weights) / force, common])
+        Some([
+            common + self.force_spread(monomials, orders, &order_weights.weights) / force,
+            common,
+        ])
     }
 
     /// The part of each order in the sketch, blended from the corners; none where orders are summed as a polynomial.
@@ -324,7 +330,7 @@ impl<'a> Interpolation<'a> {
         monomials: &[f64],
         force: [f64; 3],
         parts: &(Orders, f64),
-        sum: &Sum,
+        order_weights: &OrderWeights,
     ) -> Estimates {
         let model = self.model;
         let (orders, correction) = parts;
@@ -336,14 +342,14 @@ impl<'a> Interpolation<'a> {
         let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
         let compression = self.compression(depth / model.metadata.depth);
         let parameter = model.metadata.errors.parameter;
-        let change = sum.sketched.as_ref().map(|sketched| {
+        let change = order_weights.sketched.as_ref().map(|sketched| {
             let parts = sketched.difference.iter().zip(orders);
             let change = parts
                 .fold([0.0; 3], |sum, (w, force)| std::array::from_fn(|i| sum[i] + w * force[i]));
             [sketched.change, norm(change) / force_size]
         });
         let shares = model.metadata.interpolation_shares;
-        let disagreement = self.disagreement(monomials, parts, force_size, sum);
+        let disagreement = self.disagreement(monomials, parts, force_size, order_weights);
         if let (Some([field, force]), Some(shares), Some(disagreement)) =
             (change, shares, disagreement)
         {

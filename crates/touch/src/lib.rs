@@ -19,7 +19,7 @@ mod resummation;
 mod surface;
 
 pub use error::Error;
-pub use evaluate::{Contact, Response, Trust, allowance};
+pub use evaluate::{Answer, Contact, Trust, allowance};
 pub use file::{View, to_bytes};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 pub use model::{Answers, Arrays, ReducedModel};

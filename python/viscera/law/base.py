@@ -136,7 +136,8 @@ class Law:
 
         >>> import viscera as vs
 
-        >>> figure = vs.NeoHookean(young=3e3, poisson=0.45).plot(vs.Yeoh(c10=500, c20=300, poisson=0.45), path="laws.png")
+        >>> soft, stiffening = vs.NeoHookean(young=3e3, poisson=0.45), vs.Yeoh(c10=500, c20=300, poisson=0.45)
+        >>> figure = soft.plot(stiffening, path="laws.png")
         """
         from viscera.curves import draw
 

@@ -225,7 +225,7 @@ fn a_tangent_without_a_matrix_is_that_with_one() {
     let added = [1.0, 2.0, 3.0, 2.0, 5.0, 6.0, 3.0, 6.0, 9.0];
     let one = body.pattern().position(7, 7).unwrap();
     let two = body.pattern().position(7, 8).unwrap();
-    for (u, curvature) in [(&u, Curvature::Exact), (&straight, Curvature::Convex)] {
+    for (u, curvature) in [(&u, Curvature::Exact), (&straight, Curvature::Projected)] {
         let products = tangents.each_mut().map(|tangent| {
             let (mut force, mut y) = (vec![f64::NAN; n], vec![f64::NAN; n]);
             tangent.linearize(&body, u, curvature, &mut force);

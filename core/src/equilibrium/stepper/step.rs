@@ -137,7 +137,7 @@ impl Stepper {
         }
         self.move_hands(input);
         self.balance();
-        if curvature == Curvature::Convex {
+        if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
         }
     }
@@ -153,7 +153,7 @@ impl Stepper {
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
         let is_wary = self.is_wary && self.has_time_for_convex(deadline);
-        let mut curvature = if is_wary { Curvature::Convex } else { Curvature::Exact };
+        let mut curvature = if is_wary { Curvature::Projected } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let gap = self.gap(input);
         self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
@@ -175,15 +175,15 @@ impl Stepper {
                 }
                 Err(_) => {}
             }
-            if curvature == Curvature::Convex {
+            if curvature == Curvature::Projected {
                 shift = larger(shift);
             } else {
-                curvature = Curvature::Convex;
+                curvature = Curvature::Projected;
                 self.linearize(body, input, curvature, false);
             }
         };
         self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
-        let is_unstable = curvature == Curvature::Convex || solved.indefinite.is_some();
+        let is_unstable = curvature == Curvature::Projected || solved.indefinite.is_some();
         Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
     }
 

@@ -1,4 +1,4 @@
-//! What a grasp is summed over, for every element, from rest and from a load: derivatives, sums over all pieces, Newton.
+//! What a grasp is summed over, for every element, from rest and from a load: derivatives, sums over all units, Newton.
 
 use super::*;
 
@@ -16,7 +16,7 @@ static MODELS: LazyLock<[Arc<Galerkin>; 5]> = LazyLock::new(|| {
     ]
 });
 
-fn grasps() -> impl Iterator<Item = (&'static Galerkin, &'static Body, Grasp)> {
+fn grasps() -> impl Iterator<Item = (&'static Galerkin, &'static Body, HyperReducedModel)> {
     MODELS.iter().map(|model| {
         let points = [LEFT, RIGHT].map(|x| seen(&model.origin, x));
         (&**model, &model.origin.body, model.grasp(&points).unwrap())
@@ -35,12 +35,12 @@ fn seen(origin: &Origin, point: [f64; 3]) -> [f64; 3] {
 #[test]
 fn force_and_tangent_are_derivatives_whatever_the_weights() {
     for (model, body, grasp) in grasps() {
-        let pieces: Vec<usize> = (0..body.n_pieces()).step_by(5).collect();
-        let weights: Vec<f64> = noise(pieces.len(), 1).iter().map(|x| 2.0 + x).collect();
-        let Subspace { basis, .. } = &grasp.hold().subspace;
-        let mut sampled = Sampled::new(&model.origin, &pieces, &weights, &basis.modes);
-        let r = grasp.hold().n_modes();
-        let q = grasp.hold().subspace.superposed(pushes(DEPTH).as_flattened());
+        let units: Vec<usize> = (0..body.n_sampling_units()).step_by(5).collect();
+        let weights: Vec<f64> = noise(units.len(), 1).iter().map(|x| 2.0 + x).collect();
+        let Subspace { basis, .. } = &grasp.contacts().subspace;
+        let mut sampled = Sampled::new(&model.origin, &units, &weights, &basis.modes);
+        let r = grasp.contacts().n_modes();
+        let q = grasp.contacts().subspace.superposed(pushes(DEPTH).as_flattened());
         let mut at = Reduced::new(r);
         sampled.evaluate(&q, true, &mut at);
         let h = 1e-5 * norm(&q);
@@ -70,7 +70,7 @@ fn force_and_tangent_are_derivatives_whatever_the_weights() {
 #[test]
 fn all_modes_and_all_pieces_are_newton() {
     for (model, body, grasp) in grasps() {
-        let patches = grasp.hold().patches();
+        let patches = grasp.contacts().patches();
         let unit = |&dof: &u32| {
             let mut mode = vec![0.0; body.n_dofs()];
             mode[dof as usize] = 1.0;
@@ -79,16 +79,16 @@ fn all_modes_and_all_pieces_are_newton() {
         let fields: Vec<Vec<f64>> = model.origin.system.free().iter().map(unit).collect();
         let basis = Basis::new(&fields, &model.origin.stiffness);
         assert_eq!(basis.len(), fields.len());
-        let all: Vec<usize> = (0..body.n_pieces()).collect();
+        let all: Vec<usize> = (0..body.n_sampling_units()).collect();
         let sampled = Sampled::new(&model.origin, &all, &vec![1.0; all.len()], &basis.modes);
         let means: Vec<Vec<f64>> = patches.iter().flat_map(|p| basis.means(p)).collect();
-        let mut solver = Solver::new(sampled, basis.len(), means, 1.0, &[]);
+        let mut solver = ReducedNewton::new(sampled, basis.len(), means, 1.0, &[]);
         solver.tolerance = 1e-7;
         assert_eq!(solver.n_cells(), body.cells().len());
         let d = pushes(DEPTH);
         let mut search = Search::default();
         let status = solver.solve(d.as_flattened(), &mut search);
-        assert_eq!(status, Status::Converged);
+        assert_eq!(status, ReducedStatus::Converged);
         let (field, forces) = newton_of(model, &patches, &d);
         assert!(relative(&basis.field(&solver.q), &field) < 1e-6);
         assert!(relative(&solver.forces, forces.as_flattened()) < 1e-5);
@@ -101,14 +101,14 @@ fn all_modes_and_all_pieces_are_newton() {
 #[test]
 fn forces_of_all_pieces_are_those_of_the_body() {
     for (model, body, grasp) in grasps() {
-        let states = states(&model.origin, &grasp.hold().subspace, DEPTH, 0..3);
-        let all: Vec<usize> = (0..body.n_pieces()).collect();
-        let forces = Forces::new(&model.origin, &all, &grasp.hold().subspace, &states);
+        let states = states(&model.origin, &grasp.contacts().subspace, DEPTH, 0..3);
+        let all: Vec<usize> = (0..body.n_sampling_units()).collect();
+        let forces = Forces::new(&model.origin, &all, &grasp.contacts().subspace, &states);
         let mut sum = vec![0.0; forces.rows];
-        for force in forces.pieces.chunks_exact(forces.rows) {
+        for force in forces.units.chunks_exact(forces.rows) {
             sum.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
         }
-        // The pieces see the modes in single precision.
+        // The units see the modes in single precision.
         assert!(relative(&sum, &forces.body) < 1e-6, "{:?}", body.element());
         assert_eq!(forces.sizes().len(), all.len());
     }
@@ -118,10 +118,10 @@ fn forces_of_all_pieces_are_those_of_the_body() {
 fn two_fingers_of_every_element_are_near_newton() {
     let d = pushes(0.5 * DEPTH);
     for (model, body, mut grasp) in grasps() {
-        let patches = grasp.hold().patches();
+        let patches = grasp.contacts().patches();
         let (field, forces) = newton_of(model, &patches, &d);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let error = relative(&grasp.hold().displacement(&solution), &field);
+        let error = relative(&grasp.contacts().displacement(&solution), &field);
         let force = relative(solution.forces.as_flattened(), forces.as_flattened());
         let element = body.element();
         assert!(error < 0.015 && force < 0.03, "{element:?}: {error}, force {force}");
@@ -133,9 +133,9 @@ fn two_fingers_of_every_element_are_near_newton() {
 fn snapshots_and_trust_are_those_of_the_element_and_the_load() {
     let d = pushes(0.9 * DEPTH);
     for (model, body, grasp) in grasps() {
-        let (element, hold) = (body.element(), grasp.hold());
-        let points: Vec<[f64; 3]> = hold.contacts().iter().map(|contact| contact.point).collect();
-        let (field, _) = newton_of(model, &hold.patches(), &d);
+        let (element, contacts) = (body.element(), grasp.contacts());
+        let points: Vec<[f64; 3]> = contacts.places().iter().map(|contact| contact.point).collect();
+        let (field, _) = newton_of(model, &contacts.patches(), &d);
         let [without, with] = [0, 24].map(|snapshots| {
             // Cells that give the forces to many digits: what is left is the modes' fault.
             let sampling = Sampling { snapshots, tolerance: 1e-3, ..model.sampling };
@@ -143,8 +143,8 @@ fn snapshots_and_trust_are_those_of_the_element_and_the_load() {
             let mut grasp = model.grasp(&points).unwrap();
             assert!(grasp.n_snapshots() >= snapshots * 9 / 10, "{element:?}");
             let solution = grasp.solve(&d, false, false).unwrap();
-            let error = relative(&grasp.hold().displacement(&solution), &field);
-            let expected = grasp.hold().assess(&solution).unwrap().error;
+            let error = relative(&grasp.contacts().displacement(&solution), &field);
+            let expected = grasp.contacts().assess(&solution).unwrap().error;
             assert!(
                 (expected / error - 1.0).abs() < 0.3,
                 "{element:?}: {error}, {expected} expected"
@@ -158,7 +158,7 @@ fn snapshots_and_trust_are_those_of_the_element_and_the_load() {
 #[test]
 fn what_is_not_a_number_is_no_sound_state() {
     for (model, body, grasp) in grasps() {
-        let modes = &grasp.hold().subspace.basis.modes;
+        let modes = &grasp.contacts().subspace.basis.modes;
         let mut sampled = Sampled::new(&model.origin, &[0, 1], &[1.0; 2], modes);
         let mut reduced = Reduced::new(modes.len());
         sampled.evaluate(&vec![f64::NAN; modes.len()], false, &mut reduced);

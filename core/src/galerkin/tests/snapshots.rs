@@ -14,8 +14,8 @@ static WITH_SNAPSHOTS: LazyLock<Arc<Galerkin>> = LazyLock::new(|| {
 #[test]
 fn snapshots_are_equilibria_with_the_means_of_the_series() {
     let grasp = two();
-    let patches = grasp.hold().patches();
-    let guess = grasp.hold().superposed(&pushes(0.8 * DEPTH)).unwrap();
+    let patches = grasp.contacts().patches();
+    let guess = grasp.contacts().superposed(&pushes(0.8 * DEPTH)).unwrap();
     let means: Vec<[f64; 3]> = patches.iter().map(|p| patch_mean(p, &guess)).collect();
     let snapshot =
         MODEL.snapshot(&patches, &guess, &Patience::OF_MANY).unwrap().expect("a stable state");
@@ -26,7 +26,7 @@ fn snapshots_are_equilibria_with_the_means_of_the_series() {
 
 #[test]
 fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
-    let patches = two().hold().patches();
+    let patches = two().contacts().patches();
     // Pressed evenly, as no equilibrium is.
     let points = MODEL.origin.body.points();
     let pressed = |share: f64| -> Vec<f64> {
@@ -51,13 +51,13 @@ fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
 #[test]
 fn snapshots_bring_answers_nearer_to_newton() {
     let (mut without, mut with) = (two(), WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap());
-    let patches = without.hold().patches();
-    assert!(with.hold().n_modes() > without.hold().n_modes());
+    let patches = without.contacts().patches();
+    assert!(with.contacts().n_modes() > without.contacts().n_modes());
     let d = pushes(0.9 * DEPTH);
     let (field, _) = newton(&patches, &d);
-    let error = |grasp: &mut Grasp| {
+    let error = |grasp: &mut HyperReducedModel| {
         let solution = grasp.solve(&d, false, false).unwrap();
-        relative(&grasp.hold().displacement(&solution), &field)
+        relative(&grasp.contacts().displacement(&solution), &field)
     };
     let (series, snapshots) = (error(&mut without), error(&mut with));
     assert!(1.5 * snapshots < series, "{series} without, {snapshots} with");
@@ -80,23 +80,23 @@ fn snapshots_are_taken_as_long_as_answers_are_wrong() {
 #[test]
 fn lessons_come_while_a_grasp_is_in_use_and_change_nothing_that_it_holds() {
     let d = pushes(0.9 * DEPTH);
-    let mut grasp = WITH_SNAPSHOTS.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
+    let mut grasp = WITH_SNAPSHOTS.grasp_in_background(&[LEFT, RIGHT]).unwrap();
     let mut trained = WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap();
     let first = grasp.solve(&d, false, false).unwrap();
-    let mut answers = vec![(grasp.hold().displacement(&first), grasp.n_snapshots())];
-    while grasp.is_learning().unwrap() {
+    let mut answers = vec![(grasp.contacts().displacement(&first), grasp.n_snapshots())];
+    while grasp.is_training().unwrap() {
         let solution = grasp.solve(&d, true, false).unwrap();
-        assert_eq!(solution.status, Status::Converged);
-        let answer = grasp.hold().displacement(&solution);
+        assert_eq!(solution.status, ReducedStatus::Converged);
+        let answer = grasp.contacts().displacement(&solution);
         assert!(relative(&answer, &answers.last().unwrap().0) < 0.05, "a jump");
         answers.push((answer, grasp.n_snapshots()));
     }
     assert!(answers.windows(2).all(|pair| pair[0].1 <= pair[1].1), "lessons forgotten");
     assert!(grasp.n_snapshots() >= trained.n_snapshots());
-    let (field, _) = newton(&grasp.hold().patches(), &d);
-    let error = |grasp: &mut Grasp, from_last: bool| {
+    let (field, _) = newton(&grasp.contacts().patches(), &d);
+    let error = |grasp: &mut HyperReducedModel, from_last: bool| {
         let solution = grasp.solve(&d, from_last, false).unwrap();
-        relative(&grasp.hold().displacement(&solution), &field)
+        relative(&grasp.contacts().displacement(&solution), &field)
     };
     let (last, best) = (error(&mut grasp, true), error(&mut trained, false));
     assert!(last < 1.1 * best, "{last} in the background, {best} by waiting");
@@ -105,42 +105,42 @@ fn lessons_come_while_a_grasp_is_in_use_and_change_nothing_that_it_holds() {
 #[test]
 fn a_wrong_answer_is_learned_once() {
     let mut grasp = two();
-    assert!(!grasp.learn().unwrap(), "nothing was asked yet");
+    assert!(!grasp.add_snapshot().unwrap(), "nothing was asked yet");
     let d = pushes(DEPTH);
-    let (field, _) = newton(&grasp.hold().patches(), &d);
-    let error = |grasp: &mut Grasp| {
+    let (field, _) = newton(&grasp.contacts().patches(), &d);
+    let error = |grasp: &mut HyperReducedModel| {
         let solution = grasp.solve(&d, true, false).unwrap();
-        relative(&grasp.hold().displacement(&solution), &field)
+        relative(&grasp.contacts().displacement(&solution), &field)
     };
-    let shape = |grasp: &mut Grasp| {
+    let shape = |grasp: &mut HyperReducedModel| {
         let q = grasp.solver_mut().q.clone();
-        grasp.hold().subspace.basis.field(&q)
+        grasp.contacts().subspace.basis.field(&q)
     };
     let before = error(&mut grasp);
     let was = shape(&mut grasp);
-    assert!(grasp.learn().unwrap(), "{before} is wrong");
+    assert!(grasp.add_snapshot().unwrap(), "{before} is wrong");
     assert_eq!(grasp.n_snapshots(), 1);
     assert!(relative(&shape(&mut grasp), &was) < 1e-12, "the tool feels no jump");
     let after = error(&mut grasp);
     assert!(3.0 * after < before, "{before} before, {after} after");
-    assert!(!grasp.learn().unwrap(), "{after} is right");
+    assert!(!grasp.add_snapshot().unwrap(), "{after} is right");
 }
 
 #[test]
 fn a_grasp_that_does_not_wait_learns_where_the_tools_are() {
     let sampling = Sampling { snapshots: 1, ..MODEL.sampling };
     let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
-    let mut grasp = galerkin.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
-    while grasp.is_learning().unwrap() {}
-    assert!(grasp.learn().is_err(), "it does so by itself");
+    let mut grasp = galerkin.grasp_in_background(&[LEFT, RIGHT]).unwrap();
+    while grasp.is_training().unwrap() {}
+    assert!(grasp.add_snapshot().is_err(), "it does so by itself");
     let taken = grasp.n_snapshots();
     let d = pushes(DEPTH);
     let first = grasp.solve(&d, false, false).unwrap();
-    let first = grasp.hold().displacement(&first);
-    while grasp.is_learning().unwrap() {}
+    let first = grasp.contacts().displacement(&first);
+    while grasp.is_training().unwrap() {}
     let last = grasp.solve(&d, true, false).unwrap();
-    let last = grasp.hold().displacement(&last);
-    let (field, _) = newton(&grasp.hold().patches(), &d);
+    let last = grasp.contacts().displacement(&last);
+    let (field, _) = newton(&grasp.contacts().patches(), &d);
     assert_eq!(grasp.n_snapshots(), taken + 1);
     let (before, after) = (relative(&first, &field), relative(&last, &field));
     assert!(3.0 * after < before, "{before} before, {after} after");
@@ -158,7 +158,7 @@ fn taking_hold_ends_when_nobody_wants_it_any_more() {
 fn lessons_end_when_the_grasp_is_let_go() {
     let sampling = Sampling { snapshots: 200, depth: 1.5 * DEPTH, ..MODEL.sampling };
     let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
-    let grasp = galerkin.grasp_and_learn(&[LEFT, RIGHT]).unwrap();
+    let grasp = galerkin.grasp_in_background(&[LEFT, RIGHT]).unwrap();
     let weak = Arc::downgrade(&galerkin);
     drop((grasp, galerkin));
     while weak.strong_count() > 0 {
@@ -169,13 +169,13 @@ fn lessons_end_when_the_grasp_is_let_go() {
 #[test]
 fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
     let grasp = two();
-    let patches = grasp.hold().patches();
+    let patches = grasp.contacts().patches();
     let fields: Vec<Vec<f64>> = [0.3, 0.6, 0.9]
         .map(|share| newton(&patches, &pushes(share * DEPTH)).0)
         .into_iter()
         .chain([vec![0.0; MODEL.origin.body.n_dofs()]])
         .collect();
-    let series = MODEL.model.series_fields(&grasp.hold().contacts()[0], 1);
+    let series = MODEL.model.series_fields(&grasp.contacts().places()[0], 1);
     let mut basis = Basis::new(&series, &MODEL.origin.stiffness);
     basis.enrich(&fields, 1e-3, &MODEL.origin.stiffness);
     assert_eq!(basis.len(), 6);
@@ -193,10 +193,10 @@ fn an_enriched_basis_is_orthonormal_and_holds_what_it_was_given() {
 #[test]
 fn a_search_starts_from_the_nearest_snapshot_where_that_is_better_than_the_series() {
     let mut grasp = WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap();
-    let hold = Arc::clone(grasp.hold());
-    let u = grasp.training().states(&hold)[0].q.clone();
-    let field = hold.subspace.basis.field(&u);
-    let means: Vec<[f64; 3]> = hold.patches().iter().map(|p| patch_mean(p, &field)).collect();
+    let contacts = Arc::clone(grasp.contacts());
+    let u = grasp.training().states(&contacts)[0].q.clone();
+    let field = contacts.subspace.basis.field(&u);
+    let means: Vec<[f64; 3]> = contacts.patches().iter().map(|p| patch_mean(p, &field)).collect();
     let solver = grasp.solver_mut();
     solver.start_at(means.as_flattened(), |_| vec![0.0; u.len()]);
     let (started, energy) = (solver.q.clone(), solver.reduced.energy);

@@ -6,7 +6,7 @@ const RANGE: [f64; 2] = [1.0, 9.0];
 
 /// The block with the cells of its right half so many times stiffer.
 fn stiffened(factor: f64) -> Body {
-    let (points, cells) = (ORGAN.body.points().to_vec(), ORGAN.body.cells().to_vec());
+    let (points, cells) = (FULL.body.points().to_vec(), FULL.body.cells().to_vec());
     let law = cells.iter().map(|cell| {
         let x = cell.iter().map(|&n| points[n as usize][0]).sum::<f64>() / 4.0;
         let factor = if x > 0.5 * SIZE[0] { factor } else { 1.0 };
@@ -40,7 +40,7 @@ fn reduced(count: usize) -> ReducedModel {
         members: bodies.iter().map(member).collect(),
         unseen: unseen.iter().map(|(v, body)| (*v, member(body))).collect(),
     };
-    let (surface, fixed) = (&ORGAN.surface, &ORGAN.fixed);
+    let (surface, fixed) = (&FULL.surface, &FULL.fixed);
     settings().run_family(&bodies[0], &family, surface, fixed, &mut |_| true).unwrap()
 }
 
@@ -55,11 +55,11 @@ fn at(value: f64) -> ReducedModel {
 /// Worst error of field and force at the positions, against the series of an organ.
 fn error(model: &ReducedModel, body: &Body, radius: f64, share: f64) -> f64 {
     let base = vec![0.0; body.n_dofs()];
-    let expansion = TouchExpansion::new(body, &ORGAN.fixed, base, 3).unwrap();
+    let expansion = TouchExpansion::new(body, &FULL.fixed, base, 3).unwrap();
     let mut worst: f64 = 0.0;
     for &node in model.arrays().positions.iter().step_by(3) {
-        let patch = ORGAN.surface.patch_at_node(node, radius, &|_| false).unwrap();
-        let contact = model.locate(ORGAN.body.points()[node as usize]).unwrap();
+        let patch = FULL.surface.patch_at_node(node, radius, &|_| false).unwrap();
+        let contact = model.locate(FULL.body.points()[node as usize]).unwrap();
         assert_eq!(model.patch(&contact), patch, "the patch a full solution prescribes");
         let series = expansion.expand(&[&patch], 3).unwrap().remove(0);
         for d in directions() {
@@ -105,14 +105,14 @@ fn more_nodes_leave_less() {
 #[test]
 fn the_contact_radius_is_a_parameter_like_any_other() {
     let (range, nodes) = ([0.013, 0.017], [0.0133, 0.0149, 0.0167]);
-    let member = |&radius: &f64| Member { body: &ORGAN.body, radius };
+    let member = |&radius: &f64| Member { body: &FULL.body, radius };
     let family = Family {
         parameter: parameter("radius", &nodes, range),
         cells: Vec::new(),
         members: nodes.iter().map(member).collect(),
         unseen: [0.013, 0.0141, 0.017].iter().map(|r| (*r, member(r))).collect(),
     };
-    let (body, surface, fixed) = (&ORGAN.body, &ORGAN.surface, &ORGAN.fixed);
+    let (body, surface, fixed) = (&FULL.body, &FULL.surface, &FULL.fixed);
     let model = settings().run_family(body, &family, surface, fixed, &mut |_| true).unwrap();
     assert_eq!(model.metadata().radius, nodes[0]);
     for radius in [0.013, 0.0138, 0.0156, 0.017] {
@@ -152,12 +152,12 @@ fn what_a_family_cannot_be_set_to_is_refused() {
     let family = Family {
         parameter: parameter("young", &[1.0, 2.0], [1.0, 2.0]),
         cells: Vec::new(),
-        members: vec![Member { body: &ORGAN.body, radius: 0.012 }; 2],
+        members: vec![Member { body: &FULL.body, radius: 0.012 }; 2],
         unseen: Vec::new(),
     };
-    let loaded = Reduction { preload: vec![0.0; ORGAN.body.n_dofs()], ..settings() };
-    let (surface, fixed) = (&ORGAN.surface, &ORGAN.fixed);
-    let refused = loaded.run_family(&ORGAN.body, &family, surface, fixed, &mut |_| true);
+    let loaded = Reduction { preload: vec![0.0; FULL.body.n_dofs()], ..settings() };
+    let (surface, fixed) = (&FULL.surface, &FULL.fixed);
+    let refused = loaded.run_family(&FULL.body, &family, surface, fixed, &mut |_| true);
     assert!(
         refused.unwrap_err().to_string().contains("the loaded shape is another for every young")
     );

@@ -21,7 +21,7 @@ fn touches() -> Vec<(Contact, [f64; 3])> {
     let mut touches = Vec::new();
     for (k, d) in directions().into_iter().enumerate().step_by(3) {
         let node = PADE.arrays().positions[k % PADE.n_positions()] as usize;
-        let contact = PADE.locate(ORGAN.body.points()[node]).unwrap();
+        let contact = PADE.locate(FULL.body.points()[node]).unwrap();
         touches.push((contact, d.map(|x| x / DEPTH)));
     }
     touches
@@ -29,7 +29,7 @@ fn touches() -> Vec<(Contact, [f64; 3])> {
 
 #[test]
 fn it_is_nearer_to_newton_than_the_polynomial_and_says_how_near() {
-    let zero = vec![0.0; ORGAN.body.n_dofs()];
+    let zero = vec![0.0; FULL.body.n_dofs()];
     for depth in [0.004, 0.008] {
         let (mut pade, mut polynomial) = (Vec::new(), Vec::new());
         for (contact, n) in touches() {

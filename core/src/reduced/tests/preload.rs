@@ -9,9 +9,9 @@ pub(super) fn newton(
     start: Option<&[f64]>,
     touch: Option<PatchLoad>,
 ) -> Equilibrium {
-    let held = ORGAN.fixed.iter().flat_map(|n| (0..3).map(move |i| (3 * n + i, 0.0)));
+    let held = FULL.fixed.iter().flat_map(|n| (0..3).map(move |i| (3 * n + i, 0.0)));
     let problem = Problem {
-        body: &ORGAN.body,
+        body: &FULL.body,
         prescribed: held.collect(),
         force: force.to_vec(),
         pressure: Pressure::default(),
@@ -26,8 +26,8 @@ pub(super) fn newton(
 
 /// A force that pulls the block aside by a fifth of its height.
 fn load() -> Vec<f64> {
-    let mut force = vec![0.0; ORGAN.body.n_dofs()];
-    ORGAN.top.iter().for_each(|&node| force[3 * node as usize] = 0.04);
+    let mut force = vec![0.0; FULL.body.n_dofs()];
+    FULL.top.iter().for_each(|&node| force[3 * node as usize] = 0.04);
     force
 }
 
@@ -65,7 +65,7 @@ fn a_touch_of_a_loaded_organ_is_what_newton_adds_to_the_load() {
 fn the_loaded_shape_is_what_is_touched() {
     let loaded = newton(&load(), None, None).displacement;
     let model = reduce(&Reduction { preload: loaded.clone(), ..settings() }).unwrap();
-    for (node, x) in ORGAN.body.points().iter().enumerate() {
+    for (node, x) in FULL.body.points().iter().enumerate() {
         for i in 0..3 {
             assert_eq!(model.arrays().points[3 * node + i], x[i] + loaded[3 * node + i]);
         }
@@ -84,14 +84,14 @@ fn preloads_that_touches_cannot_start_from_are_refused() {
         refused.map_or("accepted".to_string(), |e| e.to_string())
     };
     let with = |dof: usize, value: f64| {
-        let mut preload = vec![0.0; ORGAN.body.n_dofs()];
+        let mut preload = vec![0.0; FULL.body.n_dofs()];
         preload[dof] = value;
         preload
     };
     // Crushed to a quarter of its height, nothing holds it aside.
     let crushed: Vec<f64> =
-        ORGAN.body.points().iter().flat_map(|x| [0.0, 0.0, -0.75 * x[2]]).collect();
-    let (free, fixed) = (3 * ORGAN.top[4] as usize, 3 * ORGAN.fixed[2] as usize);
+        FULL.body.points().iter().flat_map(|x| [0.0, 0.0, -0.75 * x[2]]).collect();
+    let (free, fixed) = (3 * FULL.top[4] as usize, 3 * FULL.fixed[2] as usize);
     let cases = [
         (refused(vec![0.0; 7]), "the preload has 7 values; it needs 240"),
         (refused(with(free, f64::NAN)), "the preload is NaN at point"),

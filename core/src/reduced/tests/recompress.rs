@@ -55,7 +55,7 @@ fn the_tolerance_is_kept_and_the_model_smaller() {
     assert!(SMALL.n_modes() < MODEL.n_modes());
     assert!(SMALL.to_bytes().unwrap().len() < MODEL.to_bytes().unwrap().len());
     for &node in &MODEL.arrays().positions {
-        let contact = MODEL.locate(ORGAN.body.points()[node as usize]).unwrap();
+        let contact = MODEL.locate(FULL.body.points()[node as usize]).unwrap();
         let squares = directions()
             .into_iter()
             .map(|d| relative(&field(&SMALL, &contact, d), &field(&MODEL, &contact, d)).powi(2));

@@ -1,6 +1,6 @@
 //! What the law answers at the quadrature points: the stress that the internal force is the integral of.
 
-use super::cells::{Cells, deformation};
+use super::cells::{CellBatches, deformation};
 use super::clusters::averaged_part;
 use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// A quadrature point of a deformed body.
 #[derive(Clone, Copy, Debug)]
-pub struct Response {
+pub struct QuadraturePoint {
     /// Deformation gradient `F`.
     pub gradient: Mat3<f64>,
     /// First Piola-Kirchhoff stress `P` [Pa] of the element: where clusters share their change of volume, with the
@@ -32,7 +32,7 @@ struct Cluster {
 impl Body {
     /// `F`, `P` and energy density at the quadrature points of every cell, cell by cell; of equal weight within one.
     /// `f_int` is the integral of `P grad N`, [`Body::energy`] that of the energy density.
-    pub fn responses(&self, u: &[f64]) -> Vec<Response> {
+    pub fn quadrature_points(&self, u: &[f64]) -> Vec<QuadraturePoint> {
         let (gradients, shared) = match &*self.assembly {
             Assembly::P1(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
             Assembly::P2(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
@@ -50,11 +50,11 @@ impl Body {
             }
         };
         let points = gradients.len() / self.cells.len();
-        Points { material: &self.material, gradients, of_cell: points, shared }.responses()
+        Points { material: &self.material, gradients, of_cell: points, shared }.quadrature_points()
     }
 }
 
-impl<E: Shape<N>, const N: usize> Cells<E, N> {
+impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// `F` at the quadrature points, cell by cell.
     pub(super) fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
         let at = |nodes: &[u32; N], geometry: &Geometry, point: usize| {
@@ -74,7 +74,7 @@ struct Points<'a> {
 }
 
 impl Points<'_> {
-    fn responses(&self) -> Vec<Response> {
+    fn quadrature_points(&self) -> Vec<QuadraturePoint> {
         let (n, one_row) = (self.gradients.len(), self.material.parameters().len() == 1);
         let run = if one_row { LANES } else { self.of_cell };
         let runs = (0..n).step_by(run).map(|first| first..n.min(first + run));
@@ -82,7 +82,7 @@ impl Points<'_> {
     }
 
     /// Of at most [`LANES`] points of one tissue.
-    fn of_run(&self, points: Range<usize>) -> Vec<Response> {
+    fn of_run(&self, points: Range<usize>) -> Vec<QuadraturePoint> {
         let cell = |point: usize| point / self.of_cell;
         let (law, row) = (self.material.law(), self.material.row(cell(points.start)));
         let at = |lane: usize| (points.start + lane).min(points.end - 1);
@@ -103,7 +103,7 @@ impl Points<'_> {
         if is_shared {
             law.dilatation(row, &ratio, &mut dilatation);
         }
-        let of_lane = |lane: usize| Response {
+        let of_lane = |lane: usize| QuadraturePoint {
             gradient: self.gradients[points.start + lane],
             stress: tabulate!(|i, j| stress[0][i][j][lane]),
             energy: energy[0][lane] + part * dilatation[0][lane],

@@ -1,7 +1,7 @@
-//! Lessons in the background: a thread that trains a grasp while it is in use, in rounds, and then where the tools are.
+//! Training in the background: a thread that trains a model while it is in use, in rounds, and then where the tools are.
 
-use super::grasp::Grasp;
-use super::hold::Hold;
+use super::contacts::ReducedContacts;
+use super::hyper_reduced::HyperReducedModel;
 use super::nnls::norm;
 use super::training::train;
 use crate::clock::Instant;
@@ -14,24 +14,24 @@ use std::thread;
 /// Tools that have moved by less than this part of the depth of training are where they were.
 const MOVED: f64 = 0.01;
 
-/// What the thread says.
-enum Lesson {
+/// What the thread reports.
+enum TrainingEvent {
     /// This one is better.
-    Better(Box<Grasp>),
+    Better(Box<HyperReducedModel>),
     /// Nothing is asked of it any more, neither a round nor a place.
     Done,
 }
 
 /// An answer of a grasp, to be compared with the equilibrium next to it.
 struct Question {
-    hold: Arc<Hold>,
+    contacts: Arc<ReducedContacts>,
     q: Vec<f64>,
     depth: f64,
 }
 
 /// The grasp's end of the talk with the thread, which ends soon after this is dropped.
-pub(super) struct Lessons {
-    lessons: Receiver<Result<Lesson, Error>>,
+pub(super) struct BackgroundTraining {
+    events: Receiver<Result<TrainingEvent, Error>>,
     questions: SyncSender<Question>,
     /// Displacements of the last question [m].
     asked: Vec<[f64; 3]>,
@@ -39,41 +39,41 @@ pub(super) struct Lessons {
     is_wanted: Arc<AtomicBool>,
 }
 
-impl Lessons {
+impl BackgroundTraining {
     /// Begins, on all processors but one, which is left to whoever uses the grasp meanwhile.
     ///
     /// # Errors
     /// No thread.
-    pub fn start(hold: Hold, since: Instant) -> Result<Self, Error> {
-        let ((say, lessons), (questions, asked)) = (channel(), sync_channel(1));
+    pub fn start(contacts: ReducedContacts, since: Instant) -> Result<Self, Error> {
+        let ((say, events), (questions, asked)) = (channel(), sync_channel(1));
         let is_wanted = Arc::new(AtomicBool::new(true));
         let (wanted, threads) = (Arc::clone(&is_wanted), (rayon::current_num_threads() - 1).max(1));
         let work = move || {
-            let teach = || teach(hold, since, asked, &wanted, &say);
+            let train = || train_in_background(contacts, since, asked, &wanted, &say);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            if let Err(error) = pool.map_err(no_thread).and_then(|pool| pool.install(teach)) {
+            if let Err(error) = pool.map_err(no_thread).and_then(|pool| pool.install(train)) {
                 _ = say.send(Err(error));
             }
         };
-        let thread = thread::Builder::new().name("viscera-lessons".into());
+        let thread = thread::Builder::new().name("viscera-training".into());
         thread.spawn(work).map_err(no_thread)?;
-        Ok(Lessons { lessons, questions, asked: Vec::new(), is_busy: true, is_wanted })
+        Ok(BackgroundTraining { events, questions, asked: Vec::new(), is_busy: true, is_wanted })
     }
 
     /// The best grasp that is ready and was not handed over before.
     ///
     /// # Errors
-    /// What ended the lessons.
-    pub fn newest(&mut self) -> Result<Option<Grasp>, Error> {
+    /// What ended the training.
+    pub fn newest(&mut self) -> Result<Option<HyperReducedModel>, Error> {
         let mut newest = None;
         loop {
-            match self.lessons.try_recv() {
-                Ok(Ok(Lesson::Better(grasp))) => newest = Some(*grasp),
-                Ok(Ok(Lesson::Done)) => self.is_busy = false,
+            match self.events.try_recv() {
+                Ok(Ok(TrainingEvent::Better(grasp))) => newest = Some(*grasp),
+                Ok(Ok(TrainingEvent::Done)) => self.is_busy = false,
                 Ok(Err(error)) => return Err(error),
                 Err(TryRecvError::Empty) => return Ok(newest),
                 Err(TryRecvError::Disconnected) => {
-                    return Err(Error::input("learning broke off; take hold anew"));
+                    return Err(Error::input("training broke off; take hold anew"));
                 }
             }
         }
@@ -85,54 +85,54 @@ impl Lessons {
     }
 
     /// Has an answer looked at, where the thread has nothing else to do and the tools have moved since the last.
-    pub fn ask(&mut self, hold: &Arc<Hold>, q: &[f64], displacements: &[[f64; 3]]) {
+    pub fn ask(&mut self, contacts: &Arc<ReducedContacts>, q: &[f64], displacements: &[[f64; 3]]) {
         let moved = |(d, asked): (&[f64; 3], &[f64; 3])| {
             let way: [f64; 3] = std::array::from_fn(|i| d[i] - asked[i]);
-            norm(&way) > MOVED * hold.owner.sampling.depth
+            norm(&way) > MOVED * contacts.owner.sampling.depth
         };
         let is_new = self.asked.is_empty() || displacements.iter().zip(&self.asked).any(moved);
         if self.is_busy || !is_new {
             return;
         }
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
-        let question = Question { hold: Arc::clone(hold), q: q.to_vec(), depth };
+        let question = Question { contacts: Arc::clone(contacts), q: q.to_vec(), depth };
         self.is_busy = self.questions.try_send(question).is_ok();
         self.asked = displacements.to_vec();
     }
 }
 
-impl Drop for Lessons {
+impl Drop for BackgroundTraining {
     fn drop(&mut self) {
         self.is_wanted.store(false, Ordering::Relaxed);
     }
 }
 
 /// All that the thread does. Where nobody listens any more, nobody asks any more either.
-fn teach(
-    mut hold: Hold,
+fn train_in_background(
+    mut contacts: ReducedContacts,
     since: Instant,
     questions: Receiver<Question>,
     wanted: &AtomicBool,
-    say: &Sender<Result<Lesson, Error>>,
+    say: &Sender<Result<TrainingEvent, Error>>,
 ) -> Result<(), Error> {
     let is_wanted = || wanted.load(Ordering::Relaxed);
     let tell = |lesson| _ = say.send(Ok(lesson));
-    let hand_over = &mut |grasp| tell(Lesson::Better(Box::new(grasp)));
-    let mut training = train(&mut hold, since, &is_wanted, hand_over)?;
-    tell(Lesson::Done);
-    for Question { hold: asked, q, depth } in questions {
+    let hand_over = &mut |grasp| tell(TrainingEvent::Better(Box::new(grasp)));
+    let mut training = train(&mut contacts, since, &is_wanted, hand_over)?;
+    tell(TrainingEvent::Done);
+    for Question { contacts: asked, q, depth } in questions {
         let since = Instant::now();
         // What an older one answered is none of the present one's faults.
-        let is_present = asked.n_modes() == hold.n_modes();
-        if is_present && training.correct(&mut hold, &asked.subspace.basis.field(&q), depth)? {
-            let grasp = Grasp::new(hold.clone(), training.clone(), since);
-            tell(Lesson::Better(Box::new(grasp)));
+        let is_present = asked.n_modes() == contacts.n_modes();
+        if is_present && training.correct(&mut contacts, &asked.subspace.basis.field(&q), depth)? {
+            let grasp = HyperReducedModel::new(contacts.clone(), training.clone(), since);
+            tell(TrainingEvent::Better(Box::new(grasp)));
         }
-        tell(Lesson::Done);
+        tell(TrainingEvent::Done);
     }
     Ok(())
 }
 
 fn no_thread(error: impl std::fmt::Display) -> Error {
-    Error::input(format!("no thread to learn in the background: {error}; take hold without it"))
+    Error::input(format!("no thread to train in the background: {error}; take hold without it"))
 }

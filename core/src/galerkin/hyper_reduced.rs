@@ -1,12 +1,12 @@
 //! Contacts that hold an organ, ready to be displaced: which cells count how much, and the search for equilibrium.
 
+use super::background::BackgroundTraining;
+use super::contacts::ReducedContacts;
 use super::forces::{Forces, State, systematic};
-use super::hold::Hold;
-use super::lessons::Lessons;
+use super::newton::{ReducedNewton, ReducedStatus, Search};
 use super::nnls::{Columns, greedy, norm};
 use super::origin::Origin;
 use super::sampled::Sampled;
-use super::solver::{Search, Solver, Status};
 use super::subspace::Subspace;
 use super::training::Training;
 use crate::clock::Instant;
@@ -14,9 +14,9 @@ use crate::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// States of training that show which pieces come into question.
+/// States of training that show which units come into question.
 const FIRST_STATES: usize = 4;
-/// Pieces that come into question.
+/// Sampling units that come into question.
 const CANDIDATES: usize = 2000;
 
 /// An equilibrium of the reduced energy, or how near it came.
@@ -34,7 +34,7 @@ pub struct Solution {
     /// Largest displacement of a contact [m].
     pub depth: f64,
     /// How it ended.
-    pub status: Status,
+    pub status: ReducedStatus,
     /// Smallest volume ratio of a sampled cell.
     pub smallest_jacobian: f64,
     /// Newton steps.
@@ -59,73 +59,75 @@ enum Place {
 }
 
 /// Some contacts of an organ, ready to be displaced.
-pub struct Grasp {
-    hold: Arc<Hold>,
-    solver: Solver,
+pub struct HyperReducedModel {
+    contacts: Arc<ReducedContacts>,
+    solver: ReducedNewton,
     training: Training,
     seconds: f64,
     place: Place,
-    /// Where better ones come from, if it learns in the background.
-    lessons: Option<Lessons>,
+    /// Where better ones come from, if it trains in the background.
+    background: Option<BackgroundTraining>,
 }
 
-impl Grasp {
+impl HyperReducedModel {
     /// Trained by the states that are there so far.
-    pub(super) fn new(hold: Hold, training: Training, since: Instant) -> Self {
-        let states = training.states(&hold);
-        Grasp {
-            solver: solver(&hold, &states, training.n_snapshots()),
-            hold: Arc::new(hold),
+    pub(super) fn new(contacts: ReducedContacts, training: Training, since: Instant) -> Self {
+        let states = training.states(&contacts);
+        HyperReducedModel {
+            solver: solver(&contacts, &states, training.n_snapshots()),
+            contacts: Arc::new(contacts),
             training,
             seconds: since.elapsed().as_secs_f64(),
             place: Place::Nowhere,
-            lessons: None,
+            background: None,
         }
     }
 
     /// In the span of the series; snapshots follow while it is in use.
-    pub(super) fn learning(mut hold: Hold, since: Instant) -> Result<Self, Error> {
-        let lessons = (hold.owner.sampling.snapshots > 0)
-            .then(|| Lessons::start(hold.clone(), since))
+    pub(super) fn in_training(
+        mut contacts: ReducedContacts,
+        since: Instant,
+    ) -> Result<Self, Error> {
+        let background = (contacts.owner.sampling.snapshots > 0)
+            .then(|| BackgroundTraining::start(contacts.clone(), since))
             .transpose()?;
-        let training = Training::new(&mut hold, 0, &|| true)?;
-        Ok(Grasp { lessons, ..Grasp::new(hold, training, since) })
+        let training = Training::new(&mut contacts, 0, &|| true)?;
+        Ok(HyperReducedModel { background, ..HyperReducedModel::new(contacts, training, since) })
     }
 
     /// Whether better ones are still to come; those that are ready have taken its place.
     ///
     /// # Errors
-    /// What ended the lessons in the background.
-    pub fn is_learning(&mut self) -> Result<bool, Error> {
+    /// What ended the training in the background.
+    pub fn is_training(&mut self) -> Result<bool, Error> {
         self.improve()?;
-        Ok(self.lessons.as_ref().is_some_and(Lessons::is_busy))
+        Ok(self.background.as_ref().is_some_and(BackgroundTraining::is_busy))
     }
 
     /// Compares the last answer with the equilibrium of the whole body next to it, and takes that in where the answer is
     /// wrong; whether it was, and it found one. Takes some tenths of a second, or seconds.
     ///
     /// # Errors
-    /// No memory for a solver; a grasp that learns in the background, which does it by itself.
-    pub fn learn(&mut self) -> Result<bool, Error> {
-        if self.lessons.is_some() {
-            return Err(Error::input(
-                "this grasp learns by itself, in the background; wait for it",
-            ));
+    /// No memory for a solver; a model that trains in the background, which does it by itself.
+    pub fn add_snapshot(&mut self) -> Result<bool, Error> {
+        if self.background.is_some() {
+            return Err(Error::input("this model trains in the background by itself; wait for it"));
         }
         let (Place::At(depth), since) = (self.place, Instant::now()) else { return Ok(false) };
-        let (mut hold, mut training) = (Hold::clone(&self.hold), self.training.clone());
-        let is_wrong = training.correct(&mut hold, &self.field(), depth)?;
+        let (mut contacts, mut training) =
+            (ReducedContacts::clone(&self.contacts), self.training.clone());
+        let is_wrong = training.correct(&mut contacts, &self.field(), depth)?;
         if is_wrong {
-            self.give_way(Grasp::new(hold, training, since));
+            self.give_way(HyperReducedModel::new(contacts, training, since));
         }
         Ok(is_wrong)
     }
 
     /// A better one takes its place, if it is ready.
     fn improve(&mut self) -> Result<(), Error> {
-        let Some(mut lessons) = self.lessons.take() else { return Ok(()) };
-        let better = lessons.newest()?; // lessons that fail are over
-        self.lessons = Some(lessons);
+        let Some(mut background) = self.background.take() else { return Ok(()) };
+        let better = background.newest()?; // a training that fails is over
+        self.background = Some(background);
         if let Some(better) = better {
             self.give_way(better);
         }
@@ -134,11 +136,11 @@ impl Grasp {
 
     /// A better one takes its place, and goes on from its field: modes are only ever added, and what is there has nothing
     /// of the new ones. Its memory is given back elsewhere, for that may take longer than a tick.
-    fn give_way(&mut self, better: Grasp) {
+    fn give_way(&mut self, better: HyperReducedModel) {
         let mut q = self.solver.q.clone();
-        q.resize(better.hold.n_modes(), 0.0);
-        let (lessons, place) = (self.lessons.take(), self.place);
-        let old = std::mem::replace(self, Grasp { lessons, place, ..better });
+        q.resize(better.contacts.n_modes(), 0.0);
+        let (background, place) = (self.background.take(), self.place);
+        let old = std::mem::replace(self, HyperReducedModel { background, place, ..better });
         if place != Place::Nowhere {
             self.solver.start(|share| q.iter().map(|q| share * q).collect());
         }
@@ -147,17 +149,17 @@ impl Grasp {
 
     /// Displacement of all nodes.
     fn field(&self) -> Vec<f64> {
-        self.hold.subspace.basis.field(&self.solver.q)
+        self.contacts.subspace.basis.field(&self.solver.q)
     }
 
     /// The search, to be asked what it lacks.
-    pub(super) fn solver(&self) -> &Solver {
+    pub(super) fn solver(&self) -> &ReducedNewton {
         &self.solver
     }
 
     /// What does not change from one solution to the next.
-    pub fn hold(&self) -> &Arc<Hold> {
-        &self.hold
+    pub fn contacts(&self) -> &Arc<ReducedContacts> {
+        &self.contacts
     }
 
     /// Number of sampled cells.
@@ -175,7 +177,7 @@ impl Grasp {
         self.seconds
     }
 
-    /// What it has learned.
+    /// What it is trained with.
     #[cfg(test)]
     pub(super) fn training(&self) -> &Training {
         &self.training
@@ -183,7 +185,7 @@ impl Grasp {
 
     /// What is solved.
     #[cfg(test)]
-    pub(super) fn solver_mut(&mut self) -> &mut Solver {
+    pub(super) fn solver_mut(&mut self) -> &mut ReducedNewton {
         &mut self.solver
     }
 
@@ -204,11 +206,12 @@ impl Grasp {
         self.solve_within(displacements, from_last, with_stiffness, None)
     }
 
-    /// As [`Grasp::solve`], with a `budget` for the search: when it is over, the status is [`Status::OutOfTime`], and
-    /// the next search from the last goes on. One step is always taken, with its tangent where it needs one.
+    /// As [`HyperReducedModel::solve`], with a `budget` for the search: when it is over, the status is
+    /// [`ReducedStatus::OutOfTime`], and the next search from the last goes on. One step is always taken, with its
+    /// tangent where it needs one.
     ///
     /// # Errors
-    /// As [`Grasp::solve`].
+    /// As [`HyperReducedModel::solve`].
     pub fn solve_within(
         &mut self,
         displacements: &[[f64; 3]],
@@ -217,31 +220,31 @@ impl Grasp {
         budget: Option<Duration>,
     ) -> Result<Solution, Error> {
         let clock = Instant::now();
-        self.hold.check(displacements)?;
+        self.contacts.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
         if !from_last || self.place == Place::Nowhere {
-            self.solver.start_at(d, self.hold.subspace.guess(d));
+            self.solver.start_at(d, self.contacts.subspace.guess(d));
         }
         let limit = budget.map(|budget| (clock, budget));
         let mut search = Search { limit, ..Search::default() };
         let status = self.solver.solve(d, &mut search);
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         self.place = match status {
-            Status::Converged => Place::At(depth),
-            Status::OutOfTime => Place::UnderWay,
-            Status::StepTooSmall | Status::TooManyIterations => Place::Nowhere,
+            ReducedStatus::Converged => Place::At(depth),
+            ReducedStatus::OutOfTime => Place::UnderWay,
+            ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => Place::Nowhere,
         };
-        let is_settled = status == Status::Converged;
+        let is_settled = status == ReducedStatus::Converged;
         let mut stiffness = Vec::new();
         if with_stiffness && is_settled {
             stiffness = self.solver.stiffness(&mut search);
         }
         if is_settled
-            && self.hold.is_within(depth)
-            && let Some(lessons) = &mut self.lessons
+            && self.contacts.is_within(depth)
+            && let Some(background) = &mut self.background
         {
-            lessons.ask(&self.hold, &self.solver.q, displacements);
+            background.ask(&self.contacts, &self.solver.q, displacements);
         }
         let force = |f: &[f64]| {
             let is_known = f.iter().all(|x| x.is_finite());
@@ -265,26 +268,30 @@ impl Grasp {
 
 /// The search for equilibrium in a span, on cells and weights that training finds; the first so many states of it are
 /// equilibria.
-fn solver(Hold { owner, subspace, .. }: &Hold, training: &[State], known: usize) -> Solver {
+fn solver(
+    ReducedContacts { owner, subspace, .. }: &ReducedContacts,
+    training: &[State],
+    known: usize,
+) -> ReducedNewton {
     let sampled = sampled(&owner.origin, subspace, training, owner.sampling.tolerance);
     let squares: f64 = training.iter().map(State::square).sum();
     let unit = (squares / training.len() as f64).sqrt();
-    let means = subspace.means.clone();
-    Solver::new(sampled, subspace.len(), means, unit, &training[..known])
+    let constraints = subspace.constraints.clone();
+    ReducedNewton::new(sampled, subspace.len(), constraints, unit, &training[..known])
 }
 
-/// Pieces and weights that give the forces of the whole body in training: those of all states together to the tolerance,
-/// and those of weighty states better than others.
+/// Sampling units and weights that give the forces of the whole body in training: those of all states together to the
+/// tolerance, and those of weighty states better than others.
 fn sampled(origin: &Origin, subspace: &Subspace, training: &[State], tolerance: f64) -> Sampled {
-    let all: Vec<usize> = (0..origin.body.n_pieces()).collect();
+    let all: Vec<usize> = (0..origin.body.n_sampling_units()).collect();
     let sizes = Forces::new(origin, &all, subspace, &training[..FIRST_STATES]).sizes();
     let candidates = systematic(&sizes, CANDIDATES);
     let forces = Forces::new(origin, &candidates, subspace, training);
-    let columns = Columns { rows: forces.rows, values: &forces.pieces };
+    let columns = Columns { rows: forces.rows, values: &forces.units };
     let weight = training.iter().map(|state| state.weight.powi(2)).sum::<f64>().sqrt();
     let tolerance = tolerance * (training.len() as f64).sqrt() / weight;
     let chosen = greedy(&columns, &forces.body, tolerance);
-    let (pieces, weights): (Vec<usize>, Vec<f64>) =
+    let (units, weights): (Vec<usize>, Vec<f64>) =
         chosen.into_iter().map(|(place, weight)| (candidates[place], weight)).unzip();
-    Sampled::new(origin, &pieces, &weights, &subspace.basis.modes)
+    Sampled::new(origin, &units, &weights, &subspace.basis.modes)
 }

@@ -5,11 +5,11 @@ use viscera_touch::{Contact, ReducedModel, Trust};
 
 /// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
 const ANSWER_LEN: usize = 17;
-/// What [`Organ::evaluate`] returns where force or stiffness overflow.
+/// What [`Model::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
 
 /// A model, the contact of the moment, and buffers.
-pub struct Organ {
+pub struct Model {
     model: ReducedModel,
     contact: Option<Contact>,
     answer: [f64; ANSWER_LEN],
@@ -26,7 +26,7 @@ pub struct Organ {
     amplitude: Vec<f32>,
 }
 
-impl Organ {
+impl Model {
     /// Reads a model file.
     ///
     /// # Errors
@@ -46,7 +46,7 @@ impl Organ {
         let touchable = arrays.touchable.iter().map(|&p| positions[p as usize]).collect();
         let points = nodes.iter().flat_map(|&n| &arrays.points[3 * n as usize..3 * n as usize + 3]);
         let size = 3 * nodes.len();
-        Ok(Organ {
+        Ok(Model {
             contact: None,
             answer: [0.0; ANSWER_LEN],
             shape_trust: NO_NUMBER,
@@ -236,11 +236,11 @@ mod tests {
     fn a_flipped_bit_is_a_sentence() {
         let old = include_bytes!("../../../tests/data/format-1.viscera");
         let bytes = ReducedModel::from_bytes(old).unwrap().to_bytes().unwrap();
-        assert!(Organ::read(&bytes).is_ok());
+        assert!(Model::read(&bytes).is_ok());
         for place in (0..bytes.len()).step_by(997) {
             let mut damaged = bytes.clone();
             damaged[place] ^= 4;
-            let sentence = Organ::read(&damaged).err().unwrap_or_default();
+            let sentence = Model::read(&damaged).err().unwrap_or_default();
             assert!(sentence.contains("not a usable model file"), "{place}: {sentence}");
         }
     }
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn what_is_no_model_is_a_sentence() {
         assert!(
-            Organ::read(b"not a model")
+            Model::read(b"not a model")
                 .err()
                 .is_some_and(|e| e.contains("not a usable model file"))
         );

@@ -15,15 +15,15 @@ const SMALLEST: f64 = 0.1;
 
 /// `w` and `s / s.s` of each update.
 #[derive(Clone)]
-pub(super) struct Secants {
+pub(super) struct BroydenUpdates {
     r: usize,
     pairs: Vec<f64>,
 }
 
-impl Secants {
+impl BroydenUpdates {
     /// None yet; room for steps of `r` coordinates.
     pub fn new(r: usize) -> Self {
-        Secants { r, pairs: Vec::with_capacity(2 * r * MOST) }
+        BroydenUpdates { r, pairs: Vec::with_capacity(2 * r * MOST) }
     }
 
     /// As none.
@@ -40,8 +40,8 @@ impl Secants {
         }
     }
 
-    /// Learns from `step`, taken whole, that it ought to be followed by `next`, and makes this the step of the update.
-    pub fn learn(&mut self, step: &[f64], next: &mut [f64]) {
+    /// Updates from `step`, taken whole, that it ought to be followed by `next`, and makes this the step of the update.
+    pub fn update(&mut self, step: &[f64], next: &mut [f64]) {
         let square = dot(step, step);
         let share = 1.0 - dot(step, next) / square;
         // Written so that what is not a number is left out.
@@ -64,18 +64,18 @@ mod tests {
     use crate::mesh::samples::noise;
 
     /// `x` after so many steps towards the root of `A x - b`, with the identity for `A`.
-    fn missing(steps: usize, learns: bool) -> f64 {
+    fn residual_after(steps: usize, with_updates: bool) -> f64 {
         let (r, noise) = (6, noise(42, 7));
         let residual = |x: &[f64]| -> Vec<f64> {
             let row = |i: usize| x[i] + 0.3 * dot(&noise[i * r..(i + 1) * r], x) - noise[36 + i];
             (0..r).map(row).collect()
         };
-        let (mut secants, mut x, mut last) = (Secants::new(r), vec![0.0; r], None);
+        let (mut updates, mut x, mut last) = (BroydenUpdates::new(r), vec![0.0; r], None);
         for _ in 0..steps {
             let mut step: Vec<f64> = residual(&x).iter().map(|f| -f).collect();
-            secants.correct(&mut step);
-            if let Some(last) = last.as_deref().filter(|_| learns) {
-                secants.learn(last, &mut step);
+            updates.correct(&mut step);
+            if let Some(last) = last.as_deref().filter(|_| with_updates) {
+                updates.update(last, &mut step);
             }
             x.iter_mut().zip(&step).for_each(|(x, s)| *x += s);
             last = Some(step);
@@ -85,18 +85,18 @@ mod tests {
 
     #[test]
     fn a_linear_system_is_solved_in_twice_as_many_steps_as_it_has_rows() {
-        assert!(missing(12, true) < 1e-12, "Gay, SIAM J. Numer. Anal. 16 (1979) 623");
-        assert!(missing(12, false) > 1e-6, "the tangent alone does not get there");
+        assert!(residual_after(12, true) < 1e-12, "Gay, SIAM J. Numer. Anal. 16 (1979) 623");
+        assert!(residual_after(12, false) > 1e-6, "the tangent alone does not get there");
     }
 
     #[test]
     fn a_step_that_leads_nowhere_teaches_nothing() {
-        let mut secants = Secants::new(2);
+        let mut updates = BroydenUpdates::new(2);
         for next in [[1.0, 0.0], [f64::NAN, 0.0]] {
             let mut same = next;
-            secants.learn(&[1.0, 0.0], &mut same);
+            updates.update(&[1.0, 0.0], &mut same);
             let mut step = [1.0, 2.0];
-            secants.correct(&mut step);
+            updates.correct(&mut step);
             assert_eq!(step, [1.0, 2.0]);
         }
     }

@@ -2,14 +2,14 @@
 //!
 //! With the tangent K at an earlier iterate and f = dW/dq, a step is
 //!   [K -A^T; A 0] [dq; F] = [-f; d - A q],
-//! F the contact forces; the tangent is renewed when steps shrink too slowly, and learns from them meanwhile, so most
-//! iterations cost a force only.
+//! F the contact forces; the tangent is renewed when steps shrink too slowly, and updated by them meanwhile (Broyden), so
+//! most iterations cost a force only.
 
-use super::factor::Factor;
+use super::broyden::BroydenUpdates;
+use super::factor::ReducedFactor;
 use super::forces::State;
 use super::nnls::{dot, norm};
 use super::sampled::{Reduced, Sampled};
-use super::secants::Secants;
 use super::starts::Starts;
 use crate::clock::Instant;
 use std::time::Duration;
@@ -26,7 +26,7 @@ const SHORTEST: f64 = 1.0 / 1024.0;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Status {
+pub enum ReducedStatus {
     /// At an equilibrium of the reduced energy.
     Converged,
     /// Every step towards it, however short, turns a sampled cell inside out or raises the energy.
@@ -50,14 +50,14 @@ pub(super) struct Search {
 
 /// Modes on sampled cells, and constraints, with the last iterate.
 #[derive(Clone)]
-pub(super) struct Solver {
+pub(super) struct ReducedNewton {
     pub reduced: Reduced,
     pub q: Vec<f64>,
     sampled: Sampled,
     /// `A`: three rows for each contact.
-    means: Vec<Vec<f64>>,
-    factor: Factor,
-    secants: Secants,
+    constraints: Vec<Vec<f64>>,
+    factor: ReducedFactor,
+    updates: BroydenUpdates,
     starts: Starts,
     /// Usual norm of the coordinates.
     unit: f64,
@@ -67,31 +67,31 @@ pub(super) struct Solver {
     renewal: Duration,
     /// Contact forces of the last step, three for each.
     pub forces: Vec<f64>,
-    /// The step, the last before it, where it started, and what the means of the patches lacked there.
+    /// The step, the last before it, where it started, and the constraint residual there.
     step: Vec<f64>,
     last: Vec<f64>,
     origin: Vec<f64>,
-    missing: Vec<f64>,
+    constraint_residual: Vec<f64>,
 }
 
-impl Solver {
+impl ReducedNewton {
     /// At rest; `r` modes with these `means`, `known` coordinates of equilibria to start from.
     pub fn new(
         sampled: Sampled,
         r: usize,
-        means: Vec<Vec<f64>>,
+        constraints: Vec<Vec<f64>>,
         unit: f64,
         known: &[State],
     ) -> Self {
-        let n = means.len();
-        let mut solver = Solver {
+        let n = constraints.len();
+        let mut solver = ReducedNewton {
             reduced: Reduced::new(r),
             q: vec![0.0; r],
-            factor: Factor::new(r, n),
-            secants: Secants::new(r),
-            starts: Starts::new(known, &means, r),
+            factor: ReducedFactor::new(r, n),
+            updates: BroydenUpdates::new(r),
+            starts: Starts::new(known, &constraints, r),
             sampled,
-            means,
+            constraints,
             unit,
             tolerance: TOLERANCE,
             renewal: Duration::ZERO,
@@ -99,7 +99,7 @@ impl Solver {
             step: vec![0.0; r],
             last: vec![0.0; r],
             origin: vec![0.0; r],
-            missing: vec![0.0; n],
+            constraint_residual: vec![0.0; n],
         };
         solver.evaluate(false);
         solver
@@ -128,7 +128,7 @@ impl Solver {
     /// all have such cells, from a share of the guess.
     pub fn start_at(&mut self, d: &[f64], guess: impl Fn(f64) -> Vec<f64>) {
         let (mut best, mut lowest) = (None, f64::INFINITY);
-        for q in self.starts.at(d, guess(1.0), &self.means) {
+        for q in self.starts.at(d, guess(1.0), &self.constraints) {
             self.q = q;
             self.evaluate(false);
             if self.reduced.jacobian > 0.0 && self.reduced.energy < lowest {
@@ -153,12 +153,12 @@ impl Solver {
     }
 
     /// Goes from `q`, where it was evaluated last, to the equilibrium under `A q = d`, or as far as it gets.
-    pub fn solve(&mut self, d: &[f64], search: &mut Search) -> Status {
+    pub fn solve(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         let (mut last, mut is_fresh) = (f64::INFINITY, false);
         while search.iterations <= MAX_ITERATIONS {
             if search.iterations > 0 && self.would_be_late(search) {
-                return Status::OutOfTime;
+                return ReducedStatus::OutOfTime;
             }
             if !self.factor.is_ready() {
                 self.renew(search);
@@ -168,7 +168,7 @@ impl Solver {
             let way = norm(&self.step);
             search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
             if search.residual <= self.tolerance {
-                return Status::Converged;
+                return ReducedStatus::Converged;
             }
             if way > SLOW * last {
                 self.factor.forget();
@@ -177,7 +177,7 @@ impl Solver {
             search.iterations += 1;
             let Some(length) = self.advance(is_feasible) else {
                 if is_fresh {
-                    return Status::StepTooSmall;
+                    return ReducedStatus::StepTooSmall;
                 }
                 self.factor.forget();
                 continue;
@@ -187,22 +187,33 @@ impl Solver {
                 self.factor.forget();
             }
         }
-        Status::TooManyIterations
+        ReducedStatus::TooManyIterations
     }
 
-    /// The next step, by what the last one has taught if it was taken whole, and the norm of what is missing of `d`.
-    fn find_step(&mut self, d: &[f64], learns: bool) -> f64 {
-        let Solver { reduced, missing, means, step, forces, factor, secants, last, q, .. } = self;
-        for ((missing, row), d) in missing.iter_mut().zip(means.iter()).zip(d) {
-            *missing = d - dot(row, q);
+    /// The next step, updated by the last one if that was taken whole, and the norm of the constraint residual.
+    fn find_step(&mut self, d: &[f64], with_update: bool) -> f64 {
+        let ReducedNewton {
+            reduced,
+            constraint_residual,
+            constraints,
+            step,
+            forces,
+            factor,
+            updates,
+            last,
+            q,
+            ..
+        } = self;
+        for ((lacks, row), d) in constraint_residual.iter_mut().zip(constraints.iter()).zip(d) {
+            *lacks = d - dot(row, q);
         }
         std::mem::swap(step, last);
-        factor.step(&reduced.force, missing, means, step, forces);
-        secants.correct(step);
-        if learns {
-            secants.learn(last, step);
+        factor.step(&reduced.force, constraint_residual, constraints, step, forces);
+        updates.correct(step);
+        if with_update {
+            updates.update(last, step);
         }
-        norm(missing)
+        norm(constraint_residual)
     }
 
     /// Whether the time is over, or would be with the tangent that is asked for next.
@@ -214,8 +225,8 @@ impl Solver {
     fn renew(&mut self, search: &mut Search) {
         let clock = Instant::now();
         self.evaluate(true);
-        self.factor.factorize(&self.reduced.tangent, &self.means);
-        self.secants.forget();
+        self.factor.factorize(&self.reduced.tangent, &self.constraints);
+        self.updates.forget();
         search.tangents += 1;
         self.renewal = clock.elapsed();
     }

@@ -5,11 +5,11 @@
 //! `A` the means of the patches, is nearly what is missing: `|z| / |u|` is the error that is expected. A tangent that is
 //! not positive definite says that the organ would not stay there, however small the step.
 
-use super::grasp::Solution;
+use super::hyper_reduced::Solution;
 use super::model::Galerkin;
+use super::newton::ReducedStatus;
 use super::nnls::norm;
 use super::snapshots::Step;
-use super::solver::Status;
 use super::subspace::Subspace;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -46,27 +46,27 @@ pub struct Assessment {
 
 /// Contacts, and the modes that their displacements are solved in.
 #[derive(Clone)]
-pub struct Hold {
+pub struct ReducedContacts {
     pub(super) owner: Arc<Galerkin>,
     pub(super) subspace: Subspace,
-    contacts: Vec<Contact>,
+    places: Vec<Contact>,
 }
 
-impl Hold {
+impl ReducedContacts {
     /// In the span of the series.
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
         let subspace = Subspace::new(&owner.model, &owner.origin, &contacts, owner.sampling.order)?;
-        Ok(Hold { owner, subspace, contacts })
+        Ok(ReducedContacts { owner, subspace, places: contacts })
     }
 
     /// Where the contacts are.
-    pub fn contacts(&self) -> &[Contact] {
-        &self.contacts
+    pub fn places(&self) -> &[Contact] {
+        &self.places
     }
 
     /// Their patches, the weighted means of which are displaced. Allocates.
     pub fn patches(&self) -> Vec<Patch> {
-        self.contacts.iter().map(|c| self.owner.model.patch(c)).collect()
+        self.places.iter().map(|c| self.owner.model.patch(c)).collect()
     }
 
     /// Number of modes.
@@ -97,9 +97,9 @@ impl Hold {
     pub fn assess(&self, solution: &Solution) -> Result<Assessment, Error> {
         let model = &self.owner.model;
         let (error, is_stable) = self.expected_error(solution)?;
-        let trust = if solution.status == Status::OutOfTime {
+        let trust = if solution.status == ReducedStatus::OutOfTime {
             Trust::OutOfTime
-        } else if solution.status != Status::Converged {
+        } else if solution.status != ReducedStatus::Converged {
             Trust::NotConverged
         } else if !(solution.smallest_jacobian > 0.0) {
             Trust::Inverted
@@ -136,11 +136,11 @@ impl Hold {
     }
 
     pub(super) fn check(&self, displacements: &[[f64; 3]]) -> Result<(), Error> {
-        if displacements.len() != self.contacts.len() {
+        if displacements.len() != self.places.len() {
             return Err(Error::input(format!(
                 "{} displacements for {} contacts; give one for each",
                 displacements.len(),
-                self.contacts.len()
+                self.places.len()
             )));
         }
         match displacements.iter().position(|d| d.iter().any(|x| !x.is_finite())) {

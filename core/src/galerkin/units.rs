@@ -1,11 +1,11 @@
-//! Sampled pieces that are more than a linear cell: clusters that share their change of volume, quadratic cells. They are
-//! a body of their own ([`Cut`]), whose kernels are those of every body; here is what lies between its nodes and the modes.
+//! Sampled units that are more than a linear cell: clusters that share their change of volume, quadratic cells. They are
+//! a body of their own ([`WeightedSubset`]), whose kernels are those of every body; here is what lies between its nodes and the modes.
 //!
 //! With the modes `E` on its nodes, a row for each degree of freedom, force and tangent of `W(u_0 + E q)` are `E^T f` and
 //! `E^T K E`. The modes are held in single precision, as they are for [linear cells](super::panels).
 
 use super::sampled::Reduced;
-use crate::body::{Body, Cut, SymmetricBlocks};
+use crate::body::{Body, SymmetricBlocks, WeightedSubset};
 use crate::linear::Precision;
 use crate::simd::{WideKernel, dispatch_wide};
 use crate::threads::all_threads;
@@ -18,10 +18,10 @@ const RUN: usize = 16;
 /// Rows that go through the modes together: those of a node.
 const ABREAST: usize = 3;
 
-/// Pieces and the modes on their nodes.
+/// Sampling units and the modes on their nodes.
 #[derive(Clone)]
-pub(super) struct Pieces {
-    cut: Arc<Cut>,
+pub(super) struct SamplingUnits {
+    subset: Arc<WeightedSubset>,
     modes: Arc<Rows>,
     /// `u_0 + E q`, and the force there.
     u: Vec<f64>,
@@ -34,12 +34,12 @@ pub(super) struct Pieces {
     products: Vec<f32>,
 }
 
-impl Pieces {
+impl SamplingUnits {
     /// The displacement in the origin and the `modes` are runs of all degrees of freedom of the whole body.
-    pub fn new(cut: Cut, displacement: &[f64], modes: &[Vec<f64>]) -> Self {
-        let (n, tangent) = (cut.body.n_dofs(), cut.body.zero_tangent());
-        let modes = Rows::new(&cut.nodes, displacement, modes);
-        Pieces {
+    pub fn new(subset: WeightedSubset, displacement: &[f64], modes: &[Vec<f64>]) -> Self {
+        let (n, tangent) = (subset.body.n_dofs(), subset.body.zero_tangent());
+        let modes = Rows::new(&subset.nodes, displacement, modes);
+        SamplingUnits {
             u: vec![0.0; n],
             f: vec![0.0; n],
             pairs: Arc::new(tangent.pattern().pairs().collect()),
@@ -47,21 +47,21 @@ impl Pieces {
             stresses: Vec::new(),
             products: Vec::new(),
             modes: Arc::new(modes),
-            cut: Arc::new(cut),
+            subset: Arc::new(subset),
         }
     }
 
     /// Number of cells.
     pub fn n_cells(&self) -> usize {
-        self.cut.body.cells().len()
+        self.subset.body.cells().len()
     }
 
     /// Energy and force at `q`, and the tangent where asked for.
     pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
-        let Pieces { cut, modes, u, f, .. } = self;
+        let SamplingUnits { subset, modes, u, f, .. } = self;
         modes.combine(q, u);
-        reduced.energy = cut.body.internal_force(u, f);
-        reduced.jacobian = smallest_jacobian(&cut.body, u);
+        reduced.energy = subset.body.internal_force(u, f);
+        reduced.jacobian = smallest_jacobian(&subset.body, u);
         modes.project(f, &mut reduced.force);
         if with_tangent {
             self.curve(reduced);
@@ -70,8 +70,8 @@ impl Pieces {
 
     /// `E^T K E` at `u`.
     fn curve(&mut self, reduced: &mut Reduced) {
-        let Pieces { cut, modes, u, f, tangent, pairs, stresses, products } = self;
-        cut.body.internal_force_and_tangent(u, f, tangent);
+        let SamplingUnits { subset, modes, u, f, tangent, pairs, stresses, products } = self;
+        subset.body.internal_force_and_tangent(u, f, tangent);
         stresses.clear();
         stresses.resize(modes.values.len(), 0.0);
         dispatch_wide(Stress { tangent, pairs, modes, out: stresses });
@@ -92,16 +92,16 @@ impl Pieces {
         reduced.mirror();
     }
 
-    /// The force of each piece along each mode at `q`, of pieces that have no node in common.
+    /// The force of each unit along each mode at `q`, of units that have no node in common.
     pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
-        let Pieces { cut, modes, u, f, .. } = self;
+        let SamplingUnits { subset, modes, u, f, .. } = self;
         modes.combine(q, u);
-        cut.body.internal_force(u, f);
-        let (r, count) = (modes.r, cut.body.n_pieces());
+        subset.body.internal_force(u, f);
+        let (r, count) = (modes.r, subset.body.n_sampling_units());
         let mut forces = vec![0.0; count * r];
         for (dof, &f) in f.iter().enumerate() {
-            let piece = cut.pieces[dof / 3] as usize;
-            let (out, row) = (&mut forces[piece * r..(piece + 1) * r], modes.row(dof));
+            let unit = subset.units[dof / 3] as usize;
+            let (out, row) = (&mut forces[unit * r..(unit + 1) * r], modes.row(dof));
             out.iter_mut().zip(row).for_each(|(out, &x)| *out += f * f64::from(x));
         }
         forces
