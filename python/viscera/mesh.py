@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core, meshfile
 from viscera.display import Pictured
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError
+from viscera.inspection import arrays, faults, hinges, implausible_size, listed
+from viscera.members import indices_of, listed_in, members
 from viscera.meshfile import RawMesh
 from viscera.quantity import Number
-from viscera.select import Lengths, conditional, extent, indices, is_condition, length
+from viscera.select import Lengths, length
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -35,9 +37,6 @@ Where = str | ArrayLike | Callable[[Floats], ArrayLike]
 (k, 3) -> bool (k,): see `viscera.select`."""
 
 log = logging.getLogger("viscera")
-
-# An organ outside this range of bounding-box diagonals [m] was most likely read in the wrong unit.
-PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +134,9 @@ class Mesh(Pictured):
         >>> len(vs.organs.beam().nodes("clamp and within 6 cm of (0%, 50%, 50%)"))
         5
         """
-        where = _listed_in(where, self.sets)
+        where = listed_in(where, self.sets)
         places = self.points[: self.n_corners] if isinstance(where, str) else self.points
-        found = _members(where, self.sets, places, self.bounding_box, "node")
+        found = members(where, self.sets, places, self.bounding_box, "node")
         is_chosen = callable(where) or (isinstance(where, str) and where in self.sets)
         names_corners_alone = not is_chosen and found[-1] < self.n_corners
         return _with_midpoints(found, self.edges, self.n_corners) if names_corners_alone else found
@@ -151,8 +150,8 @@ class Mesh(Pictured):
         >>> len(vs.organs.beam().cells_in("x < 50%"))
         960
         """
-        where = _listed_in(where, self.cell_sets)
-        return _members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
+        where = listed_in(where, self.cell_sets)
+        return members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
 
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
         """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
@@ -310,157 +309,33 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
         found = _checked(_without_loose_points(raw))
     except VisceraError as error:
         raise VisceraError(f"{path}: {error}") from None
-    for problem in _implausible_size(found.points):
+    for problem in implausible_size(found.points):
         log.warning("%s: %s", path, problem)
     return found
 
 
-def inspect(path: str | Path, *, units: str | float = "m") -> dict[str, Any]:
-    """The sanity report of a mesh file, good or bad; see `report`."""
-    return report(meshfile.read(Path(path), units))
-
-
-def report(raw: RawMesh | Mesh) -> dict[str, Any]:
-    """Facts and problems of a mesh, without repairing or refusing anything.
-
-    n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
-    regular tetrahedron), problems (sentences), axes ("RAS", "LPS" or None), sets {name: number of nodes}, cell_sets
-    {name: number of cells},
-    parts (cells are of one part when they share a face), messages. Numbers that a broken mesh does not have are None.
-    """
-    result: dict[str, Any] = {
-        "n_points": len(raw.points),
-        "n_cells": len(raw.cells),
-        "bounding_box": None,
-        "volume": None,
-        "volume_ml": None,
-        "quality": None,
-        "parts": None,
-        "axes": raw.axes or None,
-        "sets": {name: len(nodes) for name, nodes in raw.sets.items()},
-        "cell_sets": {name: len(cells) for name, cells in raw.cell_sets.items()},
-        "messages": list(raw.messages),
-    }
-    try:
-        points, cells = _arrays(raw)
-    except VisceraError as error:
-        return result | {"problems": [str(error)]}
-    facts = _core.inspect(points, cells)
-    volume = float(np.abs(facts["cell_volumes"]).sum())
-    return result | {
-        "bounding_box": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
-        "volume": volume,
-        "volume_ml": 1e6 * volume,
-        "quality": {"min": float(facts["quality"].min()), "mean": float(facts["quality"].mean())},
-        "parts": int(facts["n_parts"]),
-        "problems": _problems(points, facts),
-    }
-
-
-def _problems(points: Floats, facts: dict[str, Any]) -> list[str]:
-    problems = _faults(facts)
-    if len(facts["inverted"]) and not len(facts["overlapping"]):
-        problems.append(f"{_listed('cell', facts['inverted'])} inverted; reading the mesh turns them round")
-    if len(facts["loose_points"]):
-        problems.append(f"{_listed('point', facts['loose_points'])} in no cell; reading a file drops them")
-    if facts["n_parts"] > 1:
-        sizes = np.sort(np.bincount(facts["part"]))[::-1]
-        problems.append(
-            f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
-            f"{', ...' if len(sizes) > 5 else ''} cells); each needs its own fixed nodes"
-        )
-    problems += _hinges(facts)
-    return problems + _implausible_size(points)
-
-
-def _faults(facts: dict[str, Any]) -> list[str]:
-    """What no reader can repair."""
-    faults = []
-    if len(facts["degenerate"]):
-        faults.append(f"{_listed('cell', facts['degenerate'])} of zero volume; remove or remesh them")
-    if len(facts["duplicate"]):
-        faults.append(f"{_listed('cell', facts['duplicate'])} on the same four points as an earlier cell; remove them")
-    if len(over := facts["overlapping"]):
-        volumes = np.abs(facts["cell_volumes"])
-        faults.append(
-            f"{_listed('cell', over)} pushed through neighbouring cells: the volumes of all cells add up to "
-            f"{1e6 * volumes.sum():.6g} ml, {2e6 * volumes[over].sum():.3g} ml more than the surface encloses; move "
-            "their points back, or remesh"
-        )
-    if len(facts["crowded"]):
-        faults.append(f"{_listed('cell', facts['crowded'])} on a face that two other cells share already; remove them")
-    if len(hanging := facts["hanging"]):
-        faults.append(
-            f"{_listed('point', hanging[:, 0])} hanging on a face of another cell (the first on one of cell "
-            f"{hanging[0, 1]}) without being a corner of it: the two sides would separate there; remesh"
-        )
-    return faults
-
-
-def _hinges(facts: dict[str, Any]) -> list[str]:
-    """Where parts share points but no face."""
-    if (count := len(at := facts["pinches"])) == 0:
-        return []
-    where = f"point {at[0]}" if count == 1 else f"{count} points (first: {', '.join(map(str, at[:5]))})"
-    return [f"parts meet at {where} only, without a common face: they turn there as on a hinge"]
-
-
-def _implausible_size(points: Floats) -> list[str]:
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    low, high = PLAUSIBLE_DIAGONAL
-    if low <= diagonal <= high:
-        return []
-    return [f"the bounding box has a diagonal of {diagonal:.3g} m, implausible for an organ; check `units`"]
-
-
 def _checked(raw: RawMesh) -> Mesh:
-    points, cells = _arrays(raw)
+    points, cells = arrays(raw)
     facts = _core.inspect(points, cells)
-    faults = _faults(facts)
+    found = faults(facts)
     if len(facts["loose_points"]):
-        faults.append(f"{_listed('point', facts['loose_points'])} in no cell; remove them")
-    if faults:
-        raise VisceraError("; ".join(faults))
+        found.append(f"{listed('point', facts['loose_points'])} in no cell; remove them")
+    if found:
+        raise VisceraError("; ".join(found))
     messages = list(raw.messages)
     if len(inverted := facts["inverted"]):
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
         log.info(messages[-1])
-    for hinge in _hinges(facts):
+    for hinge in hinges(facts):
         messages.append(hinge)
         log.warning(hinge)
-    sets = {name: _read_only(_indices(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
+    sets = {name: _read_only(indices_of(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
     parts = {
-        name: _read_only(_indices(chosen, len(cells), f"cell set {name!r}", "cell"))
+        name: _read_only(indices_of(chosen, len(cells), f"cell set {name!r}", "cell"))
         for name, chosen in raw.cell_sets.items()
     }
     return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages), cell_sets=parts, axes=raw.axes)
-
-
-def _arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
-    """Points and cells as the core wants them (a copy), or the sentence that says why they are none."""
-    try:
-        points = np.array(raw.points, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise VisceraError(f"points must be numbers (n, 3), not {raw.points.dtype} {raw.points.shape}") from None
-    cells = raw.cells
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
-        raise VisceraError(f"points must have the shape (n, 3) with n > 0, not {points.shape}")
-    if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0:
-        raise VisceraError(f"cells must have the shape (m, 4) with m > 0, not {cells.shape}")
-    if not np.issubdtype(cells.dtype, np.integer):
-        raise VisceraError(f"cells must hold integers, not {cells.dtype}")
-    bad_points = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad_points):
-        first = bad_points[0]
-        more = f" ({len(bad_points)} such points)" if len(bad_points) > 1 else ""
-        raise VisceraError(f"point {first} has a coordinate that is not finite: {points[first].tolist()}{more}")
-    bad_cells = np.flatnonzero(((cells < 0) | (cells >= len(points))).any(axis=1))
-    if len(bad_cells):
-        first = bad_cells[0]
-        more = f" ({len(bad_cells)} such cells)" if len(bad_cells) > 1 else ""
-        raise VisceraError(f"cell {first} {cells[first].tolist()} names a point that is not one of {len(points)}{more}")
-    return points, np.array(cells, dtype=np.uint32, order="C")
 
 
 def _without_loose_points(raw: RawMesh) -> RawMesh:
@@ -477,69 +352,11 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
     return RawMesh(raw.points[is_used], number[raw.cells], sets, raw.cell_sets, (*raw.messages, message), raw.axes)
 
 
-def _members(where: Where, sets: Mapping[str, Indices], places: Floats, box: Floats, noun: str) -> Indices:
-    """The nodes or cells that a set's name, a condition, indices or a predicate on their places (k, 3) select."""
-    if isinstance(where, str) and where in sets:
-        return sets[where]
-    if isinstance(where, str):
-        if not is_condition(where):
-            raise VisceraError(f"the mesh has no {noun} set {where!r}; {did_you_mean(where, sets)}")
-        found = np.flatnonzero(conditional(places, where, box, sets, noun))
-        if len(found) == 0:
-            raise VisceraError(f"{where!r} selects no {noun}; {extent(box)}")
-        return found.astype(np.uint32)
-    if callable(where):
-        mask = np.asarray(where(places))
-        if mask.shape != (len(places),) or mask.dtype != np.bool_:
-            of = "points" if noun == "node" else "centroids"
-            raise VisceraError(
-                f"a predicate takes {of} ({len(places)}, 3) and returns bool ({len(places)},), "
-                f"but this one returned {mask.dtype} {mask.shape}"
-            )
-        found = np.flatnonzero(mask)
-        if len(found) == 0:
-            low, high = places.min(axis=0), places.max(axis=0)
-            of = "points" if noun == "node" else "centroids"
-            raise VisceraError(f"the predicate selects no {noun}; the {of} lie between {low} and {high} m")
-        return found.astype(np.uint32)
-    return _indices(where, len(places), f"the {noun} set", noun)
-
-
-def _listed_in(where: Where, sets: Mapping[str, Indices]) -> Where:
-    """Indices for words that list some and are no set's name; everything else as it is."""
-    if not isinstance(where, str) or where in sets:
-        return where
-    listed = indices(where)
-    return where if listed is None else listed
-
-
-def _indices(where: ArrayLike, count: int, what: str, noun: str = "node") -> Indices:
-    """Ascending, unique indices from integers or a mask (count,)."""
-    chosen = np.atleast_1d(np.asarray(where))
-    if chosen.dtype == np.bool_ and chosen.shape == (count,):
-        chosen = np.flatnonzero(chosen)
-    if chosen.size == 0:
-        raise VisceraError(f"{what} has no {noun}s")
-    if chosen.ndim != 1 or not np.issubdtype(chosen.dtype, np.integer):
-        raise VisceraError(f"{what} must be integers (k,) or a mask ({count},), not {chosen.dtype} {chosen.shape}")
-    outside = chosen[(chosen < 0) | (chosen >= count)]
-    if len(outside):
-        raise VisceraError(f"{what} names {noun} {outside[0]}, but the mesh has {count} {noun}s, numbered from 0")
-    return np.unique(chosen).astype(np.uint32)
-
-
 def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
     """The nodes, and the midpoint of every edge (k, 2) that they hold both ends of."""
     inside = np.isin(edges, nodes).all(axis=1)
     midpoints = n_corners + np.flatnonzero(inside)
     return np.union1d(nodes, midpoints).astype(np.uint32)
-
-
-def _listed(noun: str, indices: Indices) -> str:
-    """`cell 7 is`, or `12 cells (first: 7, 9, 11, 12, 30) are`."""
-    if len(indices) == 1:
-        return f"{noun} {indices[0]} is"
-    return f"{len(indices)} {noun}s (first: {', '.join(map(str, indices[:5]))}) are"
 
 
 def _again(points: Floats, cells: Indices, sets: Any, messages: tuple[str, ...], edges: Indices, parts: Any) -> Mesh:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera.mesh import report
+from viscera.inspection import report
 
 ORGANS = {"liver": vs.organs.liver, "artery": vs.organs.artery, "beam": vs.organs.beam}
 EVERY = pytest.mark.parametrize("organ", ORGANS.values(), ids=ORGANS)

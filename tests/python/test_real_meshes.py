@@ -15,7 +15,7 @@ import pytest
 import viscera as vs
 from viscera.check import allowed_error
 from viscera.cli import main
-from viscera.mesh import inspect
+from viscera.inspection import inspect
 
 
 class Specimen(NamedTuple):

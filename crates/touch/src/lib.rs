@@ -8,6 +8,7 @@ mod check;
 mod checksum;
 mod combine;
 mod error;
+mod estimates;
 mod evaluate;
 mod family;
 mod fields;

@@ -10,7 +10,7 @@ import argparse
 from viscera.case import BUILT_IN, load_mesh
 from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
-from viscera.mesh import inspect, report
+from viscera.inspection import inspect, report
 
 AXES = {"RAS": "right, anterior, superior", "LPS": "left, posterior, superior"}
 

@@ -1,0 +1,149 @@
+"""What is wrong with a mesh, in sentences: nothing is repaired here, and nothing refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera import _core, meshfile
+from viscera.errors import VisceraError
+from viscera.meshfile import RawMesh
+
+if TYPE_CHECKING:
+    from viscera.mesh import Floats, Indices, Mesh
+
+# An organ outside this range of bounding-box diagonals [m] was most likely read in the wrong unit.
+PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
+
+
+def inspect(path: str | Path, *, units: str | float = "m") -> dict[str, Any]:
+    """The sanity report of a mesh file, good or bad; see `report`."""
+    return report(meshfile.read(Path(path), units))
+
+
+def report(raw: RawMesh | Mesh) -> dict[str, Any]:
+    """Facts and problems of a mesh, without repairing or refusing anything.
+
+    n_points, n_cells, bounding_box [[3], [3]] [m], volume [m^3], volume_ml, quality {min, mean} (mean ratio, 1 =
+    regular tetrahedron), problems (sentences), axes ("RAS", "LPS" or None), sets {name: number of nodes}, cell_sets
+    {name: number of cells},
+    parts (cells are of one part when they share a face), messages. Numbers that a broken mesh does not have are None.
+    """
+    result: dict[str, Any] = {
+        "n_points": len(raw.points),
+        "n_cells": len(raw.cells),
+        "bounding_box": None,
+        "volume": None,
+        "volume_ml": None,
+        "quality": None,
+        "parts": None,
+        "axes": raw.axes or None,
+        "sets": {name: len(nodes) for name, nodes in raw.sets.items()},
+        "cell_sets": {name: len(cells) for name, cells in raw.cell_sets.items()},
+        "messages": list(raw.messages),
+    }
+    try:
+        points, cells = arrays(raw)
+    except VisceraError as error:
+        return result | {"problems": [str(error)]}
+    facts = _core.inspect(points, cells)
+    volume = float(np.abs(facts["cell_volumes"]).sum())
+    return result | {
+        "bounding_box": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
+        "volume": volume,
+        "volume_ml": 1e6 * volume,
+        "quality": {"min": float(facts["quality"].min()), "mean": float(facts["quality"].mean())},
+        "parts": int(facts["n_parts"]),
+        "problems": problems_of(points, facts),
+    }
+
+
+def problems_of(points: Floats, facts: dict[str, Any]) -> list[str]:
+    problems = faults(facts)
+    if len(facts["inverted"]) and not len(facts["overlapping"]):
+        problems.append(f"{listed('cell', facts['inverted'])} inverted; reading the mesh turns them round")
+    if len(facts["loose_points"]):
+        problems.append(f"{listed('point', facts['loose_points'])} in no cell; reading a file drops them")
+    if facts["n_parts"] > 1:
+        sizes = np.sort(np.bincount(facts["part"]))[::-1]
+        problems.append(
+            f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
+            f"{', ...' if len(sizes) > 5 else ''} cells); each needs its own fixed nodes"
+        )
+    problems += hinges(facts)
+    return problems + implausible_size(points)
+
+
+def faults(facts: dict[str, Any]) -> list[str]:
+    """What no reader can repair."""
+    found = []
+    if len(facts["degenerate"]):
+        found.append(f"{listed('cell', facts['degenerate'])} of zero volume; remove or remesh them")
+    if len(facts["duplicate"]):
+        found.append(f"{listed('cell', facts['duplicate'])} on the same four points as an earlier cell; remove them")
+    if len(over := facts["overlapping"]):
+        volumes = np.abs(facts["cell_volumes"])
+        found.append(
+            f"{listed('cell', over)} pushed through neighbouring cells: the volumes of all cells add up to "
+            f"{1e6 * volumes.sum():.6g} ml, {2e6 * volumes[over].sum():.3g} ml more than the surface encloses; move "
+            "their points back, or remesh"
+        )
+    if len(facts["crowded"]):
+        found.append(f"{listed('cell', facts['crowded'])} on a face that two other cells share already; remove them")
+    if len(hanging := facts["hanging"]):
+        found.append(
+            f"{listed('point', hanging[:, 0])} hanging on a face of another cell (the first on one of cell "
+            f"{hanging[0, 1]}) without being a corner of it: the two sides would separate there; remesh"
+        )
+    return found
+
+
+def hinges(facts: dict[str, Any]) -> list[str]:
+    """Where parts share points but no face."""
+    if (count := len(at := facts["pinches"])) == 0:
+        return []
+    where = f"point {at[0]}" if count == 1 else f"{count} points (first: {', '.join(map(str, at[:5]))})"
+    return [f"parts meet at {where} only, without a common face: they turn there as on a hinge"]
+
+
+def implausible_size(points: Floats) -> list[str]:
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    low, high = PLAUSIBLE_DIAGONAL
+    if low <= diagonal <= high:
+        return []
+    return [f"the bounding box has a diagonal of {diagonal:.3g} m, implausible for an organ; check `units`"]
+
+
+def listed(noun: str, indices: Indices) -> str:
+    """`cell 7 is`, or `12 cells (first: 7, 9, 11, 12, 30) are`."""
+    if len(indices) == 1:
+        return f"{noun} {indices[0]} is"
+    return f"{len(indices)} {noun}s (first: {', '.join(map(str, indices[:5]))}) are"
+
+
+def arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
+    """Points and cells as the core wants them (a copy), or the sentence that says why they are none."""
+    try:
+        points = np.array(raw.points, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise VisceraError(f"points must be numbers (n, 3), not {raw.points.dtype} {raw.points.shape}") from None
+    cells = raw.cells
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
+        raise VisceraError(f"points must have the shape (n, 3) with n > 0, not {points.shape}")
+    if cells.ndim != 2 or cells.shape[1] != 4 or len(cells) == 0:
+        raise VisceraError(f"cells must have the shape (m, 4) with m > 0, not {cells.shape}")
+    if not np.issubdtype(cells.dtype, np.integer):
+        raise VisceraError(f"cells must hold integers, not {cells.dtype}")
+    bad_points = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad_points):
+        first = bad_points[0]
+        more = f" ({len(bad_points)} such points)" if len(bad_points) > 1 else ""
+        raise VisceraError(f"point {first} has a coordinate that is not finite: {points[first].tolist()}{more}")
+    bad_cells = np.flatnonzero(((cells < 0) | (cells >= len(points))).any(axis=1))
+    if len(bad_cells):
+        first = bad_cells[0]
+        more = f" ({len(bad_cells)} such cells)" if len(bad_cells) > 1 else ""
+        raise VisceraError(f"cell {first} {cells[first].tolist()} names a point that is not one of {len(points)}{more}")
+    return points, np.array(cells, dtype=np.uint32, order="C")

@@ -1,0 +1,315 @@
+"""Mesh files: what other programs write, what is written is read again, and what is damaged."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera.errors import VisceraError
+from viscera.inspection import inspect
+
+TET = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+ENDINGS = (".vtu", ".vtk", ".msh", ".mesh", ".inp", ".feb")
+
+
+def same_sets(a: vs.Mesh, b: vs.Mesh) -> bool:
+    return sorted(a.sets) == sorted(b.sets) and all(np.array_equal(a.sets[name], b.sets[name]) for name in a.sets)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_what_is_written_is_read_again(bar: vs.Mesh, tmp_path: Path, ending: str) -> None:
+    bar.write(tmp_path / f"bar{ending}")
+    again = vs.read(tmp_path / f"bar{ending}")
+    np.testing.assert_allclose(again.points, bar.points, rtol=0, atol=1e-15)
+    assert np.array_equal(again.cells, bar.cells)
+    assert again.messages == ()
+    assert ending == ".mesh" or same_sets(again, bar)
+
+
+@pytest.mark.parametrize("ending", sorted(set(ENDINGS) - {".mesh"}))
+def test_cell_sets_are_written_and_read_again(bar: vs.Mesh, tmp_path: Path, ending: str) -> None:
+    parts = bar.with_cell_sets(nodule=lambda x: x[:, 0] > 0.3, core=[3, 4, 5])
+    parts.write(tmp_path / f"bar{ending}")
+    again = vs.read(tmp_path / f"bar{ending}")
+    assert {name: cells.tolist() for name, cells in again.cell_sets.items()} == {
+        name: cells.tolist() for name, cells in parts.cell_sets.items()
+    }
+    assert inspect(tmp_path / f"bar{ending}")["cell_sets"] == {"nodule": 48, "core": 3}
+
+
+def test_overlapping_cell_sets_are_too_much_for_gmsh(bar: vs.Mesh, tmp_path: Path) -> None:
+    with pytest.raises(VisceraError, match=r"cells are in 'b' and in another set, which \.msh cannot say; use \.vtu"):
+        bar.with_cell_sets(a=[0, 1], b=[1, 2]).write(tmp_path / "bar.msh")
+
+
+def test_cell_sets_of_other_programs(bar: vs.Mesh, tmp_path: Path) -> None:
+    """A labelled array, as segmentations give it, and groups and references without names."""
+    label = np.where(bar.centroids[:, 0] > 0.3, 2, 1)
+    grid = meshio.Mesh(bar.points, [("tetra", bar.cells.astype(int))], cell_data={"tissue": [label]})
+    meshio.vtu.write(str(tmp_path / "a.vtu"), grid)
+    assert sorted(vs.read(tmp_path / "a.vtu").cell_sets) == ["tissue:1", "tissue:2"]
+    tags = {key: [label.astype(np.int32)] for key in ("gmsh:physical", "gmsh:geometrical")}
+    meshio.gmsh.write(str(tmp_path / "a.msh"), meshio.Mesh(bar.points, grid.cells, cell_data=tags), "2.2", binary=False)
+    assert sorted(vs.read(tmp_path / "a.msh").cell_sets) == ["physical:3:1", "physical:3:2"]
+    meshio.medit.write(str(tmp_path / "a.mesh"), meshio.Mesh(bar.points, grid.cells, cell_data={"medit:ref": [label]}))
+    assert len(vs.read(tmp_path / "a.mesh").cells_in("ref:3:2")) == 48
+
+
+def test_cells_by_name_indices_mask_and_predicate(bar: vs.Mesh) -> None:
+    parts = bar.with_cell_sets(far=lambda x: x[:, 0] > 0.3)
+    assert parts.with_sets(again="tip").cells_in("far").tolist() == parts.cells_in("far").tolist()
+    assert parts.cells_in([5, 2, 5]).tolist() == [2, 5]
+    assert parts.cells_in(np.arange(192) == 7).tolist() == [7]
+    values = parts.per_cell(1.0, {"far": 2.0, (0, 191): 3.0})
+    assert np.flatnonzero(values == 3.0).tolist() == [0, 191], "the later place wins"
+    assert np.flatnonzero(values == 2.0).tolist() == np.setdiff1d(parts.cells_in("far"), [0, 191]).tolist()
+    for where, sentence in [
+        ("fra", "no cell set 'fra'; did you mean 'far'"),
+        ([192], "names cell 192, but the mesh has 192 cells"),
+        ([], "has no cells"),
+        (lambda x: x[:, 0] > 1, "the predicate selects no cell; the centroids lie between"),
+        (lambda x: x[:5, 0] > 0, r"takes centroids \(192, 3\) and returns bool \(192,\)"),
+    ]:
+        with pytest.raises(VisceraError, match=sentence):
+            parts.per_cell(1.0, {where if not isinstance(where, list) else tuple(where): 2.0})
+    with pytest.raises(VisceraError, match="cell set 'x' names cell 400"):
+        vs.mesh(bar.points, bar.cells, cell_sets={"x": [400]})
+
+
+@pytest.mark.parametrize(
+    ("units", "factor"), [("mm", 1e-3), ("cm", 1e-2), ("inch", 0.0254), ("m", 1.0), (0.035, 0.035), (2, 2.0)]
+)
+def test_units_scale_the_points(bar: vs.Mesh, tmp_path: Path, units: str | float, factor: float) -> None:
+    bar.write(tmp_path / "bar.vtu")
+    scaled = vs.read(tmp_path / "bar.vtu", units=units)
+    np.testing.assert_allclose(scaled.points, factor * bar.points, rtol=1e-15)
+
+
+@pytest.mark.parametrize("units", ["metre", 0.0, -1.0, float("nan"), float("inf")])
+def test_bad_units_are_refused(bar: vs.Mesh, tmp_path: Path, units: str | float) -> None:
+    bar.write(tmp_path / "bar.vtu")
+    with pytest.raises(VisceraError, match=r"unknown unit 'metre'.*'m'|metres per unit, must be a number above 0"):
+        vs.read(tmp_path / "bar.vtu", units=units)
+
+
+GMSH_GROUPS = ("clamp", "pull", "organ")
+
+
+def gmsh_mesh(bar: vs.Mesh) -> meshio.Mesh:
+    """A bar with its root as a named group of triangles, one named point, and the volume."""
+    root = bar.surface[np.isin(bar.surface, bar.sets["root"]).all(axis=1)]
+    blocks = [("triangle", root.astype(int)), ("vertex", np.array([[80]])), ("tetra", bar.cells.astype(int))]
+    tags = [np.full(len(data), tag, dtype=np.int32) for tag, (_, data) in enumerate(blocks, start=1)]
+    fields = {name: np.array([tag, dim]) for name, tag, dim in zip(GMSH_GROUPS, (1, 2, 3), (2, 0, 3), strict=True)}
+    return meshio.Mesh(
+        bar.points, blocks, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=fields
+    )
+
+
+@pytest.mark.parametrize(("version", "binary"), [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)])
+def test_physical_groups_of_gmsh_are_sets(bar: vs.Mesh, tmp_path: Path, version: str, binary: bool) -> None:
+    found = gmsh_mesh(bar)
+    if version == "4.1":  # meshio writes groups of this version only with the entity of each point
+        dim_tags = np.tile([3, 3], (len(bar.points), 1))
+        dim_tags[bar.sets["root"]] = [2, 1]
+        dim_tags[80] = [0, 2]
+        found.point_data["gmsh:dim_tags"] = dim_tags
+    meshio.gmsh.write(str(tmp_path / "bar.msh"), found, fmt_version=version, binary=binary)
+    again = vs.read(tmp_path / "bar.msh")
+    assert sorted(again.sets) == sorted(GMSH_GROUPS)
+    np.testing.assert_allclose(again.points[again.nodes("clamp")][:, 0], 0)
+    assert len(again.nodes("clamp")) == len(bar.sets["root"])
+    assert again.points[again.nodes("pull")].tolist() == [bar.points[80].tolist()]
+    assert len(again.nodes("organ")) == len(bar.points)
+
+
+def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, tmp_path: Path) -> None:
+    found = gmsh_mesh(bar)
+    found.field_data = {}
+    meshio.gmsh.write(str(tmp_path / "bar.msh"), found, fmt_version="2.2", binary=False)
+    # The volume, which holds every point, is left out.
+    assert sorted(vs.read(tmp_path / "bar.msh").sets) == ["physical:0:2", "physical:2:1"]
+    triangles, tags = found.cells[0].data, np.full(len(found.cells[0].data), 4)
+    medit = meshio.Mesh(
+        bar.points,
+        [("triangle", triangles), ("tetra", bar.cells.astype(int))],
+        cell_data={"medit:ref": [tags, np.zeros(len(bar.cells), int)]},
+    )
+    meshio.medit.write(str(tmp_path / "bar.mesh"), medit)
+    assert np.array_equal(vs.read(tmp_path / "bar.mesh").nodes("ref:2:4"), bar.sets["root"])
+
+
+def first_gmsh(points: NDArray[Any], elements: list[tuple[int, int, list[int]]]) -> str:
+    """A Gmsh file of version 1: node k is called 7 + 3 k; elements are type, physical region and nodes."""
+    nodes = [f"{7 + 3 * k} {x!r} {y!r} {z!r}" for k, (x, y, z) in enumerate(points.tolist())]
+    lines = [
+        f"{k} {kind} {region} 1 {len(cell)} {' '.join(str(7 + 3 * node) for node in cell)}"
+        for k, (kind, region, cell) in enumerate(elements, start=1)
+    ]
+    parts = ["$NOD", str(len(nodes)), *nodes, "$ENDNOD", "$ELM", str(len(lines)), *lines, "$ENDELM"]
+    return "\n".join(parts) + "\n"
+
+
+def test_gmsh_files_of_the_first_version_are_read(bar: vs.Mesh, tmp_path: Path) -> None:
+    root = bar.surface[np.isin(bar.surface, bar.sets["root"]).all(axis=1)]
+    faces = [(2, 5, face) for face in root.tolist()]
+    cells = [(4, 1 + (k >= 100), cell) for k, cell in enumerate(bar.cells.tolist())]
+    (tmp_path / "old.msh").write_text(first_gmsh(bar.points, [*faces, *cells, (15, 9, [80])]))
+    found = vs.read(tmp_path / "old.msh", units="cm")
+    np.testing.assert_allclose(found.points, 0.01 * bar.points)
+    assert np.array_equal(found.cells, bar.cells)
+    assert np.array_equal(found.nodes("physical:2:5"), bar.sets["root"])
+    assert found.nodes("physical:0:9").tolist() == [80]
+    assert found.cell_sets["physical:3:2"].tolist() == list(range(100, len(bar.cells)))
+
+
+def test_ten_node_cells_of_gmsh_1_have_its_order_of_nodes(tmp_path: Path) -> None:
+    """The last two midpoints are swapped: of the edges 2-3 and 1-3 in the manual, 1-3 and 2-3 elsewhere."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    edges = [(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)]
+    points = np.vstack([corners, [corners[list(edge)].mean(axis=0) for edge in edges]])
+    (tmp_path / "old.msh").write_text(first_gmsh(points, [(11, 1, list(range(10)))]))
+    assert np.array_equal(vs.read(tmp_path / "old.msh").points, corners)
+
+
+def test_bad_gmsh_files_of_the_first_version(bar: vs.Mesh, tmp_path: Path) -> None:
+    good = first_gmsh(bar.points, [(4, 1, cell) for cell in bar.cells.tolist()])
+    cases = {
+        good[: good.index("\n100 4 1 1 4")]: "cut short",
+        good.replace("$ENDELM", ""): "its end stands where $ENDELM is due",
+        good.replace("$ENDNOD", "12 0 0 0"): "12 stands where $ENDNOD is due",
+        good.replace("\n10 ", "\n7 ", 1): "two nodes of number 7",
+        good.replace("\n1 4 1 1 4 ", "\n1 4 1 1 3 "): "element 1 is of type 4 with 3 nodes",
+        good.replace("\n1 4 1 1 4 7 ", "\n1 4 1 1 4 8 "): "element 1 names node 8, which is not there",
+    }
+    for text, sentence in cases.items():
+        (tmp_path / "bad.msh").write_text(text)
+        with pytest.raises(VisceraError, match=re.escape(sentence)):
+            vs.read(tmp_path / "bad.msh")
+
+
+def test_integer_point_arrays_are_sets(bar: vs.Mesh, tmp_path: Path) -> None:
+    n = len(bar.points)
+    arrays = {
+        "set:tip": np.arange(n) > 75,
+        "root": (np.arange(n) < 4).astype(np.int32),
+        "region": np.arange(n) // 30,
+        "number": np.arange(n),
+        "pressure": np.ones(n),
+    }
+    data = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in arrays.items()}
+    meshio.vtu.write(str(tmp_path / "b.vtu"), meshio.Mesh(bar.points, [("tetra", bar.cells)], point_data=data))
+    sets = vs.read(tmp_path / "b.vtu").sets
+    assert {name: len(nodes) for name, nodes in sets.items()} == {"tip": 5, "root": 4, "region:1": 30, "region:2": 21}
+
+
+FEBIO_NODES = (
+    "<Nodes>" + "".join(f'<node id="{i + 7}">{x},{y},{z}</node>' for i, (x, y, z) in enumerate(TET)) + "</Nodes>"
+)
+FEBIO = {
+    "1.2": f'<Geometry>{FEBIO_NODES}<Elements><tet4 id="1" mat="1"> 7, 8, 9, 10</tet4></Elements></Geometry>',
+    "2.5": f'<Geometry>{FEBIO_NODES}<Elements type="tet4" name="P"><elem id="1">7,8,9,10</elem></Elements>'
+    '<NodeSet name="fix"><node id="7"/><node id="9"/></NodeSet></Geometry>',
+    "4.0": f'<Mesh>{FEBIO_NODES}<Elements type="tet4" name="P"><elem id="1">7,8,9,10</elem></Elements>'
+    '<NodeSet name="fix">7, 9</NodeSet><Surface name="load"><tri3 id="1">8,9,10</tri3></Surface></Mesh>',
+}
+
+
+@pytest.mark.parametrize("version", FEBIO)
+def test_every_generation_of_febio_is_read(tmp_path: Path, version: str) -> None:
+    text = f'<?xml version="1.0"?><febio_spec version="{version}"><Globals/>{FEBIO[version]}</febio_spec>'
+    (tmp_path / "a.feb").write_text(text)
+    found = vs.read(tmp_path / "a.feb")
+    assert found.volume == pytest.approx(1e-3 / 6)
+    assert found.cell_sets == {}, "one part is no part"
+    expected = {"1.2": {}, "2.5": {"fix": [0, 2]}, "4.0": {"fix": [0, 2], "load": [1, 2, 3]}}[version]
+    assert {name: nodes.tolist() for name, nodes in found.sets.items()} == expected
+
+
+# Bad files
+
+
+def test_loose_points_of_a_file_are_dropped_with_a_message(bar: vs.Mesh, tmp_path: Path) -> None:
+    points = np.vstack([[[5, 5, 5]], bar.points, [[6, 6, 6]]])
+    data = {"tip": (points[:, 0] > 0.39).astype(np.int8)}
+    meshio.vtu.write(str(tmp_path / "a.vtu"), meshio.Mesh(points, [("tetra", bar.cells + 1)], point_data=data))
+    found = vs.read(tmp_path / "a.vtu")
+    assert found.messages == ("dropped 2 of 83 points that belong to no cell",)
+    np.testing.assert_allclose(found.points, bar.points)
+    assert np.array_equal(found.nodes("tip"), bar.nodes("tip"))
+
+
+def test_other_kinds_of_cells(bar: vs.Mesh, tmp_path: Path) -> None:
+    surface = ("triangle", bar.surface.astype(int))
+    tets = ("tetra", bar.cells.astype(int))
+    meshio.vtu.write(str(tmp_path / "both.vtu"), meshio.Mesh(bar.points, [surface, tets]))
+    assert np.array_equal(vs.read(tmp_path / "both.vtu").cells, bar.cells)
+    meshio.vtu.write(str(tmp_path / "shell.vtu"), meshio.Mesh(bar.points, [surface]))
+    with pytest.raises(VisceraError, match=rf"it has no tetrahedra \({len(bar.surface)} triangle\)"):
+        vs.read(tmp_path / "shell.vtu")
+    quadratic = ("tetra10", np.arange(10)[None])
+    meshio.vtu.write(str(tmp_path / "p2.vtu"), meshio.Mesh(bar.points, [quadratic]))
+    with pytest.raises(VisceraError, match=r"cell 0 is curved: .* edge lengths off its middle; only straight cells"):
+        vs.read(tmp_path / "p2.vtu")
+    bricks = ("hexahedron", np.arange(8)[None])
+    meshio.vtu.write(str(tmp_path / "hex.vtu"), meshio.Mesh(bar.points, [bricks]))
+    with pytest.raises(VisceraError, match="it holds 1 hexahedron cells; only tetrahedra are read"):
+        vs.read(tmp_path / "hex.vtu")
+
+
+def test_missing_and_unknown_files(tmp_path: Path) -> None:
+    with pytest.raises(VisceraError, match=r"nowhere.vtu: no such file"):
+        vs.read(tmp_path / "nowhere.vtu")
+    with pytest.raises(VisceraError, match="is a folder"):
+        vs.read(tmp_path)
+    (tmp_path / "organ.docx").write_text("liver")
+    with pytest.raises(VisceraError, match=r"unknown mesh format '.docx'; the formats are .vtu"):
+        vs.read(tmp_path / "organ.docx")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_file_of_another_format_is_refused(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"organ{ending}"
+    for content in (b"", b"this is no mesh\n" * 20, bytes(range(256)) * 8):
+        path.write_bytes(content)
+        with pytest.raises(VisceraError, match=rf"organ\{ending}: (not a readable|it has no tetrahedra|not a FEBio)"):
+            vs.read(path)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_truncated_file_is_refused(bar: vs.Mesh, tmp_path: Path, ending: str, share: float) -> None:
+    plain = vs.mesh(bar.points, bar.cells)  # without sets, so that the cells are what the end of the file holds
+    path = tmp_path / f"organ{ending}"
+    plain.write(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(VisceraError, match=rf"organ\{ending}: "):
+        vs.read(path)
+
+
+def test_a_cut_between_two_lines_of_abaqus_shows_as_dropped_points(
+    bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    bar.write(tmp_path / "organ.inp")
+    lines = (tmp_path / "organ.inp").read_text().splitlines(keepends=True)
+    (tmp_path / "organ.inp").write_text("".join(lines[:100]))  # the format has no end mark
+    assert vs.read(tmp_path / "organ.inp").messages
+    assert "points that belong to no cell" in caplog.text
+
+
+def test_a_bad_file_names_the_file_and_the_cells(bar: vs.Mesh, tmp_path: Path) -> None:
+    cells = np.vstack([bar.cells, bar.cells[5]])
+    meshio.vtu.write(str(tmp_path / "twice.vtu"), meshio.Mesh(bar.points, [("tetra", cells)]))
+    with pytest.raises(VisceraError, match=r"twice.vtu: cell 192 is on the same four points"):
+        vs.read(tmp_path / "twice.vtu")
+
+
+# The report
