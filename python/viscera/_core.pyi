@@ -86,7 +86,7 @@ def pgd(
     radius: float,  # of the patch each load is spread over; 0 = the node alone
     load: float,  # at a = 1 [N], along the inward normal
     order: int,
-    enrichment: dict[str, float] | None,  # core/src/pgd/enrichment.rs; None = every position exactly
+    enrichment: dict[str, float] | None,  # crates/pgd/src/enrichment.rs; None = every position exactly
     on_progress: Callable[[int, int], None] | None,  # order in hand, its pairs so far; may raise to stop
 ) -> dict[str, Any]:
     """positions (m,) ascending, weights (m,), units [(dofs, forces)] of the unit loads, orders: one dict each with
@@ -179,7 +179,7 @@ class Body:
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,
-        settings: dict[str, float],  # see `Newton` in core/src/equilibrium/newton.rs
+        settings: dict[str, float],  # see `Newton` in crates/solid/src/equilibrium/newton.rs
         solver: Solver,
         on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
     ) -> dict[str, Any]:

@@ -163,7 +163,7 @@ class Organ(Pictured):
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
         steps: at least this many load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
-        settings: of the Newton iteration, by the names of `core/src/equilibrium/newton.rs`.
+        settings: of the Newton iteration, by the names of `crates/solid/src/equilibrium/newton.rs`.
         solver: of the linear systems, "cholesky", "cg", "multigrid" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
 

@@ -3,7 +3,7 @@
 u(x, s, a) = sum_{p=1}^{N} a^p u_p(x, s),  u_p(x, s) = sum_i F_i^p(x) G_i^p(s)
 
 x: nodes; s: where the load acts; a = 1: the whole load. All orders and positions share the tangent of the rest state.
-Niroomandi, Alfaro, González, Cueto and Chinesta, IJNME 96 (2013) 129; core/src/pgd.
+Niroomandi, Alfaro, González, Cueto and Chinesta, IJNME 96 (2013) 129; crates/pgd.
 """
 
 from __future__ import annotations

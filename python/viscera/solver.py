@@ -16,7 +16,7 @@ NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
     "max_backtracks": (Whole(0, 1_000), "halvings of a step in the line search", "12"),
     "smallest_step": (Number(above=0, high=1), "smallest fraction of the load before the solver gives up", "1/1024"),
 }
-"""Settings of Newton's iteration: what each must be, what it is, and the default in core/src/equilibrium/newton.rs."""
+"""Settings of Newton's iteration: what each must be, what it is, and the default (`Newton` in crates/solid)."""
 
 PRECONDITIONERS = ("block_jacobi", "incomplete_cholesky", "lagged_cholesky", "multigrid")
 

@@ -60,8 +60,8 @@ impl BroydenUpdates {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::galerkin::nnls::norm;
     use crate::mesh::samples::noise;
+    use crate::nnls::norm;
 
     /// `x` after so many steps towards the root of `A x - b`, with the identity for `A`.
     fn residual_after(steps: usize, with_updates: bool) -> f64 {

@@ -129,7 +129,7 @@ fn the_tangent_without_a_matrix_is_the_matrix() {
 /// `f . v = int P : dF`, where `dF` is the change of `F` by `v`, and `W = int psi`, cluster or not.
 #[test]
 #[allow(non_snake_case)]
-fn responses_are_what_force_and_energy_integrate() {
+fn quadrature_points_are_what_force_and_energy_integrate() {
     for law in names() {
         for body in bodies(law) {
             let u = state(&body);

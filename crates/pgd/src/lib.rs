@@ -19,3 +19,14 @@ pub use loads::Loads;
 pub use newton::{PlainNewton, Reached};
 pub use separated::Separated;
 pub use series::{Order, Pgd, Progress, Route};
+
+#[cfg(test)]
+use viscera_law as law;
+use viscera_linear::clock;
+use viscera_mesh as mesh;
+use viscera_number as number;
+#[cfg(test)]
+use viscera_number::{tensor, unroll};
+#[cfg(test)]
+use viscera_solid::element;
+use viscera_solid::{body, equilibrium, error};

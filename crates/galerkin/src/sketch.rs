@@ -62,8 +62,8 @@ fn mixed(number: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::galerkin::nnls::{dot, norm};
     use crate::mesh::samples::noise;
+    use crate::nnls::{dot, norm};
 
     #[test]
     fn lengths_and_angles_are_nearly_kept_and_short_columns_exactly() {

@@ -1,7 +1,7 @@
 //! The reduced model: every touch of a surface, solved off-line, answered on-line in microseconds.
 //!
 //! Off-line ([`Reduction`]): for every position of the touchable surface the series of
-//! `crate::series` is solved exactly, and only then compressed (truncating inside the recursion is
+//! `viscera_series` is solved exactly, and only then compressed (truncating inside the recursion is
 //! ruinous: each order is built from all lower ones). What comes of it, and answers touches on-line, is the crate
 //! `viscera_touch`, whose names are those of this module, too.
 
@@ -26,3 +26,13 @@ pub use viscera_touch::{
     Answer, Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Trust, View,
     allowance,
 };
+
+#[cfg(test)]
+use viscera_law as law;
+use viscera_linear::{self as linear, clock};
+use viscera_mesh as mesh;
+use viscera_number as number;
+use viscera_series as series;
+#[cfg(test)]
+use viscera_solid::element;
+use viscera_solid::{body, equilibrium, error};

@@ -9,8 +9,8 @@ use crate::error::Error;
 use crate::law::Material;
 use crate::mesh::samples::block;
 use crate::mesh::{Surface, surface};
-use crate::series::{Continuation, Parameter};
 use std::sync::LazyLock;
+use viscera_series::{Continuation, Parameter};
 
 const LAWS: [&str; 2] = ["saint_venant_kirchhoff", "neo_hookean"];
 const LOAD: f64 = 2.0;

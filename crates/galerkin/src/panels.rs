@@ -252,9 +252,9 @@ fn stresses<const BITS: usize>(row: &[f32], e: [&[f32]; ABREAST]) -> [[f32; SIDE
 mod tests {
     use super::*;
     use crate::body::Body;
-    use crate::galerkin::nnls::{dot, norm};
     use crate::law::Material;
     use crate::mesh::samples::{block, noise};
+    use crate::nnls::{dot, norm};
 
     /// Modes: one more than go through a panel together.
     const R: usize = ABREAST + 1;

@@ -9,3 +9,10 @@ mod touch;
 pub use crate::number::Pade;
 pub use path::{Continuation, Expansion, Parameter};
 pub use touch::{TouchExpansion, TouchSeries};
+
+#[cfg(test)]
+use viscera_law as law;
+use viscera_linear as linear;
+use viscera_mesh as mesh;
+use viscera_number::{self as number, tensor, unroll};
+use viscera_solid::{body, equilibrium, error};

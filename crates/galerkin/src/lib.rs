@@ -36,3 +36,10 @@ pub use contacts::{Assessment, ReducedContacts, Trust};
 pub use hyper_reduced::{HyperReducedModel, Solution};
 pub use model::{Galerkin, Sampling};
 pub use newton::ReducedStatus;
+
+use viscera_law as law;
+use viscera_linear::{self as linear, clock, threads};
+use viscera_mesh as mesh;
+use viscera_number::{self as number, simd, tensor, unroll};
+use viscera_reduction as reduced;
+use viscera_solid::{body, element, equilibrium, error};

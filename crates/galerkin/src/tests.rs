@@ -371,7 +371,7 @@ fn failures_say_so() {
 
 #[test]
 fn bad_input_is_said_in_a_sentence() {
-    let sentence = |result: Result<(), crate::Error>| result.unwrap_err().to_string();
+    let sentence = |result: Result<(), crate::error::Error>| result.unwrap_err().to_string();
     let grasp = |points: &[[f64; 3]]| sentence(MODEL.grasp(points).map(|_| ()));
     assert!(grasp(&[]).contains("no contact"));
     assert!(grasp(&[LEFT, [0.0, 0.0, 1.0]]).contains("contact 1 at"));
