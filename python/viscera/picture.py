@@ -163,7 +163,8 @@ def draw_rest(
         lines.set(color=colour, alpha=0.8, zorder=5, label=name)
         plot.add_collection(lines)
     _scale_bar(plot, rest)
-    plot.legend(loc="upper right", frameon=False, fontsize=9)
+    if len(fixed) or parts:
+        plot.legend(loc="upper right", frameon=False, fontsize=9)
     plot.set_title(title, color=INK, loc="left", fontsize=11)
     plot.set_aspect("equal")
     plot.set_axis_off()

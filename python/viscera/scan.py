@@ -17,19 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from viscera import _core
-from viscera.atomic import replacing
 from viscera.errors import VisceraError
+from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Progress, Region, mesh_regions
-from viscera.quantity import Choice, Number
+from viscera.quantity import Choice, Number, Whole
+from viscera.select import length
 
 AXES = ("RAS", "LPS")
-FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
-MM = 1e-3
 NEAR = 0.75
 """A node within this many voxels of a label touches it: smoothing moves boundaries by fractions of a voxel."""
 LISTED = 12
 """Most labels that an error lists."""
+MOST_VOXELS = 1e9
+"""Of a label map that is made from a mesh."""
 
 Labels = int | str | Sequence[int | str] | Mapping[str, int | Sequence[int]]
 """A label's number, several, or numbers by name; a part of several numbers is their union."""
@@ -62,6 +63,11 @@ class Scan:
         if affine.shape != (3, 4) or not np.isfinite(affine).all() or abs(np.linalg.det(affine[:, :3])) < 1e-18:
             raise VisceraError(f"the affine map {affine.tolist()} places no voxels; it must be (3, 4), and invertible")
         object.__setattr__(self, "affine", affine)
+
+    def __repr__(self) -> str:
+        shape = " x ".join(map(str, self.values.shape))
+        spacing = " x ".join(f"{1e3 * s:.3g}" for s in self.spacing)
+        return f"Scan: {shape} voxels of {spacing} mm, {self.axes}; voxels by label: {self.labels}"
 
     @cached_property
     def labels(self) -> dict[int, int]:
@@ -289,25 +295,8 @@ class Scan:
         >>> vs.scan("labels.nii.gz").labels
         {1: 720, 2: 1008}
         """
-        ending = _ending(Path(path))
-        values = np.ascontiguousarray(self.values)
-        with replacing(path) as scratch:
-            if ending in (".nii", ".nii.gz"):
-                affine = np.vstack([self.in_axes("RAS").affine / MM, [0.0, 0.0, 0.0, 1.0]])
-                nibabel = _library("nibabel")
-                image = nibabel.Nifti1Image(values, affine)
-                image.header.set_xyzt_units("mm")
-                # A scratch file keeps only the last ending, which would not be compressed.
-                scratch.write_bytes(_compressed(image.to_bytes(), ending))
-                return
-            sitk = _library("SimpleITK")
-            affine = self.in_axes("LPS").affine / MM
-            image = sitk.GetImageFromArray(values.transpose(2, 1, 0))
-            spacing = np.linalg.norm(affine[:, :3], axis=0)
-            image.SetSpacing(spacing.tolist())
-            image.SetOrigin(affine[:, 3].tolist())
-            image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
-            sitk.WriteImage(image, str(scratch), True)
+        ras, lps = self.in_axes("RAS").affine, self.in_axes("LPS").affine
+        write_labels(Path(path), self.values, ras, lps)
 
     @staticmethod
     def of(mesh: Mesh, voxel: float | str = 0.003, margin: int = 4) -> Scan:
@@ -319,10 +308,14 @@ class Scan:
         >>> round(1e3 * 0.006**3 * Scan.of(vs.organs.liver(), voxel=0.006).labels[1], 1)  # litres
         1.5
         """
-        size = Number("m", above=0)(voxel, "voxel")
+        size = Number("m", above=0)(length(voxel, mesh.diagonal, "voxel"), "voxel")
         low, high = mesh.bounding_box
-        shape = tuple(int(n) for n in np.ceil((high - low) / size).astype(int) + 2 * margin)
-        affine = np.column_stack([size * np.eye(3), low - size * (margin - 0.5)])
+        around = Whole(0, 1000)(margin, "margin")
+        counts = np.ceil((high - low) / size) + 2 * around
+        if counts.prod() > MOST_VOXELS:
+            raise VisceraError(f"voxels of {1e3 * size:.3g} mm would be {counts.prod():.3g}; take larger ones")
+        shape = tuple(int(n) for n in counts)
+        affine = np.column_stack([size * np.eye(3), low - size * (around - 0.5)])
         parts = dict(mesh.cell_sets) or {"organ": np.arange(len(mesh.cells), dtype=np.uint32)}
         values = np.zeros(shape, dtype=np.uint16)
         for number, cells in enumerate(parts.values(), start=1):
@@ -349,12 +342,12 @@ def scan(path: str | os.PathLike[str]) -> Scan:
     'LPS'
     """
     source = Path(path)
-    ending = _ending(source)
+    ending = ending_of(source)
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not an image' if source.is_dir() else 'no such file'}")
     try:
         if ending == ".dcm":
-            return _read_dicom(source)
+            return Scan(*read_segmentation(source))
         values, affine, axes = read_image(source)
         if values.ndim != 3:
             raise VisceraError(
@@ -363,34 +356,6 @@ def scan(path: str | os.PathLike[str]) -> Scan:
         return Scan(values, affine, axes)
     except VisceraError as error:
         raise VisceraError(f"{source}: {error}") from None
-
-
-def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
-    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file."""
-    ending = _ending(path)
-    try:
-        if ending in (".nii", ".nii.gz"):
-            image = _library("nibabel").load(path)
-            values = np.asanyarray(image.dataobj)
-            unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
-            while values.ndim > 3 and values.shape[-1] == 1:
-                values = values[..., 0]
-            return values, unit * image.affine[:3], "RAS"
-        sitk = _library("SimpleITK")
-        image = sitk.ReadImage(str(path))
-    except VisceraError:
-        raise
-    except Exception as error:  # the readers raise whatever their parsers meet
-        reason = " ".join(str(error).split())[-200:]
-        raise VisceraError(f"not a readable {ending} image ({reason})") from error
-    n = image.GetDimension()
-    values = sitk.GetArrayFromImage(image)
-    is_vector = image.GetNumberOfComponentsPerPixel() > 1
-    values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
-    if n != 3:
-        return values, np.eye(3, 4), "LPS"
-    direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
-    return values, MM * np.column_stack([direction, image.GetOrigin()]), "LPS"
 
 
 def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, ArrayLike]) -> Floats:
@@ -448,19 +413,6 @@ def _directions(mesh: Mesh, image: Any, name: str) -> Floats:
     return np.asarray(frames[:, :, 2])
 
 
-def _read_dicom(path: Path) -> Scan:
-    """A DICOM segmentation: its segments, which may not overlap, by their numbers and names."""
-    highdicom = _library("highdicom")
-    try:
-        found = highdicom.seg.segread(path)
-        volume = found.get_volume(combine_segments=True)
-        names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
-    except Exception as error:
-        reason = " ".join(str(error).split())[-200:]
-        raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
-    return Scan(volume.array, MM * volume.affine[:3], "LPS", names)
-
-
 def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:
     if values.ndim != 3 or values.size == 0:
         raise VisceraError(f"a label map has three dimensions, not the shape {values.shape}")
@@ -477,26 +429,3 @@ def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:
 
 def _several(numbers: Any) -> list[Any]:
     return [numbers] if isinstance(numbers, int | str | np.integer) else list(numbers)
-
-
-def _ending(path: Path) -> str:
-    name = path.name.lower()
-    found = [ending for ending in FORMATS if name.endswith(ending)]
-    if not found:
-        raise VisceraError(f"{path}: unknown image format; the formats are {', '.join(FORMATS)}")
-    return max(found, key=len)
-
-
-def _compressed(data: bytes, ending: str) -> bytes:
-    import gzip
-
-    return gzip.compress(data, mtime=0) if ending.endswith(".gz") else data
-
-
-def _library(name: str) -> Any:
-    import importlib
-
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise VisceraError(f"this image needs the package {name}: pip install viscera[scan]") from None

@@ -146,6 +146,10 @@ def test_refusals_say_what_to_do(liver: vs.Scan) -> None:
         liver.mesh(1, edge=-0.01)
     with pytest.raises(vs.VisceraError, match="every voxel is 0"):
         vs.Scan(np.zeros((4, 4, 4)), np.eye(4)).mesh(edge=0.01)
+    with pytest.raises(vs.VisceraError, match="margin must be a whole number from 0"):
+        vs.Scan.of(vs.organs.beam(), margin=-1)
+    with pytest.raises(vs.VisceraError, match=r"voxels of 0.01 mm would be .*e\+\d\d; take larger ones"):
+        vs.Scan.of(vs.organs.beam(), voxel="0.01 mm")
 
 
 def test_whoever_watches_can_end_it(liver: vs.Scan) -> None:

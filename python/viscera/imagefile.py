@@ -1,0 +1,103 @@
+"""Image files: NIfTI through nibabel, NRRD and MetaImage through SimpleITK, DICOM segmentations through highdicom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera.atomic import replacing
+from viscera.errors import VisceraError
+from viscera.mesh import Floats
+
+FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+MM = 1e-3
+"""Files are in millimetres [m]."""
+
+
+def read_image(path: Path) -> tuple[NDArray[Any], Floats, str]:
+    """Values (i, j, k, ...), affine map (3, 4) [m] and world axes of an image file."""
+    ending = ending_of(path)
+    try:
+        if ending in (".nii", ".nii.gz"):
+            image = _library("nibabel").load(path)
+            values = np.asanyarray(image.dataobj)
+            unit = {"meter": 1.0, "micron": 1e-6}.get(image.header.get_xyzt_units()[0], MM)
+            while values.ndim > 3 and values.shape[-1] == 1:
+                values = values[..., 0]
+            return values, unit * image.affine[:3], "RAS"
+        sitk = _library("SimpleITK")
+        image = sitk.ReadImage(str(path))
+    except VisceraError:
+        raise
+    except Exception as error:  # the readers raise whatever their parsers meet
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a readable {ending} image ({reason})") from error
+    n = image.GetDimension()
+    values = sitk.GetArrayFromImage(image)
+    is_vector = image.GetNumberOfComponentsPerPixel() > 1
+    values = values.transpose([*reversed(range(n)), *([n] if is_vector else [])])
+    if n != 3:
+        return values, np.eye(3, 4), "LPS"
+    direction = np.array(image.GetDirection()).reshape(3, 3) * np.array(image.GetSpacing())
+    return values, MM * np.column_stack([direction, image.GetOrigin()]), "LPS"
+
+
+def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, str]]:
+    """A DICOM segmentation: labels, affine map (3, 4) [m], axes, names of its segments, which may not overlap."""
+    highdicom = _library("highdicom")
+    try:
+        found = highdicom.seg.segread(path)
+        volume = found.get_volume(combine_segments=True)
+        names = {n: str(found.get_segment_description(n).segment_label) for n in found.segment_numbers}
+    except Exception as error:
+        reason = " ".join(str(error).split())[-200:]
+        raise VisceraError(f"not a DICOM segmentation that can be read ({reason})") from error
+    return volume.array, MM * volume.affine[:3], "LPS", names
+
+
+def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> None:
+    """Write a label map, placed by its affine map (3, 4) [m] in either kind of axes: each format has its own."""
+    ending = ending_of(path)
+    values = np.ascontiguousarray(values)
+    with replacing(path) as scratch:
+        if ending in (".nii", ".nii.gz"):
+            image = _library("nibabel").Nifti1Image(values, np.vstack([ras / MM, [0.0, 0.0, 0.0, 1.0]]))
+            image.header.set_xyzt_units("mm")
+            # A scratch file keeps only the last ending, which would not be compressed.
+            scratch.write_bytes(_compressed(image.to_bytes(), ending))
+            return
+        sitk = _library("SimpleITK")
+        affine = lps / MM
+        image = sitk.GetImageFromArray(values.transpose(2, 1, 0))
+        spacing = np.linalg.norm(affine[:, :3], axis=0)
+        image.SetSpacing(spacing.tolist())
+        image.SetOrigin(affine[:, 3].tolist())
+        image.SetDirection((affine[:, :3] / spacing).ravel().tolist())
+        sitk.WriteImage(image, str(scratch), True)
+
+
+def ending_of(path: Path) -> str:
+    """The ending of an image file, or the sentence that lists those there are."""
+    name = path.name.lower()
+    found = [ending for ending in FORMATS if name.endswith(ending)]
+    if not found:
+        raise VisceraError(f"{path}: unknown image format; the formats are {', '.join(FORMATS)}")
+    return max(found, key=len)
+
+
+def _compressed(data: bytes, ending: str) -> bytes:
+    import gzip
+
+    return gzip.compress(data, mtime=0) if ending.endswith(".gz") else data
+
+
+def _library(name: str) -> Any:
+    import importlib
+
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise VisceraError(f"this image needs the package {name}: pip install viscera[scan]") from None
