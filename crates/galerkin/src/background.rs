@@ -2,10 +2,10 @@
 
 use super::contacts::ReducedContacts;
 use super::hyper_reduced::HyperReducedModel;
-use super::nnls::norm;
 use super::training::train;
 use crate::clock::Instant;
 use crate::error::Error;
+use crate::number::norm;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};

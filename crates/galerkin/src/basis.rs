@@ -1,8 +1,8 @@
 //! The basis of a grasp: fields made orthonormal in the energy of the origin, `phi_i . K phi_j = delta_ij`.
 
-use super::nnls::dot;
 use crate::body::SymmetricBlocks;
 use crate::mesh::Patch;
+use crate::number::dot;
 use rayon::prelude::*;
 
 /// A field is left out when less than this part of its norm is its own.

@@ -6,7 +6,7 @@
 //! (C. G. Broyden, Math. Comp. 19 (1965) 577; C. T. Kelley, Iterative methods, SIAM 1995, section 7.3), so an
 //! update is two vectors. It holds whatever is asked of the contacts next, since that enters the residual linearly.
 
-use super::nnls::dot;
+use crate::number::dot;
 
 /// Updates that are kept; then they begin anew.
 const MOST: usize = 40;
@@ -61,7 +61,7 @@ impl BroydenUpdates {
 mod tests {
     use super::*;
     use crate::mesh::samples::noise;
-    use crate::nnls::norm;
+    use crate::number::norm;
 
     /// `x` after so many steps towards the root of `A x - b`, with the identity for `A`.
     fn residual_after(steps: usize, with_updates: bool) -> f64 {

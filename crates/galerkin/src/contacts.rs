@@ -8,11 +8,11 @@
 use super::hyper_reduced::Solution;
 use super::model::Galerkin;
 use super::newton::ReducedStatus;
-use super::nnls::norm;
 use super::snapshots::Step;
 use super::subspace::Subspace;
 use crate::error::Error;
 use crate::mesh::Patch;
+use crate::number::norm;
 use crate::reduced::{Contact, allowance};
 use std::sync::Arc;
 

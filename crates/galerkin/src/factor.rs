@@ -4,7 +4,7 @@
 //! that leave the means of the patches, `A dq = 0`, must cost energy. `K_g = K + g A^T A` is definite then, and the
 //! step of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
 
-use super::nnls::dot;
+use crate::number::dot;
 use crate::simd::{Kernel, dispatch};
 
 /// `g` in units of the mean diagonal entries of `K` and `A A^T`.

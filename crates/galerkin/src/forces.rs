@@ -1,10 +1,10 @@
 //! The forces of every unit in the states of training, by which units are chosen and weighed.
 
-use super::nnls::norm;
 use super::origin::Origin;
 use super::sampled::OneByOne;
 use super::sketch::Sketch;
 use super::subspace::Subspace;
+use crate::number::norm;
 use rayon::prelude::*;
 
 /// Sampling units that a thread takes at once.

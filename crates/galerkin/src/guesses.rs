@@ -1,9 +1,9 @@
 //! Guesses at what contacts may do to an organ: displacements spread over a ball, and the superposed series under them.
 
 use super::newton::{ReducedNewton, ReducedStatus, Search};
-use super::nnls::norm;
 use super::origin::Origin;
 use super::subspace::Subspace;
+use crate::number::norm;
 use rayon::prelude::*;
 use std::ops::Range;
 

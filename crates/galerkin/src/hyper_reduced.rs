@@ -4,13 +4,14 @@ use super::background::BackgroundTraining;
 use super::contacts::ReducedContacts;
 use super::forces::{Forces, State, systematic};
 use super::newton::{ReducedNewton, ReducedStatus, Search};
-use super::nnls::{Columns, greedy, norm};
+use super::nnls::{Columns, greedy};
 use super::origin::Origin;
 use super::sampled::Sampled;
 use super::subspace::Subspace;
 use super::training::Training;
 use crate::clock::Instant;
 use crate::error::Error;
+use crate::number::norm;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -8,10 +8,10 @@
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
 use super::forces::State;
-use super::nnls::{dot, norm};
 use super::sampled::{Reduced, Sampled};
 use super::starts::Starts;
 use crate::clock::Instant;
+use crate::number::{dot, norm};
 use std::time::Duration;
 
 /// A step is small enough when it is below this part of the coordinates: a hundredth of what modes and cells leave.

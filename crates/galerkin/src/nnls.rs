@@ -2,6 +2,7 @@
 //! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23, with several columns taken in at a time once
 //! there are many: to ask all for their gain takes longer than to take some in.
 
+use crate::number::{dot, norm};
 use rayon::prelude::*;
 
 /// Part of a column that must be its own for it to be taken in.
@@ -154,21 +155,4 @@ impl Active {
         }
         x
     }
-}
-
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // Eight sums side by side: one alone waits for itself.
-    let (head, tail) = (a.len() / 8 * 8, a.len().min(b.len()));
-    let mut sums = [0.0; 8];
-    for (x, y) in a[..head].chunks_exact(8).zip(b[..head].chunks_exact(8)) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    sums.iter().sum::<f64>() + (head..tail).map(|k| a[k] * b[k]).sum::<f64>()
-}
-
-pub(super) fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }

@@ -254,7 +254,7 @@ mod tests {
     use crate::body::Body;
     use crate::law::Material;
     use crate::mesh::samples::{block, noise};
-    use crate::nnls::{dot, norm};
+    use crate::number::{dot, norm};
 
     /// Modes: one more than go through a panel together.
     const R: usize = ABREAST + 1;

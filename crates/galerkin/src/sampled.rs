@@ -2,11 +2,11 @@
 //! units that are a body of their own.
 
 use super::cells::SampledCells;
-use super::nnls::dot;
 use super::origin::{Origin, ROUNDING};
 use super::units::SamplingUnits;
 use crate::body::SharedNodes;
 use crate::element::Element;
+use crate::number::dot;
 
 /// What is summed up says at some coordinates.
 #[derive(Clone)]

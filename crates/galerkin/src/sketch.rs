@@ -63,7 +63,7 @@ fn mixed(number: u64) -> u64 {
 mod tests {
     use super::*;
     use crate::mesh::samples::noise;
-    use crate::nnls::{dot, norm};
+    use crate::number::{dot, norm};
 
     #[test]
     fn lengths_and_angles_are_nearly_kept_and_short_columns_exactly() {

@@ -6,12 +6,12 @@
 //! start puts them, so that an equilibrium is a minimum of the energy.
 
 use super::model::Galerkin;
-use super::nnls::norm;
 use super::origin::Origin;
 use crate::body::Curvature;
 use crate::equilibrium::{Method, Solver, Tangent};
 use crate::error::Error;
 use crate::mesh::Patch;
+use crate::number::norm;
 use std::sync::{Mutex, PoisonError};
 
 /// A step below this part of the field is the last one.

@@ -2,7 +2,7 @@
 
 use super::factor::ReducedFactor;
 use super::forces::State;
-use super::nnls::dot;
+use crate::number::dot;
 
 /// Known equilibria that a search may start from.
 const NEAREST: usize = 3;

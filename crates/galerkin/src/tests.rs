@@ -5,7 +5,7 @@ use super::forces::{Forces, State, systematic, with_forces};
 use super::guesses::guesses;
 use super::model::{Galerkin, Sampling};
 use super::newton::{ReducedNewton, ReducedStatus, Search};
-use super::nnls::{self, Columns, norm};
+use super::nnls::{self, Columns};
 use super::origin::Origin;
 use super::sampled::{Reduced, Sampled};
 use super::subspace::Subspace;
@@ -16,6 +16,7 @@ use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem, patch_mean};
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface};
+use crate::number::{dot, norm};
 use crate::reduced::{Metadata, ReducedModel, Reduction, allowance};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
@@ -154,7 +155,7 @@ fn non_negative_least_squares_meets_its_conditions() {
         residual.iter_mut().zip(column(k)).for_each(|(r, x)| *r -= w * x);
     }
     for k in 0..count {
-        let gain = nnls::dot(column(k), &residual);
+        let gain = dot(column(k), &residual);
         let is_chosen = chosen.iter().any(|&(c, _)| c == k);
         assert!(gain < 1e-8 && (!is_chosen || gain > -1e-8), "column {k}: gain {gain}");
     }

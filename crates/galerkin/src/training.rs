@@ -6,10 +6,10 @@ use super::guesses::{Guess, guesses};
 use super::hyper_reduced::HyperReducedModel;
 use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::newton::ReducedNewton;
-use super::nnls::norm;
 use super::snapshots::Patience;
 use crate::clock::Instant;
 use crate::error::Error;
+use crate::number::norm;
 use crate::reduced::allowance;
 use rayon::prelude::*;
 

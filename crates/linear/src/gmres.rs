@@ -1,6 +1,8 @@
 //! The generalised minimal residual method (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986, 856) for the one
 //! unsymmetric system there is: a tangent under pressure on a free rim, preconditioned by its symmetric part.
 
+use viscera_number::{dot, norm};
+
 /// Solves `A x = b` from zero for an operator near the identity, to a residual of `tolerance` relative to `b` or the
 /// best of `max_iterations`.
 ///
@@ -56,14 +58,6 @@ pub fn gmres<E>(
         x.iter_mut().zip(v).for_each(|(x, v)| *x += weight * v);
     }
     Ok(x)
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 fn scaled(a: &[f64], factor: f64) -> Vec<f64> {

@@ -1,6 +1,7 @@
 //! Matrices for the tests of this module, and the dense answers to hold the solvers against.
 
 use super::Pattern;
+use viscera_number::norm;
 
 /// A symmetric matrix: a pattern and its values.
 #[derive(Clone)]
@@ -126,10 +127,6 @@ fn block(nx: usize, ny: usize, nz: usize, is_held: bool) -> Matrix {
 /// A vector without structure, the same on every run.
 pub(super) fn load(n: usize, seed: usize) -> Vec<f64> {
     (0..n).map(|i| ((i * 37 + seed * 101 + 1) as f64 * 0.7).sin()).collect()
-}
-
-pub(super) fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// `|x - y| / |y|`.

@@ -29,11 +29,6 @@ impl<T: Real> Jet<T> {
         Jet { table, coefficients }
     }
 
-    /// The constant `value`.
-    pub fn of_constant(table: &'static Monomials, value: T) -> Self {
-        Jet { table, coefficients: vec![value] }
-    }
-
     /// Its table of monomials.
     pub fn table(&self) -> &'static Monomials {
         self.table

@@ -3,7 +3,7 @@
 //!
 //! | type | reads out of `psi` |
 //! | --- | --- |
-//! | `f64`, [`Single`], [`Lanes`] | the energy of one cell, or of several at once |
+//! | `f64`, [`Lanes`] | the energy of one cell, or of several at once |
 //! | [`Gradient`] | its first derivatives in the invariants: stress |
 //! | [`Hessian`] | its second derivatives: the consistent tangent |
 //! | [`Jet`] | its truncated power series: right-hand sides of the asymptotic numerical method |
@@ -16,16 +16,16 @@ mod monomials;
 pub mod pade;
 mod power;
 pub mod simd;
-mod single;
 pub mod tensor;
 pub mod unroll;
+mod vector;
 
 pub use dual::{Gradient, Hessian};
 pub use jet::Jet;
 pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub use monomials::{Monomials, degree_of, evaluate_monomials};
 pub use pade::Pade;
-pub use single::Single;
+pub use vector::{dot, norm};
 
 use std::fmt::Debug;
 use std::ops::{Add, Mul, Neg, Sub};

@@ -5,6 +5,8 @@
 //!   u(a) = u_0 + sum_{i=1}^{N-1} a^i u_i D_{N-1-i}(a) / D_{N-1}(a),   D_k = sum_{j<=k} d_j a^j,
 //! one denominator for all components (Elhage-Hussein, Potier-Ferry and Damil, IJSS 37:6981, 2000).
 
+use crate::{dot, norm};
+
 /// Denominator coefficients of a series; none where its vectors are dependent to rounding.
 #[derive(Clone, Debug)]
 pub struct Pade {
@@ -128,16 +130,6 @@ pub fn pade_range(series: &[Vec<f64>], tolerance: f64, taylor_range: f64) -> f64
         if agree(middle) { low = middle } else { high = middle }
     }
     low.max(taylor_range.min(pole))
-}
-
-/// Scalar product.
-pub fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Euclidean norm.
-pub fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface, surface};
 use crate::number::evaluate_monomials;
+use crate::number::norm;
 use crate::series::{TouchExpansion, TouchSeries};
 use std::sync::LazyLock;
 use viscera_touch::to_bytes;
@@ -89,10 +90,6 @@ fn field(model: &ReducedModel, contact: &Contact, d: [f64; 3]) -> Vec<f64> {
 /// A contact inside a triangle.
 fn inside(triangle: usize, weights: [f64; 3]) -> Contact {
     Contact { weights, ..MODEL.centroid(triangle) }
-}
-
-fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 fn relative(a: &[f64], exact: &[f64]) -> f64 {

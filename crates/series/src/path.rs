@@ -15,7 +15,8 @@ use crate::equilibrium::{Pressure, System};
 use crate::error::Error;
 use crate::linear::gmres;
 use crate::number::Monomials;
-use crate::number::pade::{Pade, dot, norm, pade_range, taylor_range};
+use crate::number::pade::{Pade, pade_range, taylor_range};
+use crate::number::{dot, norm};
 
 /// Residual of a solution where a pressure on a free rim makes the tangent unsymmetric, relative.
 const TOLERANCE: f64 = 1e-12;

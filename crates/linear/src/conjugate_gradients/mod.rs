@@ -216,7 +216,7 @@ fn norm(x: &[f64]) -> f64 {
     dot(x, x).sqrt()
 }
 
-/// `x . y` in eight sums: one alone would wait for itself at every addition.
+/// `x . y`, by what vector instructions there are.
 struct Dot<'a>(&'a [f64], &'a [f64]);
 
 impl Kernel for Dot<'_> {
@@ -224,15 +224,7 @@ impl Kernel for Dot<'_> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let (x, y) = (self.0.chunks_exact(8), self.1.chunks_exact(8));
-        let tail: f64 = x.remainder().iter().zip(y.remainder()).map(|(x, y)| x * y).sum();
-        let mut sums = [0.0; 8];
-        for (x, y) in x.zip(y) {
-            for lane in 0..8 {
-                sums[lane] += x[lane] * y[lane];
-            }
-        }
-        sums.iter().sum::<f64>() + tail
+        viscera_number::dot(self.0, self.1)
     }
 }
 

@@ -78,11 +78,6 @@ impl SymmetricBlocks {
         out.extend(positions.iter().map(|&p| self.values[p as usize]));
     }
 
-    /// Number of stored blocks.
-    pub fn n_blocks(&self) -> usize {
-        self.pattern.row.len()
-    }
-
     /// Mean of the diagonal entries: the scale of a shift.
     pub fn mean_diagonal(&self) -> f64 {
         let sum: f64 = self.diagonal().map(|block| block[0] + block[4] + block[8]).sum();

@@ -15,6 +15,7 @@ use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid};
+use crate::number::dot;
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;
@@ -318,8 +319,4 @@ impl cg::Preconditioner for Closed<'_> {
         self.inverse.apply(r, z);
         self.border.close(z, &self.border.zeros(), &mut self.forces);
     }
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
 }

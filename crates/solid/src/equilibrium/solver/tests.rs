@@ -4,6 +4,7 @@ use super::*;
 use crate::body::{Body, Curvature};
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
+use crate::number::norm;
 use faer::{Mat, Side};
 
 const METHODS: [Method; 6] = [
@@ -49,10 +50,6 @@ fn patch(nodes: &[u32]) -> Patch {
     let weights = (1..=nodes.len()).map(|w| w as f64);
     let sum: f64 = weights.clone().sum();
     Patch { nodes: nodes.to_vec(), weights: weights.map(|w| w / sum).collect() }
-}
-
-fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// `K s - W^T F = b` where nothing is held, `W s = c`, `s = 0` where something is: checked in place, not by another
