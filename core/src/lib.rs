@@ -2,8 +2,8 @@
 //! touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
 //! The floors are crates, each using only those below it: [`number`], with [`tensor`] and [`simd`]; [`mesh`]; [`linear`], with
-//! [`clock`]; [`law`]; `viscera_solid` ([`element`], [`body`], [`equilibrium`]); [`series`]; [`pgd`]; [`reduced`], beside
-//! `viscera_touch`, which answers touches on-line; [`galerkin`].
+//! [`clock`]; [`law`]; `viscera_solid` ([`element`], [`body`], [`contact`], [`equilibrium`]); [`series`]; [`pgd`];
+//! [`reduced`], beside `viscera_touch`, which answers touches on-line; [`galerkin`].
 
 pub use viscera_galerkin as galerkin;
 pub use viscera_law as law;
@@ -13,4 +13,4 @@ pub use viscera_number::{self as number, simd, tensor};
 pub use viscera_pgd as pgd;
 pub use viscera_reduction as reduced;
 pub use viscera_series as series;
-pub use viscera_solid::{Error, body, element, equilibrium, error};
+pub use viscera_solid::{Error, body, contact, element, equilibrium, error};

@@ -15,6 +15,7 @@ use super::solver::{Method, Solver};
 use super::tangent::Tangent;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
+use crate::contact::Contact;
 use crate::error::Error;
 use crate::linear::FactorError;
 
@@ -71,10 +72,23 @@ impl Newton {
         problem: &Problem,
         progress: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Equilibrium, Error> {
+        self.solve_in_contact(problem, &mut Contact::new(problem.body), progress)
+    }
+
+    /// The same among rigid tools, which go their way with the load; what they do in the end is in `contact`.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn solve_in_contact(
+        &self,
+        problem: &Problem,
+        contact: &mut Contact,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Equilibrium, Error> {
         self.check()?;
         problem.check()?;
         let clock = Instant::now();
-        let mut run = Run::new(*self, problem)?;
+        let mut run = Run::new(*self, problem, contact)?;
         run.seconds.analysis = clock.elapsed().as_secs_f64();
         let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
         while run.load < 1.0 {
@@ -121,6 +135,7 @@ impl Newton {
 struct Run<'a> {
     settings: Newton,
     problem: &'a Problem<'a>,
+    contact: &'a mut Contact,
     solver: Solver,
     tangent: Tangent,
     u: Vec<f64>,
@@ -146,7 +161,11 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(settings: Newton, problem: &'a Problem<'a>) -> Result<Self, Error> {
+    fn new(
+        settings: Newton,
+        problem: &'a Problem<'a>,
+        contact: &'a mut Contact,
+    ) -> Result<Self, Error> {
         let body = problem.body;
         let tangent = settings.method.tangent(body);
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
@@ -161,14 +180,18 @@ impl<'a> Run<'a> {
         }
         let mut imbalance = vec![0.0; body.n_dofs()];
         body.internal_force(&start, &mut imbalance);
-        for (r, f) in imbalance.iter_mut().zip(&problem.force) {
-            *r -= f;
-        }
+        let mut applied = problem.force.clone();
+        contact.advance(0.0);
+        contact.begin(&start);
+        contact.linearize(&start);
+        contact.add_force(&mut applied);
+        imbalance.iter_mut().zip(&applied).for_each(|(r, f)| *r -= f);
         let start_means =
             problem.patches.iter().map(|load| patch_mean(&load.patch, &start)).collect();
         Ok(Run {
             settings,
             problem,
+            contact,
             u: start.clone(),
             multipliers: vec![0.0; 3 * problem.patches.len()],
             load: 0.0,
@@ -194,20 +217,31 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// External force at a load: the dead target plus what is left of the start's imbalance, and pressure.
+    /// External force at a load: the dead target plus what is left of the start's imbalance, pressure, and the tools'
+    /// where they were found last.
     fn external_force(&self, load: f64, u: &[f64]) -> Vec<f64> {
         let left = 1.0 - load;
         let dead = self.problem.force.iter().zip(&self.imbalance);
         let mut force = dead.map(|(f, r)| f + left * r).collect::<Vec<_>>();
         self.problem.pressure.add_force(self.body(), u, load, &mut force);
+        self.contact.add_force(&mut force);
         force
     }
 
-    fn add_pressure_stiffness(&mut self, u: &[f64], load: f64) {
+    fn add_stiffness_of_loads(&mut self, u: &[f64], load: f64) {
         let Problem { body, pressure, .. } = self.problem;
         if !pressure.is_empty() {
             pressure.add_stiffness(body, u, load, self.tangent.blocks_mut());
         }
+        if !self.contact.is_empty() {
+            self.contact.add_stiffness(Curvature::Exact, self.tangent.blocks_mut());
+        }
+    }
+
+    /// Whether a load step moves anything that is held, which is then led there in its first iteration.
+    fn is_led(&self) -> bool {
+        let Problem { prescribed, patches, .. } = self.problem;
+        !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])
     }
 
     /// Newton iterations to the equilibrium at `load`, or before it where a prediction does not hold so far; on success it
@@ -219,11 +253,15 @@ impl<'a> Run<'a> {
         let mut force = vec![0.0; u.len()];
         let (mut history, mut unstable, mut passed) = (Vec::<f64>::new(), None, None);
         let mut is_linear = true;
+        let is_led = self.contact.is_empty() || self.is_led();
+        self.contact.advance(load);
+        self.contact.begin(&self.u);
         for iteration in 0.. {
             let clock = Instant::now();
+            self.contact.linearize(&u);
             self.tangent.linearize(self.body(), &u, Curvature::Exact, &mut force);
             let external = self.external_force(load, &u);
-            self.add_pressure_stiffness(&u, load);
+            self.add_stiffness_of_loads(&u, load);
             self.seconds.assembly += clock.elapsed().as_secs_f64();
             let (residual, norm) = self.residual(&force, &external, &multipliers);
             let moving = iteration == 0;
@@ -250,11 +288,14 @@ impl<'a> Run<'a> {
                 passed = passed.or(unstable);
             }
             self.seconds.solve += clock.elapsed().as_secs_f64();
+            let moving = moving && is_led;
             if moving {
                 self.note_slope(&step, load);
                 if unstable.is_some() {
                     self.check_inversion(&u, &step)?;
-                } else if self.is_wary || !self.is_in_proportion(&u, &step, &force) {
+                } else if self.contact.is_empty()
+                    && (self.is_wary || !self.is_in_proportion(&u, &step, &force))
+                {
                     (load, u, multipliers) = self.predict(&u, &step, load)?;
                     (self.tried, is_linear) = (load - self.load, false);
                     continue;
@@ -269,6 +310,7 @@ impl<'a> Run<'a> {
     }
 
     fn accept(&mut self, u: Vec<f64>, multipliers: Vec<f64>, load: f64, history: Vec<f64>) {
+        self.contact.end(&u);
         self.u = u;
         self.multipliers = multipliers;
         self.load = load;
@@ -447,7 +489,7 @@ impl<'a> Run<'a> {
             let dead = self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r);
             let dead: f64 = trial.iter().zip(dead).map(|(u, f)| u * f).sum();
             let work = dead + load * pressure.work(self.body(), u, step, length);
-            let energy = self.body().energy(&trial);
+            let energy = self.body().energy(&trial) + self.contact.energy(&trial);
             (energy - work, energy.abs() + work.abs())
         };
         let (start, magnitude) = potential(0.0);
@@ -471,6 +513,9 @@ impl<'a> Run<'a> {
         body.internal_force(&self.u, &mut internal_force);
         let mut external_force = self.problem.force.clone();
         self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        self.contact.advance(self.load);
+        self.contact.linearize(&self.u);
+        self.contact.add_force(&mut external_force);
         let ending = Ending {
             load: self.load,
             iterations: self.iterations,

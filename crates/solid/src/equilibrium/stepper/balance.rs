@@ -1,7 +1,7 @@
 //! What is out of balance: before a step, with the way of the hands and inertia, and after it.
 
 use super::{Input, Stepper};
-use crate::body::Body;
+use crate::body::{Body, Curvature};
 
 impl Stepper {
     /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
@@ -41,7 +41,7 @@ impl Stepper {
 
     /// `f_ext - f_int - K s - M a - C v` with the step `s` of the hands, in `residual`; the tangent becomes that of
     /// the frame.
-    pub(super) fn balance(&mut self) {
+    pub(super) fn balance(&mut self, curvature: Curvature) {
         let beta = self.motion.as_ref().map_or(0.0, |motion| motion.damping[1]);
         self.way.copy_from_slice(&self.step);
         if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
@@ -67,6 +67,11 @@ impl Stepper {
             }
             mass.add_to(of_mass, self.tangent.blocks_mut());
         }
+        if !self.contact.is_empty() {
+            // After the rest, which damping multiplies: a tool damps nothing.
+            self.contact.add_stiffness(curvature, self.tangent.blocks_mut());
+            self.contact.add_product(-1.0, &self.step, &mut self.residual);
+        }
     }
 
     /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
@@ -88,10 +93,11 @@ impl Stepper {
             let [alpha, beta] = motion.damping;
             motion.mass.add_product(alpha, velocity, &mut self.inertia);
             if beta > 0.0 {
-                // K of the frame's start, out of its tangent `of_mass M + of_stiffness K`.
+                // K of the frame's start, out of its tangent `of_mass M + of_stiffness K` and that of the tools.
                 let [of_mass, of_stiffness] = motion.tangent_factors();
                 self.tangent.multiply(velocity, &mut self.way);
                 motion.mass.add_product(-of_mass, velocity, &mut self.way);
+                self.contact.add_product(-1.0, velocity, &mut self.way);
                 let factor = beta / of_stiffness;
                 self.inertia.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
             }
@@ -108,6 +114,7 @@ impl Stepper {
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.
     pub(super) fn end(&mut self, body: &Body) {
+        self.contact.end(&self.displacement);
         if let Some(relaxation) = &mut self.relaxation {
             relaxation.end(body.material(), &self.displacement);
         }

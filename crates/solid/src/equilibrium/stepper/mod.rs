@@ -6,6 +6,7 @@
 //! the body gives way before it is pressed further.
 
 mod balance;
+mod contact;
 mod frame;
 mod guard;
 mod mass;
@@ -27,6 +28,7 @@ use super::solver::Solver;
 use super::tangent::Tangent;
 use crate::body::{Body, UPRIGHT};
 use crate::clock::Instant;
+use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
@@ -59,6 +61,7 @@ pub struct Stepper {
     relaxation: Option<Relaxation>,
     nodal_mass: Vec<f64>,
     pressure: Pressure,
+    contact: Contact,
     force_scale: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -86,6 +89,8 @@ pub struct Stepper {
     inertia: Vec<f64>,
     way: Vec<f64>,
     step: Vec<f64>,
+    /// Power of what was out of balance along the way of the last step, per step [J]; known among tools.
+    descent: f64,
     trial: Vec<f64>,
     forces: Vec<f64>,
 }
@@ -155,6 +160,7 @@ impl Stepper {
             relaxation,
             nodal_mass,
             pressure: Pressure::default(),
+            contact: Contact::new(body),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
             guard,
@@ -173,6 +179,7 @@ impl Stepper {
             inertia: vec![0.0; n],
             way: vec![0.0; n],
             step: vec![0.0; n],
+            descent: 0.0,
             trial: vec![0.0; n],
             forces: Vec::new(),
         })
@@ -261,6 +268,7 @@ impl Stepper {
         });
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
+        self.contact.begin(&self.displacement);
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {

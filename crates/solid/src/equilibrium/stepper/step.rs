@@ -2,6 +2,7 @@
 //! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body. Cells that come
 //! close to a bound all the same are held by a barrier, see [`Guard`](super::guard::Guard).
 
+use super::contact::{MAX_RETURNS, OVERSHOT};
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
@@ -97,6 +98,9 @@ impl Stepper {
             progress.steps += 1;
             self.heed(taken, is_unstable, solved.indefinite.is_some());
             progress.residual = self.measure(body, progress.is_cut);
+            if !self.contact.is_empty() && !self.hands_move && taken == 1.0 {
+                self.go_back(body, &mut progress);
+            }
             if progress.is_settled(self.settings.settled) {
                 break;
             }
@@ -136,7 +140,7 @@ impl Stepper {
             self.set_out();
         }
         self.move_hands(input);
-        self.balance();
+        self.balance(curvature);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
         }
@@ -159,11 +163,13 @@ impl Stepper {
         self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
+            let unbalanced = (!self.contact.is_empty()).then(|| self.residual.clone());
             let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
             let outcome = match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
                 Err(error) => Err(error),
             };
+            self.descent = unbalanced.map_or(0.0, |b| dot(&b, &self.way));
             let is_last = shift >= LARGEST_SHIFT || !self.has_time_for_convex(deadline);
             match outcome {
                 // Where it is the last, the descent made before a direction of negative curvature, or at least one of
@@ -224,6 +230,32 @@ impl Stepper {
         (0.0, energy)
     }
 
+    /// Goes back from where a step led among tools, if it led far beyond the place on its way where what is out of balance
+    /// has no power any more: what touches there, or does not, is not what the tangent knew.
+    fn go_back(&mut self, body: &Body, progress: &mut Progress) {
+        let mut length = 1.0;
+        for _ in 0..MAX_RETURNS {
+            let power = dot(&self.residual, &self.way);
+            if power >= -OVERSHOT * self.descent {
+                return;
+            }
+            let shorter = length * self.descent / (self.descent - power);
+            for (dof, trial) in self.trial.iter_mut().enumerate() {
+                *trial = self.displacement[dof] - (length - shorter) * self.step[dof];
+            }
+            let energy = self.force_within_bounds(body);
+            if !energy.is_finite() {
+                body.internal_force(&self.displacement, &mut self.internal);
+                self.complete(body);
+                return;
+            }
+            std::mem::swap(&mut self.displacement, &mut self.trial);
+            self.complete(body);
+            (length, progress.energy) = (shorter, energy);
+            progress.residual = self.measure(body, progress.is_cut);
+        }
+    }
+
     /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one.
     fn force_within_bounds(&mut self, body: &Body) -> f64 {
         let (u, force) = (&self.trial, &mut self.internal);
@@ -246,4 +278,8 @@ impl Stepper {
         }
         self.guard.add_force(body, &mut self.internal);
     }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -1,0 +1,208 @@
+//! Rigid tools against the surface of a body, as an energy that equilibrium and frames add to their own.
+//!
+//! Between tool and body lies a stiff layer. At samples of the surface with gap `g`, area `A` and layer energy `e(g)` it
+//! holds `sum A e(g)`, see [`layer`]; friction adds a spring along the surface whose force the Coulomb cone bounds, see
+//! [`friction`]. Both are convex in what they depend on, so the tangent gains positive semidefinite blocks of nodes that
+//! share a face, which its pattern has already: every solver serves contact, and no point ever has to be found free of
+//! penetration before a step may begin.
+
+mod friction;
+mod layer;
+mod pose;
+mod samples;
+mod shape;
+mod solid;
+#[cfg(test)]
+mod tests;
+mod tool;
+
+pub use friction::Friction;
+pub use layer::STIFFNESS;
+pub use pose::Pose;
+pub use shape::{Distance, Shape};
+pub use solid::Solid;
+pub use tool::{Report, Tool};
+
+use crate::body::{Body, Curvature, SymmetricBlocks};
+use crate::error::Error;
+use crate::mesh::diagonal;
+use samples::Samples;
+use tool::{Held, Touching};
+
+/// Depth at which a tool may start, over the diagonal of the body: what is left of an equilibrium with another tool.
+const SHALLOW: f64 = 5e-3;
+
+/// The tools that may touch a body.
+pub struct Contact {
+    samples: Samples,
+    /// By their numbers; none where a tool was taken away.
+    tools: Vec<Option<Held>>,
+    /// Displacement at the start of the step.
+    start: Vec<f64>,
+    /// What touched when the tangent was last formed.
+    in_tangent: Vec<Touching>,
+    diagonal: f64,
+}
+
+impl Contact {
+    /// With a body that no tool touches.
+    pub fn new(body: &Body) -> Self {
+        Contact {
+            samples: Samples::none(),
+            tools: Vec::new(),
+            start: vec![0.0; body.n_dofs()],
+            in_tangent: Vec::new(),
+            diagonal: diagonal(body.points()),
+        }
+    }
+
+    /// Whether there is no tool.
+    pub fn is_empty(&self) -> bool {
+        self.tools.iter().all(Option::is_none)
+    }
+
+    /// Adds a tool to a body displaced by `u`; its number.
+    ///
+    /// # Errors
+    /// Values out of range; a tool that starts inside the body.
+    pub fn add(&mut self, body: &Body, tool: Tool, u: &[f64]) -> Result<usize, Error> {
+        let number = self.tools.len();
+        tool.check(number)?;
+        if self.samples.is_empty() {
+            self.samples = Samples::new(body);
+        }
+        let mut held = Held::new(tool, &self.samples);
+        held.begin(&self.samples, u);
+        held.linearize(&self.samples, u, u);
+        let depth = -held.gap();
+        if depth > SHALLOW * self.diagonal {
+            return Err(Error::input(format!(
+                "tool {number}, {}, starts {depth:.3e} m inside the organ, {:.2} % of its diagonal; start it outside \
+                 and move it in",
+                held.tool.shape.name(),
+                100.0 * depth / self.diagonal
+            )));
+        }
+        held.end(&self.samples, u);
+        self.tools.push(Some(held));
+        Ok(number)
+    }
+
+    /// Takes a tool away.
+    pub fn remove(&mut self, number: usize) {
+        if let Some(tool) = self.tools.get_mut(number) {
+            *tool = None;
+        }
+    }
+
+    /// Moves a tool in the step to come.
+    ///
+    /// # Errors
+    /// No such tool; a pose that is not finite, or no rotation.
+    pub fn place(&mut self, number: usize, pose: Pose) -> Result<(), Error> {
+        pose.check(number)?;
+        match self.tools.get_mut(number) {
+            Some(Some(held)) => held.pose = pose,
+            _ => return Err(Error::input(format!("there is no tool {number}; add it first"))),
+        }
+        Ok(())
+    }
+
+    /// Moves every tool to the part `load` of its way.
+    pub fn advance(&mut self, load: f64) {
+        self.each(|held| held.pose = held.tool.pose_at(load));
+    }
+
+    /// A step begins at a displacement.
+    pub fn begin(&mut self, u: &[f64]) {
+        self.start.copy_from_slice(u);
+        let samples = &self.samples;
+        self.tools.iter_mut().flatten().for_each(|held| held.begin(samples, u));
+    }
+
+    /// A step has ended at a displacement: what slid has slid.
+    pub fn end(&mut self, u: &[f64]) {
+        let samples = &self.samples;
+        self.tools.iter_mut().flatten().for_each(|held| held.end(samples, u));
+    }
+
+    /// Finds what touches at a displacement, and the forces there.
+    pub fn linearize(&mut self, u: &[f64]) {
+        let (samples, start) = (&self.samples, &self.start);
+        self.tools.iter_mut().flatten().for_each(|held| held.linearize(samples, u, start));
+    }
+
+    /// Adds the forces on the body found last [N].
+    pub fn add_force(&self, force: &mut [f64]) {
+        for touching in self.touching() {
+            for &(node, weight) in self.samples.nodes(touching.sample) {
+                (0..3).for_each(|i| force[3 * node as usize + i] += weight * touching.force[i]);
+            }
+        }
+    }
+
+    /// Adds their derivative, less its sign, to a tangent; that of the gap's curvature only where it is to be exact.
+    pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
+        let mut touching = std::mem::take(&mut self.in_tangent);
+        touching.clear();
+        self.each(Held::soften);
+        touching.extend(self.touching().cloned());
+        for touching in &mut touching {
+            if curvature == Curvature::Exact {
+                for (sum, row) in touching.stiffness.iter_mut().zip(&touching.curvature) {
+                    sum.iter_mut().zip(row).for_each(|(sum, k)| *sum += k);
+                }
+            }
+            let nodes = self.samples.nodes(touching.sample);
+            for &(row, a) in nodes {
+                for &(column, b) in nodes.iter().filter(|(column, _)| *column >= row) {
+                    let block = std::array::from_fn(|k| a * b * touching.stiffness[k / 3][k % 3]);
+                    let position = blocks.pattern().position(row, column);
+                    position.into_iter().for_each(|position| blocks.add(position, &block));
+                }
+            }
+        }
+        self.in_tangent = touching;
+    }
+
+    /// Adds a multiple of the product of what the tangent was given last with `x`.
+    pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
+        for touching in &self.in_tangent {
+            let nodes = self.samples.nodes(touching.sample);
+            let at = self.samples.mean(touching.sample, x);
+            for &(node, weight) in nodes {
+                for (i, row) in touching.stiffness.iter().enumerate() {
+                    let force = row.iter().zip(&at).map(|(k, x)| k * x).sum::<f64>();
+                    out[3 * node as usize + i] += factor * weight * force;
+                }
+            }
+        }
+    }
+
+    /// Energy at a displacement [J]: of the layer as it would be, of friction with the bounds found last.
+    pub fn energy(&self, u: &[f64]) -> f64 {
+        self.tools.iter().flatten().map(|held| held.energy(&self.samples, u)).sum()
+    }
+
+    /// What a tool does to the body, as found last.
+    pub fn report(&self, number: usize) -> Option<Report> {
+        self.tools.get(number)?.as_ref().map(Held::report)
+    }
+
+    /// Contact pressure of a tool at nodes, as found last [Pa]: the mean over the samples around that touch, zero where
+    /// none does.
+    pub fn pressures(&self, number: usize, n_nodes: usize) -> Vec<f64> {
+        match self.tools.get(number) {
+            Some(Some(held)) => held.pressures(&self.samples, n_nodes),
+            _ => vec![0.0; n_nodes],
+        }
+    }
+
+    fn touching(&self) -> impl Iterator<Item = &Touching> {
+        self.tools.iter().flatten().flat_map(|held| &held.touching)
+    }
+
+    fn each(&mut self, change: impl Fn(&mut Held)) {
+        self.tools.iter_mut().flatten().for_each(change);
+    }
+}

@@ -1,0 +1,407 @@
+//! A rigid tool, and what of the surface it touches.
+
+use super::friction::{Friction, spring};
+use super::layer::STIFFNESS;
+use super::pose::Pose;
+use super::samples::Samples;
+use super::shape::{Distance, Shape};
+use crate::error::Error;
+use crate::mesh::{cross, dot, norm, sub};
+use crate::tensor::Mat3;
+
+/// The part of a cell's stiffness that the curvature of a shape may take from the tangent: at sharp edges there is no
+/// end to it.
+const CURVED: f64 = 1.0;
+
+/// Cosine between the ways of a slide in two iterations from which on it is the same.
+const STEADY: f64 = 0.5;
+
+/// How far below its bound, relative to it, friction is at the bound.
+const ROUNDING: f64 = 1e-6;
+
+/// A rigid tool and its way in a solve.
+#[derive(Clone, Debug)]
+pub struct Tool {
+    /// Its shape.
+    pub shape: Shape,
+    /// What it does along the surface.
+    pub friction: Friction,
+    /// Stiffness of the layer between tool and body, see [`STIFFNESS`].
+    pub stiffness: f64,
+    /// Where it starts.
+    pub pose: Pose,
+    /// How far it moves [m], and turns about its origin [rad], on the way to the full load.
+    pub way: [f64; 3],
+    /// A rotation vector in axes of the world.
+    pub turn: [f64; 3],
+}
+
+/// What a tool does to the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Its force on the body [N].
+    pub force: [f64; 3],
+    /// Its torque on the body about the tool's origin [N m].
+    pub torque: [f64; 3],
+    /// Area at rest of what touches [m^2].
+    pub area: f64,
+    /// Smallest gap at a sample [m]; negative is depth in the layer.
+    pub gap: f64,
+    /// Energy of the layer and of what friction has stretched [J].
+    pub energy: f64,
+    /// What friction has taken in the last step [J].
+    pub dissipation: f64,
+    /// Samples that touch, and those of them that slide.
+    pub touching: usize,
+    /// Samples that slide.
+    pub sliding: usize,
+}
+
+/// A sample that a tool touches.
+#[derive(Clone, Debug)]
+pub(super) struct Touching {
+    pub sample: usize,
+    /// Where it is [m].
+    place: [f64; 3],
+    normal: [f64; 3],
+    pub pressure: f64,
+    /// Force on the body [N].
+    pub force: [f64; 3],
+    /// Less its derivative [N/m]: the semidefinite part, and that of the curvature of the gap.
+    pub stiffness: Mat3<f64>,
+    pub curvature: Mat3<f64>,
+    /// Largest force along the surface [N]; none without friction.
+    bound: f64,
+    /// Which way it slides, zero where it sticks, and the force along the surface over the stretch [N/m].
+    slide: [f64; 3],
+    pull: f64,
+    /// The point of the tool it is tied to, in the world.
+    anchor: [f64; 3],
+    energy: f64,
+}
+
+/// The point of a tool, in its axes, that a sample sticks to.
+#[derive(Clone, Copy, Debug)]
+struct Anchor {
+    point: [f64; 3],
+    is_bond: bool,
+}
+
+/// A tool at work.
+pub(super) struct Held {
+    pub tool: Tool,
+    pub pose: Pose,
+    /// The pose at the end of the last step.
+    before: Pose,
+    anchors: Vec<Option<Anchor>>,
+    /// Share of the surface that each sample gives to it [m^2]; those that touched at the end of the last step keep theirs.
+    areas: Vec<f64>,
+    kept: Vec<usize>,
+    /// Which way each sample slid when the tangent was last formed.
+    slides: Vec<[f64; 3]>,
+    pub touching: Vec<Touching>,
+    gap: f64,
+    dissipation: f64,
+}
+
+impl Tool {
+    /// At rest in a pose.
+    pub fn new(shape: Shape, friction: Friction, pose: Pose) -> Self {
+        Tool { shape, friction, stiffness: STIFFNESS, pose, way: [0.0; 3], turn: [0.0; 3] }
+    }
+
+    /// The pose at a part of its way.
+    pub fn pose_at(&self, load: f64) -> Pose {
+        self.pose.moved(self.way.map(|w| load * w), self.turn.map(|t| load * t))
+    }
+
+    pub(super) fn check(&self, number: usize) -> Result<(), Error> {
+        self.shape.check(number)?;
+        self.friction.check(number)?;
+        self.pose.check(number)?;
+        if self.way.iter().chain(&self.turn).any(|v| !v.is_finite()) {
+            return Err(Error::input(format!(
+                "the way of tool {number} is {:?} m with a turn of {:?}; both must be finite",
+                self.way, self.turn
+            )));
+        }
+        if !(self.stiffness > 0.0 && self.stiffness.is_finite()) {
+            return Err(Error::input(format!(
+                "the stiffness of tool {number} is {}; it must be positive, {STIFFNESS} for instance",
+                self.stiffness
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl Held {
+    pub fn new(tool: Tool, samples: &Samples) -> Self {
+        let n = samples.len();
+        let anchors = if tool.friction.is_none() { Vec::new() } else { vec![None; n] };
+        Held {
+            pose: tool.pose,
+            before: tool.pose,
+            tool,
+            slides: vec![[0.0; 3]; anchors.len()],
+            anchors,
+            areas: (0..n).map(|sample| samples.area(sample)).collect(),
+            kept: Vec::new(),
+            touching: Vec::new(),
+            gap: f64::INFINITY,
+            dissipation: 0.0,
+        }
+    }
+
+    /// Smallest gap found last [m].
+    pub fn gap(&self) -> f64 {
+        self.gap
+    }
+
+    /// A step begins at `u`: what lies on a sharp edge gives the tool the sides that it meets.
+    pub fn begin(&mut self, samples: &Samples, u: &[f64]) {
+        for &sample in samples.sharp() {
+            if self.kept.binary_search(&sample).is_err() {
+                let normal = self.distance(samples.place(sample, u)).normal;
+                self.areas[sample] = samples.area_towards(sample, normal, u);
+            }
+        }
+    }
+
+    /// Finds what touches at `u`; what did not at the start of the step is tied to the point of the tool it was at then.
+    pub fn linearize(&mut self, samples: &Samples, u: &[f64], start: &[f64]) {
+        self.touching.clear();
+        self.gap = f64::INFINITY;
+        let reach = self.tool.shape.reach();
+        for sample in 0..samples.len() {
+            let x = samples.place(sample, u);
+            let anchor = self.anchors.get(sample).copied().flatten();
+            if let Some(anchor) = anchor.filter(|anchor| anchor.is_bond) {
+                self.touching.push(self.bonded(samples, sample, x, anchor));
+                continue;
+            }
+            let layer = samples.layer(sample, self.tool.stiffness);
+            let least = norm(sub(x, self.pose.position)) - reach;
+            if least > layer.smooth && least >= self.gap {
+                continue;
+            }
+            let distance = self.distance(x);
+            self.gap = self.gap.min(distance.gap);
+            let [energy, pressure, slope] = layer.at(distance.gap);
+            if pressure == 0.0 {
+                continue;
+            }
+            let area = self.areas[sample];
+            let Distance { normal: n, curvature, .. } = distance;
+            // At sharp edges the curvature of the gap has no end.
+            let size = curvature.iter().flatten().map(|k| k * k).sum::<f64>().sqrt();
+            let most = CURVED * layer.stiffness / self.tool.stiffness;
+            let part = area * if pressure * size > most { most / size } else { pressure };
+            let mut touching = Touching {
+                sample,
+                place: x,
+                normal: n,
+                pressure,
+                force: n.map(|n| area * pressure * n),
+                stiffness: std::array::from_fn(|i| {
+                    std::array::from_fn(|j| area * slope * n[i] * n[j])
+                }),
+                curvature: curvature.map(|row| row.map(|k| -part * k)),
+                bound: 0.0,
+                slide: [0.0; 3],
+                pull: 0.0,
+                anchor: x,
+                energy: area * energy,
+            };
+            if !self.anchors.is_empty() {
+                let point = match anchor {
+                    Some(anchor) => anchor.point,
+                    None => self.before.inward(samples.place(sample, start)),
+                };
+                touching.anchor = self.pose.outward(point);
+                touching.bound = area * self.tool.friction.bound(pressure);
+                touching.rub(area * layer.stiffness, self.slides[sample]);
+            }
+            self.touching.push(touching);
+        }
+    }
+
+    /// Of what slides on the way it slid before, the tangent takes the derivative in the place of the chord, which has none
+    /// of its stiffness along the slide. Elsewhere that would let steps go to and fro between one way and the other.
+    pub fn soften(&mut self) {
+        if self.anchors.is_empty() {
+            return;
+        }
+        let mut slides = vec![[0.0; 3]; self.slides.len()];
+        for touching in &mut self.touching {
+            let way = touching.slide;
+            slides[touching.sample] = way;
+            if dot(way, self.slides[touching.sample]) > STEADY {
+                for (row, a) in touching.stiffness.iter_mut().zip(way) {
+                    row.iter_mut().zip(way).for_each(|(k, b)| *k -= touching.pull * a * b);
+                }
+            }
+        }
+        self.slides = slides;
+    }
+
+    /// A sample tied across the surface as well as along it.
+    fn bonded(&self, samples: &Samples, sample: usize, x: [f64; 3], anchor: Anchor) -> Touching {
+        let area = self.areas[sample];
+        let stiffness = area * samples.layer(sample, self.tool.stiffness).stiffness;
+        let point = self.pose.outward(anchor.point);
+        let stretch = sub(x, point);
+        let normal = self.distance(x).normal;
+        let force = stretch.map(|s| -stiffness * s);
+        Touching {
+            sample,
+            place: x,
+            normal,
+            pressure: dot(force, normal) / area,
+            force,
+            stiffness: std::array::from_fn(|i| {
+                std::array::from_fn(|j| if i == j { stiffness } else { 0.0 })
+            }),
+            curvature: [[0.0; 3]; 3],
+            bound: f64::INFINITY,
+            slide: [0.0; 3],
+            pull: 0.0,
+            anchor: point,
+            energy: 0.5 * stiffness * dot(stretch, stretch),
+        }
+    }
+
+    /// Energy at a displacement, with the bounds of friction found last [J].
+    pub fn energy(&self, samples: &Samples, u: &[f64]) -> f64 {
+        let reach = self.tool.shape.reach();
+        let mut energy = 0.0;
+        for sample in 0..samples.len() {
+            if self.is_bond(sample) {
+                continue;
+            }
+            let x = samples.place(sample, u);
+            let layer = samples.layer(sample, self.tool.stiffness);
+            if norm(sub(x, self.pose.position)) - reach < layer.smooth {
+                energy += self.areas[sample] * layer.at(self.distance(x).gap)[0];
+            }
+        }
+        for touching in self.touching.iter().filter(|touching| touching.bound > 0.0) {
+            let sample = touching.sample;
+            let layer = samples.layer(sample, self.tool.stiffness);
+            let stiffness = self.areas[sample] * layer.stiffness;
+            let mut stretch = sub(samples.place(sample, u), touching.anchor);
+            if !self.is_bond(sample) {
+                stretch = along(stretch, touching.normal);
+            }
+            energy += spring(norm(stretch), stiffness, touching.bound)[0];
+        }
+        energy
+    }
+
+    /// Ends a step: what slid is tied to where it slid to, what touches a bonded tool to where it is.
+    pub fn end(&mut self, samples: &Samples, u: &[f64]) {
+        self.dissipation = 0.0;
+        self.before = self.pose;
+        self.kept.clear();
+        self.kept.extend(self.touching.iter().map(|touching| touching.sample));
+        if self.anchors.is_empty() {
+            return;
+        }
+        let mut ties = vec![None; self.anchors.len()];
+        for touching in &self.touching {
+            let sample = touching.sample;
+            let layer = samples.layer(sample, self.tool.stiffness);
+            let stiffness = self.areas[sample] * layer.stiffness;
+            let x = samples.place(sample, u);
+            let is_bond = self.tool.friction == Friction::Bonded;
+            let point = if is_bond {
+                std::array::from_fn(|i| x[i] + touching.force[i] / stiffness)
+            } else {
+                let stretch = along(sub(x, touching.anchor), touching.normal);
+                let (size, most) = (norm(stretch), touching.bound / stiffness);
+                let slip = if size > most { 1.0 - most / size } else { 0.0 };
+                self.dissipation += touching.bound * slip * size;
+                std::array::from_fn(|i| touching.anchor[i] + slip * stretch[i])
+            };
+            ties[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
+        }
+        self.anchors = ties;
+    }
+
+    pub fn report(&self) -> Report {
+        let mut report =
+            Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
+        for touching in &self.touching {
+            let torque = cross(sub(touching.place, self.pose.position), touching.force);
+            for i in 0..3 {
+                report.force[i] += touching.force[i];
+                report.torque[i] += torque[i];
+            }
+            report.area += self.areas[touching.sample];
+            report.energy += touching.energy;
+            report.touching += 1;
+            report.sliding += usize::from(touching.slide != [0.0; 3]);
+        }
+        report
+    }
+
+    fn is_bond(&self, sample: usize) -> bool {
+        self.anchors.get(sample).copied().flatten().is_some_and(|anchor| anchor.is_bond)
+    }
+
+    /// Mean pressure of the samples around each node that touch, weighted by their areas [Pa]; zero where none does.
+    pub fn pressures(&self, samples: &Samples, n_nodes: usize) -> Vec<f64> {
+        let mut sums = vec![[0.0; 2]; n_nodes];
+        for touching in &self.touching {
+            let area = self.areas[touching.sample];
+            for &(node, weight) in samples.nodes(touching.sample) {
+                let [force, whole] = &mut sums[node as usize];
+                *force += weight.abs() * area * touching.pressure;
+                *whole += weight.abs() * area;
+            }
+        }
+        sums.into_iter().map(|[force, area]| if area > 0.0 { force / area } else { 0.0 }).collect()
+    }
+
+    /// Signed distance in the world.
+    fn distance(&self, x: [f64; 3]) -> Distance {
+        let local = self.tool.shape.distance(self.pose.inward(x));
+        let r = &self.pose.rotation;
+        let half: Mat3<f64> = std::array::from_fn(|i| {
+            std::array::from_fn(|k| (0..3).map(|j| r[i][j] * local.curvature[j][k]).sum())
+        });
+        Distance {
+            gap: local.gap,
+            normal: self.pose.turn(local.normal),
+            curvature: std::array::from_fn(|i| std::array::from_fn(|l| dot(half[i], r[l]))),
+        }
+    }
+}
+
+impl Touching {
+    /// Adds friction, with the stiffness of a chord: less than it never takes a step too far.
+    fn rub(&mut self, stiffness: f64, slid: [f64; 3]) {
+        let n = self.normal;
+        let stretch = along(sub(self.place, self.anchor), n);
+        let size = norm(stretch);
+        let [energy, _, pull] = spring(size, stiffness, self.bound);
+        // What slid ends a step at the bound; it is to slide on in the next, not to stick to within rounding.
+        let slack = if dot(stretch, slid) > STEADY * size { ROUNDING * self.bound } else { 0.0 };
+        let is_sliding = stiffness * size > self.bound - slack;
+        self.energy += if is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
+        self.slide = if is_sliding { stretch.map(|s| s / size) } else { [0.0; 3] };
+        self.pull = pull;
+        for i in 0..3 {
+            self.force[i] -= pull * stretch[i];
+            for j in 0..3 {
+                self.stiffness[i][j] += pull * (f64::from(i == j) - n[i] * n[j]);
+            }
+        }
+    }
+}
+
+/// The part of a vector along the surface.
+fn along(v: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
+    let across = dot(v, normal);
+    std::array::from_fn(|i| v[i] - across * normal[i])
+}
