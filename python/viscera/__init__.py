@@ -18,6 +18,7 @@ from viscera.case import Case
 from viscera.case import read_case as case
 from viscera.cluster import sweep
 from viscera.comparison import compare
+from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
 from viscera.deformed import Deformed, Moved, Probe
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
@@ -56,15 +57,20 @@ __all__ = [
     "Answer",
     "ArrudaBoyce",
     "BackwardEuler",
+    "Box",
+    "Capsule",
     "Case",
     "ConjugateGradients",
+    "Contact",
     "Corotated",
     "Deformed",
     "Fit",
     "Frame",
     "Fung",
+    "HalfSpace",
     "Hand",
     "HolzapfelGasserOgden",
+    "Instrument",
     "Linear",
     "MaterialTest",
     "Mesh",
@@ -80,10 +86,13 @@ __all__ = [
     "Registered",
     "SaintVenantKirchhoff",
     "Scan",
+    "Shape",
+    "Sphere",
     "StableNeoHookean",
     "State",
     "Stepper",
     "StrainEnergy",
+    "Tool",
     "Touch",
     "Unloaded",
     "Vary",

@@ -162,6 +162,24 @@ class Patch:
     nodes: Indices
     weights: Floats
 
+class Shape:
+    """A rigid shape in axes of its own."""
+
+    @staticmethod
+    def rounded(half: tuple[float, float, float], radius: float) -> Shape:
+        """All points within a radius of a box of these half sides around the origin."""
+    @staticmethod
+    def half_space() -> Shape:
+        """z <= 0."""
+    @staticmethod
+    def solid(points: Floats, triangles: Indices) -> Shape:
+        """The inside of a closed surface."""
+    def distance(self, points: Floats) -> Floats:
+        """Signed distance (n,) of points (n, 3) [m], negative inside."""
+
+Tool = tuple[Shape, float | None, float, list[list[float]], list[float], list[float], list[float]]
+"""Shape, friction (None where bonded), stiffness of the layer, rotation, position, way [m] and turn [rad]."""
+
 class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
@@ -177,6 +195,7 @@ class Body:
         pressed: Indices,  # (t, 3) or (t, 6) faces under follower pressure, outward: corners, then midpoints
         pressure: Floats,  # (t,) the pressure on each [Pa], positive against the outward normal
         patches: list[tuple[Patch, Floats]],  # weighted mean displacement d (3,) prescribed at full load [m]
+        tools: list[Tool],
         start: Floats | None,  # (n, 3) displacement to start from; None = rest
         steps: int,
         settings: dict[str, float],  # see `Newton` in crates/solid/src/equilibrium/newton.rs
@@ -185,7 +204,8 @@ class Body:
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
         status (str), is_converged, message, load (fraction reached), iterations, factorizations, load_steps,
-        residuals (list of lists per load step, relative), seconds (dict)."""
+        residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool, see
+        `viscera.contact.Contact`)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
@@ -260,6 +280,12 @@ class Stepper:
         """Hold these degrees of freedom and patch means, and nothing else beside the fixed nodes."""
     def press(self, pressed: Indices, pressure: Floats) -> None:
         """From the next frame on this pressure pushes, and no other; faces and values as in `Body.solve`."""
+    def add_tool(self, tool: Tool) -> int:
+        """Adds a rigid tool; its number."""
+    def place_tool(self, tool: int, rotation: list[list[float]], position: list[float]) -> None: ...
+    def remove_tool(self, tool: int) -> None: ...
+    def contact(self, tools: list[int]) -> list[dict[str, Any]]:
+        """What these tools did in the last frame, see `viscera.contact.Contact`."""
     def set_velocity(self, velocity: Floats) -> None: ...
     def displacement(self) -> Floats: ...
     def velocity(self) -> Floats | None: ...

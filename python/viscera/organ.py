@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core, defaults, navigation
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
+from viscera.contact import AnyShape, Tool, tools_of
 from viscera.deformed import Moved
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony
@@ -143,6 +144,7 @@ class Organ(Pictured):
         pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
         density: ArrayLike | None = None,
+        contact: Sequence[Tool | AnyShape] | None = None,
         steps: int = 1,
         start: State | Frame | Floats | None = None,
         settings: Mapping[str, float] | None = None,
@@ -161,6 +163,9 @@ class Organ(Pictured):
         pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
             on a `lumen` inflates a vessel.
         gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
+        contact: rigid tools, `[Tool(Sphere(0.01), position=..., way=...)]`, which go their way with the load; they must
+            start outside the organ. `State.contact(tool)` says what they do. Friction remembers load steps, so take
+            several where a tool turns back.
         steps: at least this many load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `crates/solid/src/equilibrium/newton.rs`.
@@ -186,6 +191,7 @@ class Organ(Pictured):
             acceleration = vector(gravity, "gravity", "m/s^2")
             weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
         means = [mean for _, mean in moved.patches]
+        tools = tools_of(contact)
         began = perf_counter()
         result = self._body.solve(
             prescribed=moved.dofs,
@@ -195,6 +201,7 @@ class Organ(Pictured):
             pressed=pressed,
             pressure=pressures,
             patches=moved.patches,
+            tools=[tool._spec() for tool in tools],
             start=begin,
             steps=steps,
             settings=newton_settings(settings),
@@ -202,8 +209,9 @@ class Organ(Pictured):
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
-        state = State(self, result, patches, seconds, has_pressure=bool(pressure))
-        if state.is_converged and not any(np.any(each) for each in (moved.values, means, applied, weight, pressures)):
+        state = State(self, result, patches, seconds, has_pressure=bool(pressure), tools=tools)
+        acting = (moved.values, means, applied, weight, pressures)
+        if state.is_converged and not tools and not any(np.any(each) for each in acting):
             state.message = NOTHING_ACTS
         if throw and not state.is_converged:
             raise NotConverged(state)

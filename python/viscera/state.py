@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from viscera import _core, statefile
+from viscera.contact import AnyShape, Contact, Tool, contacts
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -40,6 +41,7 @@ class State(Deformed, Pictured):
         seconds: float,
         *,
         has_pressure: bool = False,
+        tools: Sequence[Tool] = (),
     ) -> None:
         self._organ = organ
         self.mesh = organ.mesh
@@ -74,6 +76,7 @@ class State(Deformed, Pictured):
         self._held: Floats = self.internal_force - self.external_force
         self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]
+        self._tools = list(zip(tools, contacts(result.get("contact", [])), strict=True))
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.mesh, self.displacement
@@ -104,6 +107,45 @@ class State(Deformed, Pictured):
                     return np.array(force)
             raise VisceraError("this contact patch was not prescribed in the solve, so it has no reaction")
         return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
+
+    def contact(self, tool: Tool | AnyShape) -> Contact:
+        """What a tool of the solve does to the organ: force, torque, area, pressures, gap.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> state.contact(tool).touching > 0
+        True
+        """
+        for known, contact in self._tools:
+            if known is tool or known.shape is tool:
+                return contact
+        raise VisceraError(f"{tool!r} was no tool of this solve; name it in contact=[...]")
+
+    def force(self, tool: Tool | AnyShape) -> Floats:
+        """Force (3,) of a tool on the organ [N].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> bool(abs(state.force(tool) + state.reaction("clamp")).max() < 1e-6)
+        True
+        """
+        return self.contact(tool).force
+
+    def torque(self, tool: Tool | AnyShape) -> Floats:
+        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> bool(abs(state.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
+        True
+        """
+        return self.contact(tool).torque
 
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write the solution; the ending chooses the format, which is checked first.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core
+from viscera.contact import AnyShape, Contact, Instrument, Tool, contacts
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony, core_integration
@@ -84,6 +85,7 @@ class Frame(Deformed, Pictured):
     _patch_forces: Floats
     _organ: Organ
     _relaxes: bool
+    _contacts: list[tuple[Instrument, Contact]]
 
     def __repr__(self) -> str:
         flags = {
@@ -136,6 +138,51 @@ class Frame(Deformed, Pictured):
 
         mesh = self._organ.mesh
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
+
+    def contact(self, tool: Instrument) -> Contact:
+        """What a tool did to the organ at the end of the frame: force, torque, area, pressures, gap.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> frame.contact(tool).touching > 0
+        True
+        """
+        for known, contact in self._contacts:
+            if known is tool:
+                return contact
+        raise VisceraError(f"{tool!r} was no tool of this frame; make it by Stepper.tool")
+
+    def force(self, tool: Instrument) -> Floats:
+        """Force (3,) of a tool on the organ [N].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(frame.force(tool)[2] < 0.0)
+        True
+        """
+        return self.contact(tool).force
+
+    def torque(self, tool: Instrument) -> Floats:
+        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(abs(frame.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
+        True
+        """
+        return self.contact(tool).torque
 
     def reaction(self, where: Where | Hand) -> Floats:
         """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes.
@@ -226,6 +273,7 @@ class Stepper:
         grasped = by_place(grasped, "grasped")
         self._organ = organ
         self._hands: list[Hand] = []
+        self._tools: list[Instrument] = []
         self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
         self._named: Displacements = grasped
         self._pressure: Pressures = {}
@@ -276,6 +324,33 @@ class Stepper:
         self._hands.append(hand)
         return hand
 
+    def tool(
+        self,
+        shape: AnyShape | Tool,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike | None = None,
+        *,
+        friction: float | str = 0.0,
+    ) -> Instrument:
+        """Bring a rigid tool, as `viscera.Tool` takes it; with the next frame the organ gives way to it.
+
+        It must start outside the organ. What it is told for a frame, it does: organs can be asked for what they cannot
+        give, so drive it through a coupling that bounds its force.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> frame.is_settled
+        True
+        """
+        tool = shape if isinstance(shape, Tool) else Tool(shape, position, rotation, friction=friction)
+        made = Instrument(self, tool, self._core.add_tool(tool._spec()))
+        self._tools.append(made)
+        return made
+
     def frame(
         self,
         displacement: Displacements | None = None,
@@ -316,6 +391,7 @@ class Stepper:
         self._press(by_place(pressure or {}, "pressure"))
         result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         self._named = named
+        told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
@@ -335,6 +411,7 @@ class Stepper:
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
             _relaxes=self._relaxes,
+            _contacts=list(zip(self._tools, told, strict=True)),
         )
 
     def _hold(self, grasp: Grasp) -> None:

@@ -2,6 +2,7 @@
 
 use crate::family::FamilyArguments;
 use crate::{
+    contact,
     convert::{self, VisceraError},
     law::Law,
     mesh::Patch,
@@ -12,6 +13,7 @@ use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyRe
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
+use viscera_core::contact::Contact;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem};
 use viscera_core::reduced::{Batches, Progress, Reduction};
@@ -57,7 +59,7 @@ impl Body {
         Ok(Body { body, surface, fixed })
     }
 
-    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, start, steps, settings, solver, on_progress))]
+    #[pyo3(signature = (*, prescribed, values, force, body_force, pressed, pressure, patches, tools, start, steps, settings, solver, on_progress))]
     #[allow(clippy::too_many_arguments)]
     fn solve<'py>(
         &self,
@@ -69,6 +71,7 @@ impl Body {
         pressed: PyReadonlyArray2<u32>,
         pressure: PyReadonlyArray1<f64>,
         patches: Vec<(PyRef<'py, Patch>, PyReadonlyArray1<'py, f64>)>,
+        tools: Vec<contact::Tool<'py>>,
         start: Option<PyReadonlyArray2<f64>>,
         steps: usize,
         settings: BTreeMap<String, f64>,
@@ -104,10 +107,21 @@ impl Body {
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };
         let newton = newton_settings(steps, &settings, stepper::method(solver)?)?;
+        problem.check_grasp().map_err(convert::error)?;
+        let mut contact = Contact::new(&self.body);
+        let rest = problem.start.clone().unwrap_or_else(|| vec![0.0; 3 * n]);
+        for tool in &tools {
+            contact.add(&self.body, contact::tool(tool), &rest).map_err(convert::error)?;
+        }
+        let n_tools = tools.len();
         let mut watch = Watch::new(on_progress);
-        let result = py.detach(|| newton.solve(&problem, &mut |load| watch.report((load,))));
+        let result = py.detach(|| {
+            newton.solve_in_contact(&problem, &mut contact, &mut |load| watch.report((load,)))
+        });
         let state = watch.outcome(result)?;
-        state_dict(py, &self.body, state)
+        let dict = state_dict(py, &self.body, state)?;
+        dict.set_item("contact", contact::reports(py, &contact, 0..n_tools, n)?)?;
+        Ok(dict)
     }
 
     fn internal_force<'py>(

@@ -4,6 +4,7 @@
 //! converts its arguments, makes one call with the interpreter released, and converts the result.
 
 mod body;
+mod contact;
 mod convert;
 mod exclusive;
 mod factor;
@@ -43,6 +44,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Surface>()?;
     m.add_class::<mesh::Locator>()?;
     m.add_class::<mesh::Patch>()?;
+    m.add_class::<contact::Shape>()?;
     m.add_class::<body::Body>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<live::Live>()?;

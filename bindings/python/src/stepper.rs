@@ -2,13 +2,15 @@
 
 use crate::{
     body::Body,
+    contact,
     convert::{self, VisceraError},
     exclusive::Exclusive,
     mesh::Patch,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
+use viscera_core::contact::Pose;
 use viscera_core::equilibrium::{
     self, ConjugateGradients, Dynamics, Input, Integration, Mass, Method, Preconditioner, Prony,
     StepperSettings,
@@ -100,6 +102,26 @@ impl Stepper {
     ) -> PyResult<()> {
         let pressure = convert::pressure(&pressed, &pressure);
         self.stepper.claim()?.set_pressure(&self.body.get().body, pressure).map_err(convert::error)
+    }
+
+    fn add_tool(&self, tool: contact::Tool) -> PyResult<usize> {
+        let tool = contact::tool(&tool);
+        self.stepper.claim()?.add_tool(&self.body.get().body, tool).map_err(convert::error)
+    }
+
+    fn place_tool(&self, tool: usize, rotation: [[f64; 3]; 3], position: [f64; 3]) -> PyResult<()> {
+        let pose = Pose { rotation, position };
+        self.stepper.claim()?.place_tool(tool, pose).map_err(convert::error)
+    }
+
+    fn remove_tool(&self, tool: usize) -> PyResult<()> {
+        self.stepper.claim()?.remove_tool(tool);
+        Ok(())
+    }
+
+    fn contact<'py>(&self, py: Python<'py>, tools: Vec<usize>) -> PyResult<Bound<'py, PyList>> {
+        let n = self.body.get().body.points().len();
+        contact::reports(py, self.stepper.claim()?.contact(), tools, n)
     }
 
     fn set_velocity(&self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {

@@ -1,0 +1,86 @@
+//! Rigid tools: their shapes, what they are told and what they report.
+
+use crate::convert;
+use numpy::{PyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use std::sync::Arc;
+use viscera_core::contact::{self, Friction, Pose, Solid};
+
+/// A rigid shape in axes of its own.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Shape {
+    shape: contact::Shape,
+}
+
+#[pymethods]
+impl Shape {
+    #[staticmethod]
+    fn rounded(half: [f64; 3], radius: f64) -> Self {
+        Shape { shape: contact::Shape::Rounded { half, radius } }
+    }
+
+    #[staticmethod]
+    fn half_space() -> Self {
+        Shape { shape: contact::Shape::HalfSpace }
+    }
+
+    #[staticmethod]
+    fn solid(points: PyReadonlyArray2<f64>, triangles: PyReadonlyArray2<u32>) -> PyResult<Self> {
+        let (points, triangles) =
+            (convert::points("points", &points)?, convert::triangles(&triangles)?);
+        let solid = Solid::new(points, triangles).map_err(convert::error)?;
+        Ok(Shape { shape: contact::Shape::Solid(Arc::new(solid)) })
+    }
+
+    fn distance<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let points = convert::points("points", &points)?;
+        let gaps = points.into_iter().map(|x| self.shape.distance(x).gap).collect();
+        Ok(PyArray1::from_vec(py, gaps))
+    }
+}
+
+/// Shape, friction (None where bonded), stiffness of the layer, rotation, position, way and turn.
+pub type Tool<'py> =
+    (PyRef<'py, Shape>, Option<f64>, f64, [[f64; 3]; 3], [f64; 3], [f64; 3], [f64; 3]);
+
+/// The core's tool.
+pub fn tool((shape, friction, stiffness, rotation, position, way, turn): &Tool) -> contact::Tool {
+    contact::Tool {
+        shape: shape.shape.clone(),
+        friction: friction.map_or(Friction::Bonded, Friction::Coulomb),
+        stiffness: *stiffness,
+        pose: Pose { rotation: *rotation, position: *position },
+        way: *way,
+        turn: *turn,
+    }
+}
+
+/// What each of these tools did, in their order.
+pub fn reports<'py>(
+    py: Python<'py>,
+    contact: &contact::Contact,
+    tools: impl IntoIterator<Item = usize>,
+    n_nodes: usize,
+) -> PyResult<Bound<'py, PyList>> {
+    let list = PyList::empty(py);
+    for tool in tools {
+        let report = contact.report(tool).unwrap_or_default();
+        let dict = PyDict::new(py);
+        dict.set_item("force", PyArray1::from_slice(py, &report.force))?;
+        dict.set_item("torque", PyArray1::from_slice(py, &report.torque))?;
+        dict.set_item("area", report.area)?;
+        dict.set_item("gap", report.gap)?;
+        dict.set_item("energy", report.energy)?;
+        dict.set_item("dissipation", report.dissipation)?;
+        dict.set_item("touching", report.touching)?;
+        dict.set_item("sliding", report.sliding)?;
+        dict.set_item("pressures", PyArray1::from_vec(py, contact.pressures(tool, n_nodes)))?;
+        list.append(dict)?;
+    }
+    Ok(list)
+}

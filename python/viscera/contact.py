@@ -1,0 +1,366 @@
+"""Rigid tools that press, slide and let go: their shapes, their pose, their friction, and what they do to an organ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import _core
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Mesh
+from viscera.quantity import Number, numbers_of, refused, vector
+from viscera.select import Lengths, length
+
+if TYPE_CHECKING:
+    from viscera.stepper import Stepper
+
+BONDED = "bonded"
+STIFFNESS = 30.0
+"""Of the layer between tool and organ, as in `core/src/contact/layer.rs`."""
+UNTURNED = np.eye(3)
+
+
+class Sphere:
+    """A sphere around the tool's origin; radius [m], or in words such as "8 mm".
+
+    >>> import viscera as vs
+    >>> vs.Sphere("8 mm")
+    Sphere(radius=0.008)
+    """
+
+    def __init__(self, radius: float | str) -> None:
+        self.radius = _positive(radius, "the radius of a sphere")
+        self._core = _core.Shape.rounded((0.0, 0.0, 0.0), self.radius)
+
+    def __repr__(self) -> str:
+        return f"Sphere(radius={self.radius:g})"
+
+
+class Capsule:
+    """A cylinder along the tool's z axis with round ends: all points within `radius` of a segment of `length` [m].
+
+    >>> import viscera as vs
+    >>> vs.Capsule("5 mm", "60 mm")
+    Capsule(radius=0.005, length=0.06)
+    """
+
+    def __init__(self, radius: float | str, length: float | str) -> None:
+        self.radius = _positive(radius, "the radius of a capsule")
+        self.length = _positive(length, "the length of a capsule")
+        self._core = _core.Shape.rounded((0.0, 0.0, 0.5 * self.length), self.radius)
+
+    def __repr__(self) -> str:
+        return f"Capsule(radius={self.radius:g}, length={self.length:g})"
+
+
+class Box:
+    """A box around the tool's origin with these sides (3,) [m], its edges rounded by `rounding` [m] within them.
+
+    >>> import viscera as vs
+    >>> vs.Box(("20 mm", "20 mm", "5 mm"), rounding="1 mm")
+    Box(sides=(0.02, 0.02, 0.005), rounding=0.001)
+    """
+
+    def __init__(self, sides: Lengths, rounding: float | str = 0.0) -> None:
+        given = [sides] * 3 if isinstance(sides, str | int | float) else list(np.asarray(sides, dtype=object).ravel())
+        if len(given) != 3:
+            raise refused("the sides of a box", "three lengths [m]", sides)
+        self.sides = tuple(_positive(side, "a side of a box") for side in given)
+        self.rounding = length(rounding, 0.0, "the rounding of a box")
+        half = [0.5 * side - self.rounding for side in self.sides]
+        if self.rounding < 0.0 or min(half) < 0.0:
+            raise VisceraError(
+                f"the rounding of a box is {self.rounding:g} m; it must be from 0 to half the smallest side, "
+                f"{0.5 * min(self.sides):g} m"
+            )
+        self._core = _core.Shape.rounded((half[0], half[1], half[2]), self.rounding)
+
+    def __repr__(self) -> str:
+        return f"Box(sides={self.sides}, rounding={self.rounding:g})"
+
+
+class HalfSpace:
+    """All below z = 0 in the axes of the tool: a table, or the flat face of a large plate.
+
+    >>> import viscera as vs
+    >>> plate = vs.Tool(vs.HalfSpace(), position=(0, 0, 0.2), rotation=(3.141592653589793, 0, 0))  # all above z = 0.2
+    """
+
+    def __init__(self) -> None:
+        self._core = _core.Shape.half_space()
+
+    def __repr__(self) -> str:
+        return "HalfSpace()"
+
+
+class Shape:
+    """The inside of a closed surface, by its signed distance (Baerentzen and Aanaes 2005), built once.
+
+    surface: a `Mesh`, of which the surface is taken, or points (n, 3) [m] and triangles (t, 3) seen anticlockwise from
+    outside. Raises `VisceraError` where the surface is open, inside out or turned in part.
+
+    >>> import viscera as vs
+    >>> vs.Shape(vs.organs.beam())
+    Shape(704 triangles)
+    """
+
+    def __init__(self, surface: Mesh | tuple[ArrayLike, ArrayLike]) -> None:
+        if isinstance(surface, Mesh):
+            points, triangles = surface.points, surface.surface
+        elif isinstance(surface, tuple) and len(surface) == 2:
+            given = [numbers_of(each) for each in surface]
+            if any(each is None or each.ndim != 2 or each.shape[1] != 3 for each in given):
+                raise refused("a shape", "points (n, 3) [m] and triangles (t, 3)", surface)
+            points, triangles = given  # type: ignore[assignment]
+        else:
+            raise refused("a shape", "a viscera.Mesh, or a pair of points (n, 3) [m] and triangles (t, 3)", surface)
+        if triangles.min(initial=0) < 0 or (triangles != np.floor(triangles)).any():
+            raise VisceraError("the triangles of a shape must be indices of its points")
+        used, renumbered = np.unique(triangles.astype(np.uint32), return_inverse=True)
+        if used.max(initial=0) >= len(points):
+            raise VisceraError(f"a triangle of the shape uses point {used.max()}; there are {len(points)} points")
+        self._core = _core.Shape.solid(points[used], renumbered.reshape(-1, 3).astype(np.uint32))
+        self._size = len(triangles)
+
+    def __repr__(self) -> str:
+        return f"Shape({self._size} triangles)"
+
+
+AnyShape: TypeAlias = Sphere | Capsule | Box | HalfSpace | Shape
+SHAPES = (Sphere, Capsule, Box, HalfSpace, Shape)
+
+
+class Tool:
+    """A rigid tool: a shape with a pose, and what it does along the surface of an organ.
+
+    shape: `Sphere`, `Capsule`, `Box`, `HalfSpace` or `Shape`.
+    position: (3,) [m] of the shape's origin; rotation: a matrix (3, 3) from the shape's axes to the world's, or a
+        rotation vector (3,) [rad].
+    friction: Coulomb's coefficient, 0 for none, or "bonded": what has touched stays, also when pulled.
+    way: (3,) [m], turn: a rotation vector (3,) [rad] about its origin: how far `Organ.solve` moves it from there.
+    stiffness: of the layer between tool and organ, in units of the plane strain modulus of the cell behind over its
+        height h, at most 1.5 % of the organ's diagonal: a pressure p presses the tool p h (1 - nu^2) / (E stiffness)
+        into the surface. More is closer to a tool that cannot enter, and takes more iterations.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> state = beam.solve(contact=[tool])
+    >>> bool(state.force(tool)[2] < 0.0)
+    True
+    """
+
+    def __init__(
+        self,
+        shape: AnyShape,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike | None = None,
+        *,
+        friction: float | str = 0.0,
+        way: ArrayLike = (0.0, 0.0, 0.0),
+        turn: ArrayLike = (0.0, 0.0, 0.0),
+        stiffness: float = STIFFNESS,
+    ) -> None:
+        if not isinstance(shape, SHAPES):
+            raise refused("the shape of a tool", "a Sphere, Capsule, Box, HalfSpace or Shape", shape)
+        self.shape = shape
+        self.position = vector(position, "the position of a tool", "m")
+        self.rotation = rotation_matrix(rotation)
+        self.friction = friction if friction == BONDED else FRICTION(friction, "the friction of a tool")
+        self.way = vector(way, "the way of a tool", "m")
+        self.turn = vector(turn, "the turn of a tool", "")
+        self.stiffness = Number(above=0)(stiffness, "the stiffness of a tool")
+
+    def __repr__(self) -> str:
+        return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
+
+    def arrived(self) -> Tool:
+        """The tool where its way ends, for a solve that goes on from there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> state = beam.solve(contact=[tool])
+        >>> back = tool.arrived()
+        >>> back.way = -tool.way
+        >>> state = beam.solve(contact=[back], start=state)
+        >>> bool(abs(state.force(back)[2]) < 0.01)
+        True
+        """
+        rotation = rotation_matrix(self.turn) @ self.rotation
+        kept: dict[str, Any] = {"friction": self.friction, "stiffness": self.stiffness}
+        return Tool(self.shape, self.position + self.way, rotation, **kept)
+
+    def _spec(self) -> _core.Tool:
+        friction = None if isinstance(self.friction, str) else self.friction
+        rows = self.rotation.tolist()
+        places = (self.position.tolist(), self.way.tolist(), self.turn.tolist())
+        return self.shape._core, friction, self.stiffness, rows, *places
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What a tool does to the organ.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> state = beam.solve(contact=[tool])
+    >>> contact = state.contact(tool)
+    >>> contact.touching > 0, contact.sliding, bool(-1e-3 * beam.mesh.diagonal < contact.gap < 0.0)
+    (True, 0, True)
+    """
+
+    force: Floats
+    """Force (3,) of the tool on the organ [N]."""
+    torque: Floats
+    """Torque (3,) on the organ about the tool's origin [N m]."""
+    area: float
+    """Area of contact [m^2], of the surface at rest."""
+    gap: float
+    """Smallest distance from the surface [m]; negative where the tool is that deep in the layer. Infinite
+    where a bonded tool holds all of the surface."""
+    energy: float
+    """Energy of the layer, and of what friction has stretched [J]."""
+    dissipation: float
+    """What friction has taken in the last step [J]."""
+    touching: int
+    """Samples of the surface that touch."""
+    sliding: int
+    """Those of them that slide."""
+    pressures: Floats
+    """Pressure (n,) at nodes [Pa], per area at rest: the mean of the samples around that touch; negative only where
+    bonded."""
+
+
+class Instrument:
+    """A tool at work in a stepper: made by `Stepper.tool`, moved from frame to frame, ended by `remove`.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper(iterations=10)
+    >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+    >>> tool.move((0, 0, -0.01))
+    >>> frame = stepper.frame()
+    >>> frame.is_settled, bool(frame.force(tool)[2] < 0.0)
+    (True, True)
+    """
+
+    def __init__(self, stepper: Stepper, tool: Tool, number: int) -> None:
+        self._stepper = stepper
+        self._number = number
+        self.shape = tool.shape
+        self.position = tool.position
+        """Position of its origin for the next frame (3,) [m]."""
+        self.rotation = tool.rotation
+        """Rotation matrix for the next frame (3, 3)."""
+
+    def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
+        """Put it elsewhere with the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.place((0.5, 0.1, 0.4))
+        >>> stepper.frame().contact(tool).touching
+        0
+        """
+        if position is not None:
+            position = vector(position, "the position of a tool", "m")
+        turned = self.rotation if rotation is None else rotation_matrix(rotation)
+        self.position = self.position if position is None else np.asarray(position)
+        self.rotation = turned
+        self._stepper._core.place_tool(self._number, self.rotation.tolist(), self.position.tolist())
+
+    def move(self, by: ArrayLike) -> None:
+        """Move on by (x, y, z) [m] with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.position.round(3).tolist()
+        [0.9, 0.1, 0.29]
+        """
+        self.place(self.position + vector(by, "the motion of a tool", "m"))
+
+    def turn(self, by: ArrayLike) -> None:
+        """Turn on about its origin by a rotation vector (3,) [rad], in axes of the world, with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.turn((0, 3.141592653589793, 0))
+        >>> tool.rotation.round(3).diagonal().tolist()
+        [-1.0, 1.0, -1.0]
+        """
+        self.place(rotation=rotation_matrix(vector(by, "the turn of a tool", "")) @ self.rotation)
+
+    def remove(self) -> None:
+        """Take it away with the next frame.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> tool.remove()
+        >>> frame = stepper.frame()
+        """
+        self._stepper._core.remove_tool(self._number)
+        self._stepper._tools = [tool for tool in self._stepper._tools if tool is not self]
+
+
+def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
+    """The tools of a solve; a shape alone is a tool at the origin without friction."""
+    if contact is None:
+        return []
+    if isinstance(contact, Tool | AnyShape) or not isinstance(contact, Sequence):
+        raise refused("contact", "a list of tools, such as [Tool(Sphere(0.01), position=(0, 0, 0.1))]", contact)
+    for each in contact:
+        if not isinstance(each, Tool | AnyShape):
+            raise refused("a tool of contact", "a Tool or a shape", each)
+    return [each if isinstance(each, Tool) else Tool(each) for each in contact]
+
+
+def contacts(reports: list[dict[str, Any]]) -> list[Contact]:
+    """What the core says of its tools."""
+    return [Contact(**report) for report in reports]
+
+
+def rotation_matrix(rotation: ArrayLike | None) -> Floats:
+    """A rotation matrix (3, 3) of one, or of a rotation vector (3,) [rad] by Rodrigues' formula."""
+    if rotation is None:
+        return np.array(UNTURNED)
+    given = numbers_of(rotation)
+    if given is None or given.shape not in {(3,), (3, 3)} or not np.isfinite(given).all():
+        raise refused("the rotation of a tool", "a matrix (3, 3) or a rotation vector (3,) [rad], finite", rotation)
+    if given.shape == (3, 3):
+        if np.abs(given @ given.T - UNTURNED).max() > 1e-6 or np.linalg.det(given) < 0.0:
+            raise refused("the rotation of a tool", "an orthogonal matrix of determinant 1", rotation)
+        return np.asarray(given)
+    angle = float(np.linalg.norm(given))
+    if angle == 0.0:
+        return np.array(UNTURNED)
+    x, y, z = given / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(UNTURNED + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
+
+
+FRICTION = Number(low=0.0, high=1e3)
+
+
+def _positive(value: Any, what: str) -> float:
+    metres = length(value, 0.0, what)
+    if metres <= 0.0:
+        raise refused(what, "a length above 0 [m]", value)
+    return float(metres)

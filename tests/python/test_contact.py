@@ -1,0 +1,153 @@
+"""Rigid tools: what they press against, what they feel, and every way they can be refused."""
+
+import importlib
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+SIDE = 0.1
+SOFT = vs.NeoHookean(young=10e3, poisson=0.3)
+
+
+def block(n: int = 4, side: float = SIDE) -> vs.Mesh:
+    """A cube of n^3 cubes, six cells each."""
+    line = np.linspace(0.0, side, n + 1)
+    points = np.array([(x, y, z) for z in line for y in line for x in line])
+    corner = np.array([i + (n + 1) * (j + (n + 1) * k) for k, j, i in itertools.product(range(n), repeat=3)])
+    steps = (1, n + 1, (n + 1) ** 2)
+    cells = []
+    for order in itertools.permutations(steps):
+        cells.append(np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1))
+    return vs.mesh(points, np.vstack(cells), {"base": np.flatnonzero(points[:, 2] == 0.0)})
+
+
+@pytest.fixture(scope="module")
+def organ() -> vs.Organ:
+    return vs.Organ(block(), SOFT, fixed="base")
+
+
+def above(shape: vs.Sphere, height: float, **told: object) -> vs.Tool:
+    return vs.Tool(shape, position=(0.05, 0.05, SIDE + height), **told)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("solver", ["cholesky", "cg"])
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_pressed_sphere_is_carried_by_the_base(solver: str, element: str) -> None:
+    organ = vs.Organ(block(3), SOFT, fixed="base", element=element)
+    tool = above(vs.Sphere("30 mm"), 0.03, way=(0, 0, -0.008))
+    state = organ.solve(contact=[tool], solver=solver, throw=True)
+    contact = state.contact(tool)
+    assert np.allclose(state.force(tool), -state.reaction("base"), atol=1e-6 * abs(contact.force[2]))
+    assert contact.force[2] < 0.0
+    assert contact.pressures.min() >= 0.0
+    assert -1e-3 * organ.mesh.diagonal < contact.gap < 0.0
+
+
+def test_unloading_is_loading_backwards(organ: vs.Organ) -> None:
+    """Without friction contact has a potential: the force depends on where the sphere is, not on how it came there."""
+    shape = vs.Sphere(0.03)
+    once = above(shape, 0.03, way=(0, 0, -0.006))
+    deep = above(shape, 0.03, way=(0, 0, -0.012))
+    state = organ.solve(contact=[deep], throw=True)
+    back = vs.Tool(shape, deep.arrived().position, way=(0, 0, 0.006))
+    returned = organ.solve(contact=[back], start=state, throw=True)
+    loaded = organ.solve(contact=[once], throw=True)
+    assert np.allclose(returned.force(back), loaded.force(once), atol=1e-6 * abs(loaded.force(once)[2]))
+
+
+def test_a_capsule_presses_as_far_as_it_reaches(organ: vs.Organ) -> None:
+    lying = vs.Tool(vs.Capsule("10 mm", "40 mm"), (0.05, 0.05, SIDE + 0.01), (0, np.pi / 2, 0), way=(0, 0, -0.005))
+    state = organ.solve(contact=[lying], throw=True)
+    touched = organ.mesh.points[state.contact(lying).pressures > 0.0]
+    assert np.ptp(touched[:, 0]) > np.ptp(touched[:, 1])
+    assert abs(state.torque(lying)[0]) < 1e-9  # nothing rubs, so nothing turns it about its own axis
+
+
+def test_a_box_and_the_closed_surface_of_it_are_the_same_tool(organ: vs.Organ) -> None:
+    box = block(1, 0.04)
+    corner = vs.Tool(vs.Shape(box), (0.03, 0.03, SIDE), way=(0, 0, -0.004))
+    centred = vs.Tool(vs.Box(0.04), (0.05, 0.05, SIDE + 0.02), way=(0, 0, -0.004))
+    one, other = (organ.solve(contact=[tool], throw=True).force(tool) for tool in (corner, centred))
+    assert np.allclose(one, other, atol=1e-5 * abs(one[2]))
+
+
+def test_friction_drags_and_is_bounded(organ: vs.Organ) -> None:
+    drags = {}
+    for friction in (0.0, 0.3, "bonded"):
+        tool = above(vs.Sphere(0.03), 0.03, friction=friction, way=(0, 0, -0.008))
+        state = organ.solve(contact=[tool], throw=True)
+        dragged = tool.arrived()
+        dragged.way = np.array((0.02, 0.0, 0.0))
+        drawn = organ.solve(contact=[dragged], start=state, steps=4, throw=True)
+        drags[friction] = drawn.force(dragged)
+    assert drags[0.3][0] > drags[0.0][0]
+    assert drags["bonded"][0] > drags[0.3][0]
+
+
+def test_a_tool_moves_with_frames_and_lets_go(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=10, settled=1e-6)
+    tool = stepper.tool(vs.Sphere(0.03), position=(0.05, 0.05, SIDE + 0.03))
+    for _ in range(8):
+        tool.move((0, 0, -0.001))
+        frame = stepper.frame()
+    assert frame.is_settled
+    still = above(vs.Sphere(0.03), 0.03, way=(0, 0, -0.008))
+    exact = organ.solve(contact=[still], throw=True)
+    assert np.allclose(frame.force(tool), exact.force(still), rtol=1e-4, atol=1e-6)
+    assert np.allclose(frame.displacement, exact.displacement, atol=1e-7)
+    tool.remove()
+    assert np.abs([stepper.frame() for _ in range(3)][-1].displacement).max() < 1e-8
+    with pytest.raises(vs.VisceraError, match="no tool of this frame"):
+        stepper.frame().force(tool)
+
+
+def test_two_tools_each_feel_their_own(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=10, settled=1e-6)
+    left = stepper.tool(vs.Sphere(0.02), position=(0.02, 0.05, SIDE + 0.02))
+    right = stepper.tool(vs.Sphere(0.02), position=(0.08, 0.05, SIDE + 0.02))
+    for _ in range(4):
+        left.move((0, 0, -0.001))
+        frame = stepper.frame()
+    assert frame.force(left)[2] < 0.0
+    assert frame.contact(right).touching == 0
+    assert frame.contact(right).gap > 0.0
+
+
+def test_what_cannot_be_is_refused(organ: vs.Organ) -> None:
+    sphere = vs.Sphere(0.02)
+    closed = block(1)
+    refusals: dict[str, Callable[[], object]] = {
+        "a length above 0": lambda: vs.Sphere(-0.01),
+        "rounding of a box is 0.1": lambda: vs.Box((0.1, 0.1, 0.1), rounding=0.1),
+        "not closed": lambda: vs.Shape((closed.points, closed.surface[1:])),
+        "inside out": lambda: vs.Shape((closed.points, closed.surface[:, ::-1])),
+        "must be indices": lambda: vs.Shape((closed.points, closed.surface - 1.5)),
+        "position of a tool must be three finite": lambda: vs.Tool(sphere, position=(0, 0, np.nan)),
+        "orthogonal matrix": lambda: vs.Tool(sphere, rotation=2 * np.eye(3)),
+        "friction of a tool must be a number from 0": lambda: vs.Tool(sphere, friction=-0.1),
+        "shape of a tool must be": lambda: vs.Tool(0.01),  # type: ignore[arg-type]
+        "contact must be a list of tools": lambda: organ.solve(contact=vs.Tool(sphere)),  # type: ignore[arg-type]
+        "a tool of contact must be": lambda: organ.solve(contact=["sphere"]),  # type: ignore[list-item]
+        "inside the organ": lambda: organ.solve(contact=[above(sphere, 0.015)]),
+        "start it outside": lambda: organ.stepper().tool(sphere, position=(0.05, 0.05, SIDE)),
+        "no tool of this solve": lambda: organ.solve().force(sphere),
+    }
+    for sentence, ask in refusals.items():
+        with pytest.raises(vs.VisceraError, match=sentence):
+            ask()
+
+
+@pytest.mark.parametrize("shape", ["sphere", "capsule", "box"])
+def test_a_random_tool_keeps_out_and_the_energy_balance_holds(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The beginning of `benchmarks/contact_soak.py`."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
+    soak = importlib.import_module("contact_soak").Soak(shape, seed=0)
+    for _ in range(150):
+        soak.frame()
+    assert soak.touched > 20
+    assert soak.wrong() == []
