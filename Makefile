@@ -40,7 +40,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust study-contact pages check-pages pictures clean
 .PHONY: reduced-liver build-times
 
 help: ## this list
@@ -151,6 +151,9 @@ docs: $(extension) ## the documentation site, in out/site; a warning is an error
 study-trust: $(extension) ## what trust is worth: 5,000 touches of ten bodies under all laws; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
+
+study-contact: $(extension) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
+	for name in hertz contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py

@@ -39,6 +39,7 @@ GROUPS = {
         "Case",
     ),
     "Stress, strain and results": ("Deformed", "Moved", "Probe", "principal", "write_series"),
+    "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument"),
     "Reduced models": ("Touch", "Answer", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),

@@ -1,0 +1,63 @@
+"""What contact costs on the built-in liver: a Newton iteration and a settled frame with a tool, beside those without.
+
+    python benchmarks/contact.py [--write]
+
+A sphere goes 10 mm into the lobe in 40 quasi-static frames of at most 8 Newton iterations; beside it the contact patch
+of about its size goes the same way. Milliseconds are medians. `layer` is the stiffness of the layer between tool and
+organ in units of the plane strain modulus over the height of a cell, 30 by default.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from machine import describe
+
+import viscera as vs
+
+FRAMES, DEPTH, RADIUS = 40, 0.010, 0.015
+
+
+def row(name: str, frames: list[vs.Frame], force: float, gap: float) -> str:
+    steps = np.array([frame.steps for frame in frames])
+    seconds = np.array([frame.seconds for frame in frames])
+    each = 1e3 * np.median(seconds / steps)
+    settled = sum(frame.is_settled for frame in frames)
+    told = f"{1e6 * gap:.1f}" if gap < 0 else ""
+    times = f"{each:<12.2f}{1e3 * np.median(seconds):<12.2f}{steps.mean():<10.2f}"
+    return f"{name:<42}{times}{settled:>2d} of {len(frames):<10d}{force:<10.3f}{told}"
+
+
+def main() -> None:
+    liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
+    top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
+    start = top + np.array((0, 0, RADIUS))
+    heads = f"{'frames':42}iteration   frame       steps     settled         force [N] depth [um]"
+    lines = [describe(), "", heads]
+    for solver in ("cholesky", "cg"):
+        stepper = liver.stepper(solver=solver, iterations=8)
+        hand, frames = stepper.grasp(liver.patch(top, RADIUS)), []
+        for _ in range(FRAMES):
+            hand.move((0, 0, -DEPTH / FRAMES))
+            frames.append(stepper.frame())
+        lines.append(row(f"held patch, {solver}", frames, -frames[-1].reaction(hand)[2], 0.0))
+        for stiffness in (5.0, 30.0, 120.0, 480.0):
+            for friction in (0.0, 0.3):
+                stepper = liver.stepper(solver=solver, iterations=8)
+                given = vs.Tool(vs.Sphere(RADIUS), start, friction=friction, stiffness=stiffness)
+                tool, frames = stepper.tool(given), []
+                for _ in range(FRAMES):
+                    tool.move((0, 0, -DEPTH / FRAMES))
+                    frames.append(stepper.frame())
+                name = f"sphere, layer {stiffness:g}, friction {friction:g}, {solver}"
+                lines.append(row(name, frames, -frames[-1].force(tool)[2], frames[-1].contact(tool).gap))
+    print("\n".join(lines))
+    if "--write" in sys.argv:
+        path = Path(__file__).parent / "results" / "contact.txt"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
