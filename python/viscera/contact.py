@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BONDED = "bonded"
 STIFFNESS = 30.0
-"""Of the layer between tool and organ, as in `core/src/contact/layer.rs`."""
+"""Of the layer between tool and organ, as in `crates/solid/src/contact/layer.rs`."""
 UNTURNED = np.eye(3)
 
 
