@@ -15,7 +15,7 @@ from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
-from viscera.grasp import Grasp
+from viscera.prescribed import PrescribedMotion
 from viscera.loads import (
     Displacements,
     Forces,
@@ -274,7 +274,7 @@ class Stepper:
         self._organ = organ
         self._hands: list[Hand] = []
         self._tools: list[Instrument] = []
-        self._grasp = Grasp(organ.mesh, organ.fixed, grasped)
+        self._motion = PrescribedMotion(organ.mesh, organ.fixed, grasped)
         self._named: Displacements = grasped
         self._pressure: Pressures = {}
         self._faces: dict[Any, Indices] = {}
@@ -282,7 +282,7 @@ class Stepper:
         self._may_float = settings["dynamics"] is not None
         self._relaxes = settings["relaxation"] is not None
         self._core = _core.Stepper(organ._body, start=start, **settings)
-        self._hold(self._grasp)
+        self._hold(self._motion)
 
     @property
     def displacement(self) -> Floats:
@@ -382,11 +382,11 @@ class Stepper:
             if hand._where in targets:
                 raise VisceraError(f"{name_of(hand._where)} is held twice; let one hand go")
             targets[hand._where] = hand.displacement
-        if not self._grasp.fits(targets):
-            grasp = Grasp(self._organ.mesh, self._organ.fixed, targets)
-            self._hold(grasp)
-            self._grasp = grasp
-        values, means = self._grasp.move(targets)
+        if not self._motion.fits(targets):
+            motion = PrescribedMotion(self._organ.mesh, self._organ.fixed, targets)
+            self._hold(motion)
+            self._motion = motion
+        values, means = self._motion.move(targets)
         applied, acceleration = self._loads(force, traction, gravity, density)
         self._press(by_place(pressure or {}, "pressure"))
         result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
@@ -407,17 +407,17 @@ class Stepper:
             energy=result["energy"],
             kinetic_energy=result["kinetic_energy"],
             _reactions=result["reactions"],
-            _patches=self._grasp.patches,
+            _patches=self._motion.patches,
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
             _relaxes=self._relaxes,
             _contacts=list(zip(self._tools, told, strict=True)),
         )
 
-    def _hold(self, grasp: Grasp) -> None:
+    def _hold(self, motion: PrescribedMotion) -> None:
         if not self._may_float:
-            require_held(self._organ.mesh, self._organ.fixed, grasp.dofs, grasp.patches)
-        self._core.grasp(grasp.dofs, grasp.patches)
+            require_held(self._organ.mesh, self._organ.fixed, motion.dofs, motion.patches)
+        self._core.grasp(motion.dofs, motion.patches)
 
     def _press(self, pressure: Pressures) -> None:
         if pressure == self._pressure:

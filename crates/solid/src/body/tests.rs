@@ -75,7 +75,7 @@ fn largest(v: &[f64]) -> f64 {
     v.iter().fold(0.0, |max, x| max.max(x.abs()))
 }
 
-fn gap(a: &[f64], b: &[f64]) -> f64 {
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     largest(&along(a, -1.0, b))
 }
 
@@ -93,7 +93,7 @@ fn internal_force_is_the_derivative_of_the_energy() {
             };
             let differences: Vec<f64> = (0..u.len()).map(slope).collect();
             let name = body.element().name();
-            assert!(gap(&f, &differences) < 1e-7 * largest(&f), "{law}, {name}");
+            assert!(largest_difference(&f, &differences) < 1e-7 * largest(&f), "{law}, {name}");
         }
     }
 }
@@ -115,12 +115,15 @@ fn the_tangent_without_a_matrix_is_the_matrix() {
                 matrix.multiply(&x, &mut y);
                 product.multiply(&x, &mut same);
                 let name = format!("{law}, {}, {curvature:?}", body.element().name());
-                assert!(gap(&y, &same) < 1e-12 * largest(&y), "{name}");
+                assert!(largest_difference(&y, &same) < 1e-12 * largest(&y), "{name}");
                 let blocks = matrix.pattern().pairs().zip(matrix.values().chunks_exact(9));
                 let diagonal = blocks.filter(|((row, column), _)| row == column).map(|(_, b)| b);
                 let diagonal: Vec<f64> = diagonal.flatten().copied().collect();
                 let found = product.diagonal().concat();
-                assert!(gap(&diagonal, &found) < 1e-12 * largest(&diagonal), "{name}: diagonal");
+                assert!(
+                    largest_difference(&diagonal, &found) < 1e-12 * largest(&diagonal),
+                    "{name}: diagonal"
+                );
             }
         }
     }
@@ -163,7 +166,10 @@ fn tangent_is_the_derivative_of_the_force_and_symmetric() {
             let law = format!("{law}, {}", body.element().name());
             let (mut f, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
             body.internal_force_and_tangent(&u, &mut f, &mut tangent);
-            assert!(gap(&f, &force(&body, &u)) <= 1e-13 * largest(&f), "{law}: two forces");
+            assert!(
+                largest_difference(&f, &force(&body, &u)) <= 1e-13 * largest(&f),
+                "{law}: two forces"
+            );
             let product = |v: &[f64]| {
                 let mut out = vec![0.0; v.len()];
                 tangent.multiply(v, &mut out);
@@ -180,7 +186,10 @@ fn tangent_is_the_derivative_of_the_force_and_symmetric() {
             .iter()
             .map(|f| f / 2e-7)
             .collect();
-            assert!(gap(&kv, &difference) < 1e-7 * largest(&kv), "{law}: derivative");
+            assert!(
+                largest_difference(&kv, &difference) < 1e-7 * largest(&kv),
+                "{law}: derivative"
+            );
             assert!((dot(&w, &kv) - dot(&v, &kw)).abs() < 1e-12 * dot(&v, &kv).abs(), "{law}");
         }
     }
@@ -232,7 +241,11 @@ fn where_every_cell_is_stable_the_convex_tangent_is_the_exact_one() {
         };
         let (exact, convex) = (values(Curvature::Exact), values(Curvature::Projected));
         // Rotations of a stressed cell are curved, by the size of its stress: a part of the strain.
-        assert!(gap(&exact, &convex) < 0.05 * largest(&exact), "{}", body.element().name());
+        assert!(
+            largest_difference(&exact, &convex) < 0.05 * largest(&exact),
+            "{}",
+            body.element().name()
+        );
     }
 }
 
@@ -318,8 +331,9 @@ fn force_series_expands_the_force_along_a_path() {
                 series.iter().rev().fold(vec![0.0; body.n_dofs()], |sum, c| along(c, t, &sum))
             };
             let scale = largest(&coefficients[1]);
-            let remainder =
-                |t: f64| gap(&force(&body, &at(&path, t)), &at(&coefficients, t)) / scale;
+            let remainder = |t: f64| {
+                largest_difference(&force(&body, &at(&path, t)), &at(&coefficients, t)) / scale
+            };
             let (far, near) = (remainder(0.2), remainder(0.1));
             let is_exact = far < 1e-13;
             let name = format!("{law}, {}", body.element().name());

@@ -104,7 +104,7 @@ impl Newton {
                 }
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
-                    run.is_wary = true;
+                    run.projects_next = true;
                     last_cut = Some(cut);
                     if step < self.smallest_step {
                         break;
@@ -153,7 +153,7 @@ struct Run<'a> {
     /// Shift of the last tangent: the next one is rarely far from it.
     shift: f64,
     /// A load step failed: the next ones follow the series of the path.
-    is_wary: bool,
+    projects_next: bool,
     /// Part of the load that the load step in progress is to add.
     tried: f64,
     factorizations: usize,
@@ -206,7 +206,7 @@ impl<'a> Run<'a> {
             unstable: None,
             slopes: Slopes::new(),
             shift: 0.0,
-            is_wary: false,
+            projects_next: false,
             tried: 0.0,
             factorizations: 0,
             seconds: Seconds::default(),
@@ -294,7 +294,7 @@ impl<'a> Run<'a> {
                 if unstable.is_some() {
                     self.check_inversion(&u, &step)?;
                 } else if self.contact.is_empty()
-                    && (self.is_wary || !self.is_in_proportion(&u, &step, &force))
+                    && (self.projects_next || !self.is_in_proportion(&u, &step, &force))
                 {
                     (load, u, multipliers) = self.predict(&u, &step, load)?;
                     (self.tried, is_linear) = (load - self.load, false);

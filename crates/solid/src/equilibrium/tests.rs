@@ -63,7 +63,7 @@ fn sum(forces: &[f64], nodes: &[u32]) -> [f64; 3] {
     std::array::from_fn(|i| nodes.iter().map(|&n| forces[3 * n as usize + i]).sum())
 }
 
-fn gap(a: &[f64], b: &[f64]) -> f64 {
+fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |max, (a, b)| (a - b).abs().max(max))
 }
 
@@ -99,7 +99,10 @@ fn uniaxial_stretch_is_the_analytic_solution() {
         let exact: Vec<f64> = (body.points().iter())
             .flat_map(|x| std::array::from_fn::<f64, 3, _>(|i| moved(x)[i] - x[i]))
             .collect();
-        assert!(gap(&state.displacement, &exact) < 1e-9 * SIZE[0], "stretch {axial}");
+        assert!(
+            largest_difference(&state.displacement, &exact) < 1e-9 * SIZE[0],
+            "stretch {axial}"
+        );
         let force = principal_stress(axial, axial * lateral * lateral) * SIZE[1] * SIZE[2];
         let reaction = sum(&state.internal_force, &face(&body, 0, 1));
         assert!((reaction[0] - force).abs() < 1e-7 * force.abs(), "{reaction:?}, exact {force}");
@@ -119,7 +122,7 @@ fn reactions_balance_the_weight() {
         state.internal_force.iter().zip(&load.force).map(|(i, e)| i - e).collect();
     let reaction = sum(&out_of_balance, &face(&body, 0, 0));
     // 1e-9 is the solver's own tolerance.
-    assert!(gap(&reaction, &weight.map(|w| -w)) < 1e-8 * weight[2].abs());
+    assert!(largest_difference(&reaction, &weight.map(|w| -w)) < 1e-8 * weight[2].abs());
     assert!(state.energy > 0.0 && (state.energy - body.energy(&state.displacement)).abs() < 1e-15);
 }
 
@@ -137,15 +140,18 @@ fn a_patch_moves_by_its_mean_and_feels_the_reaction() {
     load.patches.push(PatchLoad { patch: patch.clone(), displacement: d });
     let state = solve(&load);
     assert_eq!(state.status, Status::Converged);
-    assert!(gap(&patch_mean(&patch, &state.displacement), &d) < 1e-14);
+    assert!(largest_difference(&patch_mean(&patch, &state.displacement), &d) < 1e-14);
     let [force] = state.patch_forces[..] else { panic!("one patch, one force") };
     let reaction = sum(&state.internal_force, &face(&body, 0, 0));
     let size = force.iter().fold(0.0f64, |max, f| max.max(f.abs()));
-    assert!(gap(&force, &reaction.map(|r| -r)) < 1e-8 * size, "{force:?} {reaction:?}");
+    assert!(
+        largest_difference(&force, &reaction.map(|r| -r)) < 1e-8 * size,
+        "{force:?} {reaction:?}"
+    );
     // The tool's force goes to the nodes by their weights.
     for (&node, w) in patch.nodes.iter().zip(&patch.weights) {
         let felt = sum(&state.internal_force, &[node]);
-        assert!(gap(&felt, &force.map(|f| w * f)) < 1e-8 * size);
+        assert!(largest_difference(&felt, &force.map(|f| w * f)) < 1e-8 * size);
     }
 }
 
@@ -159,15 +165,15 @@ fn a_solution_continues_from_its_start() {
     half.force.clone_from(&load.force);
     load.start = Some(solve(&half).displacement);
     let continued = solve(&load);
-    assert!(gap(&continued.displacement, &whole.displacement) < 1e-9 * SIZE[0]);
+    assert!(largest_difference(&continued.displacement, &whole.displacement) < 1e-9 * SIZE[0]);
     load.start = Some(whole.displacement.clone());
     let again = solve(&load);
     assert_eq!((again.iterations, again.status), (1, Status::Converged));
-    assert!(gap(&again.displacement, &whole.displacement) < 1e-9 * SIZE[0]);
+    assert!(largest_difference(&again.displacement, &whole.displacement) < 1e-9 * SIZE[0]);
     // A start that is no equilibrium leads to the same end: its imbalance fades with the load.
     let shaken = whole.displacement.iter().zip(noise(body.n_dofs(), 5)).map(|(u, n)| u + 1e-4 * n);
     load.start = Some(shaken.collect());
-    assert!(gap(&solve(&load).displacement, &whole.displacement) < 1e-9 * SIZE[0]);
+    assert!(largest_difference(&solve(&load).displacement, &whole.displacement) < 1e-9 * SIZE[0]);
 }
 
 #[test]
@@ -262,7 +268,7 @@ fn a_body_under_pressure_shrinks_as_its_law_says() {
         }
         let exact: Vec<f64> =
             body.points().iter().flatten().map(|x| (0.5 * (low + high) - 1.0) * x).collect();
-        assert!(gap(&state.displacement, &exact) < 1e-9 * SIZE[0], "p = {p}");
+        assert!(largest_difference(&state.displacement, &exact) < 1e-9 * SIZE[0], "p = {p}");
         // The planes hold what the pressure leaves open.
         let reaction: Vec<f64> =
             state.internal_force.iter().zip(&state.external_force).map(|(i, e)| i - e).collect();

@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 
 /// A factor in single precision, or in double where the body asks for it: a tangent whose softest motion is beyond the
 /// seven digits of the one has a factor in the other.
-struct Factor {
+struct LaggedFactor {
     shape: Arc<Shape>,
     is_held: Vec<bool>,
     single: TangentFactor<f32>,
@@ -29,9 +29,9 @@ struct Shape {
     free: Vec<u32>,
 }
 
-impl Factor {
+impl LaggedFactor {
     fn new(shape: &Arc<Shape>, n_dofs: usize) -> Result<Self, FactorError> {
-        Ok(Factor {
+        Ok(LaggedFactor {
             single: TangentFactor::new(&shape.blocks, &shape.free)?,
             double: None,
             is_double: false,
@@ -81,7 +81,7 @@ impl Factor {
 
 /// A factor in use and, where there is a second thread, one in the making.
 pub(super) struct Lagged {
-    current: Box<Factor>,
+    current: Box<LaggedFactor>,
     is_usable: bool,
     is_held: Vec<bool>,
     spare: Option<Spare>,
@@ -89,7 +89,7 @@ pub(super) struct Lagged {
 
 /// The second factor: at home, or out with the worker.
 struct Spare {
-    factor: Option<Box<Factor>>,
+    factor: Option<Box<LaggedFactor>>,
     worker: Worker,
     /// What is held has changed since the factor went out: it comes home useless.
     is_outdated: bool,
@@ -98,9 +98,9 @@ struct Spare {
 }
 
 /// A factor to renew, with the values of the tangent and the shift.
-type Order = (Box<Factor>, Vec<f64>, f64);
+type Order = (Box<LaggedFactor>, Vec<f64>, f64);
 /// The factor come back, and whether it is of use.
-type Done = (Box<Factor>, Result<(), FactorError>);
+type Done = (Box<LaggedFactor>, Result<(), FactorError>);
 
 /// A thread that factorises what it is sent, and ends when nothing more can come.
 struct Worker {
@@ -113,7 +113,7 @@ struct Worker {
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
         let shape = Arc::new(Shape { blocks: blocks.clone(), free: free.to_vec() });
-        let factor = || Factor::new(&shape, n_dofs).map(Box::new);
+        let factor = || LaggedFactor::new(&shape, n_dofs).map(Box::new);
         let has_second_thread = rayon::current_num_threads() > 1;
         Ok(Lagged {
             current: factor()?,
@@ -177,7 +177,7 @@ impl Lagged {
 }
 
 impl Spare {
-    fn new(factor: Box<Factor>) -> Self {
+    fn new(factor: Box<LaggedFactor>) -> Self {
         Spare {
             factor: Some(factor),
             worker: Worker::start(),
@@ -187,7 +187,7 @@ impl Spare {
     }
 
     /// Exchanges the factors where the worker has finished.
-    fn collect(&mut self, current: &mut Box<Factor>, is_held: &[bool]) -> bool {
+    fn collect(&mut self, current: &mut Box<LaggedFactor>, is_held: &[bool]) -> bool {
         let Ok(done) = self.worker.done.get_mut() else {
             return false;
         };

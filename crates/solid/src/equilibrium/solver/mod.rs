@@ -25,8 +25,8 @@ use factor::TangentFactor;
 use iterative::Iterative;
 
 /// Shifts of a tangent that is not positive definite, over its mean diagonal, that make a preconditioner of it.
-const FIRST_LIFT: f64 = 1e-4;
-const LAST_LIFT: f64 = 10.0;
+const FIRST_SHIFT: f64 = 1e-4;
+const LAST_SHIFT: f64 = 10.0;
 
 /// How linear systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -223,11 +223,11 @@ impl Solver {
                 let mut renewed = iterative.prepare(tangent, shift);
                 // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
                 // preconditioner that knows nothing of the border.
-                let mut lift = FIRST_LIFT.max(shift);
+                let mut lift = FIRST_SHIFT.max(shift);
                 while let Err(error) = &renewed
                     && error.is_of_a_pivot()
                     && !self.border.is_empty()
-                    && lift < LAST_LIFT
+                    && lift < LAST_SHIFT
                     && let Some(lifted) = iterative.lift(tangent, lift)
                 {
                     (renewed, lift) = (lifted, 10.0 * lift);

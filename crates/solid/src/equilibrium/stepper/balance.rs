@@ -5,7 +5,7 @@ use crate::body::{Body, Curvature};
 
 impl Stepper {
     /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
-    pub(super) fn set_out(&mut self) {
+    pub(super) fn begin_frame(&mut self) {
         let Some(motion) = &mut self.motion else {
             return;
         };
@@ -30,7 +30,8 @@ impl Stepper {
     pub(super) fn move_hands(&mut self, input: &Input<'_>) {
         self.step.fill(0.0);
         for (&dof, value) in self.grasped.iter().zip(input.values) {
-            self.step[dof as usize] = self.pace * (value - self.displacement[dof as usize]);
+            self.step[dof as usize] =
+                self.motion_fraction * (value - self.displacement[dof as usize]);
         }
         if let Some(motion) = &mut self.motion {
             let (u, start, step) = (&self.displacement, &self.start, &self.step);

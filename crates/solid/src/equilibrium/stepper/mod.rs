@@ -6,9 +6,9 @@
 //! the body gives way before it is pressed further.
 
 mod balance;
+mod barrier;
 mod contact;
 mod frame;
-mod guard;
 mod mass;
 mod motion;
 mod pressed;
@@ -32,8 +32,8 @@ use crate::contact::Contact;
 use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
+use barrier::VolumeBarrier;
 use frame::check_vector;
-use guard::Guard;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
@@ -66,16 +66,16 @@ pub struct Stepper {
     /// Diagonal of the box around the body [m].
     length: f64,
     /// Keeps the volume ratios of cells within bounds.
-    guard: Guard,
+    barrier: VolumeBarrier,
     /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
-    pace: f64,
+    motion_fraction: f64,
     hands_move: bool,
     /// What frames of late took after their last linear system was solved: kept free of the budget.
     tail: Duration,
     /// What it takes to form a convex tangent, by the last one.
     convex: Duration,
     /// The last tangent was not definite, and its step cut or a makeshift: the next will hardly be.
-    is_wary: bool,
+    projects_next: bool,
     /// Shift of the tangent, over its mean diagonal, to begin with: none, or more with every frame that stood still.
     shift: f64,
     displacement: Vec<f64>,
@@ -125,7 +125,8 @@ impl Stepper {
         }
         let is_sound =
             body.internal_force_within(&displacement, SOUND, &mut vec![0.0; n]).is_finite();
-        let guard = Guard::new(if is_sound { SOUND } else { UPRIGHT }, body, &displacement);
+        let barrier =
+            VolumeBarrier::new(if is_sound { SOUND } else { UPRIGHT }, body, &displacement);
         let nodal_mass = if settings.density.is_empty() {
             Vec::new()
         } else {
@@ -163,12 +164,12 @@ impl Stepper {
             contact: Contact::new(body),
             force_scale: body.force_scale(),
             length: diagonal(body.points()),
-            guard,
-            pace: 1.0,
+            barrier,
+            motion_fraction: 1.0,
             hands_move: false,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
-            is_wary: false,
+            projects_next: false,
             shift: 0.0,
             start: displacement.clone(),
             displacement,
@@ -207,7 +208,7 @@ impl Stepper {
         self.grasped = dofs.to_vec();
         self.patches = patches.to_vec();
         self.solver.hold(dofs, patches.to_vec());
-        self.pace = 1.0;
+        self.motion_fraction = 1.0;
         Ok(())
     }
 
@@ -275,7 +276,7 @@ impl Stepper {
             Ok(progress) => progress,
             Err(error) => {
                 self.displacement.copy_from_slice(&self.start);
-                self.guard.begin(body, &self.displacement);
+                self.barrier.begin(body, &self.displacement);
                 return Err(error);
             }
         };
@@ -284,9 +285,9 @@ impl Stepper {
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual: progress.residual,
-            is_settled: progress.is_settled(self.settings.settled) && self.guard.is_idle(),
+            is_settled: progress.is_settled(self.settings.settled) && self.barrier.is_idle(),
             steps: progress.steps,
-            cells_at_bound: self.guard.n_cells(),
+            cells_at_bound: self.barrier.n_cells(),
             taken: progress.taken,
             is_unstable: progress.is_unstable,
             iterations: progress.iterations,

@@ -1,6 +1,6 @@
 //! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell,
 //! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body. Cells that come
-//! close to a bound all the same are held by a barrier, see [`Guard`](super::guard::Guard).
+//! close to a bound all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
 use super::contact::{MAX_RETURNS, OVERSHOT};
 use super::{Input, Stepper};
@@ -19,8 +19,8 @@ const MAX_CUTS: i32 = 14;
 /// its volume either: a step that says so has been yanked too far for its tangent.
 pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 
-/// Slowest pace of hands whose way is cut again and again.
-const SLOWEST_PACE: f64 = 1e-3;
+/// Smallest fraction of their motion that hands go in an iteration, however often it is cut.
+const SMALLEST_FRACTION: f64 = 1e-3;
 
 /// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
 const LARGEST_SHIFT: f64 = 1e6;
@@ -91,12 +91,12 @@ impl Stepper {
             progress.is_solved &= solved.is_complete;
             progress.solved_at = Instant::now();
             let (taken, energy) = self.take(body);
-            let moved = if self.hands_move { self.pace * taken } else { taken };
+            let moved = if self.hands_move { self.motion_fraction * taken } else { taken };
             (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
             progress.is_cut |= taken < 1.0;
             progress.has_arrived = !self.hands_move || moved == 1.0;
             progress.steps += 1;
-            self.heed(taken, is_unstable, solved.indefinite.is_some());
+            self.adapt(taken, is_unstable, solved.indefinite.is_some());
             progress.residual = self.measure(body, progress.is_cut);
             if !self.contact.is_empty() && !self.hands_move && taken == 1.0 {
                 self.go_back(body, &mut progress);
@@ -114,11 +114,14 @@ impl Stepper {
     }
 
     /// What a step that was cut, or not, or left to what descent there was, means for the next.
-    fn heed(&mut self, taken: f64, is_unstable: bool, is_makeshift: bool) {
+    fn adapt(&mut self, taken: f64, is_unstable: bool, is_makeshift: bool) {
         let is_cut = taken < 1.0;
-        self.is_wary = is_makeshift || is_cut && is_unstable;
-        self.pace =
-            if is_cut { (self.pace * taken).max(SLOWEST_PACE) } else { (4.0 * self.pace).min(1.0) };
+        self.projects_next = is_makeshift || is_cut && is_unstable;
+        self.motion_fraction = if is_cut {
+            (self.motion_fraction * taken).max(SMALLEST_FRACTION)
+        } else {
+            (4.0 * self.motion_fraction).min(1.0)
+        };
         self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
     }
 
@@ -130,14 +133,14 @@ impl Stepper {
             relaxation.apply(&self.displacement, &mut self.internal);
             relaxation.soften(&mut self.tangent);
         }
-        if !self.guard.is_idle() {
-            self.guard.add_force(body, &mut self.internal);
-            self.guard.add_stiffness(body, self.tangent.blocks_mut());
+        if !self.barrier.is_idle() {
+            self.barrier.add_force(body, &mut self.internal);
+            self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
         self.press(body);
         self.stiffen(body);
         if is_first {
-            self.set_out();
+            self.begin_frame();
         }
         self.move_hands(input);
         self.balance(curvature);
@@ -156,17 +159,17 @@ impl Stepper {
         is_first: bool,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
-        let is_wary = self.is_wary && self.has_time_for_convex(deadline);
-        let mut curvature = if is_wary { Curvature::Projected } else { Curvature::Exact };
+        let projects_next = self.projects_next && self.has_time_for_convex(deadline);
+        let mut curvature = if projects_next { Curvature::Projected } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
-        let gap = self.gap(input);
-        self.hands_move = gap.iter().chain(&self.step).any(|&way| way != 0.0);
+        let residual = self.constraint_residual(input);
+        self.hands_move = residual.iter().chain(&self.step).any(|&way| way != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let unbalanced = (!self.contact.is_empty()).then(|| self.residual.clone());
             let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
             let outcome = match self.solver.prepare(&self.tangent, shift) {
-                Ok(()) => self.solver.solve(b, &gap, free, forces, deadline),
+                Ok(()) => self.solver.solve(b, &residual, free, forces, deadline),
                 Err(error) => Err(error),
             };
             self.descent = unbalanced.map_or(0.0, |b| dot(&b, &self.way));
@@ -197,15 +200,16 @@ impl Stepper {
         deadline.is_none_or(|end| Instant::now() + self.convex < end)
     }
 
-    /// How far the means of the patches have to go, at the pace of the hands, beside the way of what is grasped.
-    fn gap(&self, input: &Input<'_>) -> Vec<f64> {
-        let mut gap = Vec::with_capacity(3 * self.patches.len());
+    /// The constraint residual: how far the means of the patches have to go, at the hands' fraction, beside the motion of
+    /// what is grasped.
+    fn constraint_residual(&self, input: &Input<'_>) -> Vec<f64> {
+        let mut residual = Vec::with_capacity(3 * self.patches.len());
         for (patch, mean) in self.patches.iter().zip(input.means) {
             let now = patch_mean(patch, &self.displacement);
             let held = patch_mean(patch, &self.step);
-            gap.extend((0..3).map(|i| self.pace * (mean[i] - now[i]) - held[i]));
+            residual.extend((0..3).map(|i| self.motion_fraction * (mean[i] - now[i]) - held[i]));
         }
-        gap
+        residual
     }
 
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
@@ -259,13 +263,13 @@ impl Stepper {
     /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one.
     fn force_within_bounds(&mut self, body: &Body) -> f64 {
         let (u, force) = (&self.trial, &mut self.internal);
-        let energy = body.internal_force_within(u, self.guard.inner(), force);
+        let energy = body.internal_force_within(u, self.barrier.inner(), force);
         if energy.is_finite() {
-            self.guard.forget();
+            self.barrier.forget();
             return energy;
         }
-        let energy = body.internal_force_within(u, self.guard.range(), force);
-        if energy.is_finite() && !self.guard.follow(body, u) {
+        let energy = body.internal_force_within(u, self.barrier.range(), force);
+        if energy.is_finite() && !self.barrier.follow(body, u) {
             return f64::INFINITY;
         }
         energy
@@ -276,7 +280,7 @@ impl Stepper {
         if let Some(relaxation) = &self.relaxation {
             relaxation.apply(&self.displacement, &mut self.internal);
         }
-        self.guard.add_force(body, &mut self.internal);
+        self.barrier.add_force(body, &mut self.internal);
     }
 }
 

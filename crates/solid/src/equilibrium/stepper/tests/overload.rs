@@ -1,6 +1,6 @@
 //! Loads that no law bears: cells come to the bounds of their volume, and the body comes back when the loads are gone.
 
-use super::super::guard::Guard;
+use super::super::barrier::VolumeBarrier;
 use super::*;
 use crate::equilibrium::tangent::Tangent;
 
@@ -138,14 +138,17 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         let ratios = body.volume_ratios(&u);
         let [least, most] =
             ratios.iter().fold([f64::INFINITY, 0.0f64], |[a, b], &j| [a.min(j), b.max(j)]);
-        let guard = |u: &[f64]| Guard::new([0.6 * least, 1.2 * most], &body, u);
+        let barrier = |u: &[f64]| VolumeBarrier::new([0.6 * least, 1.2 * most], &body, u);
         let moved = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
         let energy = |h: f64| -> f64 {
             let u = moved(h);
-            let guard = guard(&u);
-            body.outliers(&u, guard.inner()).iter().map(|point| guard.energy(&body, point)[0]).sum()
+            let barrier = barrier(&u);
+            body.outliers(&u, barrier.inner())
+                .iter()
+                .map(|point| barrier.energy(&body, point)[0])
+                .sum()
         };
-        let here = guard(&u);
+        let here = barrier(&u);
         assert!(!here.is_idle(), "{element:?}");
         let dot = |a: &[f64]| a.iter().zip(&way).map(|(a, w)| a * w).sum::<f64>();
         let mut force = vec![0.0; u.len()];

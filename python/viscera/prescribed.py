@@ -13,7 +13,7 @@ from viscera.loads import name_of, prescribed
 from viscera.mesh import Floats, Indices, Mesh
 
 
-class Grasp:
+class PrescribedMotion:
     """The places of `{where: (x, y, z)}` as degrees of freedom and patches."""
 
     def __init__(self, mesh: Mesh, fixed: Indices, displacement: Mapping[Any, Any]) -> None:

@@ -21,17 +21,17 @@ const FAR: f64 = 0.5;
 const KEPT: f64 = 0.9;
 
 /// The barrier, with the quadrature points that are next to a bound.
-pub(super) struct Guard {
+pub(super) struct VolumeBarrier {
     range: [f64; 2],
     points: Vec<Outlier>,
 }
 
-impl Guard {
+impl VolumeBarrier {
     /// Bounds of the volume ratio, and where the body begins.
     pub fn new(range: [f64; 2], body: &Body, u: &[f64]) -> Self {
-        let mut guard = Guard { range, points: Vec::new() };
-        guard.begin(body, u);
-        guard
+        let mut barrier = VolumeBarrier { range, points: Vec::new() };
+        barrier.begin(body, u);
+        barrier
     }
 
     /// Begins anew at a displacement.
