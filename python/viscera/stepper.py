@@ -15,7 +15,6 @@ from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
-from viscera.prescribed import PrescribedMotion
 from viscera.loads import (
     Displacements,
     Forces,
@@ -30,6 +29,7 @@ from viscera.loads import (
     traction_forces,
 )
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.prescribed import PrescribedMotion
 from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
 from viscera.select import Lengths, offset
 from viscera.solver import Solver, core_solver
