@@ -2,7 +2,7 @@
 
     python benchmarks/contact.py [--write]
 
-A sphere goes 10 mm into the lobe in 40 quasi-static frames of at most 8 Newton iterations; beside it the contact patch
+A sphere goes 10 mm into the lobe in 20 quasi-static frames of at most 8 Newton iterations; beside it the contact patch
 of about its size goes the same way. Milliseconds are medians. `layer` is the stiffness of the layer between tool and
 organ in units of the plane strain modulus over the height of a cell, 30 by default.
 """
@@ -17,7 +17,7 @@ from machine import describe
 
 import viscera as vs
 
-FRAMES, DEPTH, RADIUS = 40, 0.010, 0.015
+FRAMES, DEPTH, RADIUS = 20, 0.010, 0.015
 
 
 def row(name: str, frames: list[vs.Frame], force: float, gap: float) -> str:
@@ -35,15 +35,22 @@ def main() -> None:
     top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
     start = top + np.array((0, 0, RADIUS))
     heads = f"{'frames':42}iteration   frame       steps     settled         force [N] depth [um]"
-    lines = [describe(), "", heads]
+    lines: list[str] = []
+
+    def show(line: str) -> None:
+        lines.append(line)
+        print(line, flush=True)
+
+    for line in (describe(), "", heads):
+        show(line)
     for solver in ("cholesky", "cg"):
         stepper = liver.stepper(solver=solver, iterations=8)
         hand, frames = stepper.grasp(liver.patch(top, RADIUS)), []
         for _ in range(FRAMES):
             hand.move((0, 0, -DEPTH / FRAMES))
             frames.append(stepper.frame())
-        lines.append(row(f"held patch, {solver}", frames, -frames[-1].reaction(hand)[2], 0.0))
-        for stiffness in (5.0, 30.0, 120.0, 480.0):
+        show(row(f"held patch, {solver}", frames, -frames[-1].reaction(hand)[2], 0.0))
+        for stiffness in (30.0, 120.0):
             for friction in (0.0, 0.3):
                 stepper = liver.stepper(solver=solver, iterations=8)
                 given = vs.Tool(vs.Sphere(RADIUS), start, friction=friction, stiffness=stiffness)
@@ -52,8 +59,7 @@ def main() -> None:
                     tool.move((0, 0, -DEPTH / FRAMES))
                     frames.append(stepper.frame())
                 name = f"sphere, layer {stiffness:g}, friction {friction:g}, {solver}"
-                lines.append(row(name, frames, -frames[-1].force(tool)[2], frames[-1].contact(tool).gap))
-    print("\n".join(lines))
+                show(row(name, frames, -frames[-1].force(tool)[2], frames[-1].contact(tool).gap))
     if "--write" in sys.argv:
         path = Path(__file__).parent / "results" / "contact.txt"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
