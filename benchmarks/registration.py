@@ -1,7 +1,9 @@
 """Truths."""
 
+import time
 from dataclasses import dataclass
 
+import machine
 import numpy as np
 
 import viscera as vs
