@@ -17,6 +17,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from machine import describe
@@ -80,7 +81,7 @@ def _happened(kind: str, mesh: vs.Mesh, rng: np.random.Generator) -> vs.State:
     young, poisson, alpha = 6e3 * rng.uniform(0.5, 1.5), rng.uniform(0.44, 0.47), rng.uniform(4.0, 9.0)
     organ = vs.Organ(mesh, vs.Ogden(mu=young / (1 + poisson) / alpha, alpha=alpha, poisson=poisson), fixed="hilum")
     x = mesh.points[mesh.surface_nodes]
-    loads: dict[str, object] = {}
+    loads: dict[str, Any] = {}
     if kind == "pressure from outside":
         centre = x[np.linalg.norm(x - rng.uniform(*mesh.bounding_box), axis=1).argmin()]
         place = mesh.surface_nodes[np.linalg.norm(x - centre, axis=1) < rng.uniform(0.05, 0.08)]

@@ -26,29 +26,31 @@ from viscera.mesh import Floats, Indices
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.registered import Registered, band_of
-from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spread, starts, tukey
+from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spaced, spread, starts, tukey
 
 if TYPE_CHECKING:
     from viscera.organ import Organ, Progress
     from viscera.state import State
 
-N_POINTS = 700
-"""Points of the cloud that the fit looks at, each for its neighbours too."""
+CUBE = 0.025
+"""Edge of the cubes in each of which the points of the cloud are averaged; this and other lengths in diagonals."""
 TANGENTS = 6
 """At most."""
 FIRST, LATER = 20, 8
 """Closest points renewed at most so often with a tangent."""
 SETTLED = 3e-3
-"""Change of a node's place at which a tangent is good enough; this and the following lengths in diagonals."""
+"""Change of a node's place at which a tangent is good enough."""
 STILL = 1e-3
 """Largest motion of a node in the last iteration with one tangent."""
 TRUST = 0.1
 """Largest motion of a node with one tangent."""
-CORRELATED = 50.0
-"""Points whose residuals err together: what law, mesh and forces get wrong is smooth, and noise alone averages out."""
-EXPECTED, LARGEST = 0.013, 0.08
+WRONG, SMOOTH = 2e-3, 0.1
+"""Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
+N_WRONG = 60
+"""Places that carry it."""
+EXPECTED, LARGEST = 0.07, 0.25
 """Root-mean-square displacement by forces of a kind, to begin with and at most."""
-SMALLEST = (0.013, 0.003)
+SMALLEST = (0.07, 0.003)
 """And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
 GROWTH = 2.0
 """Largest factor on it in an iteration."""
@@ -123,37 +125,39 @@ class _Fit:
 
     def __init__(self, organ: Organ, seen: Observed, visible: Indices, forces: Forces) -> None:
         self.organ, self.seen, self.visible, self.forces = organ, seen, visible, forces
-        stride = max(1, -(-len(seen.surface) // N_POINTS))
-        self.cloud, self.weights = seen.surface[::stride], seen.weights[::stride] * stride
         self.size = organ.mesh.diagonal
+        self.cloud, self.weights = averaged(seen.surface, seen.weights, CUBE * self.size)
         self.sample = organ.mesh.surface_nodes[:: max(1, len(organ.mesh.surface_nodes) // 100)]
         self.centre = organ.mesh.points.mean(axis=0)
+        self.wrong = self._wrong()
         self.groups = (slice(0, len(forces) - 3), slice(len(forces) - 3, len(forces)))
 
     def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
         """Gauss-Newton with the equilibrium linearised, u + U (a' - a)."""
         metrics = self.forces.metrics(responses)
         begin_x = self.organ.mesh.points[self.sample] + at.displacement[self.sample]
-        motions = self._motions(responses, begin_x)
+        known = 6 + len(self.forces)
+        motions = np.pad(self._motions(responses, begin_x), ((0, 0), (0, self.wrong.shape[1])))
         begin_u, begin_a = at.displacement, at.amplitudes
         scale = max(FAR * self.size if first else 0.0, 2.0 * self.seen.noise)
         for _ in range(count):
             rows, residual, weight, scatter = self.equations(at, responses, scale)
-            prior = np.zeros((rows.shape[1], rows.shape[1]))
+            prior = np.eye(rows.shape[1])
+            prior[:known, :known] = 0.0
             for group, metric, size in zip(self.groups, metrics, at.expected, strict=True):
                 where = slice(6 + group.start, 6 + group.stop)
                 prior[where, where] = metric / size**2
-            amplitudes = np.concatenate([np.zeros(6), at.amplitudes])
+            amplitudes = np.concatenate([np.zeros(6), at.amplitudes, np.zeros(len(prior) - known)])
             hessian = (rows * weight[:, None]).T @ rows + prior
-            at.covariance = _inverse(hessian)
+            at.covariance = _inverse(hessian)[:known, :known]
             damping = motions.T @ motions * (DAMPING * 3.0 / (len(motions) * (REACH * self.size) ** 2))
             step = _inverse(hessian + damping) @ (rows.T @ (weight * residual) - prior @ amplitudes)
             largest = float(np.linalg.norm((motions @ step).reshape(-1, 3), axis=1).max())
             step *= min(1.0, REACH * self.size / max(largest, 1e-12))
             at.motion = at.motion.turned(step[:3], step[3:6], self.centre)
-            at.amplitudes = at.amplitudes + step[6:]
+            at.amplitudes = at.amplitudes + step[6:known]
             at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
-            at.prior, at.responses = prior[6:, 6:], responses
+            at.prior, at.responses = prior[6:known, 6:known], responses
             at.cost = float(weight @ residual**2 + amplitudes @ prior @ amplitudes + self._missed(weight))
             at.iterations += 1
             self._expect(at, metrics)
@@ -172,6 +176,18 @@ class _Fit:
             at.amplitudes = at.amplitudes * state.load
         return "" if state.is_converged else f"the forces found have no equilibrium: {state.message or state.status}"
 
+    def _wrong(self) -> Floats:
+        """How smooth unit errors of the model (q,) move the cloud (k, q) [m] along normals, by Nystroem's method."""
+        if not len(self.cloud):
+            return np.empty((0, 0))
+        places = self.cloud[spaced(self.cloud, N_WRONG)]
+        kernel, own = (
+            np.exp(-0.5 * (np.linalg.norm(x[:, None] - places, axis=2) / (SMOOTH * self.size)) ** 2)
+            for x in (self.cloud, places)
+        )
+        values, vectors = np.linalg.eigh(own + 1e-6 * np.eye(len(own)))
+        return np.asarray(WRONG * self.size * kernel @ (vectors / np.sqrt(values)))
+
     def equations(self, at: Iterate, responses: Floats, scale: float) -> tuple[Floats, Floats, Floats, float]:
         """Rows (k, 6 + m) of turn, shift and amplitudes, residuals (k,) [m], weights (k,) [1/m^2], scatter [m]."""
         flat = responses.reshape(-1, responses.shape[2])
@@ -182,20 +198,19 @@ class _Fit:
             _, corners, shares, p, normal = shape.closest(z)
             residual = np.einsum("ki,ki->k", normal, z - p)
             beside = np.maximum(np.linalg.norm(z - p, axis=1) - 3.0 * scale, 0.0)
-            scatter = spread(residual)
-            rows.append(
-                np.concatenate([np.cross(z - self.centre, normal), normal, _along(flat, corners, shares, normal)], 1)
-            )
+            scatter = spread(residual, self.weights)
+            moved = _along(flat, corners, shares, normal)
+            rows.append(np.concatenate([np.cross(z - self.centre, normal), normal, moved, self.wrong], axis=1))
             residuals.append(residual)
-            doubt = CORRELATED * self.seen.noise**2
-            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / doubt)
+            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / self.seen.noise**2)
         if self.seen.members:
             x = self._means(self.organ.mesh.points + at.displacement)
             z = at.motion.back(self.seen.measured)
             lever = levers(z - self.centre)
             moved = self._means(responses)
             ones = np.broadcast_to(np.eye(3), lever.shape)
-            rows.append(np.concatenate([lever, ones, moved], axis=2).reshape(-1, 6 + len(self.forces)))
+            pairs = np.concatenate([lever, ones, moved], axis=2).reshape(-1, 6 + len(self.forces))
+            rows.append(np.pad(pairs, ((0, 0), (0, self.wrong.shape[1]))))
             residuals.append((z - x).ravel())
             weights.append(np.repeat(self.seen.pair_noise**-2.0, 3))
         return np.concatenate(rows), np.concatenate(residuals), np.concatenate(weights), scatter
@@ -218,7 +233,7 @@ class _Fit:
     def _missed(self, weight: Floats) -> float:
         """The cost of what was left out as an outlier: as if at the biweight's end, so that starts can be compared."""
         count = len(self.cloud)
-        full = self.weights / (CORRELATED * self.seen.noise**2)
+        full = self.weights / self.seen.noise**2
         return float((full - weight[:count]).sum() * (TUKEY * 2.0 * self.seen.noise) ** 2) if count else 0.0
 
     def result(self, at: Iterate, message: str, seconds: float) -> Registered:
@@ -283,6 +298,16 @@ class _Fit:
         hits = np.bincount(triangles, minlength=len(self.visible))
         is_hit = hits > 0.25 * np.median(hits[hits > 0]) if hits.any() else hits > 0
         return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
+
+
+def averaged(points: Floats, weights: Floats, edge: float) -> tuple[Floats, Floats]:
+    """Weighted means (k, 3) of the points in each cube of this edge [m] that holds some, and their weights (k,)."""
+    _, cube = np.unique(np.floor(points / edge).astype(np.int64), axis=0, return_inverse=True)
+    cube = cube.ravel()
+    total = np.bincount(cube, weights)
+    means = np.column_stack([np.bincount(cube, weights * points[:, i]) for i in range(3)])
+    kept = total > 0.0
+    return means[kept] / total[kept, None], total[kept]
 
 
 def _areas(points: Floats, triangles: Indices) -> Floats:

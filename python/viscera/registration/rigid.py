@@ -108,9 +108,14 @@ def tukey(residual: Floats, scale: float | Floats) -> Floats:
     return np.asarray(np.clip(1.0 - (residual / (TUKEY * scale)) ** 2, 0.0, None) ** 2)
 
 
-def spread(residual: Floats) -> float:
-    """Standard deviation of a normal distribution with outliers, from the median of sizes."""
-    return 1.4826 * float(np.median(np.abs(residual)))
+def spread(residual: Floats, weights: Floats | None = None) -> float:
+    """Standard deviation of a normal distribution with outliers, from the (weighted) median of sizes."""
+    sizes = np.abs(residual)
+    if weights is None:
+        return 1.4826 * float(np.median(sizes))
+    order = np.argsort(sizes)
+    total = np.cumsum(weights[order])
+    return 1.4826 * float(sizes[order][np.searchsorted(total, 0.5 * total[-1])])
 
 
 def spaced(points: Floats, count: int) -> NDArray[np.int64]:
