@@ -46,6 +46,7 @@ TRUST = 0.1
 """Largest motion of a node with one tangent."""
 WRONG, SMOOTH = 2e-3, 0.1
 """Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
+SURE, CALMER = 4.0, 4.0
 N_WRONG = 60
 """Places that carry it."""
 EXPECTED, LARGEST = 0.07, 0.25
@@ -77,6 +78,8 @@ class Iterate:
     change: float = np.inf
     """Largest distance of a node [m] between the equilibrium and what the tangent had said."""
     cost: float = np.inf
+    doubt: float = 50.0
+    """Factor on the variance of the noise."""
     iterations: int = 0
 
 
@@ -110,8 +113,9 @@ def register(
     best = min(found, key=lambda iterate: iterate.cost)
     message = fit.balance(best)
     for _ in range(TANGENTS - 1):
-        if message or best.change < SETTLED * organ.mesh.diagonal:
+        if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE):
             break
+        best.doubt = max(SURE, best.doubt / CALMER)
         fit.improve(best, forces.responses(best.displacement), LATER, first=False)
         message = fit.balance(best)
         done += 1
@@ -202,7 +206,7 @@ class _Fit:
             moved = _along(flat, corners, shares, normal)
             rows.append(np.concatenate([np.cross(z - self.centre, normal), normal, moved, self.wrong], axis=1))
             residuals.append(residual)
-            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / self.seen.noise**2)
+            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / (at.doubt * self.seen.noise**2))
         if self.seen.members:
             x = self._means(self.organ.mesh.points + at.displacement)
             z = at.motion.back(self.seen.measured)
@@ -233,7 +237,7 @@ class _Fit:
     def _missed(self, weight: Floats) -> float:
         """The cost of what was left out as an outlier: as if at the biweight's end, so that starts can be compared."""
         count = len(self.cloud)
-        full = self.weights / self.seen.noise**2
+        full = self.weights / (50.0 * self.seen.noise**2)
         return float((full - weight[:count]).sum() * (TUKEY * 2.0 * self.seen.noise) ** 2) if count else 0.0
 
     def result(self, at: Iterate, message: str, seconds: float) -> Registered:
