@@ -82,12 +82,12 @@ def _happened(kind: str, mesh: vs.Mesh, seed: int) -> vs.State:
     coarse = vs.organs.liver()
     organ, loads = _case(kind, coarse, np.random.default_rng((seed, 0)))
     first = organ.solve(**loads, settings={"tolerance": 1e-6}, throw=True)
-    grid, surface = _core.Locator(coarse.points, coarse.cells), _core.Surface(coarse.points, coarse.surface)
-    cells, shares = grid.find(mesh.points)
+    cells, shares = _core.Locator(coarse.points, coarse.cells).find(mesh.points)
+    for node in np.flatnonzero(cells < 0):  # beside the surface: the nearest cell, continued
+        cells[node] = np.linalg.norm(coarse.centroids - mesh.points[node], axis=1).argmin()
+        corners = np.column_stack([coarse.points[coarse.cells[cells[node]]], np.ones(4)])
+        shares[node] = np.linalg.solve(corners.T, [*mesh.points[node], 1.0])
     start = np.einsum("ka,kai->ki", shares, first.displacement[coarse.cells[cells]])
-    for node in np.flatnonzero(cells < 0):
-        triangle, share, _ = surface.closest(mesh.points[node])
-        start[node] = np.asarray(share) @ first.displacement[coarse.surface[triangle]]
     organ, loads = _case(kind, mesh, np.random.default_rng((seed, 0)))
     start[organ.fixed] = 0.0
     try:

@@ -26,7 +26,7 @@ from viscera.mesh import Floats, Indices
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.registered import Registered, band_of
-from viscera.registration.rigid import TUKEY, Rigid, Shape, levers, spaced, spread, starts, tukey
+from viscera.registration.rigid import TUKEY, Rigid, Shape, aligned, levers, spaced, spread, starts, tukey
 
 if TYPE_CHECKING:
     from viscera.organ import Organ, Progress
@@ -49,15 +49,15 @@ WRONG, SMOOTH = 2e-3, 0.1
 SURE, CALMER = 4.0, 4.0
 N_WRONG = 60
 """Places that carry it."""
-EXPECTED, LARGEST = 0.07, 0.25
-"""Root-mean-square displacement by forces of a kind, to begin with and at most."""
-SMALLEST = (0.07, 0.003)
+EXPECTED, LARGEST = 0.02, 0.08
+"""Root-mean-square displacement by forces of a kind, rigid motion apart, to begin with and at most."""
+SMALLEST = (0.015, 0.003)
 """And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
 GROWTH = 2.0
 """Largest factor on it in an iteration."""
 REACH = 0.05
 """Largest motion of a node in an iteration."""
-DAMPING = 100.0
+DAMPING = 400.0
 """Cost of a step that moves the surface by `REACH`: along the organ's surface the data hardly hold it."""
 FAR = 0.03
 """Residuals that belong to the organ for certain before it has deformed."""
@@ -137,7 +137,8 @@ class _Fit:
         self.groups = (slice(0, len(forces) - 3), slice(len(forces) - 3, len(forces)))
 
     def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
-        """Gauss-Newton with the equilibrium linearised, u + U (a' - a)."""
+        """Gauss-Newton with the equilibrium linearised, u + U (a' - a), U without rigid motions: T has those."""
+        responses = without_rigid(responses, self.organ.mesh.points + at.displacement)
         metrics = self.forces.metrics(responses)
         begin_x = self.organ.mesh.points[self.sample] + at.displacement[self.sample]
         known = 6 + len(self.forces)
@@ -170,12 +171,17 @@ class _Fit:
                 break
         moved = float(np.linalg.norm(at.displacement - begin_u, axis=1).max())
         at.amplitudes = begin_a + min(1.0, TRUST * self.size / max(moved, 1e-12)) * (at.amplitudes - begin_a)
+        at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
 
     def balance(self, at: Iterate) -> str:
         """The equilibrium under the forces found, by Newton's method; what went wrong in words."""
         state = self.organ.solve(force=self.forces.nodal(at.amplitudes), start=at.state)
-        at.change = float(np.linalg.norm(state.displacement - at.displacement, axis=1).max())
         if state.load > 0.0 or at.state is None:
+            points = self.organ.mesh.points
+            back = aligned(points + state.displacement, points + at.displacement, np.ones(len(points)))
+            gap = back(points + state.displacement) - points - at.displacement
+            at.change = float(np.linalg.norm(gap, axis=1).max())
+            at.motion = Rigid(at.motion.rotation @ back.rotation, at.motion(back.translation))
             at.state, at.displacement = state, state.displacement
             at.amplitudes = at.amplitudes * state.load
         return "" if state.is_converged else f"the forces found have no equilibrium: {state.message or state.status}"
@@ -206,7 +212,9 @@ class _Fit:
             moved = _along(flat, corners, shares, normal)
             rows.append(np.concatenate([np.cross(z - self.centre, normal), normal, moved, self.wrong], axis=1))
             residuals.append(residual)
-            weights.append(self.weights * tukey(residual, scale) * tukey(beside, scale) / (at.doubt * self.seen.noise**2))
+            weights.append(
+                self.weights * tukey(residual, scale) * tukey(beside, scale) / (at.doubt * self.seen.noise**2)
+            )
         if self.seen.members:
             x = self._means(self.organ.mesh.points + at.displacement)
             z = at.motion.back(self.seen.measured)
@@ -302,6 +310,14 @@ class _Fit:
         hits = np.bincount(triangles, minlength=len(self.visible))
         is_hit = hits > 0.25 * np.median(hits[hits > 0]) if hits.any() else hits > 0
         return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
+
+
+def without_rigid(responses: Floats, x: Floats) -> Floats:
+    """Responses (n, 3, m) less the rigid motions of points (n, 3) that are nearest to them."""
+    rigid = np.concatenate([levers(x - x.mean(axis=0)), np.broadcast_to(np.eye(3), (len(x), 3, 3))], axis=2)
+    basis, _ = np.linalg.qr(rigid.reshape(-1, 6))
+    flat = responses.reshape(len(basis), -1)
+    return np.asarray((flat - basis @ (basis.T @ flat)).reshape(responses.shape))
 
 
 def averaged(points: Floats, weights: Floats, edge: float) -> tuple[Floats, Floats]:
