@@ -14,7 +14,7 @@ organ, whereas what moves organs is smooth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -40,16 +40,19 @@ FIRST, LATER = 20, 8
 """Closest points renewed at most so often with a tangent."""
 SETTLED = 3e-3
 """Change of a node's place at which a tangent is good enough."""
+FARTHEST = 0.05
+"""Such a change says that a tangent was of no use; the equilibrium before it is kept."""
+DOUBT, SURE, CALMER = 50.0, 4.0, 4.0
+"""Factors on the variance of the noise with the first tangent, at last, and from one tangent to the next."""
 STILL = 1e-3
 """Largest motion of a node in the last iteration with one tangent."""
 TRUST = 0.1
 """Largest motion of a node with one tangent."""
-WRONG, SMOOTH = 2e-3, 0.1
+WRONG, SMOOTH = 1e-3, 0.1
 """Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
-SURE, CALMER = 4.0, 4.0
 N_WRONG = 60
 """Places that carry it."""
-EXPECTED, LARGEST = 0.02, 0.08
+EXPECTED, LARGEST = 0.02, 0.03
 """Root-mean-square displacement by forces of a kind, rigid motion apart, to begin with and at most."""
 SMALLEST = (0.015, 0.003)
 """And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
@@ -78,7 +81,7 @@ class Iterate:
     change: float = np.inf
     """Largest distance of a node [m] between the equilibrium and what the tangent had said."""
     cost: float = np.inf
-    doubt: float = 50.0
+    doubt: float = DOUBT
     """Factor on the variance of the noise."""
     iterations: int = 0
 
@@ -115,9 +118,11 @@ def register(
     for _ in range(TANGENTS - 1):
         if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE):
             break
-        best.doubt = max(SURE, best.doubt / CALMER)
-        fit.improve(best, forces.responses(best.displacement), LATER, first=False)
-        message = fit.balance(best)
+        further = replace(best, expected=best.expected.copy(), doubt=max(SURE, best.doubt / CALMER))
+        fit.improve(further, forces.responses(best.displacement), LATER, first=False)
+        if fit.balance(further) or further.change > FARTHEST * organ.mesh.diagonal:
+            break
+        best = further
         done += 1
         if progress:
             progress(done, steps, "registration")
@@ -163,7 +168,7 @@ class _Fit:
             at.amplitudes = at.amplitudes + step[6:known]
             at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
             at.prior, at.responses = prior[6:known, 6:known], responses
-            at.cost = float(weight @ residual**2 + amplitudes @ prior @ amplitudes + self._missed(weight))
+            at.cost = float(weight @ residual**2 + amplitudes @ prior @ amplitudes + self._missed(weight, at.doubt))
             at.iterations += 1
             self._expect(at, metrics)
             scale = max(min(scale, 2.0 * scatter), 1.2 * self.seen.noise)
@@ -242,10 +247,10 @@ class _Fit:
             size = np.clip(size, at.expected[g] / GROWTH, at.expected[g] * GROWTH)
             at.expected[g] = float(np.clip(size, SMALLEST[g] * self.size, LARGEST * self.size))
 
-    def _missed(self, weight: Floats) -> float:
+    def _missed(self, weight: Floats, doubt: float) -> float:
         """The cost of what was left out as an outlier: as if at the biweight's end, so that starts can be compared."""
         count = len(self.cloud)
-        full = self.weights / (50.0 * self.seen.noise**2)
+        full = self.weights / (doubt * self.seen.noise**2)
         return float((full - weight[:count]).sum() * (TUKEY * 2.0 * self.seen.noise) ** 2) if count else 0.0
 
     def result(self, at: Iterate, message: str, seconds: float) -> Registered:
@@ -327,7 +332,7 @@ def averaged(points: Floats, weights: Floats, edge: float) -> tuple[Floats, Floa
     total = np.bincount(cube, weights)
     means = np.column_stack([np.bincount(cube, weights * points[:, i]) for i in range(3)])
     kept = total > 0.0
-    return means[kept] / total[kept, None], total[kept]
+    return np.asarray(means[kept] / total[kept, None]), np.asarray(total[kept], dtype=np.float64)
 
 
 def _areas(points: Floats, triangles: Indices) -> Floats:
