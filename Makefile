@@ -40,7 +40,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust study-contact pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust study-contact study-registration pages check-pages pictures clean
 .PHONY: reduced-liver build-times
 
 help: ## this list
@@ -154,6 +154,10 @@ study-trust: $(extension) ## what trust is worth: 5,000 touches of ten bodies un
 
 study-contact: $(extension) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
 	for name in hertz contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
+
+study-registration: $(extension) ## how well a liver is found again, over twenty truths; goes on where it was interrupted; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/registration.py > out/registration.txt && mv out/registration.txt benchmarks/results/registration.txt
 
 pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py

@@ -1,13 +1,14 @@
 """How well `Organ.register` finds the built-in liver: target error inside it over seeded truths.
 
-    python benchmarks/registration.py [FOLDER]
+    python benchmarks/registration.py [FOLDER [so-far]]
 
 Twenty truths of four kinds are made on a mesh of edges 0.6 times as long, under another law and with another stiffness
 than what registers, and moved rigidly. What is seen of each is a contiguous patch of its front, a point per 3 mm^2,
 with noise and 5 % of points that are something else's. Target error: the mean distance of 500 places in the organ from
 where they are. It is compared with the rigid motion that the registration starts from, and with a thin-plate spline
 through the pairs of closest points after that. Truths and rows are kept in FOLDER, out/registration by default, and
-what is there is not computed again: the study may be interrupted.
+what is there is not computed again: the study may be interrupted. With `so-far` the tables are those of the rows that
+are there, and say how many.
 """
 
 from __future__ import annotations
@@ -255,32 +256,37 @@ HEAD = (
 
 
 def main() -> None:
-    """Compute what is missing, then print the tables."""
-    rows = compute(Path(sys.argv[1] if sys.argv[1:] else "out/registration"))
+    """Compute what is missing, unless asked not to, then print the tables."""
+    folder = Path(sys.argv[1] if sys.argv[1:] else "out/registration")
+    rows = kept_rows(folder / "rows.csv") if sys.argv[2:] == ["so-far"] else compute(folder)
     print(describe())
-    print(f"mean target error [mm], median over {COUNT} truths (95th percentile); time: on the wall (of processors)\n")
-    print(f"coverage  noise{HEAD}".replace("\n", "\n" + 15 * " "))
+    print("mean target error [mm], median over truths (95th percentile); time: on the wall (of processors)\n")
+    print(f"coverage  noise  truths{HEAD}".replace("\n", "\n" + 23 * " "))
     for coverage, noise in sorted(settings()):
-        of = [rows[coverage, noise, seed] for seed in range(COUNT)]
-        print(f"{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm {line(of)}")
+        of = [row for key, row in rows.items() if key[:2] == (coverage, noise)]
+        if of:
+            print(f"{100 * coverage:6.0f} %{1e3 * noise:4.0f} mm{len(of):5d}/{COUNT} {line(of)}")
     coverage, noise = TYPICAL
-    typical = [rows[coverage, noise, seed] for seed in range(COUNT)]
+    typical = {seed: rows[coverage, noise, seed] for seed in range(COUNT) if (coverage, noise, seed) in rows}
     print(f"\nby what happened, {100 * coverage:.0f} % and {1e3 * noise:.0f} mm")
     for k, kind in enumerate(KINDS):
-        print(f"{kind:24s}{line(typical[k :: len(KINDS)])}")
+        of = [row for seed, row in typical.items() if seed % len(KINDS) == k]
+        if of:
+            print(f"{kind:24s}{line(of)}")
     print("\nseed  what happened            rigid  spline  registered  in band  observed")
-    for seed, row in enumerate(typical):
+    for seed, row in typical.items():
         errors = [f"{1e3 * row[name]:.1f}" for name in ("rigid", "spline", "error")]
         band = f"{100 * row['in_band'] / row['observed']:7.0f} %" if row["observed"] else "        -"
         print(
             f"{seed:4d}  {KINDS[seed % len(KINDS)]:23s}{errors[0]:>7s}{errors[1]:>8s}{errors[2]:>12s}{band}"
             f"{100 * row['observed'] / row['targets']:8.0f} %{'' if row['converged'] else '  not converged'}"
         )
-    hard = [row for row in typical if row["rigid"] >= 8e-3]
-    print(
-        f"\nwhere rigid leaves 8 mm or more ({len(hard)} of {COUNT} truths): median "
-        f"{1e3 * np.median([row['error'] for row in hard]):.1f} mm"
-    )
+    hard = [row["error"] for row in typical.values() if row["rigid"] >= 8e-3]
+    if hard:
+        print(
+            f"\nwhere rigid leaves 8 mm or more ({len(hard)} of {len(typical)} truths): median "
+            f"{1e3 * np.median(hard):.1f} mm"
+        )
 
 
 if __name__ == "__main__":
