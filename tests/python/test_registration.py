@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.registration.fit import averaged, without_rigid
 from viscera.registration.forces import Forces
 from viscera.registration.registered import MODEL, band_of
 from viscera.registration.rigid import Rigid, Shape, aligned, levers, rotation_of
@@ -133,6 +134,27 @@ def test_the_derivative_of_a_rigid_motion_agrees_with_differences() -> None:
     slope = (levers(x - centre) @ turn + shift) @ MOVED.rotation.T
     assert np.allclose((plus - minus) / (2 * h), slope, atol=1e-8)
     assert np.allclose(MOVED.back(MOVED(x)), x)
+
+
+def test_a_response_without_its_rigid_part_has_none_and_keeps_the_rest() -> None:
+    rng = np.random.default_rng(5)
+    x, bent = rng.normal(size=(20, 3)), rng.normal(size=(20, 3))
+    rigid = levers(x) @ rng.normal(size=3) + rng.normal(size=3)
+    left = without_rigid(np.stack([rigid, bent, bent + rigid], axis=2), x)
+    assert np.abs(left[:, :, 0]).max() < 1e-12
+    assert np.allclose(left[:, :, 1], left[:, :, 2])
+    assert np.abs(left[:, :, 1].sum(axis=0)).max() < 1e-12
+    assert np.abs(np.cross(x, left[:, :, 1]).sum(axis=0)).max() < 1e-12
+
+
+def test_an_averaged_cloud_keeps_its_weight_and_its_middle() -> None:
+    rng = np.random.default_rng(6)
+    points, weights = rng.random((300, 3)), rng.random(300)
+    weights[:5] = 0.0
+    means, total = averaged(points, weights, 0.4)
+    assert len(means) == 27
+    assert np.isclose(total.sum(), weights.sum())
+    assert np.allclose(total @ means, weights @ points)
 
 
 def test_kabsch_finds_a_motion_and_no_reflection() -> None:

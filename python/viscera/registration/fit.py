@@ -4,6 +4,9 @@ With x = X + u(a) the equilibrium of the organ under forces a, and T its rigid m
 
     sum_i w_i rho(n_i . (T^-1 y_i - p_i)) / sigma^2 + sum_l |T^-1 y_l - x_l|^2 / sigma_l^2 + sum_g a_g . P_g a_g / s_g^2
 
+Responses to forces have their rigid parts taken out, since T has these: what s_g measures is deformation. The cloud is
+averaged in cubes; beside its noise, a smooth error of the model along the normals is an unknown of every iteration.
+
 y_i: points of the cloud; p_i: the closest point of x and n_i the normal there; rho: Tukey's biweight; y_l: landmarks.
 P_g: the smoothness of the forces on the boundary and the size of that on the volume, in units in which s_g is the
 root-mean-square displacement [m] that they are expected to cause. The data choose s_g: MacKay's re-estimation (Neural
