@@ -12,7 +12,19 @@ pub struct Request {
     pub grab: Option<[f64; 3]>,
     #[serde(rename = "move")]
     pub displacement: Option<[f64; 3]>,
+    pub second: Gesture,
     pub gravity: Option<[f64; 3]>,
+    pub stress: Option<bool>,
+}
+
+/// What one hand does; the first one's words stand in the request itself.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Gesture {
+    pub release: Option<bool>,
+    pub grab: Option<[f64; 3]>,
+    #[serde(rename = "move")]
+    pub displacement: Option<[f64; 3]>,
 }
 
 /// No number of a request is as large as this.
@@ -26,8 +38,14 @@ impl Request {
         }
         let request: Request = serde_json::from_str(text)
             .map_err(|error| Error::input(format!("a request cannot be read: {error}")))?;
-        let vectors =
-            [("grab", request.grab), ("move", request.displacement), ("gravity", request.gravity)];
+        let [first, second] = request.gestures();
+        let vectors = [
+            ("grab", first.grab),
+            ("move", first.displacement),
+            ("grab of the second hand", second.grab),
+            ("move of the second hand", second.displacement),
+            ("gravity", request.gravity),
+        ];
         for (name, vector) in vectors {
             if let Some(x) = vector.into_iter().flatten().find(|x| x.abs() >= LARGEST) {
                 return Err(Error::input(format!("{name} is {x:e}; it must be below {LARGEST:e}")));
@@ -40,5 +58,12 @@ impl Request {
             ))),
             _ => Ok(request),
         }
+    }
+
+    /// What the first hand does, and the second.
+    pub fn gestures(&self) -> [Gesture; 2] {
+        let first =
+            Gesture { release: self.release, grab: self.grab, displacement: self.displacement };
+        [first, self.second]
     }
 }

@@ -1,6 +1,7 @@
-//! One organ under one law, held by nothing but its supports and at most one hand.
+//! One organ under one law, held by nothing but its supports and at most two hands.
 
 use crate::case::Case;
+use crate::stress::von_mises;
 use viscera_core::Error;
 use viscera_core::body::Body;
 use viscera_core::clock::Instant;
@@ -16,13 +17,14 @@ const MAX_ITERATIONS: usize = 20;
 const DIRECT_CELLS: usize = 5000;
 
 /// Numbers of an organ in a frame before its displacements.
-pub const FACTS: usize = 11;
+pub const FACTS: usize = 14;
 
 pub struct Specimen {
     pub law: String,
     body: Body,
     stepper: Stepper,
-    patch: Option<Patch>,
+    /// What each hand holds.
+    patches: [Option<Patch>; 2],
 }
 
 impl Specimen {
@@ -48,17 +50,18 @@ impl Specimen {
         let fixed: Vec<u32> =
             case.fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
         let stepper = Stepper::new(&body, &fixed, None, settings)?;
-        Ok(Specimen { law: law.into(), body, stepper, patch: None })
+        Ok(Specimen { law: law.into(), body, stepper, patches: [None, None] })
     }
 
     pub fn body(&self) -> &Body {
         &self.body
     }
 
-    /// Takes hold of a patch, or lets go.
-    pub fn hold(&mut self, patch: Option<Patch>) -> Result<(), Error> {
-        self.stepper.grasp(&self.body, &[], patch.as_slice())?;
-        self.patch = patch;
+    /// Takes hold of what each hand has, and lets go of all else.
+    pub fn hold(&mut self, patches: &[Option<Patch>; 2]) -> Result<(), Error> {
+        let held: Vec<Patch> = patches.iter().flatten().cloned().collect();
+        self.stepper.grasp(&self.body, &[], &held)?;
+        self.patches = patches.clone();
         Ok(())
     }
 
@@ -71,31 +74,43 @@ impl Specimen {
         })
     }
 
-    /// A frame; appends the numbers of the protocol.
+    /// A frame for the displacement of each hand; appends the numbers of the protocol.
     pub fn step(
         &mut self,
         surface: &Surface,
-        displacement: [f64; 3],
+        displacements: [[f64; 3]; 2],
         gravity: [f64; 3],
         out: &mut Vec<f32>,
     ) -> Result<(), Error> {
         let clock = Instant::now();
-        let means = self.patch.as_ref().map(|_| displacement);
-        let input = Input { values: &[], means: means.as_slice(), force: &[], gravity };
+        let holds = self.patches.iter().zip(displacements);
+        let means: Vec<[f64; 3]> =
+            holds.filter_map(|(patch, d)| patch.as_ref().map(|_| d)).collect();
+        let input = Input { values: &[], means: &means, force: &[], gravity };
         let frame = self.stepper.frame(&self.body, &input)?;
-        let force = frame.patch_forces.first().copied().unwrap_or_default();
+        let mut carried = frame.patch_forces.iter().copied();
+        let forces = [0, 1].map(|hand: usize| {
+            self.patches[hand].as_ref().and_then(|_| carried.next()).unwrap_or_default()
+        });
+        let [force, second] = forces;
         let u = self.stepper.displacement();
         let gain = volume(surface, u) / volume(surface, &[]) - 1.0;
         let unstable = f64::from(u8::from(frame.is_unstable));
         let milliseconds = 1e3 * clock.elapsed().as_secs_f64();
         let settled = f64::from(u8::from(frame.is_settled));
         let (at_bound, steps) = (frame.cells_at_bound as f64, frame.steps as f64);
-        let facts: [f64; FACTS - 3] =
+        let facts: [f64; FACTS - 6] =
             [frame.residual, frame.taken, unstable, milliseconds, gain, settled, at_bound, steps];
-        out.extend(force.iter().chain(&facts).map(|&x| x as f32));
+        out.extend(force.iter().chain(&facts).chain(&second).map(|&x| x as f32));
         let nodes = surface.nodes().iter();
         out.extend(nodes.flat_map(|&n| &u[3 * n as usize..3 * n as usize + 3]).map(|&x| x as f32));
         Ok(())
+    }
+
+    /// Appends the von Mises stress at the nodes of the surface after the last frame.
+    pub fn stress(&self, surface: &Surface, out: &mut Vec<f32>) {
+        let all = von_mises(&self.body, self.stepper.displacement());
+        out.extend(surface.nodes().iter().map(|&node| all[node as usize] as f32));
     }
 }
 

@@ -1,7 +1,7 @@
-//! What one page sees: its specimens, its hand, its gravity.
+//! What one page sees: its specimens, its hands, its gravity.
 
 use crate::case::Case;
-use crate::request::Request;
+use crate::request::{Gesture, Request};
 use crate::specimen::{BUDGET, FACTS, Specimen};
 use serde_json::json;
 use viscera_core::Error;
@@ -17,8 +17,12 @@ pub struct Live {
     case: Case,
     surface: Surface,
     specimens: Vec<Specimen>,
-    displacement: [f64; 3],
+    /// What each hand holds, and how far it has moved.
+    patches: [Option<Patch>; 2],
+    displacements: [[f64; 3]; 2],
     gravity: [f64; 3],
+    /// Whether frames carry the stress.
+    has_stress: bool,
 }
 
 impl Live {
@@ -33,8 +37,10 @@ impl Live {
         Ok(Live {
             surface: Surface::new(body.points(), &body.surface()),
             specimens: vec![first],
-            displacement: [0.0; 3],
+            patches: [None, None],
+            displacements: [[0.0; 3]; 2],
             gravity: case.about.gravity,
+            has_stress: false,
             case,
         })
     }
@@ -77,24 +83,37 @@ impl Live {
 
     /// Follows a request; what it asks for in vain is refused before anything changes.
     fn follow(&mut self, request: Request) -> Result<(), Error> {
-        let patch = request.grab.map(|point| self.patch(point)).transpose()?;
+        let gestures = request.gestures();
+        let mut grabbed = [None, None];
+        for (patch, gesture) in grabbed.iter_mut().zip(&gestures) {
+            *patch = gesture.grab.map(|point| self.patch(point)).transpose()?;
+        }
         if let Some(laws) = &request.laws {
             self.set_up(laws)?;
         }
-        if request.release == Some(true) {
-            self.hold(None)?;
-        }
-        if let Some(patch) = patch {
-            self.displacement = self.specimens[0].mean(&patch);
-            self.hold(Some(&patch))?;
-        }
-        if let Some(displacement) = request.displacement {
-            let size = displacement.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let reach = REACH * self.case.about.diagonal;
-            self.displacement = displacement.map(|x| x * (reach / size).min(1.0));
+        for (hand, (patch, gesture)) in grabbed.into_iter().zip(&gestures).enumerate() {
+            self.act(hand, patch, gesture)?;
         }
         if let Some(gravity) = request.gravity {
             self.gravity = gravity.map(|x| x.clamp(-STRONGEST_GRAVITY, STRONGEST_GRAVITY));
+        }
+        self.has_stress = request.stress.unwrap_or(self.has_stress);
+        Ok(())
+    }
+
+    /// One hand lets go, takes hold, moves.
+    fn act(&mut self, hand: usize, patch: Option<Patch>, gesture: &Gesture) -> Result<(), Error> {
+        if gesture.release == Some(true) {
+            self.hold(hand, None)?;
+        }
+        if let Some(patch) = patch {
+            self.displacements[hand] = self.specimens[0].mean(&patch);
+            self.hold(hand, Some(patch))?;
+        }
+        if let Some(displacement) = gesture.displacement {
+            let size = displacement.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let reach = REACH * self.case.about.diagonal;
+            self.displacements[hand] = displacement.map(|x| x * (reach / size).min(1.0));
         }
         Ok(())
     }
@@ -103,12 +122,17 @@ impl Live {
         let budget = BUDGET / laws.len() as f64;
         let specimens = laws.iter().map(|law| Specimen::new(&self.case, law, budget));
         self.specimens = specimens.collect::<Result<_, _>>()?;
-        self.displacement = [0.0; 3];
+        self.patches = [None, None];
+        self.displacements = [[0.0; 3]; 2];
         Ok(())
     }
 
-    fn hold(&mut self, patch: Option<&Patch>) -> Result<(), Error> {
-        self.specimens.iter_mut().try_for_each(|specimen| specimen.hold(patch.cloned()))
+    fn hold(&mut self, hand: usize, patch: Option<Patch>) -> Result<(), Error> {
+        let mut patches = self.patches.clone();
+        patches[hand] = patch;
+        self.specimens.iter_mut().try_for_each(|specimen| specimen.hold(&patches))?;
+        self.patches = patches;
+        Ok(())
     }
 
     fn patch(&self, point: [f64; 3]) -> Result<Patch, Error> {
@@ -122,11 +146,15 @@ impl Live {
     }
 
     fn frame(&mut self) -> Result<Vec<f32>, Error> {
-        let size = FACTS + 3 * self.surface.nodes().len();
+        let of_node = 3 + usize::from(self.has_stress);
+        let size = FACTS + of_node * self.surface.nodes().len();
         let mut frame = Vec::with_capacity(1 + size * self.specimens.len());
         frame.push(self.specimens.len() as f32);
         for specimen in &mut self.specimens {
-            specimen.step(&self.surface, self.displacement, self.gravity, &mut frame)?;
+            specimen.step(&self.surface, self.displacements, self.gravity, &mut frame)?;
+            if self.has_stress {
+                specimen.stress(&self.surface, &mut frame);
+            }
         }
         Ok(frame)
     }

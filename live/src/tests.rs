@@ -1,6 +1,7 @@
 //! A block in a hand: frames are the equilibrium's, requests that make no sense are sentences and change nothing.
 
 use crate::Live;
+use crate::specimen::FACTS;
 use safetensors::tensor::{Dtype, TensorView, serialize};
 use serde_json::{Value, json};
 use viscera_core::body::Body;
@@ -86,12 +87,12 @@ fn a_hand_finds_the_equilibrium() {
     };
     let exact = Newton::default().solve(&problem, &mut |_| true).unwrap();
     let frame = settle(&mut live(), json!({"grab": TIP, "move": push}));
-    assert_eq!(frame.len(), 1 + 11 + 3 * surface.nodes().len());
+    assert_eq!(frame.len(), 1 + FACTS + 3 * surface.nodes().len());
     let size = exact.displacement.iter().fold(0.0f64, |m, u| m.max(u.abs()));
     for (k, &node) in surface.nodes().iter().enumerate() {
         for i in 0..3 {
             let error =
-                f64::from(frame[12 + 3 * k + i]) - exact.displacement[3 * node as usize + i];
+                f64::from(frame[1 + FACTS + 3 * k + i]) - exact.displacement[3 * node as usize + i];
             assert!(error.abs() < 1e-6 * size, "node {node}");
         }
     }
@@ -104,11 +105,86 @@ fn a_hand_finds_the_equilibrium() {
 }
 
 #[test]
+fn two_hands_find_the_equilibrium_and_let_go_one_by_one() {
+    let (points, cells, fixed) = bar();
+    let places = [[0.2, 0.05, 0.1], [0.4, 0.05, 0.0]];
+    let pushes = [[0.0, 0.0, -0.01], [0.0, 0.01, 0.005]];
+    let material = Material::new("neo_hookean", vec![vec![4e4, 1e5]]).unwrap();
+    let body = Body::new(points, cells, material).unwrap();
+    let surface = Surface::new(body.points(), &body.surface());
+    let load = |hand: usize| {
+        let patch = surface.patch_at_point(places[hand], 0.06, &|node| fixed.contains(&node));
+        PatchLoad { patch: patch.unwrap(), displacement: pushes[hand] }
+    };
+    let solve = |patches: Vec<PatchLoad>| {
+        let problem = Problem {
+            body: &body,
+            prescribed: fixed.iter().flat_map(|n| (0..3).map(move |i| (3 * n + i, 0.0))).collect(),
+            force: vec![0.0; body.n_dofs()],
+            pressure: Pressure::default(),
+            patches,
+            start: None,
+        };
+        Newton::default().solve(&problem, &mut |_| true).unwrap().patch_forces
+    };
+    let check = |frame: &[f32], first: [f64; 3], second: [f64; 3]| {
+        let size = [first, second].into_iter().flatten().fold(0.0f64, |m, f| m.max(f.abs()));
+        for i in 0..3 {
+            assert!((f64::from(frame[1 + i]) - first[i]).abs() < 1e-5 * size);
+            assert!((f64::from(frame[1 + FACTS - 3 + i]) - second[i]).abs() < 1e-5 * size);
+        }
+    };
+    let mut live = live();
+    let second = json!({"grab": places[1], "move": pushes[1]});
+    let frame = settle(&mut live, json!({"grab": places[0], "move": pushes[0], "second": second}));
+    let exact = solve(vec![load(0), load(1)]);
+    check(&frame, exact[0], exact[1]);
+    let frame = settle(&mut live, json!({"release": true}));
+    check(&frame, [0.0; 3], solve(vec![load(1)])[0]);
+    let frame = settle(&mut live, json!({"second": {"release": true}}));
+    assert!(frame[1..4].iter().chain(&frame[1 + FACTS - 3..]).all(|x| x.abs() < 1e-9));
+}
+
+#[test]
+fn two_hands_at_one_place_are_a_sentence_and_the_first_holds_on() {
+    let mut live = live();
+    let held = settle(&mut live, json!({"grab": TIP, "move": [0.0, 0.0, -0.02]}));
+    let second = json!({"second": {"grab": TIP, "move": [0.0, 0.0, -0.01]}}).to_string();
+    assert!(live.answer(&second).unwrap_err().to_string().contains("are the same"));
+    let after = live.answer("{}").unwrap();
+    assert!((after[3] - held[3]).abs() < 1e-6 * held[3].abs());
+}
+
+#[test]
+fn stress_is_asked_for_and_is_that_of_a_bar_under_tension() {
+    let mut live = live();
+    let plain = settle(&mut live, json!({"laws": ["Linear"]}));
+    // The end drawn out: across the middle, on the surface, about the force over the area.
+    let frame = settle(
+        &mut live,
+        json!({"stress": true, "grab": [0.4, 0.05, 0.05], "move": [4e-4, 0.0, 0.0]}),
+    );
+    let n = (plain.len() - 1 - FACTS) / 3;
+    assert_eq!(frame.len(), plain.len() + n);
+    let (points, cells, _) = bar();
+    let nodes = Surface::new(&points, &viscera_core::mesh::surface(&points, &cells));
+    let force = f64::from(frame[1]);
+    let middle = nodes.nodes().iter().zip(&frame[1 + FACTS + 3 * n..]);
+    let middle: Vec<f64> = middle
+        .filter(|(node, _)| (points[**node as usize][0] - 0.2).abs() < 1e-9)
+        .map(|(_, &stress)| f64::from(stress))
+        .collect();
+    let mean = middle.iter().sum::<f64>() / middle.len() as f64;
+    assert!((mean / (force / 0.01) - 1.0).abs() < 0.05);
+    assert_eq!(live.answer(r#"{"stress": false}"#).unwrap().len(), plain.len());
+}
+
+#[test]
 fn letting_go_brings_it_back() {
     let mut live = live();
     settle(&mut live, json!({"grab": TIP, "move": [0.0, 0.0, -0.02]}));
     let frame = settle(&mut live, json!({"release": true}));
-    assert!(frame[1..4].iter().chain(&frame[12..]).all(|x| x.abs() < 1e-9));
+    assert!(frame[1..4].iter().chain(&frame[1 + FACTS..]).all(|x| x.abs() < 1e-9));
 }
 
 #[test]
@@ -138,6 +214,8 @@ fn a_request_that_makes_no_sense_changes_nothing() {
         (r#"{"laws": []}"#, "one or two names"),
         (r#"{"laws": ["Rubber"]}"#, "no law is called \"Rubber\""),
         (r#"{"grab": [100, 0, 0], "laws": ["Linear"]}"#, "no free surface"),
+        (r#"{"second": {"grab": [100, 0, 0]}, "laws": ["Linear"]}"#, "no free surface"),
+        (r#"{"second": {"move": [0, 1e7, 0]}}"#, "move of the second hand"),
     ] {
         let sentence = live.answer(request).unwrap_err().to_string();
         assert!(sentence.contains(words), "{request}: {sentence}");

@@ -26,6 +26,7 @@ fixed = "root"
 material = {law = "NeoHookean", young = 1e5, poisson = 0.4}
 """
 TIP = [0.4, 0.05, 0.1]
+FACTS = 14
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def ask(socket: ClientConnection, **request: Any) -> NDArray[np.float32]:
 def bodies(frame: NDArray[np.float32]) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
     """Facts and surface displacement of each organ of a frame."""
     parts = np.split(frame[1:], int(frame[0]))
-    return [(part[:11], part[11:].reshape(-1, 3)) for part in parts]
+    return [(part[:FACTS], part[FACTS:].reshape(-1, 3)) for part in parts]
 
 
 def test_the_stepper_introduces_itself(server: Server, bar: vs.Mesh) -> None:
@@ -95,6 +96,23 @@ def test_a_hand_finds_the_full_solution(socket: ClientConnection, case: Case) ->
     assert facts[9] == 0.0  # no cell is at a bound
     assert facts[10] >= 1.0  # Newton iterations
     assert facts[7] == pytest.approx(exact.volume_ratio - 1, abs=1e-5)
+
+
+def test_two_hands_and_the_stress_are_those_of_the_full_solution(socket: ClientConnection, case: Case) -> None:
+    organ = case.organ()
+    places, pushes = ([0.2, 0.05, 0.1], TIP), ([0.0, 0.0, -0.01], [0.0, 0.01, 0.005])
+    patches = [organ.patch(place, 0.1 * organ.mesh.diagonal) for place in places]
+    exact = organ.solve(displacement=dict(zip(patches, pushes, strict=True)))
+    second = {"grab": places[1], "move": pushes[1]}
+    ask(socket, grab=places[0], move=pushes[0], second=second, stress=True)
+    for _ in range(10):
+        frame = ask(socket)
+    facts, rest = np.split(frame[1:], [FACTS])
+    nodes = organ.mesh.surface_nodes
+    assert facts[:3] == pytest.approx(exact.reaction(patches[0]), rel=1e-4, abs=1e-4)
+    assert facts[11:] == pytest.approx(exact.reaction(patches[1]), rel=1e-4, abs=1e-4)
+    stress = exact.von_mises("nodes")[nodes]
+    assert rest[3 * len(nodes) :] == pytest.approx(stress, rel=1e-4, abs=1e-4 * stress.max())
 
 
 def test_letting_go_brings_it_back(socket: ClientConnection) -> None:

@@ -58,7 +58,7 @@ def test_the_exported_page_works_from_any_server(
     expected = web.surface_displacement(state["point"], push)
     assert np.allclose(np.reshape(state["field"], (-1, 3)), expected, atol=1e-5 * np.abs(expected).max())
     assert np.allclose(state["force"], touch(TOP, push).force, rtol=1e-5)
-    assert "from the full model" in viewer.page.locator("header p").inner_text()
+    assert "of the full model" in viewer.page.locator("header p").inner_text()
     viewer.shoot("dark")
     assert viewer.complaints == []
     viewer.close()
@@ -78,7 +78,7 @@ def test_the_page_of_a_coarse_shape_trusts_the_force(look_at: Look, server: Serv
         assert state["error_estimate"] == pytest.approx(touch(TOP, push).error_estimate, rel=1e-5)
         assert state["shape_error_estimate"] == pytest.approx(answer.shape_error_estimate, rel=1e-5)
         warning = viewer.page.locator(".warning.is-shown").inner_text()
-        assert warning.startswith("The force is sound, the shape is not to be trusted: its estimated error is ")
+        assert warning.startswith("The force is trusted, the shape is not: its estimated error is ")
         assert viewer.page.locator(".is-doubtful").count() == 0
         viewer.close()
 

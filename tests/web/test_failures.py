@@ -125,7 +125,7 @@ def test_a_lost_context_comes_back(look_at: Look, server: Server) -> None:
 def test_opened_from_a_file_it_is_a_sentence(tab: Any, touch: vs.Touch, tmp_path: Path) -> None:
     export(touch, tmp_path, "Bar")
     tab.goto((tmp_path / "index.html").as_uri())
-    tab.get_by_text("has to come from a web server").wait_for()
+    tab.get_by_text("This page needs a web server").wait_for()
     assert "python -m http.server" in tab.evaluate("() => document.body.innerText")
 
 
@@ -139,7 +139,7 @@ def test_a_model_beyond_the_memory_is_a_sentence(tab: Any, touch: vs.Touch) -> N
     assert len(model) > 3 * 65536
     with Server({**files, "viewer.js": limited.encode(), page.MODEL: model}) as small:
         tab.goto(small.url)
-        tab.get_by_text("more than this browser's memory for a page holds").wait_for()
+        tab.get_by_text("more memory than this browser gives a page").wait_for()
         assert f"{len(model) / 1e6:.1f} MB" in tab.evaluate(IN_SIGHT)
 
 
@@ -154,7 +154,7 @@ def test_a_model_beyond_any_browser_is_not_fetched(tab: Any, server: Server) -> 
         """
     )
     tab.goto(server.url)
-    tab.get_by_text("the model has 5.0 GB").wait_for()
+    tab.get_by_text("the model takes 5.0 GB").wait_for()
 
 
 def test_a_case_beyond_the_memory_is_a_sentence(tab: Any, bar: vs.Mesh, tmp_path: Path) -> None:

@@ -27,7 +27,8 @@ fixed = "root"
 material = {law = "NeoHookean", young = 1e5, poisson = 0.45}
 """
 TIP = (0.35, 0.05, 0.1)
-FACTS = 11
+FACTS = 14
+STEPS = 11
 # Talks to a worker of its own as the page does, one request after the other.
 CONVERSATION = """async (requests) => {
     const worker = new Worker("stepper.js", { type: "module" });
@@ -110,14 +111,14 @@ DRAG = """async ([point, step, moves]) => {
 # Shows a frame whose forces have not settled, and lets no other one come.
 UNSETTLED = """() => {
     const { link, specimens: [{ facts, field }] } = viscera;
-    const numbers = [1, ...facts.force, 0.3, 1, 0, 1, 0, 0, 0, 1, ...field];
+    const numbers = [1, ...facts.force, 0.3, 1, 0, 1, 0, 0, 0, 1, 0, 0, 0, ...field];
     window.sending = link.send;
     link.send = () => {};
-    viscera.receive(new Float32Array(numbers).buffer);
+    viscera.conversation.receive(new Float32Array(numbers).buffer);
 }"""
 GO_ON = """() => {
     viscera.link.send = window.sending;
-    viscera.isWaiting = false;
+    viscera.conversation.isWaiting = false;
 }"""
 
 
@@ -125,9 +126,9 @@ def settle(live: Viewer) -> None:
     """Wait until the organ stands still."""
     live.page.wait_for_function(
         """() => {
-            const { isWaiting, wanted } = viscera;
+            const { isWaiting, hasWishes } = viscera.conversation;
             const { specimens, frames } = viscera.state();
-            const isAnswered = frames > 0 && !isWaiting && Object.keys(wanted).length === 0;
+            const isAnswered = frames > 0 && !isWaiting && !hasWishes;
             return isAnswered && specimens.every(({ residual }) => residual < 1e-8);
         }"""
     )
@@ -227,7 +228,7 @@ def test_frames_in_the_page_are_those_of_python(steps: Viewer, bar: vs.Mesh, org
     held: list[dict[Any, Any]] = [{}, *({hand: push} for push in pushes)]
     for numbers, places in zip(frames, held, strict=True):
         assert numbers[0] == 1
-        for _ in range(int(numbers[FACTS])):
+        for _ in range(int(numbers[STEPS])):
             frame = stepper.frame(places, gravity=gravity)
         shown = np.reshape(numbers[1 + FACTS :], (-1, 3))
         size = np.abs(frame.displacement).max()
@@ -280,7 +281,7 @@ def test_steps_do_not_wait_for_the_drawing(steps: Viewer) -> None:
 def test_what_has_not_settled_is_grey(steps: Viewer) -> None:
     steps.call("touch", TIP, [0.0, 0.0, -0.03])
     settle(steps)
-    arrow = "() => viscera.specimens[0].arrow.material.color.getHex()"
+    arrow = "() => viscera.specimens[0].grips[0].arrow.material.color.getHex()"
     label = steps.page.locator(".force-label:visible")
     label.wait_for()
     settled = steps.page.evaluate(arrow), label.evaluate("(label) => getComputedStyle(label).backgroundColor")

@@ -30,7 +30,7 @@ def test_a_link_carries_the_touch(viewer: Viewer, server: Server, look_at: Calla
     viewer.call("setOrder", 2)
     viewer.call("setColouring", "displacement")
     viewer.page.evaluate("() => viscera.sight.choose('translucent')")
-    viewer.page.get_by_label("take along").click()
+    viewer.page.get_by_label("save or share").click()
     viewer.page.get_by_role("button", name="Link").click()
     viewer.page.wait_for_function("() => location.hash.includes('touch=')")
     other = look_at(viewer.page.url)

@@ -131,6 +131,26 @@ def draw(viewer: Viewer) -> None:
     viewer.page.evaluate("async () => { for (let k = 0; k < 4; k++) await new Promise(requestAnimationFrame) }")
 
 
+# Texts of the readings that leave their panel, or come closer to another one of the same line than four pixels, and two
+# numbers than twelve: with less, "9.2 mm 82.2 N/m" reads as one.
+CROWDED = """(panel) => {
+    const texts = [...panel.querySelectorAll("dt, dd, th, td, .force, .unit")].filter((found) => found.checkVisibility());
+    const boxes = texts.map((found) => {
+        const range = document.createRange();
+        range.selectNodeContents(found);
+        return [found, range.getBoundingClientRect()];
+    });
+    const edge = panel.getBoundingClientRect();
+    const out = boxes.filter(([found, box]) => box.right > edge.right || found.scrollWidth > found.clientWidth + 1);
+    const apart = (one, other) => (one.tagName === "DD" && other.tagName === "DD" ? 12 : 4);
+    const isClose = (a, b, gap) => a.left < b.right + gap && b.left < a.right + gap;
+    const close = boxes.flatMap(([one, a], k) => boxes.slice(k + 1).filter(([other, b]) =>
+        a.top < b.bottom - 1 && b.top < a.bottom - 1 && isClose(a, b, apart(one, other)),
+    ).map(([other]) => `${one.textContent} | ${other.textContent}`));
+    return [...out.map(([found]) => found.textContent), ...close];
+}"""
+
+
 def overlap(a: list[float], b: list[float]) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
@@ -150,6 +170,46 @@ def test_panels_leave_the_organ_free(viewer: Viewer, size: tuple[int, int]) -> N
     assert organ[2] - organ[0] > 0.2 * size[0]  # and it is not made tiny for that
     for control in viewer.page.locator(".tools button").all():
         assert control.evaluate(REACHED)
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (760, 560), (360, 740)], ids=lambda size: f"{size[0]}x{size[1]}")
+def test_readings_keep_their_distance(viewer: Viewer, size: tuple[int, int]) -> None:
+    """Of a soft organ, whose numbers are the longest, with a shape that is known less well than the force."""
+    resize(viewer, size)
+    viewer.page.evaluate(
+        """([order]) => {
+            const stiffness = [82.2, 0, 0, 0, 82.2, 0, 0, 0, 82.2];
+            const answer = { stiffness, error: 0.00042, shapeError: 0.0123, trust: "trusted" };
+            viscera.readings.show(answer, 12.34, 0.0192);
+            const reading = { force: 12.3456, volume: -0.1234, off: 0.1234 };
+            for (let p = 1; p <= order; p++) viscera.readings.showOrder(p, reading);
+        }""",
+        [4],
+    )
+    readings = viewer.page.locator(".readings")
+    words = readings.inner_text()
+    assert all(number in words for number in ("19.2 mm", "82.2 N/m", "0.042 %", "1.2 %"))
+    assert readings.evaluate(CROWDED) == []
+
+
+def test_a_force_does_not_hide_the_scale_bar(viewer: Viewer) -> None:
+    """Seen so that the arrow's end is where the scale bar stands, at the lower left."""
+    for size in ((1280, 800), (360, 740)):
+        resize(viewer, size)
+        viewer.call("reset")
+        viewer.call("touch", TOP, (0.02, 0.0, 0.004))
+        viewer.page.evaluate(
+            """() => {
+                const { arrow, label, gauge } = viscera;
+                arrow.endsInScene = () => [0, 1].map((k) => viscera.stage.camera.position.clone().set(0, 0, 0));
+                const { left, bottom } = gauge.root.getBoundingClientRect();
+                viscera.stage.onCanvas = () => ({ x: left + 30, y: bottom - 10 });
+                viscera.label.follow(1, "sound");
+            }"""
+        )
+        boxes = [viewer.page.locator(name).evaluate(BOX) for name in (".force-label", ".gauge")]
+        viewer.page.evaluate("() => { delete viscera.arrow.endsInScene; delete viscera.stage.onCanvas; }")
+        assert not overlap(*boxes)
 
 
 @pytest.mark.parametrize("size", [(1100, 720), (760, 560), (390, 780)], ids=lambda size: f"{size[0]}x{size[1]}")

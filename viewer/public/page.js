@@ -5,9 +5,9 @@ import("./viewer.js").then(
     sentence.className = "sentence";
     sentence.textContent =
       location.protocol === "file:"
-        ? "This page has to come from a web server; opened as a file, a browser does not let it load its parts. " +
-          "In its folder, run python -m http.server and open http://localhost:8000."
-        : "The page cannot load viewer.js: load the page again, or use a newer browser.";
+        ? "This page needs a web server: a browser does not let a page that is opened from a disk load its parts. " +
+          "Run python -m http.server in its folder, then open http://localhost:8000."
+        : "The page cannot load viewer.js. Reload the page, or use a newer browser.";
     document.body.append(sentence);
   },
 );

@@ -5,9 +5,10 @@ export type ColourMap = readonly Rgb[];
 const table = (hex: string): ColourMap =>
   hex.split(" ").map((code) => [0, 2, 4].map((at) => parseInt(code.slice(at, at + 2), 16) / 255) as Rgb);
 
-/** Perceptually uniform: viridis, inferno without its black end; and a diverging map around zero. */
+/** Perceptually uniform: viridis, plasma, inferno without its black end; and a diverging map around zero. */
 export const VIRIDIS = table("440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6ece58 b5de2b fde725");
 export const INFERNO = table("2a0b52 550f6d 88226a b32a5c d84b40 f0701e fca50a f6d746 fcffa4");
+export const PLASMA = table("0d0887 47039f 7301a8 9c179e bd3786 d8576b ed7953 fa9e3b fdc926 f0f921");
 export const DIVERGING = table("2166ac 4393c3 92c5de d1e5f0 f4f1ee fddbc7 f4a582 d6604d b2182b");
 
 /** The colour at t in [0, 1], sRGB, written to `out`. */

@@ -9,8 +9,8 @@ export class Contrast {
   readonly root: HTMLElement;
 
   constructor() {
-    const facts = [fact("apart", this.apart), fact("shape off", this.shape), fact("force off", this.force)];
-    this.root = element("dl", { class: "contrast", "aria-label": "how the two differ" }, ...facts);
+    const facts = [fact("distance", this.apart), fact("difference in shape", this.shape), fact("difference in force", this.force)];
+    this.root = element("dl", { class: "contrast", "aria-label": "difference between the two" }, ...facts);
   }
 
   /** The largest distance of a node, its share of the largest displacement, and the share of the first one's force. */

@@ -84,7 +84,8 @@ export class CurvePlot {
     const x = (t: number) => left + (t / depth) * (width - left - MARGIN.right);
     const y = (f: number) => height - MARGIN.bottom - (f / top) * (height - MARGIN.top - MARGIN.bottom);
     const plane = { width, height, left, x, y };
-    this.axes(plane, forces, depth, colour);
+    // Without a touch the scale of the force would be a guess.
+    this.axes(plane, curves ? forces : forces.slice(0, 1), depth, colour);
     if (curves) this.lines(plane, curves, order, colour);
     if (now) this.point(x(Math.min(now.depth, depth)), y(Math.min(now.force, top)), colour);
   }

@@ -55,12 +55,24 @@ export function helpDialog(title: string, keys: readonly [string, string][]): HT
   const list = element("dl");
   for (const [key, meaning] of keys) list.append(element("dt", {}, key), element("dd", {}, meaning));
   const dialog = element("dialog", { class: "help", "aria-label": "keys and gestures" });
-  dialog.append(element("h2", {}, title), list, button("Close", "close", () => dialog.close(), "Esc"));
+  // Without it the browser would go to the button at the end, and a long list would open there.
+  const heading = element("h2", { tabindex: "-1", autofocus: "" }, title);
+  dialog.append(heading, list, button("Close", "close", () => dialog.close(), "Esc"));
   dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
   return dialog;
 }
 
-/** A number under its name. */
+/** Writes words where others stand; the browser lays out nothing anew where they are the same. */
+export function write(place: HTMLElement, words: string): void {
+  if (place.textContent !== words) place.textContent = words;
+}
+
+/** Facts in a row, which breaks between them only. */
+export function listed(facts: readonly string[]): string {
+  return facts.map((fact) => fact.replace(/ /g, "\u00a0")).join("\u00a0· ");
+}
+
+/** A number beside its name. */
 export function fact(name: string, value: HTMLElement): HTMLElement {
   return element("div", {}, element("dt", {}, name), element("dd", {}, value));
 }
@@ -98,5 +110,5 @@ export function fixed(value: number, decimals: number): string {
 
 /** A force as it is read at a glance. */
 export function newtons(force: number): string {
-  return `${fixed(force, force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
+  return `${fixed(force, force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
 }

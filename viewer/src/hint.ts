@@ -7,7 +7,7 @@ import type { Stage } from "./stage";
 const KEY = "viscera.touched";
 
 export class Hint {
-  readonly root = element("div", { class: "hint", "aria-hidden": "true" }, "Press here and push");
+  readonly root = element("div", { class: "hint", "aria-hidden": "true" }, "Press here and drag");
 
   private spot: THREE.Vector3 | null = null;
 

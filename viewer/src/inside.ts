@@ -1,6 +1,6 @@
 // What lies within: cell sets, a tumour or vessels, as surfaces that move with the touch, and how far they have moved.
 import * as THREE from "three";
-import { element, fixed } from "./dom";
+import { element, fixed, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Skin } from "./skin";
 
@@ -22,14 +22,19 @@ const COLOURS = [0xf0e442, 0x56b4e9, 0x009e73, 0xcc79a7, 0xe69f00, 0x0072b2] as 
 
 export class Inside {
   readonly group = new THREE.Group();
-  readonly root = element("section", { class: "panel inside", "aria-label": "inside" });
+  readonly root = element("section", { class: "panel inside", "aria-label": "parts within" });
   private readonly pieces: readonly Piece[];
 
   constructor(rest: Float32Array, parts: readonly Part[]) {
     this.pieces = parts.map((part, k) => new Piece(rest, part, COLOURS[k % COLOURS.length]!));
     this.pieces.forEach(({ mesh }) => this.group.add(mesh));
     this.root.append(element("dl", {}, ...this.pieces.map(({ row }) => row)));
-    this.root.hidden = parts.length === 0;
+    this.root.hidden = this.isEmpty;
+  }
+
+  /** Whether there is no part. */
+  get isEmpty(): boolean {
+    return this.pieces.length === 0;
   }
 
   /** Moves the parts by a field (s, 3) [m]; null is the shape at rest. */
@@ -104,7 +109,7 @@ class Piece {
   }
 
   say(shift: Shift | null, isTrusted: boolean): void {
-    this.value.textContent = shift ? shiftInWords(shift) : "–";
+    write(this.value, shift ? shiftInWords(shift) : "–");
     this.value.classList.toggle("is-wrong", shift !== null && !isTrusted);
   }
 

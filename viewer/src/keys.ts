@@ -24,29 +24,30 @@ export interface Keyed {
 export const KEYS: readonly [string, string][] = [
   ["drag on the organ", "push it in (down) or pull it out (up); Shift switches push and drag"],
   ["wheel while holding", "push in or pull out along the normal"],
-  ["drag beside it", "turn the view; two fingers anywhere, or the wheel, zoom"],
+  ["drag beside it", "turn the view; zoom with the wheel or with two fingers"],
   ["Enter", "touch the middle"],
   ["↑ ↓ ← →", "move the contact; Shift for small steps"],
   ["+ −", "push in, pull out"],
   ["Esc", "let go, close this help"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
-  ["I", "solid, translucent, cut open"],
-  ["P  M", "play a load path, show the modes ([ ] to step)"],
-  ["T  R  ?", "light or dark, reset, this help"],
+  ["I", "look: solid, translucent, cut open"],
+  ["P  M", "play a load path, show the modes ([ and ] step through them)"],
+  ["T  R  ?", "light or dark theme, reset, this help"],
 ];
 
 /** The same where a case is stepped. */
 export const LIVE_KEYS: readonly [string, string][] = [
   ["drag on the organ", "take hold and drag in the plane of the screen; Shift switches to push and pull"],
   ["wheel while holding", "push in or pull out along the normal"],
-  ["drag beside it", "turn the view; two fingers anywhere, or the wheel, zoom"],
+  ["two fingers on it", "take hold with two hands"],
+  ["drag beside it", "turn the view; zoom with the wheel or with two fingers"],
   ["Enter", "take hold of the middle"],
   ["↑ ↓ ← →", "move the hand; Shift for small steps"],
   ["+ −", "push in, pull out"],
   ["Esc", "let go, close this help"],
-  ["C  W  I", "colour by displacement, wireframe at rest, translucent or cut open"],
-  ["T  R  ?", "light or dark, reset, this help"],
+  ["C  W  I", "colour, wireframe at rest, look: solid, translucent, cut open"],
+  ["T  R  ?", "light or dark theme, reset, this help"],
 ];
 
 /** Listens wherever in the view the focus is; returns what ends it. */

@@ -1,6 +1,6 @@
 // The force in newtons beside its arrow.
 import type { Arrow, Standing } from "./arrow";
-import { element, newtons } from "./dom";
+import { element, newtons, write } from "./dom";
 import type { Stage } from "./stage";
 
 type Place = { x: number; y: number };
@@ -15,6 +15,8 @@ export class ForceLabel {
   constructor(
     private readonly stage: Stage,
     private readonly arrow: Arrow,
+    /** What it may not hide, at the foot of the clearing. */
+    private readonly gauge: HTMLElement,
   ) {
     this.root.hidden = true;
   }
@@ -29,9 +31,13 @@ export class ForceLabel {
     const size = Math.hypot(dx, dy);
     const [x, y] = size > 1 ? [tail.x + (WIDE * dx) / size, tail.y + (HIGH * dy) / size] : [tail.x, tail.y - HIGH];
     const { offsetLeft, offsetTop, clientWidth, clientHeight } = this.stage.clearing;
-    const [left, top] = [within(x, WIDE, offsetLeft, clientWidth), within(y, HIGH, offsetTop, clientHeight)];
+    write(this.root, newtons(force));
+    const half = Math.max(WIDE, 0.5 * this.root.offsetWidth);
+    const left = within(x, half, offsetLeft, clientWidth);
+    const { gauge } = this;
+    const isOver = left - half < gauge.offsetLeft + gauge.offsetWidth && left + half > gauge.offsetLeft;
+    const top = within(y, HIGH, offsetTop, clientHeight - (isOver ? gauge.offsetHeight : 0));
     this.root.style.transform = `translate(${left}px, ${top}px) translate(-50%, -50%)`;
-    this.root.textContent = newtons(force);
     for (const name of ["doubtful", "unsettled"]) this.root.classList.toggle(`is-${name}`, standing === name);
   }
 }

@@ -1,7 +1,17 @@
 // What the colours mean: a gradient with round ticks, and a mark where what is shown goes beyond it.
 import { gradient, type ColourMap } from "./colour";
-import { digits, element } from "./dom";
+import { digits, element, write } from "./dom";
 import { scale } from "./scale";
+
+/** What a scale's numbers are written in: its sign, and how many of it are one in SI units. */
+export interface Unit {
+  sign: string;
+  each: number;
+}
+
+export const MILLIMETRES: Unit = { sign: "mm", each: 1e3 };
+export const PERCENT: Unit = { sign: "%", each: 100 };
+export const KILOPASCALS: Unit = { sign: "kPa", each: 1e-3 };
 
 /** At most so many steps between ticks on either side of zero. */
 const STEPS = 7;
@@ -22,18 +32,18 @@ export class Legend {
   }
 
   /**
-   * Shows a scale from 0, or from as much below it, to a round number at or above a length [m], and returns that [m].
-   * The field that it is for reaches to a largest length [m]; where that is beyond the scale, the scale's end says so.
+   * Shows a scale from 0, or from as much below it, to a round number at or above a value, and returns that number. The
+   * field that it is for reaches to a largest value; where that is beyond the scale, the scale's end says so.
    */
-  show(name: string, map: ColourMap, length: number, largest: number, isSigned = false): number {
-    const up = scale(1000 * length, isSigned ? SIGNED_STEPS : STEPS);
-    const high = up.at(-1)!.value / 1000;
+  show(name: string, map: ColourMap, { sign, each }: Unit, value: number, largest: number, isSigned = false): number {
+    const up = scale(each * value, isSigned ? SIGNED_STEPS : STEPS);
+    const high = up.at(-1)!.value / each;
     // What a field in single precision gains by rounding is not beyond.
     const isBeyond = largest > high * (1 + 1e-5);
     this.root.hidden = false;
-    this.name.textContent = `${name} [mm]`;
+    write(this.name, `${name} [${sign}]`);
     this.root.classList.toggle("is-beyond", isBeyond);
-    this.beyond.textContent = isBeyond ? `up to ${digits(1000 * largest, 3)}` : "";
+    write(this.beyond, isBeyond ? `up to ${digits(each * largest, 3)}` : "");
     this.draw(map, isSigned ? [...up.slice(1).reverse().map(negative), ...up] : up);
     return high;
   }

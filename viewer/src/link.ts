@@ -27,7 +27,7 @@ export class SocketLink implements Link {
     this.socket = new WebSocket(address);
     this.socket.binaryType = "arraybuffer";
     this.socket.addEventListener("message", (event) => this.onMessage(event.data as string | ArrayBuffer));
-    this.socket.addEventListener("close", () => this.onClose("The stepper has stopped: start viscera view again."));
+    this.socket.addEventListener("close", () => this.onClose("The connection to the stepper is lost. Start viscera view again."));
   }
 
   get isOpen(): boolean {
@@ -60,7 +60,7 @@ export class WorkerLink implements Link {
     this.worker.addEventListener("error", (event) => {
       event.preventDefault();
       this.isOpen = false;
-      this.onClose(`The stepper has stopped (${event.message}): load this page again.`);
+      this.onClose(`The stepper has stopped (${event.message}). Reload this page.`);
     });
     this.worker.postMessage([bytes, embedded("stepper.wasm")?.buffer ?? null]);
   }

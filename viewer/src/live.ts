@@ -1,23 +1,27 @@
 // A case in real time: every frame is asked for, from this machine or a worker; one organ, or two laws side by side.
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
-import { VIRIDIS } from "./colour";
 import { Contrast } from "./contrast";
-import { button, choice, element, followTheme, helpDialog, newtons, Segments, toggleTheme } from "./dom";
+import { Conversation } from "./conversation";
+import { button, element, followTheme, newtons, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Gauge } from "./gauge";
 import { Hint } from "./hint";
-import { LIVE_KEYS, listen, type Keyed } from "./keys";
+import { listen, type Keyed } from "./keys";
+import { lawName } from "./lawname";
 import { Legend } from "./legend";
 import type { Link } from "./link";
+import { LivePainter, type LiveColouring } from "./livecolouring";
+import { LiveTools } from "./livetools";
 import { Mean, paceInWords } from "./pace";
+import { Plan } from "./plan";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
-import { FACTS, Specimen, type Hand } from "./specimen";
+import { Row } from "./row";
+import type { Hand, Specimen } from "./specimen";
 import { Share, type Shared } from "./share";
 import { Sight } from "./sight";
-import { CONTEXT_LOST, Stage } from "./stage";
-import style from "./style.css?inline";
-import { Summary } from "./summary";
+import { Speech } from "./speech";
+import { Stage } from "./stage";
 import { headsetButton } from "./xr";
 
 /** What the stepper says first (live/src/stage.rs). */
@@ -32,65 +36,49 @@ interface Hello {
   triangles: number[];
 }
 
-type Request = { laws?: string[]; grab?: Vec3; move?: Vec3; release?: true; gravity?: Vec3 };
-
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
-const GRAVITIES: readonly [string, string][] = [
-  ["0,0,0", "no gravity"],
-  ["0,0,-9.81", "gravity −z"],
-  ["0,0,9.81", "gravity +z"],
-  ["0,-9.81,0", "gravity −y"],
-  ["0,9.81,0", "gravity +y"],
-  ["-9.81,0,0", "gravity −x"],
-  ["9.81,0,0", "gravity +x"],
-];
-
 export class LiveView implements Touched, Keyed, Shared {
+  readonly hands = 2;
   tool: Tool = "drag";
   readonly depth: number;
   readonly title: string;
   /** Frames received, for programs. */
   frames = 0;
-  private wanted: Request = {};
-  private isWaiting = false;
   /** Whether a frame has come that has not been drawn. */
   private isFresh = false;
-  private held: Hand | null = null;
-  /** The largest force since the hand took hold [N]: the longest arrow. */
+  private readonly holding: [Hand | null, Hand | null] = [null, null];
+  /** The largest force since a hand took hold [N]: the longest arrow. */
   private peak = 0;
-  private isColoured = false;
-  /** Whether the graphics processor was taken away. */
-  private isBlind = false;
   /** What the stepper refused, or why it has gone; it stands until a frame comes. */
   private complaint = "";
   private laws: string[];
-  private specimens: Specimen[] = [];
+  private readonly row: Row;
+  private readonly conversation: Conversation;
   private readonly surface: Surface;
   private readonly stage: Stage;
-  private readonly sight: Sight;
-  private readonly share: Share;
+  readonly sight: Sight;
+  readonly share: Share;
   private readonly gauge: Gauge;
   private readonly hint: Hint;
   private readonly pointer: Pointer;
+  private readonly deaf: (() => void)[];
   private readonly step = new Mean();
-  private readonly root: HTMLElement;
+  private readonly plan: Plan;
+  private readonly tools: LiveTools;
   private readonly readings = element("section", { class: "panel readings live", "aria-label": "readings" });
   private readonly contrast = new Contrast();
   private readonly labels = element("div");
-  private readonly warning = element("div", { class: "warning" });
-  private readonly summary = new Summary();
+  private readonly speech: Speech;
   private readonly clock = element("div", { class: "clock" });
   private readonly legend = new Legend();
-  readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
-  private readonly colouring = button("Displacement", "colour by displacement", () => this.nextColouring(), "C");
-  private readonly outline = button("Wireframe", "the shape at rest as a wireframe", () => this.toggleOutline(), "W");
+  private readonly painter: LivePainter;
 
   constructor(
     place: HTMLElement,
     private readonly link: Link,
     private readonly hello: Hello,
-    private readonly isEmbedded: boolean,
+    isEmbedded: boolean,
   ) {
     this.surface = {
       rest: Float32Array.from(hello.rest),
@@ -99,73 +87,73 @@ export class LiveView implements Touched, Keyed, Shared {
       diagonal: hello.diagonal,
     };
     this.depth = 0.1 * hello.diagonal;
+    this.painter = new LivePainter(this.legend, this.depth);
     this.laws = [hello.law];
     this.title = hello.name;
-    const canvas = element("canvas", { class: "stage", tabindex: "0", role: "application" });
-    canvas.setAttribute("aria-label", `${hello.name}: press on it to take hold of it; ? lists the keys`);
-    this.stage = new Stage(canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
-    this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, canvas);
-    const host = element("div", { style: "position:absolute;inset:0" });
-    host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
-    this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
-    this.share = new Share(this.stage, this, this.root);
+    this.plan = new Plan(hello.name, "Press on the organ to take hold of it.", isEmbedded);
+    const { root } = this.plan;
+    this.stage = new Stage(this.plan.canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
+    this.speech = new Speech(this.stage);
     this.gauge = new Gauge(this.stage);
+    this.row = new Row(this.stage, this.surface, hello.radius, hello.laws, this.labels, this.gauge.root);
+    this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
+    this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const body = { hit: (ray: THREE.Raycaster) => this.hit(ray) };
-    this.root.append(
-      this.labels,
-      this.hint.root,
-      element(
-        "div",
-        { class: "plan" },
-        this.stage.clearing,
-        this.header(headsetButton(this.stage, body, this)),
-        this.warning,
-        this.gauge.root,
-        this.legend.root,
-        element("div", { class: "side" }, this.readings, this.clock),
-        this.tools(),
-      ),
-      this.help,
-      this.summary.root,
+    const facts = [`${hello.rest.length / 3} surface nodes`, `stepped ${link.place}`];
+    this.tools = new LiveTools(this, facts, hello.gravity, headsetButton(this.stage, this.row, this));
+    const side = element("div", { class: "side" }, this.readings, this.clock);
+    this.plan.fill(
+      place,
+      [this.labels, this.hint.root],
+      [this.stage.clearing, this.tools.header, this.speech.warning, this.gauge.root, this.legend.root, side, this.tools.root],
+      [this.help, this.speech.summary.root],
     );
-    place.append(host);
     this.arrange();
-    this.pointer = new Pointer(this.stage, body, this);
-    listen(this.root, this);
-    followTheme(this.root, () => {});
+    this.pointer = new Pointer(this.stage, this.row, this);
+    this.deaf = [listen(root, this), followTheme(root, () => {})];
     this.stage.onFrame = () => this.frame();
-    this.stage.onContext = (isLost) => {
-      this.isBlind = isLost;
-      this.warn();
-    };
-    link.onMessage = (data) => this.receive(data);
-    link.onClose = (sentence) => this.complain(sentence);
+    this.conversation = new Conversation(link);
+    this.conversation.onFrame = (numbers) => this.take(numbers);
+    this.conversation.onComplaint = (sentence) => this.complain(sentence);
+  }
+
+  private get specimens(): Specimen[] {
+    return this.row.specimens;
+  }
+
+  /** The first hand that holds the organ. */
+  get held(): Hand | null {
+    return this.holding[0] ?? this.holding[1];
+  }
+
+  get help(): HTMLDialogElement {
+    return this.tools.help;
   }
 
   // What a hand does.
 
-  grab(hit: Hit): void {
+  grab(hit: Hit, hand = 0): void {
     this.hint.end();
     const first = this.specimens[0]!;
     const displacement = first.displacementAt(hit.rest);
-    this.held = { point: hit.rest, normal: first.body.normalAt(hit.rest, this.hello.radius), displacement };
-    this.peak = 0;
-    this.wanted = { ...this.wanted, grab: hit.rest, move: displacement, release: undefined };
+    if (!this.held) this.begin();
+    this.holding[hand] = { point: hit.rest, normal: first.body.normalAt(hit.rest, this.hello.radius), displacement };
+    this.conversation.gesture(hand, { grab: hit.rest, move: displacement });
   }
 
-  move(displacement: Vec3): void {
-    if (!this.held) return;
-    this.held.displacement = displacement;
-    this.wanted.move = displacement;
+  move(displacement: Vec3, hand = 0): void {
+    const held = this.holding[hand];
+    if (!held) return;
+    held.displacement = displacement;
+    this.conversation.gesture(hand, { move: displacement });
     this.ask();
   }
 
-  release(): void {
-    if (!this.held) return;
-    this.held = null;
-    this.specimens.forEach(({ arrow }) => arrow.hide());
-    this.wanted = { ...this.wanted, grab: undefined, move: undefined, release: true };
+  release(hand = 0): void {
+    if (!this.holding[hand]) return;
+    this.holding[hand] = null;
+    this.specimens.forEach((specimen) => specimen.letGo(hand));
+    this.conversation.gesture(hand, { release: true });
   }
 
   hover(hit: Hit | null): void {
@@ -173,51 +161,52 @@ export class LiveView implements Touched, Keyed, Shared {
     const normal = hit && this.specimens[0]!.body.normalAt(hit.rest, this.hello.radius);
     for (const specimen of this.specimens) {
       if (hit) specimen.hover(hit.rest, normal!);
-      else specimen.arrow.hide();
+      else specimen.letGo(0);
     }
     this.stage.invalidate();
   }
 
-  contact(): Hand | null {
-    return this.held;
+  contact(hand = 0): Hand | null {
+    return this.holding[hand] ?? null;
   }
 
   // What tools, keys and programs do.
 
-  /** One law, or two side by side; what the hand holds it goes on holding. */
+  /** One law, or two side by side; what a hand holds it goes on holding. */
   setLaws(laws: string[]): void {
     this.laws = laws;
-    this.wanted.laws = laws;
-    if (this.held) this.wanted = { ...this.wanted, grab: this.held.point, move: this.held.displacement };
-    this.peak = 0;
+    this.conversation.want({ laws });
+    this.holding.forEach((hand, k) => hand && this.conversation.gesture(k, { grab: hand.point, move: hand.displacement }));
+    this.begin();
     this.arrange();
   }
 
   /** Begins anew, from rest and with nobody touching. */
   reset(): void {
-    this.held = null;
-    this.wanted = {};
+    this.holding.fill(null);
+    this.conversation.forget();
+    if (this.painter.colouring === "stress") this.conversation.want({ stress: true });
     this.setLaws(this.laws);
     this.stage.goHome();
   }
 
   setGravity(gravity: Vec3): void {
-    this.wanted.gravity = gravity;
+    this.conversation.want({ gravity });
   }
 
   setTool(tool: Tool): void {
-    this.tool = tool;
+    this.tool = this.tools.tool.value = tool;
   }
 
   /** Whether the wheel is meant for the view. */
   get isInUse(): boolean {
-    return !this.isEmbedded || (document.hasFocus() && this.root.matches(":focus-within"));
+    return this.plan.isInUse;
   }
 
-  /** Takes hold of the surface near a point and displaces it [m]. */
-  touch(point: Vec3, displacement: Vec3): void {
-    this.grab({ rest: point, moved: new THREE.Vector3(...point) });
-    this.move(displacement);
+  /** A hand takes hold of the surface near a point and displaces it [m]. */
+  touch(point: Vec3, displacement: Vec3, hand = 0): void {
+    this.grab({ rest: point, moved: new THREE.Vector3(...point) }, hand);
+    this.move(displacement, hand);
   }
 
   touchMiddle(): void {
@@ -228,23 +217,25 @@ export class LiveView implements Touched, Keyed, Shared {
   }
 
   nudge(right: number, up: number, inward: number): void {
-    if (!this.held) return this.touchMiddle();
+    const hand = this.holding.findIndex((found) => found !== null);
+    if (hand < 0) return this.touchMiddle();
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
-    this.move(nudged(this.stage, this.held, by));
+    this.move(nudged(this.stage, this.holding[hand]!, by), hand);
   }
 
   rest(): void {
-    this.release();
+    this.holding.forEach((_, hand) => this.release(hand));
+  }
+
+  setColouring(colouring: LiveColouring): void {
+    const [was, is] = [this.painter.colouring === "stress", colouring === "stress"];
+    this.painter.colouring = this.tools.colouring.value = colouring;
+    if (was !== is) this.conversation.want({ stress: is });
+    this.stage.shape(() => this.show());
   }
 
   nextColouring(): void {
-    this.isColoured = !this.isColoured;
-    this.colouring.setAttribute("aria-pressed", String(this.isColoured));
-    if (!this.isColoured) {
-      this.legend.hide();
-      this.specimens.forEach(({ body }) => body.paintTissue());
-    }
-    this.stage.shape(() => this.show());
+    this.setColouring(this.painter.next);
   }
 
   nextLook(): void {
@@ -252,23 +243,22 @@ export class LiveView implements Touched, Keyed, Shared {
   }
 
   toggleOutline(): void {
-    const isOn = this.outline.getAttribute("aria-pressed") !== "true";
-    this.outline.setAttribute("aria-pressed", String(isOn));
-    this.specimens.forEach(({ body }) => (body.outline.visible = isOn));
+    this.tools.hasOutline = !this.tools.hasOutline;
+    this.specimens.forEach(({ body }) => (body.outline.visible = this.tools.hasOutline));
     this.stage.invalidate();
   }
 
   toggleTheme(): void {
-    toggleTheme(this.root);
+    toggleTheme(this.plan.root);
   }
 
   /** Makes the keys work. */
   focus(): void {
-    this.stage.canvas.focus({ preventScroll: true });
+    this.plan.focus();
   }
 
   announce(sentence: string): void {
-    this.summary.say(sentence);
+    this.speech.summary.say(sentence);
   }
 
   /** The sentence below a picture of the hand's forces. */
@@ -283,8 +273,10 @@ export class LiveView implements Touched, Keyed, Shared {
       place: this.link.place,
       laws: this.laws,
       held: this.held,
+      hands: this.holding,
+      colouring: this.painter.colouring,
       frame: { rate: this.stage.pace.rate, step: this.step.value, drawing: this.stage.drawing.value },
-      specimens: this.specimens.map(({ facts, field }) => ({ ...facts, field: Array.from(field) })),
+      specimens: this.specimens.map(({ facts, field, stress }) => ({ ...facts, field: Array.from(field), stress: Array.from(stress) })),
     };
   }
 
@@ -307,7 +299,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.hint.follow(this.held === null);
     this.ask();
     if (this.isFresh) this.stage.shape(() => this.show());
-    this.specimens.forEach((specimen) => specimen.label.follow(specimen.size, specimen.standing));
+    this.specimens.forEach((specimen) => specimen.follow());
     const { pace, drawing } = this.stage;
     this.clock.textContent = paceInWords(pace.rate, [
       ["step", this.step.value],
@@ -315,23 +307,21 @@ export class LiveView implements Touched, Keyed, Shared {
     ]);
   }
 
-  /** Asks for a frame where something is wanted or moves; one at a time. */
-  private ask(): void {
-    const isMoving = this.specimens.some(({ facts }) => facts.residual > AT_REST || facts.taken < 1 || !facts.isSettled);
-    if (this.isWaiting || !this.link.isOpen) return;
-    if (!isMoving && Object.keys(this.wanted).length === 0) return;
-    this.link.send(JSON.stringify(this.wanted));
-    this.wanted = {};
-    this.isWaiting = true;
+  /** Scales are those of what a hand does from now on. */
+  private begin(): void {
+    this.peak = 0;
+    this.painter.begin();
   }
 
-  private receive(data: string | ArrayBuffer): void {
-    this.isWaiting = false;
-    if (typeof data === "string") return this.complain((JSON.parse(data) as { error: string }).error);
-    const numbers = new Float32Array(data);
-    const size = FACTS + this.surface.rest.length;
+  /** Asks for a frame where something is wanted or moves. */
+  private ask(): void {
+    this.conversation.ask(this.specimens.some(({ facts }) => facts.residual > AT_REST || facts.taken < 1 || !facts.isSettled));
+  }
+
+  private take(numbers: Float32Array): void {
     // A frame that was under way when the laws changed is of another number of organs.
     if (numbers[0] !== this.specimens.length) return;
+    const size = (numbers.length - 1) / this.specimens.length;
     this.frames += 1;
     this.specimens.forEach((specimen, k) => specimen.take(numbers.subarray(1 + k * size, 1 + (k + 1) * size)));
     this.step.add(this.specimens.reduce((sum, { facts }) => sum + facts.milliseconds, 0));
@@ -339,94 +329,62 @@ export class LiveView implements Touched, Keyed, Shared {
     this.isFresh = true;
     this.stage.invalidate();
     // An organ on its way, or a hand that has moved, does not wait for the drawing.
-    if (this.specimens.some(({ facts }) => !facts.isSettled) || Object.keys(this.wanted).length > 0) this.ask();
+    if (this.specimens.some(({ facts }) => !facts.isSettled) || this.conversation.hasWishes) this.ask();
   }
 
   private show(): void {
     this.isFresh = false;
-    const { held, specimens } = this;
+    const { specimens } = this;
     specimens.forEach((specimen) => specimen.present());
-    if (held) {
+    if (this.held) {
       // A force on its way may be of any size: it does not set the scale.
       const settled = specimens.filter(({ facts }) => facts.isSettled);
-      this.peak = Math.max(this.peak, ...settled.map(({ size }) => size));
-      const reference = this.peak || Math.max(...specimens.map(({ size }) => size));
-      specimens.forEach((specimen) => specimen.hold(held, reference));
+      this.peak = Math.max(this.peak, ...settled.flatMap(({ sizes }) => sizes));
+      const reference = this.peak || Math.max(...specimens.flatMap(({ sizes }) => sizes));
+      specimens.forEach((specimen) => specimen.hold(this.holding, reference));
     }
-    if (this.isColoured) {
-      const largest = Math.max(...specimens.map(({ reach }) => reach));
-      const high = this.legend.show("displacement", VIRIDIS, this.depth, largest);
-      specimens.forEach((specimen) => specimen.colour(high));
-    }
+    this.painter.show(specimens);
     const [one, other] = specimens;
     if (one && other) this.contrast.show(one, other);
-    this.warn();
+    this.speech.say(this.caption(), this.complaint || this.trouble());
   }
 
-  private warn(): void {
-    const sentence = this.isBlind ? CONTEXT_LOST : this.complaint || this.trouble();
-    this.warning.classList.toggle("is-shown", sentence !== "");
-    if (sentence) this.warning.textContent = sentence;
-    this.summary.say([this.caption(), sentence].filter(Boolean).join(" "));
-  }
-
-  /** What each organ's force is, in words. */
+  /** What each organ's forces are, in words. */
   private forces(): string[] {
-    return this.specimens.map(
-      ({ law, size, standing }) => `${spaced(law)}: ${newtons(size)}${standing === "unsettled" ? ", not settled" : ""}.`,
-    );
+    return this.specimens.map(({ law, sizes, standing }) => {
+      const said = sizes.filter((_, hand) => this.holding[hand]).map(newtons);
+      return `${lawName(law)}: ${said.join(" and ")}${standing === "unsettled" ? ", not settled" : ""}.`;
+    });
   }
 
   /** What is the matter with the last frame, in words; empty where nothing is. */
   private trouble(): string {
-    const named = ({ law }: Specimen) => (this.specimens.length > 1 ? ` (${spaced(law)})` : "");
+    const named = ({ law }: Specimen) => (this.specimens.length > 1 ? ` (${lawName(law)})` : "");
     const cut = this.specimens.find(({ facts }) => facts.taken < 1);
-    if (cut) return `The hand is faster than the organ${named(cut)}: a cell would turn inside out, the step is cut.`;
+    if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell turns inside out.`;
     const flat = this.specimens.find(({ facts }) => facts.cellsAtBound > 0);
-    if (flat) return `A cell is squeezed or stretched as far as a cell may be${named(flat)}.`;
+    if (flat) return `A cell has reached the limit of its deformation${named(flat)}.`;
     const unstable = this.specimens.find(({ facts }) => facts.isUnstable);
     return unstable ? `The organ is about to buckle here${named(unstable)}.` : "";
   }
 
   private complain(sentence: string): void {
     this.complaint = sentence;
-    this.warn();
+    this.speech.say(this.caption(), this.complaint || this.trouble());
   }
 
   /** Makes the organs anew, one for each law, side by side. */
   private arrange(): void {
-    const isOther = this.laws.length !== this.specimens.length;
-    for (const specimen of this.specimens) {
-      this.stage.world.remove(specimen.place);
-      specimen.dispose();
-    }
-    const names = this.hello.laws.map((law) => [law, spaced(law)] as [string, string]);
-    const right = this.stage.right;
-    const along = Array.from({ length: this.surface.rest.length / 3 }, (_, n) =>
-      right.reduce((sum, r, i) => sum + r * this.surface.rest[3 * n + i]!, 0),
-    );
-    const extent = Math.max(...along) - Math.min(...along);
-    const width = 1.15 * extent;
-    const places = this.laws.map((_, k) => right.map((r) => r * (k - 0.5 * (this.laws.length - 1)) * width) as Vec3);
-    this.specimens = this.laws.map((law, k) => {
-      const choose = (chosen: string) => this.setLaws(this.laws.map((old, j) => (j === k ? chosen : old)));
-      const side = this.laws.length > 1 ? (["left", "right"][k] ?? "") : "";
-      const specimen = new Specimen(this.surface, this.hello.radius, this.stage, names, law, side, choose);
-      specimen.place.position.set(...places[k]!);
-      specimen.body.outline.visible = this.outline.getAttribute("aria-pressed") === "true";
-      this.stage.world.add(specimen.place);
-      this.labels.append(specimen.label.root);
-      return specimen;
-    });
+    const choose = (index: number, law: string) => this.setLaws(this.laws.map((old, k) => (k === index ? law : old)));
+    this.row.arrange(this.laws, this.tools.hasOutline, choose);
     this.sight.renew();
     const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
-    const focused = this.controls().indexOf((this.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
+    const focused = this.controls().indexOf((this.plan.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
     const isLast = focused === this.controls().length - 1;
     this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, this.pairing());
     // Whoever has chosen a law, or a second one, by key goes on from there.
     if (focused >= 0) this.controls().at(isLast ? -1 : focused)!.focus({ preventScroll: true });
     this.readings.classList.toggle("is-pair", this.laws.length > 1);
-    if (isOther) this.stage.enclose(places.map((at) => ({ rest: this.surface.rest, at })));
     this.stage.invalidate();
   }
 
@@ -440,43 +398,20 @@ export class LiveView implements Touched, Keyed, Shared {
     const [first] = this.laws as [string];
     const isPair = this.laws.length > 1;
     const other = first === "Linear" ? (this.hello.laws.find((law) => law !== first) ?? first) : "Linear";
-    return button(isPair ? "One organ" : "Compare two laws", "one organ, or two laws in the same hand", () =>
+    return button(isPair ? "One organ" : "Compare two laws", "show one organ, or compare two laws in the same hand", () =>
       this.setLaws(isPair ? [first] : [first, other]),
     );
   }
 
-  /** What a ray meets of the organs, the nearest first. */
-  private hit(ray: THREE.Raycaster): Hit | null {
-    const hits = this.specimens.flatMap(({ body, place }) => {
-      const hit = body.hit(ray);
-      return hit ? [{ rest: hit.rest, moved: hit.moved.add(place.position) }] : [];
-    });
-    const from = this.stage.world.worldToLocal(ray.ray.origin.clone());
-    return hits.sort((a, b) => a.moved.distanceToSquared(from) - b.moved.distanceToSquared(from))[0] ?? null;
-  }
-
-  private header(headset: HTMLButtonElement): HTMLElement {
-    const facts = `${this.hello.rest.length / 3} surface nodes · stepped ${this.link.place}`;
-    const theme = button("◐", "light or dark", () => this.toggleTheme(), "T");
-    const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
-    const corner = element("div", { class: "corner" }, headset, this.share.root, theme, help);
-    return element("header", {}, element("h1", {}, this.hello.name), element("p", {}, facts), corner);
-  }
-
-  private tools(): HTMLElement {
-    const tool = new Segments<Tool>(
-      "tool",
-      [
-        ["push", "Push", "press on the organ, move down to push in and up to pull out"],
-        ["drag", "Drag", "press on the organ and drag it in the plane of the screen"],
-      ],
-      (chosen) => this.setTool((tool.value = chosen)),
-    );
-    tool.value = this.tool;
-    const gravity = choice("gravity", GRAVITIES, (value) => this.setGravity(value.split(",").map(Number) as Vec3));
-    gravity.value = GRAVITIES.find(([value]) => value === this.hello.gravity.map(String).join())?.[0] ?? "0,0,0";
-    const reset = button("Reset", "begin anew", () => this.reset(), "R");
-    return element("nav", { class: "panel tools", "aria-label": "tools" }, tool.root, gravity, this.colouring, this.outline, this.sight.choice.root, this.sight.slider, reset);
+  dispose(): void {
+    this.deaf.forEach((end) => end());
+    this.link.close();
+    this.speech.dispose();
+    this.share.dispose();
+    this.pointer.dispose();
+    this.specimens.forEach((specimen) => specimen.dispose());
+    this.stage.dispose();
+    this.plan.remove();
   }
 }
 
@@ -490,15 +425,4 @@ export function connect(place: HTMLElement, link: Link, isEmbedded: boolean): Pr
       else resolve(new LiveView(place, link, hello, isEmbedded));
     };
   });
-}
-
-/** "SaintVenantKirchhoff" as it is written. */
-function spaced(law: string): string {
-  const names: Record<string, string> = {
-    HolzapfelGasserOgden: "Holzapfel-Gasser-Ogden",
-    MooneyRivlin: "Mooney-Rivlin",
-    NeoHookean: "neo-Hookean",
-    SaintVenantKirchhoff: "Saint Venant-Kirchhoff",
-  };
-  return names[law] ?? law;
 }

@@ -21,6 +21,6 @@ export function withinMemory<T>(bytes: number, read: () => T): T {
 function tooLarge(bytes: number): Error {
   const size = bytes >= 1e9 ? `${(bytes / 1e9).toFixed(1)} GB` : `${(bytes / 1e6).toFixed(1)} MB`;
   return new Error(
-    `the model has ${size}, more than this browser's memory for a page holds; viscera view --export writes a version below 25 MB.`,
+    `the model takes ${size}, more memory than this browser gives a page; viscera view --export writes a version below 25 MB.`,
   );
 }

@@ -3,12 +3,12 @@ import type { Body } from "./body";
 import { DIVERGING } from "./colour";
 import { button, choice, element } from "./dom";
 import type { Evaluator, Vec3 } from "./evaluator";
-import { Legend } from "./legend";
+import { Legend, MILLIMETRES } from "./legend";
 
 /** Largest displacement of a mode on the stage, as a part of the organ's diagonal. */
 const SIZE = 0.07;
 
-const CAPTION = "The movement is the mode F; the colour is its weight G over the positions of this region.";
+const CAPTION = "The movement shows the mode F. The colour shows its weight G at the load positions of this region.";
 
 export class Modes {
   readonly root: HTMLElement;
@@ -48,7 +48,7 @@ export class Modes {
         this.slider,
         button("›", "next mode", () => this.step(1)),
       ),
-      element("label", { class: "row" }, "G in the term ", choice("", terms, (t) => this.selectTerm(Number(t)))),
+      element("label", { class: "row" }, "G in the term", choice("", terms, (t) => this.selectTerm(Number(t)))),
       this.caption,
       this.legend.root,
     );
@@ -106,7 +106,7 @@ export class Modes {
       values[row] = amplitude[p]!;
       largest = Math.max(largest, Math.abs(amplitude[p]!));
     });
-    const high = this.legend.show("G at full depth", DIVERGING, largest, largest, true);
+    const high = this.legend.show("G at full depth", DIVERGING, MILLIMETRES, largest, largest, true);
     this.body.paint(values, -high, high, DIVERGING);
     this.repaint();
   }

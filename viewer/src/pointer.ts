@@ -7,24 +7,36 @@ import type { Stage } from "./stage";
 /** How moving displaces: along the surface's normal, or in the plane of the screen. */
 export type Tool = "push" | "drag";
 
-/** Whoever is touched: the displacement is from where the hand took hold [m]. */
+/** Whoever is touched, by one hand or more, counted from 0: the displacement is from where a hand took hold [m]. */
 export interface Touched {
-  grab(hit: Hit): void;
-  move(displacement: Vec3): void;
-  release(): void;
+  grab(hit: Hit, hand: number): void;
+  move(displacement: Vec3, hand: number): void;
+  release(hand: number): void;
   hover(hit: Hit | null): void;
   /** Outward normal at the contact, and the displacement it already has. */
-  contact(): { normal: Vec3; displacement: Vec3 } | null;
+  contact(hand: number): { normal: Vec3; displacement: Vec3 } | null;
+  /** How many hands may touch at once. */
+  readonly hands: number;
   readonly tool: Tool;
   readonly depth: number;
   /** Whether the wheel is meant for the view, not for what it is embedded in. */
   readonly isInUse: boolean;
 }
 
+/** A mouse or a finger that holds on: where it took hold [m], what was displaced before, and where it is now. */
+interface Held {
+  hand: number;
+  start: THREE.Vector3;
+  base: Vec3;
+  wheel: number;
+  last: PointerEvent;
+}
+
 export class Pointer {
   private readonly ray = new THREE.Raycaster();
-  private held: { id: number; start: THREE.Vector3; base: Vec3; wheel: number; last: PointerEvent } | null = null;
-  /** Fingers on the canvas, with where they came down; two are the camera's. */
+  /** By the browser's number of the pointer. */
+  private readonly holding = new Map<number, Held>();
+  /** Fingers on the canvas, with where they came down; two are the camera's, unless each holds on. */
   private readonly fingers = new Map<number, PointerEvent>();
   private readonly abort = new AbortController();
 
@@ -41,7 +53,7 @@ export class Pointer {
     for (const name of ["pointerup", "pointercancel", "lostpointercapture"] as const) {
       canvas.addEventListener(name, (event) => this.lift(event), { signal });
     }
-    canvas.addEventListener("pointerleave", () => !this.held && touched.hover(null), { signal });
+    canvas.addEventListener("pointerleave", () => this.holding.size === 0 && touched.hover(null), { signal });
     canvas.addEventListener("wheel", (event) => this.roll(event), { capture: true, passive: false, signal });
   }
 
@@ -73,74 +85,83 @@ export class Pointer {
   private press(event: PointerEvent): void {
     // What is handed on comes by here again.
     if (!event.isTrusted) return;
-    if (event.pointerType === "touch") {
-      this.fingers.set(event.pointerId, event);
-      if (this.fingers.size > 1) return this.handOn();
-    }
-    if (event.button !== 0 || this.held) return;
-    const hit = this.under(event.offsetX, event.offsetY);
-    if (!hit) return;
+    const isTouch = event.pointerType === "touch";
+    if (isTouch) this.fingers.set(event.pointerId, event);
+    const isFurther = isTouch && this.fingers.size > 1;
+    // With two hands full, a third finger is nobody's.
+    if (isFurther && this.holding.size > 1) return event.stopImmediatePropagation();
+    const mayHold = event.button === 0 && (this.holding.size === 0 ? !isFurther : isFurther && this.touched.hands > 1);
+    const hit = mayHold ? this.under(event.offsetX, event.offsetY) : null;
+    if (hit) this.take(event, hit);
+    else if (isFurther) this.handOn();
+  }
+
+  private take(event: PointerEvent, hit: Hit): void {
     event.stopImmediatePropagation();
     event.preventDefault();
-    this.stage.canvas.focus({ preventScroll: true });
-    this.stage.controls.enabled = false;
-    this.touched.grab(hit);
-    const base = this.touched.contact()?.displacement ?? [0, 0, 0];
-    this.held = { id: event.pointerId, start: hit.moved.clone(), base, wheel: 0, last: event };
-    this.stage.canvas.setPointerCapture(event.pointerId);
-    this.stage.canvas.classList.add("is-holding");
+    const { canvas, controls } = this.stage;
+    canvas.focus({ preventScroll: true });
+    controls.enabled = false;
+    const taken = Array.from(this.holding.values(), ({ hand }) => hand);
+    const hand = taken.includes(0) ? 1 : 0;
+    this.touched.grab(hit, hand);
+    const base = this.touched.contact(hand)?.displacement ?? [0, 0, 0];
+    this.holding.set(event.pointerId, { hand, start: hit.moved.clone(), base, wheel: 0, last: event });
+    canvas.setPointerCapture(event.pointerId);
+    canvas.classList.add("is-holding");
   }
 
   private moveTo(event: PointerEvent): void {
-    if (!this.held) {
-      if (event.buttons === 0) {
-        const hit = this.under(event.offsetX, event.offsetY);
-        this.stage.canvas.classList.toggle("is-touchable", hit !== null);
-        this.touched.hover(hit);
-      }
-      return;
+    const held = this.holding.get(event.pointerId);
+    if (held) {
+      held.last = event;
+      this.displace(held);
+    } else if (this.holding.size === 0 && event.buttons === 0) {
+      const hit = this.under(event.offsetX, event.offsetY);
+      this.stage.canvas.classList.toggle("is-touchable", hit !== null);
+      this.touched.hover(hit);
     }
-    if (event.pointerId !== this.held.id) return;
-    this.held.last = event;
-    this.displace();
   }
 
   private lift(event: PointerEvent): void {
     this.fingers.delete(event.pointerId);
-    if (event.pointerId === this.held?.id) this.letGo();
+    if (this.holding.has(event.pointerId)) this.letGo(event.pointerId);
   }
 
-  private letGo(): void {
-    this.held = null;
-    this.stage.controls.enabled = true;
-    this.stage.canvas.classList.remove("is-holding");
-    this.touched.release();
+  private letGo(id: number): void {
+    const { hand } = this.holding.get(id)!;
+    this.holding.delete(id);
+    if (this.holding.size === 0) {
+      this.stage.controls.enabled = true;
+      this.stage.canvas.classList.remove("is-holding");
+    }
+    this.touched.release(hand);
   }
 
-  /** A second finger has come: what the first one did is undone, and the camera gets it. */
+  /** A second finger has come beside the organ: what the first one did is undone, and the camera gets both. */
   private handOn(): void {
-    if (!this.held) return;
-    const { id, base } = this.held;
-    this.touched.move(base);
-    this.letGo();
-    const { pointerType, clientX, clientY, screenX, screenY } = this.fingers.get(id)!;
-    const first = { pointerId: id, pointerType, clientX, clientY, screenX, screenY, isPrimary: true, bubbles: true, composed: true };
-    this.stage.canvas.dispatchEvent(new PointerEvent("pointerdown", first));
+    for (const [id, { hand, base }] of [...this.holding]) {
+      this.touched.move(base, hand);
+      this.letGo(id);
+      const { pointerType, clientX, clientY, screenX, screenY } = this.fingers.get(id)!;
+      const first = { pointerId: id, pointerType, clientX, clientY, screenX, screenY, isPrimary: true, bubbles: true, composed: true };
+      this.stage.canvas.dispatchEvent(new PointerEvent("pointerdown", first));
+    }
   }
 
   private roll(event: WheelEvent): void {
     if (!this.touched.isInUse) return event.stopImmediatePropagation();
-    if (!this.held) return;
+    const [held] = this.holding.values();
+    if (!held) return;
     event.preventDefault();
     event.stopImmediatePropagation();
-    this.held.wheel += event.deltaY;
-    this.displace();
+    held.wheel += event.deltaY;
+    this.displace(held);
   }
 
-  private displace(): void {
-    const contact = this.touched.contact();
-    if (!this.held || !contact) return;
-    const { start, base, wheel, last } = this.held;
+  private displace({ hand, start, base, wheel, last }: Held): void {
+    const contact = this.touched.contact(hand);
+    if (!contact) return;
     const drag = this.inScreenPlane(start, last);
     const normal = new THREE.Vector3(...contact.normal);
     const isPush = (this.touched.tool === "push") !== last.shiftKey;
@@ -148,7 +169,7 @@ export class Pointer {
     if (isPush) d.addScaledVector(normal, -this.pushOf(drag, normal));
     else d.add(drag);
     d.addScaledVector(normal, -wheel * 0.0004 * this.touched.depth * 10);
-    this.touched.move(d.toArray());
+    this.touched.move(d.toArray(), hand);
   }
 
   /** From the place taken hold of to the pointer, in the plane of the screen [m]. */

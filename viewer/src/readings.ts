@@ -1,6 +1,6 @@
 // What is read off: the force, the curve, and what every order says about the same touch.
 import { CurvePlot, type Curves } from "./curve";
-import { button, digits, element, fact, fixed, newtons } from "./dom";
+import { button, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Answer } from "./evaluator";
 
 /** What one order of the series answers: force [N], relative volume change, relative distance from the highest order. */
@@ -15,12 +15,13 @@ export class Readings {
   private readonly force = element("span", { class: "force" }, "0.00");
   private readonly depth = element("span");
   private readonly error = element("span");
+  private readonly shapeError = element("span");
   private readonly stiffness = element("span");
   private readonly rows: HTMLTableRowElement[] = [];
   private readonly plot: CurvePlot;
 
   constructor(order: number, chooseOrder: (order: number) => void) {
-    const canvas = element("canvas", { class: "curve", role: "img", "aria-label": "force against depth, for every order" });
+    const canvas = element("canvas", { class: "curve", role: "img", "aria-label": "force against depth, for each order" });
     const body = element("tbody");
     for (let p = 1; p <= order; p++) {
       const pick = element("button", { type: "button", "aria-keyshortcuts": String(p) });
@@ -31,8 +32,10 @@ export class Readings {
       this.rows.push(row);
       body.append(row);
     }
-    const head = ["order", "force [N]", "volume [%]", "off by [%]"].map((name) => element("th", { scope: "col" }, name));
-    const fold = button("Orders", "what every order of the series says", () => {
+    const head = ["order", "force [N]", "volume [%]", "deviation [%]"].map((name) => element("th", { scope: "col" }, name));
+    const facts = [fact("depth", this.depth), fact("stiffness", this.stiffness)];
+    facts.push(fact("est. force error", this.error), fact("est. shape error", this.shapeError));
+    const fold = button("Orders", "results of each order of the series", () => {
       fold.setAttribute("aria-expanded", String(this.root.classList.toggle("is-unfolded")));
     });
     fold.classList.add("fold");
@@ -41,7 +44,7 @@ export class Readings {
       "section",
       { class: "panel readings", "aria-label": "readings" },
       element("div", { class: "big" }, this.force, element("span", { class: "unit" }, "N")),
-      element("dl", {}, fact("depth", this.depth), fact("stiffness", this.stiffness), fact("est. error", this.error)),
+      element("dl", {}, ...facts),
       canvas,
       fold,
       element("table", { class: "orders" }, element("thead", {}, element("tr", {}, ...head)), body),
@@ -51,23 +54,24 @@ export class Readings {
 
   /** Shows a touch; null is nobody touching. */
   show(answer: Answer | null, force: number, depth: number): void {
-    this.force.textContent = answer ? newtons(force).slice(0, -2) : "0.00";
-    this.depth.textContent = answer ? `${fixed(1000 * depth, 1)} mm` : "–";
-    this.error.textContent = answer ? errors(answer) : "–";
+    write(this.force, answer ? newtons(force).slice(0, -2) : "0.00");
+    write(this.depth, answer ? `${fixed(1000 * depth, 1)} mm` : "–");
+    write(this.error, answer ? percent(answer.error) : "–");
+    write(this.shapeError, answer ? percent(answer.shapeError) : "–");
     const K = answer?.stiffness;
-    this.stiffness.textContent = K ? `${digits((K[0]! + K[4]! + K[8]!) / 3, 3)} N/m` : "–";
+    write(this.stiffness, K ? `${digits((K[0]! + K[4]! + K[8]!) / 3, 3)} N/m` : "–");
     this.root.classList.toggle("is-doubtful", answer !== null && answer.trust !== "trusted");
   }
 
   /** The row of one order; null where nobody touches. */
   showOrder(order: number, reading: OrderReading | null): void {
-    const cells = this.rows[order - 1]!.querySelectorAll("td");
+    const cells = this.rows[order - 1]!.cells;
     const isBest = order === this.rows.length;
-    cells[0]!.textContent = reading ? digits(reading.force, 3) : "–";
-    cells[1]!.textContent = reading ? signed(100 * reading.volume) : "–";
-    cells[2]!.textContent = reading && !isBest ? digits(100 * reading.off, 2) : "–";
-    cells[1]!.classList.toggle("is-wrong", reading !== null && Math.abs(reading.volume) > 0.01);
-    cells[2]!.classList.toggle("is-wrong", reading !== null && !isBest && reading.off > 0.05);
+    write(cells[1]!, reading ? digits(reading.force, 3) : "–");
+    write(cells[2]!, reading ? signed(100 * reading.volume) : "–");
+    write(cells[3]!, reading && !isBest ? digits(100 * reading.off, 2) : "–");
+    cells[2]!.classList.toggle("is-wrong", reading !== null && Math.abs(reading.volume) > 0.01);
+    cells[3]!.classList.toggle("is-wrong", reading !== null && !isBest && reading.off > 0.05);
   }
 
   choose(order: number): void {
@@ -89,12 +93,6 @@ export class Readings {
   draw(curves: Curves | null, order: number, depth: number, now: { depth: number; force: number } | null): void {
     this.plot.draw(curves, order, depth, now);
   }
-}
-
-/** The estimated error of the force; and that of the shape, where the two differ in what is shown. */
-function errors(answer: Answer): string {
-  const [force, shape] = [percent(answer.error), percent(answer.shapeError)];
-  return force === shape ? force : `${force}, shape ${shape}`;
 }
 
 export function percent(share: number): string {

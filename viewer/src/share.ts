@@ -31,13 +31,13 @@ export class Share {
     private readonly shared: Shared,
     private readonly ground: HTMLElement,
   ) {
-    this.filming = button("Film", "begin or end a film of the organ", () => this.film());
-    const link = button("Link", "an address that carries the touch", () => void this.link());
+    this.filming = button("Film", "start or stop recording a film", () => this.film());
+    const link = button("Link", "copy a link to this touch", () => void this.link());
     link.hidden = !shared.hash;
     this.root = element(
       "details",
       { class: "share" },
-      element("summary", { "aria-label": "take along", title: "a picture, a film or a link" }, "⤓"),
+      element("summary", { "aria-label": "save or share", title: "save a picture, record a film, copy a link" }, "⤓"),
       element("div", { class: "panel" }, button("Picture", "save a picture", () => void this.picture()), this.filming, link, this.outcome),
     );
     this.filming.hidden = typeof MediaRecorder === "undefined";
@@ -113,9 +113,9 @@ export class Share {
     history.replaceState(null, "", address);
     try {
       await navigator.clipboard.writeText(address.href);
-      this.tell("The link is on the clipboard, and above as the address of this page.");
+      this.tell("The link is copied. The address bar shows it too.");
     } catch {
-      this.tell("The address of this page now carries the touch.");
+      this.tell("The address of this page now contains the touch. Copy it from there.");
     }
   }
 

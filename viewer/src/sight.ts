@@ -26,9 +26,9 @@ export class Sight {
     this.choice = new Segments<Looking>(
       "look",
       [
-        ["solid", "Solid", "the organ as it looks"],
-        ["translucent", "Translucent", "see what lies within"],
-        ["cut", "Cut", "cut it open by a plane that faces you"],
+        ["solid", "Solid", "the organ from outside"],
+        ["translucent", "Translucent", "see the parts within"],
+        ["cut", "Cut", "cut the organ open by a plane that faces you"],
       ],
       (looking) => this.choose(looking),
     );

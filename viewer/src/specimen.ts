@@ -2,14 +2,14 @@
 import * as THREE from "three";
 import { Arrow, type Standing } from "./arrow";
 import { Body, type Surface } from "./body";
-import { VIRIDIS } from "./colour";
-import { choice, digits, element, fact, fixed, newtons } from "./dom";
+import { lengths } from "./colouring";
+import { choice, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { ForceLabel } from "./label";
 import type { Stage } from "./stage";
 
 /** Numbers of a body in a frame before its displacements (live/src/lib.rs). */
-export const FACTS = 11;
+export const FACTS = 14;
 
 /** A hand: where it took hold at rest, the outward normal there, and how far it has moved [m]. */
 export interface Hand {
@@ -18,9 +18,17 @@ export interface Hand {
   displacement: Vec3;
 }
 
+/** A hand on this organ: its force as an arrow, and a number beside it. */
+export interface Grip {
+  readonly arrow: Arrow;
+  readonly label: ForceLabel;
+}
+
 /** What a frame says of an organ (live/src/lib.rs). */
 interface Facts {
+  /** Of the first hand, and of the second [N]. */
   force: Vec3;
+  second: Vec3;
   residual: number;
   /** Part of the last step that was taken. */
   taken: number;
@@ -38,6 +46,7 @@ interface Facts {
 
 const AT_REST: Facts = {
   force: [0, 0, 0],
+  second: [0, 0, 0],
   residual: 1,
   taken: 1,
   isUnstable: false,
@@ -50,13 +59,18 @@ const AT_REST: Facts = {
 
 export class Specimen {
   readonly body: Body;
-  readonly arrow: Arrow;
-  readonly label: ForceLabel;
+  /** Of the first hand and of the second. */
+  readonly grips: readonly [Grip, Grip];
   readonly place = new THREE.Group();
   readonly root: HTMLElement;
   facts: Facts = { ...AT_REST };
   field: Float32Array;
+  /** Von Mises stress at the nodes (s,) [Pa]; empty where no frame has brought it. */
+  stress = new Float32Array(0);
+  private readonly lengths: Float32Array;
   private readonly force = element("span", { class: "force" }, "0.00");
+  private readonly second = element("span");
+  private readonly secondFact = fact("second hand", this.second);
   private readonly volume = element("span");
   private readonly residual = element("span");
   private readonly time = element("span");
@@ -65,6 +79,7 @@ export class Specimen {
     private readonly surface: Surface,
     radius: number,
     stage: Stage,
+    gauge: HTMLElement,
     laws: readonly [string, string][],
     readonly law: string,
     /** Where it stands beside another. */
@@ -72,11 +87,16 @@ export class Specimen {
     choose: (law: string) => void,
   ) {
     this.body = new Body(surface);
-    this.arrow = new Arrow(surface.diagonal, 0.5 * radius);
-    this.label = new ForceLabel(stage, this.arrow);
-    this.place.add(this.body.mesh, this.body.outline, this.arrow.group);
+    const grip = (): Grip => {
+      const arrow = new Arrow(surface.diagonal, 0.5 * radius);
+      const label = new ForceLabel(stage, arrow, gauge);
+      label.root.dataset.side = side;
+      return { arrow, label };
+    };
+    this.grips = [grip(), grip()];
+    this.place.add(this.body.mesh, this.body.outline, ...this.grips.map(({ arrow }) => arrow.group));
     this.field = new Float32Array(surface.rest.length);
-    this.label.root.dataset.side = side;
+    this.lengths = new Float32Array(surface.rest.length / 3);
     const select = choice("law", laws, choose);
     select.value = law;
     this.root = element(
@@ -84,15 +104,18 @@ export class Specimen {
       { class: "specimen", "aria-label": side ? `${law}, ${side}` : law },
       element("div", { class: "row" }, select, ...(side ? [element("span", { class: "standing" }, side)] : [])),
       element("div", { class: "big" }, this.force, element("span", { class: "unit" }, "N")),
-      element("dl", {}, fact("volume", this.volume), fact("residual", this.residual), fact("a frame", this.time)),
+      element("dl", {}, this.secondFact, fact("volume change", this.volume), fact("residual", this.residual), fact("time per frame", this.time)),
     );
+    this.secondFact.hidden = true;
   }
 
   /** Takes its part of a frame; what is seen of it follows when it is drawn. */
   take(numbers: Float32Array): void {
-    const [fx, fy, fz, residual, taken, unstable, milliseconds, gain, settled, bound, steps] = numbers as unknown as number[];
+    const [fx, fy, fz, residual, taken, unstable, milliseconds, gain, settled, bound, steps] = numbers;
+    const [sx, sy, sz] = numbers.subarray(FACTS - 3, FACTS);
     this.facts = {
       force: [fx!, fy!, fz!],
+      second: [sx!, sy!, sz!],
       residual: residual!,
       taken: taken!,
       isUnstable: unstable === 1,
@@ -102,24 +125,32 @@ export class Specimen {
       cellsAtBound: bound!,
       steps: steps!,
     };
-    this.field = numbers.slice(FACTS);
+    const end = FACTS + this.field.length;
+    this.field = numbers.slice(FACTS, end);
+    this.stress = numbers.slice(end);
   }
 
   /** Shapes the organ and writes the numbers of the last frame. */
   present(): void {
     const { residual, milliseconds, gain } = this.facts;
     this.body.move(this.field);
-    this.force.textContent = newtons(this.size).slice(0, -2);
-    this.volume.textContent = `${gain > 0 ? "+" : ""}${fixed(100 * gain, 2)} %`;
+    write(this.force, newtons(this.size).slice(0, -2));
+    write(this.second, newtons(this.sizes[1]!));
+    write(this.volume, `${gain > 0 ? "+" : ""}${fixed(100 * gain, 2)} %`);
     this.volume.classList.toggle("is-wrong", Math.abs(gain) > 0.01);
-    this.residual.textContent = residual > 0 ? residual.toExponential(0).replace("-", "−") : "0";
-    this.time.textContent = `${digits(milliseconds, 2)} ms`;
+    write(this.residual, residual > 0 ? residual.toExponential(0).replace("-", "−") : "0");
+    write(this.time, `${digits(milliseconds, 2)} ms`);
     for (const name of ["doubtful", "unsettled"]) this.root.classList.toggle(`is-${name}`, this.standing === name);
   }
 
-  /** The force of the hand [N]. */
+  /** The force of the first hand [N]. */
   get size(): number {
-    return Math.hypot(...this.facts.force);
+    return this.sizes[0]!;
+  }
+
+  /** The forces of both hands [N]. */
+  get sizes(): [number, number] {
+    return [Math.hypot(...this.facts.force), Math.hypot(...this.facts.second)];
   }
 
   /** What the force is worth. */
@@ -129,31 +160,39 @@ export class Specimen {
     return isUnstable || cellsAtBound > 0 ? "doubtful" : "sound";
   }
 
-  /** Draws the hand's force, as long as its share of a reference. */
-  hold(hand: Hand, reference: number): void {
-    const at = hand.point.map((x, i) => x + hand.displacement[i]!) as Vec3;
-    this.arrow.show(at, this.facts.force, hand.normal, Math.max(reference, 1e-9), this.standing);
+  /** Draws the forces of the hands that hold it, as long as their share of a reference. */
+  hold(hands: readonly (Hand | null)[], reference: number): void {
+    const { force, second } = this.facts;
+    this.grips.forEach(({ arrow }, k) => {
+      const hand = hands[k];
+      if (!hand) return;
+      const at = hand.point.map((x, i) => x + hand.displacement[i]!) as Vec3;
+      arrow.show(at, k === 0 ? force : second, hand.normal, Math.max(reference, 1e-9), this.standing);
+    });
+    this.secondFact.hidden = !hands[1];
+  }
+
+  /** A hand has let go. */
+  letGo(hand: number): void {
+    this.grips[hand]!.arrow.hide();
+    if (hand === 1) this.secondFact.hidden = true;
+  }
+
+  /** Writes the forces beside their arrows. */
+  follow(): void {
+    this.grips.forEach(({ label }, k) => label.follow(this.sizes[k]!, this.standing));
   }
 
   /** Marks where a hand would take hold. */
   hover(point: Vec3, normal: Vec3): void {
     const moved = this.displacementAt(point);
-    this.arrow.hover(point.map((x, i) => x + moved[i]!) as Vec3, normal);
+    this.grips[0].arrow.hover(point.map((x, i) => x + moved[i]!) as Vec3, normal);
   }
 
-  /** The largest displacement of a node [m]. */
-  get reach(): number {
-    return this.lengths().reduce((most, x) => Math.max(most, x), 0);
-  }
-
-  /** Colours by displacement up to a length [m]. */
-  colour(longest: number): void {
-    this.body.paint(this.lengths(), 0, longest, VIRIDIS);
-  }
-
-  private lengths(): Float32Array {
-    const { field } = this;
-    return Float32Array.from({ length: field.length / 3 }, (_, n) => Math.hypot(...field.subarray(3 * n, 3 * n + 3)));
+  /** How far every node has moved (s,) [m]. */
+  distances(): Float32Array {
+    lengths(this.field, this.lengths);
+    return this.lengths;
   }
 
   /** Displacement of the node closest to a point at rest: where a hand takes hold of a deformed organ. */
@@ -168,8 +207,10 @@ export class Specimen {
   }
 
   dispose(): void {
-    this.arrow.dispose();
+    for (const { arrow, label } of this.grips) {
+      arrow.dispose();
+      label.root.remove();
+    }
     this.body.dispose();
-    this.label.root.remove();
   }
 }

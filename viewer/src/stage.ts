@@ -11,7 +11,7 @@ const FIELD = 32;
 const DISTANCE = 1.85;
 const MARGIN = 1.12;
 /** What is said until the browser gives the drawing back. */
-export const CONTEXT_LOST = "The browser has taken the graphics processor away; the organ comes back with it, or when the page is loaded again.";
+export const CONTEXT_LOST = "The browser has released the graphics processor. The organ comes back with it; if it does not, reload the page.";
 /** Below so many frames a second pixels are saved; the share of them that is left along each side. */
 const SLUGGISH = 20;
 const COARSE = 0.5;
@@ -34,7 +34,7 @@ export class Stage {
 
   /** The part of the view that no panel takes: there the organ stands. */
   readonly clearing = element("div", { class: "clearing" });
-  /** The drawing is gone, as the graphics processor was taken away, or is back. */
+  /** The browser has released the graphics processor, or given it back. */
   onContext: (isLost: boolean) => void = () => {};
 
   private isStale = true;

@@ -1,12 +1,12 @@
 // The controls: name of the organ above, tools below, and the help.
-import { button, digits, element, helpDialog, Segments } from "./dom";
+import type { Colouring } from "./colouring";
+import { button, digits, element, helpDialog, listed, Segments } from "./dom";
 import { KEYS } from "./keys";
+import { lawName } from "./lawname";
 import type { Tool } from "./pointer";
 import { percent } from "./readings";
 import type { View } from "./view";
 
-/** What the colour of the surface means. */
-export type Colouring = "tissue" | "displacement" | "error";
 type Switch = "keep" | "outline" | "path" | "modes";
 
 export class Tools {
@@ -22,7 +22,7 @@ export class Tools {
     step: "0.1",
     value: "0",
     "aria-label": "stiffness",
-    title: "all stiffnesses of the organ times a factor: the shape stays, the force changes",
+    title: "multiply all stiffnesses of the organ by a factor: the shape stays the same, the force changes",
   });
   private readonly factor = element("span", {}, "× 1");
   private readonly switches: Record<Switch, HTMLButtonElement>;
@@ -32,22 +32,22 @@ export class Tools {
     const { metadata } = about;
     const { web } = view.evaluator.notes;
     const facts = [
-      LAWS[metadata.law] ?? metadata.law,
+      lawName(metadata.law),
       `${view.evaluator.outer.length} surface nodes`,
-      `touch to ${(1000 * metadata.depth).toFixed(0)} mm`,
-      ...(web ? [`web version, at most ${percent(web.worst_error)} from the full model in ${web.touches} touches`] : []),
+      `up to ${(1000 * metadata.depth).toFixed(0)} mm deep`,
+      ...(web ? [`web version, within ${percent(web.worst_error)} of the full model in ${web.touches} touches`] : []),
     ];
     this.header = element(
       "header",
       {},
       element("h1", {}, view.title),
-      element("p", {}, facts.join(" · ")),
+      element("p", {}, listed(facts)),
       element(
         "div",
         { class: "corner" },
         headset,
         view.share.root,
-        button("◐", "light or dark", () => view.toggleTheme(), "T"),
+        button("◐", "light or dark theme", () => view.toggleTheme(), "T"),
         button("?", "keys and gestures", () => this.help.showModal(), "?"),
       ),
     );
@@ -63,17 +63,18 @@ export class Tools {
     this.colouring = new Segments<Colouring>(
       "colour",
       [
-        ["tissue", "Tissue", "no colour scale"],
+        ["tissue", "Tissue", "the colour of tissue"],
         ["displacement", "Displacement", "colour by displacement"],
-        ["error", "Error", "colour by the estimated error, or by the distance from the highest order"],
+        ["strain", "Strain", "colour by the surface strain: the largest change of length in any direction along the surface"],
+        ["error", "Error", "colour by the estimated error or, at a lower order, by the difference from the highest"],
       ],
       (colouring) => view.setColouring(colouring),
     );
     this.switches = {
-      keep: button("Keep", "keep the touch when the hand lets go", () => view.toggleKeeping(), "K"),
-      outline: button("Wireframe", "the shape at rest as a wireframe", () => view.toggleOutline(), "W"),
-      path: button("▶ Path", "play a load path over the surface", () => view.togglePath(), "P"),
-      modes: button("Modes", "the modes of the reduced model", () => view.toggleModes(), "M"),
+      keep: button("Keep", "keep the touch after release", () => view.toggleKeeping(), "K"),
+      outline: button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W"),
+      path: button("▶ Path", "move a contact along a path over the surface", () => view.togglePath(), "P"),
+      modes: button("Modes", "show the modes of the reduced model", () => view.toggleModes(), "M"),
     };
     this.root = element(
       "nav",
@@ -87,7 +88,7 @@ export class Tools {
       view.sight.choice.root,
       view.sight.slider,
       ...(view.evaluator.notes.is_stress_free ? [element("label", { class: "stiffness" }, "Stiffness", this.stiffness, this.factor)] : []),
-      button("Reset", "reset the view and let go", () => view.reset(), "R"),
+      button("Reset", "let go and reset the view", () => view.reset(), "R"),
     );
     this.stiffness.addEventListener("input", () => view.setStiffness(2 ** Number(this.stiffness.value)));
     (Object.keys(this.switches) as Switch[]).forEach((name) => this.press(name, false));
@@ -103,11 +104,3 @@ export class Tools {
     this.switches[name].setAttribute("aria-pressed", String(isOn));
   }
 }
-
-const LAWS: Record<string, string> = {
-  neo_hookean: "neo-Hookean",
-  mooney_rivlin: "Mooney-Rivlin",
-  saint_venant_kirchhoff: "Saint Venant-Kirchhoff",
-  linear: "linear elasticity",
-  corotated: "corotated elasticity",
-};

@@ -1,10 +1,26 @@
 // One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
+import type { Standing } from "./arrow";
 import { sample, type Curves } from "./curve";
+import { fixed, newtons } from "./dom";
 import type { Answer, Evaluator, Vec3 } from "./evaluator";
 import type { OrderReading } from "./readings";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 const BEYOND = 1.3;
+
+/** The numbers of a touch for programs, where nobody touches. */
+export const NOBODY = {
+  point: null,
+  displacement: null,
+  force: null,
+  stiffness: null,
+  error_estimate: null,
+  is_trusted: null,
+  shape_error_estimate: null,
+  is_shape_trusted: null,
+  field: null,
+  orders: null,
+};
 
 export class TouchState {
   point: Vec3 = [0, 0, 0];
@@ -38,13 +54,46 @@ export class TouchState {
     return Math.hypot(...this.displacement);
   }
 
+  /** The numbers of the touch, for programs: SI units. */
+  get numbers(): Record<keyof typeof NOBODY, unknown> {
+    const { point, displacement, force, answer, orders } = this;
+    return {
+      point,
+      displacement,
+      force,
+      stiffness: answer.stiffness,
+      error_estimate: answer.error,
+      is_trusted: answer.trust === "trusted",
+      shape_error_estimate: answer.shapeError,
+      is_shape_trusted: answer.shapeTrust === "trusted",
+      field: Array.from(this.field),
+      orders,
+    };
+  }
+
+  /** The touch as one would say it. */
+  get inShort(): string {
+    return `${newtons(Math.hypot(...this.force))} at a depth of ${fixed(1000 * this.depth, 1)} mm.`;
+  }
+
+  /** Whether a point [m] is well within the contact. */
+  covers(point: Vec3): boolean {
+    const { radius } = this.evaluator.about.metadata;
+    return Math.hypot(...point.map((x, i) => x - this.point[i]!)) < 0.6 * radius;
+  }
+
+  /** What the chosen order's force is worth. */
+  standing(order: number): Standing {
+    return this.doubt(order) ? "doubtful" : "sound";
+  }
+
   /** What not to rely on, in a sentence: the chosen order's answer, or the shape alone; empty where all is sound. */
   warning(order: number): string {
     const { shapeTrust, shapeError } = this.answer;
     const doubt = this.doubt(order);
-    if (doubt) return `Not to be trusted: ${doubt}.`;
+    if (doubt) return `Not trusted: ${doubt}.`;
     if (shapeTrust === "trusted") return "";
-    return `The force is sound, the shape is not to be trusted: its estimated error is ${(100 * shapeError).toPrecision(2)} % here.`;
+    return `The force is trusted, the shape is not: its estimated error is ${(100 * shapeError).toPrecision(2)} % here.`;
   }
 
   /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
@@ -52,7 +101,7 @@ export class TouchState {
     const { metadata } = this.evaluator.about;
     switch (this.answer.trust) {
       case "beyond-depth":
-        return `${mm(this.depth)} is deeper than the ${mm(metadata.depth)} this model is made for`;
+        return `a depth of ${mm(this.depth)} exceeds the ${mm(metadata.depth)} that this model is made for`;
       case "error-too-large":
         return `the estimated error is ${(100 * this.answer.error).toPrecision(2)} % here`;
       case "no-number":
@@ -61,7 +110,7 @@ export class TouchState {
     const off = this.orders[order - 1]?.off ?? 0;
     if (order === metadata.order || off <= 0.05) return "";
     const name = order === 1 ? "linear theory" : `order ${order}`;
-    return `${name} is ${(100 * off).toPrecision(2)} % off order ${metadata.order} here`;
+    return `${name} is ${(100 * off).toPrecision(2)} % away from order ${metadata.order} here`;
   }
 
   /** Evaluates a displacement [m]: what every order says, force and field of one of them. */

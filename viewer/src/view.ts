@@ -2,8 +2,8 @@
 import * as THREE from "three";
 import { Arrow } from "./arrow";
 import { Body, lookOver, type Hit } from "./body";
-import { INFERNO, VIRIDIS, type ColourMap } from "./colour";
-import { element, fixed, followTheme, newtons, toggleTheme } from "./dom";
+import { COLOURINGS, Painter, type Colouring } from "./colouring";
+import { element, followTheme, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
 import { read, written } from "./address";
 import { Gauge } from "./gauge";
@@ -12,46 +12,38 @@ import { Inside, shiftInWords, type Shift } from "./inside";
 import { listen, type Keyed } from "./keys";
 import { ForceLabel } from "./label";
 import { Legend } from "./legend";
-import { LoadPath } from "./loadpath";
 import { Modes } from "./modes";
 import { Mean, paceInWords } from "./pace";
+import { Plan } from "./plan";
 import { nudged, Pointer, type Tool, type Touched } from "./pointer";
 import { Readings } from "./readings";
 import { Share, type Shared } from "./share";
 import { LOOKINGS, Sight, type Looking } from "./sight";
-import { CONTEXT_LOST, Stage } from "./stage";
-import style from "./style.css?inline";
-import { Summary } from "./summary";
-import { Tools, type Colouring } from "./tools";
-import { TouchState } from "./touchstate";
-import { Trail } from "./trail";
+import { Speech } from "./speech";
+import { Spring } from "./spring";
+import { Stage } from "./stage";
+import { Tools } from "./tools";
+import { NOBODY, TouchState } from "./touchstate";
+import { typicalForce } from "./typicalforce";
+import { Walk } from "./walk";
 import { headsetButton } from "./xr";
 
 /** What moves the organ at the moment. */
 type Activity = "rest" | "held" | "kept" | "springing" | "path" | "modes";
 
-const SPRING_SECONDS = 0.22;
-const COLOURINGS: readonly Colouring[] = ["tissue", "displacement", "error"];
-
 export class View implements Touched, Keyed, Shared {
+  readonly hands = 1;
   tool: Tool = "push";
   order: number;
   readonly title: string;
   readonly depth: number;
   private activity: Activity = "rest";
-  private colouring: Colouring = "tissue";
   private isKeeping = false;
-  /** Whether the graphics processor was taken away. */
-  private isBlind = false;
   private touching: TouchState | null = null;
-  private released = { at: 0, displacement: [0, 0, 0] as Vec3 };
+  private readonly spring = new Spring();
   private readonly reference: number;
-  private readonly magnitude: Float32Array;
-  private readonly host: HTMLElement;
-  private readonly root: HTMLElement;
-  private readonly canvas = element("canvas", { class: "stage", tabindex: "0", role: "application" });
-  private readonly warning = element("div", { class: "warning" });
-  private readonly summary = new Summary();
+  private readonly plan: Plan;
+  private readonly speech: Speech;
   private readonly clock = element("div", { class: "clock" });
   private readonly readings: Readings;
   private readonly legend = new Legend();
@@ -64,13 +56,13 @@ export class View implements Touched, Keyed, Shared {
   private readonly modes: Modes;
   private readonly stage: Stage;
   private readonly body: Body;
+  private readonly painter: Painter;
   private readonly arrow: Arrow;
   private readonly label: ForceLabel;
   private readonly answering = new Mean();
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
-  private path: LoadPath | null = null;
-  private trail: Trail | null = null;
+  private readonly walk: Walk;
 
   /**
    * Reads a model file and fills the place with its view; throws a sentence where the file is no model, or nothing can be
@@ -83,58 +75,43 @@ export class View implements Touched, Keyed, Shared {
   private constructor(
     place: HTMLElement,
     readonly evaluator: Evaluator,
-    private readonly isEmbedded: boolean,
+    isEmbedded: boolean,
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
     this.order = metadata.order;
     this.title = metadata.user?.name ?? "Organ";
-    this.magnitude = new Float32Array(evaluator.about.n_surface);
-    this.canvas.setAttribute("aria-label", `${this.title}: press on it to touch it; ? lists the keys`);
+    this.plan = new Plan(this.title, "Press on the organ to touch it.", isEmbedded);
+    const { root } = this.plan;
     const { centre, facing } = lookOver(evaluator);
-    this.stage = new Stage(this.canvas, centre, metadata.diagonal, facing);
-    this.root = element("div", { class: isEmbedded ? "view is-embedded" : "view" }, this.canvas);
-    this.host = element("div", { style: "position:absolute;inset:0" });
-    this.host.attachShadow({ mode: "open" }).append(element("style", {}, style), this.root);
+    this.stage = new Stage(this.plan.canvas, centre, metadata.diagonal, facing);
+    this.speech = new Speech(this.stage);
     this.body = new Body(evaluator);
+    this.painter = new Painter(evaluator, this.body, this.legend);
     this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
-    this.label = new ForceLabel(this.stage, this.arrow);
     this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
     this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group, this.inside.group);
     this.sight = new Sight(this.stage, () => [this.body]);
+    this.walk = new Walk(evaluator, this.body, this.stage.world);
     if (evaluator.notes.inside?.length) this.sight.choose("translucent");
     this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
     this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
-    this.share = new Share(this.stage, this, this.root);
+    this.share = new Share(this.stage, this, root);
     this.gauge = new Gauge(this.stage, evaluator.notes.axes);
+    this.label = new ForceLabel(this.stage, this.arrow, this.gauge.root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
     this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
-    this.root.append(
-      this.label.root,
-      this.hint.root,
-      element(
-        "div",
-        { class: "plan" },
-        this.stage.clearing,
-        this.tools.header,
-        this.warning,
-        this.gauge.root,
-        this.legend.root,
-        element("div", { class: "side" }, this.readings.root, this.inside.root, this.modes.root, this.clock),
-        this.tools.root,
-      ),
-      this.help,
-      this.summary.root,
+    const side = element("div", { class: "side" }, this.readings.root, this.inside.root, this.modes.root, this.clock);
+    this.plan.fill(
+      place,
+      [this.label.root, this.hint.root],
+      [this.stage.clearing, this.tools.header, this.speech.warning, this.gauge.root, this.legend.root, side, this.tools.root],
+      [this.help, this.speech.summary.root],
     );
-    place.append(this.host);
     this.stage.enclose([{ rest: evaluator.rest, at: [0, 0, 0] }]);
-    this.reference = this.referenceForce();
+    this.reference = typicalForce(evaluator, this.body);
     this.pointer = new Pointer(this.stage, this.body, this);
-    this.deaf = [listen(this.root, this), followTheme(this.root, () => this.readings.redraw())];
-    this.stage.onContext = (isLost) => {
-      this.isBlind = isLost;
-      this.warn();
-    };
+    this.deaf = [listen(root, this), followTheme(root, () => this.readings.redraw())];
     this.stage.onFrame = (seconds) => this.frame(seconds);
     this.setOrder(this.order);
     this.setColouring("tissue");
@@ -146,8 +123,7 @@ export class View implements Touched, Keyed, Shared {
 
   grab(hit: Hit): void {
     this.stop();
-    const isAgain = this.touching !== null && this.isKeeping && this.reaches(hit.rest);
-    if (!isAgain) this.touchAt(hit.rest);
+    if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest);
     this.activity = "held";
     this.hint.end();
   }
@@ -166,7 +142,7 @@ export class View implements Touched, Keyed, Shared {
       this.activity = "kept";
       return;
     }
-    this.released = { at: 0, displacement: this.touching.displacement };
+    this.spring.release(this.touching.displacement);
     this.activity = "springing";
   }
 
@@ -228,13 +204,13 @@ export class View implements Touched, Keyed, Shared {
   }
 
   setColouring(colouring: Colouring): void {
-    this.colouring = colouring;
+    this.painter.colouring = colouring;
     this.tools.colouring.value = colouring;
     this.show();
   }
 
   nextColouring(): void {
-    this.setColouring(COLOURINGS[(COLOURINGS.indexOf(this.colouring) + 1) % COLOURINGS.length]!);
+    this.setColouring(this.painter.next);
   }
 
   /** All stiffnesses of the organ times a factor, where that is exact: about a rest that is free of stress. */
@@ -247,7 +223,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** Whether the wheel is meant for the view. */
   get isInUse(): boolean {
-    return !this.isEmbedded || (document.hasFocus() && this.root.matches(":focus-within"));
+    return this.plan.isInUse;
   }
 
   setTool(tool: Tool): void {
@@ -281,11 +257,7 @@ export class View implements Touched, Keyed, Shared {
   togglePath(): void {
     if (this.activity === "path") return this.rest();
     this.rest();
-    this.path ??= new LoadPath(this.evaluator, this.body);
-    if (this.path.stations.length === 0) return;
-    this.path.restart();
-    this.trail ??= new Trail(this.evaluator, this.path.stations);
-    this.stage.world.add(this.trail.group);
+    if (!this.walk.begin()) return;
     this.activity = "path";
     this.tools.press("path", true);
   }
@@ -297,6 +269,7 @@ export class View implements Touched, Keyed, Shared {
     this.tools.press("modes", true);
     this.legend.hide();
     this.readings.root.hidden = true;
+    this.inside.root.hidden = true;
     this.modes.show();
   }
 
@@ -305,13 +278,13 @@ export class View implements Touched, Keyed, Shared {
   }
 
   toggleTheme(): void {
-    toggleTheme(this.root);
+    toggleTheme(this.plan.root);
     this.readings.redraw();
   }
 
   /** Makes the keys work. */
   focus(): void {
-    this.canvas.focus({ preventScroll: true });
+    this.plan.focus();
   }
 
   get help(): HTMLDialogElement {
@@ -329,20 +302,11 @@ export class View implements Touched, Keyed, Shared {
     return {
       activity: this.activity,
       order: this.order,
-      point: touching?.point ?? null,
-      displacement: touching?.displacement ?? null,
-      force: touching?.force ?? null,
-      stiffness: touching?.answer.stiffness ?? null,
-      error_estimate: touching?.answer.error ?? null,
-      is_trusted: touching ? touching.answer.trust === "trusted" : null,
-      shape_error_estimate: touching?.answer.shapeError ?? null,
-      is_shape_trusted: touching ? touching.answer.shapeTrust === "trusted" : null,
-      field: touching ? Array.from(touching.field) : null,
-      orders: touching?.orders ?? null,
+      ...(touching?.numbers ?? NOBODY),
       looking: this.sight.looking,
       stiffness_factor: this.evaluator.factor,
       inside: this.shifts(),
-      shapes: this.trail?.shapes ?? 0,
+      shapes: this.walk.shapes,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
   }
@@ -359,26 +323,28 @@ export class View implements Touched, Keyed, Shared {
 
   dispose(): void {
     this.deaf.forEach((end) => end());
-    this.summary.dispose();
+    this.speech.dispose();
     this.share.dispose();
     this.readings.dispose();
     this.pointer.dispose();
     this.arrow.dispose();
-    this.trail?.dispose();
+    this.walk.dispose();
     this.body.dispose();
     this.inside.dispose();
     this.stage.dispose();
     this.evaluator.dispose();
-    this.host.remove();
+    this.plan.remove();
   }
 
   announce(sentence: string): void {
-    this.summary.say(sentence);
+    this.speech.summary.say(sentence);
   }
 
-  /** The sentence below a picture of the touch. */
+  /** The touch as one would say it: the sentence below a picture. */
   caption(): string {
-    return this.inShort();
+    const { touching } = this;
+    if (!touching || this.activity === "path") return "";
+    return [touching.inShort, ...this.shifts()!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`)].join(" ");
   }
 
   /** What an address carries that shows this touch, seen like this. */
@@ -387,7 +353,7 @@ export class View implements Touched, Keyed, Shared {
     return written({
       ...(touching && { point: touching.point, displacement: touching.displacement }),
       order: this.order,
-      colour: this.colouring,
+      colour: this.painter.colouring,
       look: this.sight.looking,
       from: this.stage.camera.position.toArray(),
     });
@@ -406,8 +372,8 @@ export class View implements Touched, Keyed, Shared {
   // How it is shown.
 
   private frame(seconds: number): void {
-    if (this.activity === "springing") this.spring(seconds);
-    else if (this.activity === "path") this.walk(seconds);
+    if (this.activity === "springing") this.comeBack(seconds);
+    else if (this.activity === "path") this.walkOn(seconds);
     else if (this.activity === "modes") {
       this.inside.move(this.modes.advance(seconds));
       this.stage.invalidate();
@@ -415,9 +381,7 @@ export class View implements Touched, Keyed, Shared {
     this.sight.follow();
     this.gauge.follow();
     this.hint.follow(this.activity === "rest");
-    const { touching } = this;
-    if (touching) this.label.follow(Math.hypot(...touching.force), touching.doubt(this.order) ? "doubtful" : "sound");
-    else this.label.root.hidden = true;
+    this.label.follow(Math.hypot(...(this.touching?.force ?? [])), this.touching?.standing(this.order) ?? "sound");
     const { pace, drawing } = this.stage;
     this.clock.textContent = paceInWords(pace.rate, [
       ["answer", this.answering.value],
@@ -425,16 +389,14 @@ export class View implements Touched, Keyed, Shared {
     ]);
   }
 
-  private spring(seconds: number): void {
-    this.released.at += seconds;
-    const left = 1 - this.released.at / SPRING_SECONDS;
-    if (left <= 0 || matchMedia("(prefers-reduced-motion: reduce)").matches) return this.rest();
-    this.move(this.released.displacement.map((x) => x * left * left) as Vec3);
+  private comeBack(seconds: number): void {
+    const left = this.spring.advance(seconds);
+    if (left) this.move(left);
+    else this.rest();
   }
 
-  private walk(seconds: number): void {
-    const station = this.path!.advance(seconds);
-    this.trail!.reach(this.path!.gone, this.order);
+  private walkOn(seconds: number): void {
+    const station = this.walk.advance(seconds, this.order);
     this.touching = new TouchState(this.evaluator, station.point, station.normal);
     this.move(station.displacement);
   }
@@ -445,23 +407,17 @@ export class View implements Touched, Keyed, Shared {
     this.touching.displace([0, 0, 0], this.order);
   }
 
-  /** Whether a point is within the contact that is kept. */
-  private reaches(point: Vec3): boolean {
-    const { radius } = this.evaluator.about.metadata;
-    return Math.hypot(...point.map((x, i) => x - this.touching!.point[i]!)) < 0.6 * radius;
-  }
-
   /** Ends what moved the organ by itself. */
   private stop(): void {
     if (this.activity === "modes") this.modes.hide();
     this.readings.root.hidden = false;
+    this.inside.root.hidden = this.inside.isEmpty;
     this.tools?.press("modes", false);
     this.tools?.press("path", false);
-    this.trail?.clear();
-    this.trail?.group.removeFromParent();
+    this.walk.end();
     if (this.activity === "path" || this.activity === "modes") {
       this.activity = "rest";
-      this.setColouring(this.colouring);
+      this.setColouring(this.painter.colouring);
     }
   }
 
@@ -475,76 +431,20 @@ export class View implements Touched, Keyed, Shared {
       this.body.move(touching.field);
       this.inside.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
-      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.doubt(order) ? "doubtful" : "sound");
+      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order));
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
     this.inside.show(this.shifts(), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));
-    const force = touching ? Math.hypot(...touching.force) : 0;
-    const depth = touching?.depth ?? 0;
+    const [force, depth] = [Math.hypot(...(touching?.force ?? [])), touching?.depth ?? 0];
     this.readings.show(touching?.answer ?? null, force, depth);
     this.readings.draw(touching?.curves ?? null, order, this.depth, touching && { depth, force });
-    this.colour();
-    this.warn();
-  }
-
-  private colour(): void {
-    const { touching, magnitude } = this;
-    if (this.colouring === "tissue") {
-      this.body.paintTissue();
-      return this.legend.hide();
-    }
-    magnitude.fill(0);
-    if (this.colouring === "displacement") {
-      const field = touching?.field;
-      if (field) for (let n = 0; n < magnitude.length; n++) magnitude[n] = Math.hypot(...field.subarray(3 * n, 3 * n + 3));
-      return this.paint("displacement", VIRIDIS, this.depth);
-    }
-    touching?.localError(this.order, magnitude);
-    const highest = this.evaluator.about.metadata.order;
-    this.paint(this.order < highest ? `distance from order ${highest}` : "estimated error", INFERNO, 0.05 * this.depth);
-  }
-
-  /** Colours by what the magnitudes are [m], on a scale that reaches to a length [m] at least. */
-  private paint(name: string, map: ColourMap, length: number): void {
-    const largest = this.magnitude.reduce((most, x) => Math.max(most, x), 0);
-    this.body.paint(this.magnitude, 0, this.legend.show(name, map, length, largest), map);
-  }
-
-  private warn(): void {
-    const sentence = this.isBlind ? CONTEXT_LOST : (this.touching?.warning(this.order) ?? "");
-    this.warning.classList.toggle("is-shown", sentence !== "");
-    if (sentence) this.warning.textContent = sentence;
-    this.summary.say([this.inShort(), sentence].filter(Boolean).join(" "));
-  }
-
-  /** The touch as one would say it. */
-  private inShort(): string {
-    const { touching } = this;
-    if (!touching || this.activity === "path") return "";
-    const shifts = this.shifts()!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`);
-    return [`${newtons(Math.hypot(...touching.force))} at a depth of ${fixed(1000 * touching.depth, 1)} mm.`, ...shifts].join(" ");
+    this.painter.show(touching, order);
+    this.speech.say(this.caption(), this.touching?.warning(this.order) ?? "");
   }
 
   /** How far the parts within have moved; null where nobody touches. */
   private shifts(): Shift[] | null {
     const { touching, order } = this;
     return touching && this.inside.shifts(touching.field, touching.fieldError(order), touching.typical);
-  }
-
-  /** A typical force [N], so that arrows are of a readable length: the median over positions, pushed in half the depth. */
-  private referenceForce(): number {
-    const { evaluator, body } = this;
-    const { radius } = evaluator.about.metadata;
-    const step = Math.max(1, Math.floor(evaluator.positions.length / 40));
-    const forces: number[] = [];
-    for (let p = 0; p < evaluator.positions.length; p += step) {
-      const row = 3 * evaluator.positions[p]!;
-      const point = evaluator.touch([...evaluator.rest.subarray(row, row + 3)] as Vec3);
-      if (!point) continue;
-      const push = body.normalAt(point, radius).map((x) => -0.5 * this.depth * x) as Vec3;
-      forces.push(Math.hypot(...evaluator.evaluate(push).force));
-    }
-    forces.sort((a, b) => a - b);
-    return forces[Math.floor(forces.length / 2)] || 1;
   }
 }

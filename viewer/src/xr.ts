@@ -55,6 +55,8 @@ function hand(index: number, stage: Stage, body: Pick<Body, "hit">, touched: Tou
   controller.add(beam);
   stage.scene.add(controller);
   const ray = new THREE.Raycaster();
+  // Where one hand alone can touch, either controller is that one.
+  const own = Math.min(index, touched.hands - 1);
   const place = () => stage.world.worldToLocal(controller.getWorldPosition(new THREE.Vector3()));
   let start: THREE.Vector3 | null = null;
   const grab = () => {
@@ -63,13 +65,13 @@ function hand(index: number, stage: Stage, body: Pick<Body, "hit">, touched: Tou
     ray.set(from, along);
     const hit = body.hit(ray);
     if (!hit) return;
-    touched.grab(hit);
-    const held = touched.contact()?.displacement ?? [0, 0, 0];
-    start = place().sub(new THREE.Vector3(...held));
+    touched.grab(hit, own);
+    const displacement = touched.contact(own)?.displacement ?? [0, 0, 0];
+    start = place().sub(new THREE.Vector3(...displacement));
   };
-  const follow = () => start && touched.move(place().sub(start).toArray());
+  const follow = () => start && touched.move(place().sub(start).toArray(), own);
   const release = () => {
-    if (start) touched.release();
+    if (start) touched.release(own);
     start = null;
   };
   controller.addEventListener("selectstart", grab);

@@ -1,0 +1,67 @@
+// What is said between a view and its stepper: one request at a time, the wishes of a moment gathered in it, frames back.
+import type { Vec3 } from "./evaluator";
+import type { Link } from "./link";
+
+/** What a hand does (live/src/request.rs). */
+export interface Gesture {
+  grab?: Vec3;
+  move?: Vec3;
+  release?: true;
+}
+
+type Request = Gesture & { laws?: string[]; gravity?: Vec3; stress?: boolean; second?: Gesture };
+
+export class Conversation {
+  /** Of a frame that has come: its numbers. */
+  onFrame: (numbers: Float32Array) => void = () => {};
+  /** What the stepper refused, or why it has gone. */
+  onComplaint: (sentence: string) => void = () => {};
+  /** Whether an answer is under way. */
+  isWaiting = false;
+  private wanted: Request = {};
+
+  constructor(private readonly link: Link) {
+    link.onMessage = (data) => this.receive(data);
+    link.onClose = (sentence) => this.onComplaint(sentence);
+  }
+
+  /** Whether something is wanted that has not been asked for. */
+  get hasWishes(): boolean {
+    return Object.keys(this.wanted).length > 0;
+  }
+
+  /** Adds to what the next request asks for. */
+  want(wish: Omit<Request, keyof Gesture | "second">): void {
+    Object.assign(this.wanted, wish);
+  }
+
+  /** Adds what a hand does; who takes hold has not let go any more, and the other way round. */
+  gesture(hand: number, wish: Gesture): void {
+    const said: Gesture = hand === 0 ? this.wanted : (this.wanted.second ??= {});
+    if (wish.grab) delete said.release;
+    if (wish.release) {
+      delete said.grab;
+      delete said.move;
+    }
+    Object.assign(said, wish);
+  }
+
+  /** Forgets what was wanted. */
+  forget(): void {
+    this.wanted = {};
+  }
+
+  /** Asks for a frame where something is wanted or moves; one at a time. */
+  ask(isMoving: boolean): void {
+    if (this.isWaiting || !this.link.isOpen || !(isMoving || this.hasWishes)) return;
+    this.link.send(JSON.stringify(this.wanted));
+    this.forget();
+    this.isWaiting = true;
+  }
+
+  private receive(data: string | ArrayBuffer): void {
+    this.isWaiting = false;
+    if (typeof data === "string") this.onComplaint((JSON.parse(data) as { error: string }).error);
+    else this.onFrame(new Float32Array(data));
+  }
+}

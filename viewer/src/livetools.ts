@@ -1,0 +1,67 @@
+// The controls of a case that is stepped: its name above, tools below, and the help.
+import { button, choice, element, helpDialog, listed, Segments } from "./dom";
+import type { Vec3 } from "./evaluator";
+import { LIVE_KEYS } from "./keys";
+import type { LiveView } from "./live";
+import type { LiveColouring } from "./livecolouring";
+import type { Tool } from "./pointer";
+
+const GRAVITIES: readonly [string, string][] = [
+  ["0,0,0", "no gravity"],
+  ["0,0,-9.81", "gravity −z"],
+  ["0,0,9.81", "gravity +z"],
+  ["0,-9.81,0", "gravity −y"],
+  ["0,9.81,0", "gravity +y"],
+  ["-9.81,0,0", "gravity −x"],
+  ["9.81,0,0", "gravity +x"],
+];
+
+export class LiveTools {
+  readonly header: HTMLElement;
+  readonly root: HTMLElement;
+  readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
+  readonly tool: Segments<Tool>;
+  readonly colouring: Segments<LiveColouring>;
+  private readonly outline: HTMLButtonElement;
+
+  constructor(view: LiveView, facts: readonly string[], gravity: Vec3, headset: HTMLButtonElement) {
+    const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
+    const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
+    const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
+    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, listed(facts)), corner);
+    this.tool = new Segments<Tool>(
+      "tool",
+      [
+        ["push", "Push", "press on the organ, move down to push in and up to pull out"],
+        ["drag", "Drag", "press on the organ and drag it in the plane of the screen"],
+      ],
+      (tool) => view.setTool(tool),
+    );
+    this.tool.value = view.tool;
+    this.colouring = new Segments<LiveColouring>(
+      "colour",
+      [
+        ["tissue", "Tissue", "the colour of tissue"],
+        ["displacement", "Displacement", "colour by displacement"],
+        ["stress", "Stress", "colour by the von Mises stress"],
+      ],
+      (colouring) => view.setColouring(colouring),
+    );
+    this.colouring.value = "tissue";
+    this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
+    const pull = choice("gravity", GRAVITIES, (value) => view.setGravity(value.split(",").map(Number) as Vec3));
+    pull.value = GRAVITIES.find(([value]) => value === gravity.map(String).join())?.[0] ?? "0,0,0";
+    const reset = button("Reset", "start again from rest", () => view.reset(), "R");
+    const { choice: look, slider } = view.sight;
+    const controls = [this.tool.root, pull, this.colouring.root, this.outline, look.root, slider, reset];
+    this.root = element("nav", { class: "panel tools", "aria-label": "tools" }, ...controls);
+  }
+
+  get hasOutline(): boolean {
+    return this.outline.getAttribute("aria-pressed") === "true";
+  }
+
+  set hasOutline(isOn: boolean) {
+    this.outline.setAttribute("aria-pressed", String(isOn));
+  }
+}
