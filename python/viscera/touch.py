@@ -342,14 +342,22 @@ class Touch(Pictured):
 
         name: shown above the organ; height: of the view, in pixels.
 
+        The widget works both ways. `widget.touch(point, displacement)` [m] moves the organ in the notebook, and
+        `widget.release()` lets go. `point`, `displacement`, `force` and `is_trusted` follow every touch, made by Python
+        or by a hand, and are None if nobody touches; `widget.observe(handler, "force")` calls a handler at each change.
+        A saved notebook keeps a picture.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> touch = beam.reduce("tip", depth="2%", order=2)
         >>> widget = touch.view("Beam", height=400)
+        >>> widget.observe(lambda change: print(f"{change.new[2]:.3f} N"), "force")
+        >>> widget.touch((1, 0.05, 0.1), (0, 0, -0.01))
+        -0.494 N
         """
-        from viscera.viewer.notebook import widget
+        from viscera.viewer.notebook import PlayedTouch, widget
 
-        return widget(self, name, height)
+        return widget(PlayedTouch(self, name), height)
 
     def summary(self) -> dict[str, Any]:
         """The model in numbers: positions, terms of the series, modes, and the errors measured off-line.

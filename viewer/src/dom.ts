@@ -67,11 +67,6 @@ export function write(place: HTMLElement, words: string): void {
   if (place.textContent !== words) place.textContent = words;
 }
 
-/** Facts in a row, which breaks between them only. */
-export function listed(facts: readonly string[]): string {
-  return facts.map((fact) => fact.replace(/ /g, "\u00a0")).join("\u00a0· ");
-}
-
 /** A number beside its name. */
 export function fact(name: string, value: HTMLElement): HTMLElement {
   return element("div", {}, element("dt", {}, name), element("dd", {}, value));

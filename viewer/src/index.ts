@@ -1,10 +1,10 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
-import { element } from "./dom";
 import { load } from "./files";
 import { SocketLink, WorkerLink, type Link } from "./link";
 import { connect, type LiveView } from "./live";
 import { inWords, Notice } from "./notice";
 import { View } from "./view";
+import { render } from "./widget";
 
 export { Evaluator } from "./evaluator";
 export { scale } from "./scale";
@@ -65,27 +65,7 @@ async function linked(place: HTMLElement, link: Link): Promise<LiveView> {
   }
 }
 
-/** The part of anywidget's model that is used. */
-interface WidgetModel {
-  get(name: "model"): DataView;
-  get(name: "height"): number;
-}
-
-export default {
-  async render({ model, el }: { model: WidgetModel; el: HTMLElement }): Promise<() => void> {
-    const place = element("div");
-    place.style.cssText = `position:relative;height:${model.get("height")}px;border-radius:10px;overflow:hidden`;
-    el.append(place);
-    const data = model.get("model");
-    try {
-      const view = await View.mount(place, new Uint8Array(data.buffer, data.byteOffset, data.byteLength), true);
-      return () => view.dispose();
-    } catch (error) {
-      const notice = new Notice(place, inWords(error));
-      return () => notice.remove();
-    }
-  },
-};
+export default { render };
 
 // A page of one file names here what it opens.
 const { opens, part } = document.querySelector<HTMLElement>("script[data-opens]")?.dataset ?? {};

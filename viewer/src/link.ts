@@ -74,3 +74,44 @@ export class WorkerLink implements Link {
     this.worker.terminate();
   }
 }
+
+/** The part of a widget's model that carries messages to the kernel of a notebook and back. */
+export interface Kernel {
+  on?(name: string, listen: (content: Message, buffers: DataView[]) => void): void;
+  off?(name: string, listen: (content: Message, buffers: DataView[]) => void): void;
+  send?(content: Message): void;
+}
+
+/** A request, or in words what the kernel says; frames come as buffers. */
+interface Message {
+  request?: string;
+  words?: string;
+}
+
+/** A stepper in the kernel of a notebook. */
+export class KernelLink implements Link {
+  readonly place = "in the kernel";
+  isOpen = true;
+  onMessage: Link["onMessage"] = () => {};
+  onClose: Link["onClose"] = () => {};
+  private readonly listen = ({ words }: Message, buffers: DataView[]) => {
+    if (words !== undefined) return this.onMessage(words);
+    const [frame] = buffers;
+    if (frame) this.onMessage(frame.buffer.slice(frame.byteOffset, frame.byteOffset + frame.byteLength) as ArrayBuffer);
+  };
+
+  constructor(private readonly kernel: Kernel) {
+    kernel.on?.("msg:custom", this.listen);
+    // The kernel introduces itself to whoever asks for nothing.
+    kernel.send?.({ request: "" });
+  }
+
+  send(request: string): void {
+    this.kernel.send?.({ request });
+  }
+
+  close(): void {
+    this.isOpen = false;
+    this.kernel.off?.("msg:custom", this.listen);
+  }
+}

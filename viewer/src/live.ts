@@ -22,6 +22,7 @@ import { Share, type Shared } from "./share";
 import { Sight } from "./sight";
 import { Speech } from "./speech";
 import { Stage } from "./stage";
+import { told, type Told } from "./touchstate";
 import { headsetButton } from "./xr";
 
 /** What the stepper says first (live/src/stage.rs). */
@@ -31,7 +32,10 @@ interface Hello {
   law: string;
   diagonal: number;
   radius: number;
-  gravity: Vec3;
+  /** Null where none can be chosen. */
+  gravity: Vec3 | null;
+  /** Whether it is a solved state, which no hand can move. */
+  is_still?: boolean;
   rest: number[];
   triangles: number[];
 }
@@ -39,7 +43,9 @@ interface Hello {
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
 export class LiveView implements Touched, Keyed, Shared {
-  readonly hands = 2;
+  readonly hands: number;
+  /** Work after a frame has been shown. */
+  onTouch: () => void = () => {};
   tool: Tool = "drag";
   readonly depth: number;
   readonly title: string;
@@ -90,7 +96,8 @@ export class LiveView implements Touched, Keyed, Shared {
     this.painter = new LivePainter(this.legend, this.depth);
     this.laws = [hello.law];
     this.title = hello.name;
-    this.plan = new Plan(hello.name, "Press on the organ to take hold of it.", isEmbedded);
+    this.hands = hello.is_still ? 0 : 2;
+    this.plan = new Plan(hello.name, hello.is_still ? "Turn the view." : "Press on the organ to take hold of it.", isEmbedded);
     const { root } = this.plan;
     this.stage = new Stage(this.plan.canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
     this.speech = new Speech(this.stage);
@@ -99,7 +106,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const facts = [`${hello.rest.length / 3} surface nodes`, `stepped ${link.place}`];
+    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
     this.tools = new LiveTools(this, facts, hello.gravity, headsetButton(this.stage, this.row, this));
     const side = element("div", { class: "side" }, this.readings, this.clock);
     this.plan.fill(
@@ -210,7 +217,7 @@ export class LiveView implements Touched, Keyed, Shared {
   }
 
   touchMiddle(): void {
-    const hit = this.pointer.near(this.middle);
+    const hit = this.hands > 0 ? this.pointer.near(this.middle) : null;
     if (!hit) return;
     this.grab(hit);
     this.nudge(0, 0, 0.25);
@@ -296,7 +303,7 @@ export class LiveView implements Touched, Keyed, Shared {
   private frame(): void {
     this.sight.follow();
     this.gauge.follow();
-    this.hint.follow(this.held === null);
+    this.hint.follow(this.held === null && this.hands > 0);
     this.ask();
     if (this.isFresh) this.stage.shape(() => this.show());
     this.specimens.forEach((specimen) => specimen.follow());
@@ -332,6 +339,14 @@ export class LiveView implements Touched, Keyed, Shared {
     if (this.specimens.some(({ facts }) => !facts.isSettled) || this.conversation.hasWishes) this.ask();
   }
 
+  /** The touch of the first hand, for whom it is told to. */
+  get told(): Told {
+    const [held] = this.holding;
+    const { facts } = this.specimens[0]!;
+    if (!held) return told(null);
+    return { point: held.point, displacement: held.displacement, force: facts.force, is_trusted: facts.isSettled };
+  }
+
   private show(): void {
     this.isFresh = false;
     const { specimens } = this;
@@ -346,6 +361,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.painter.show(specimens);
     const [one, other] = specimens;
     if (one && other) this.contrast.show(one, other);
+    this.onTouch();
     this.speech.say(this.caption(), this.complaint || this.trouble());
   }
 
@@ -381,7 +397,9 @@ export class LiveView implements Touched, Keyed, Shared {
     const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
     const focused = this.controls().indexOf((this.plan.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
     const isLast = focused === this.controls().length - 1;
-    this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, this.pairing());
+    const pairing = this.hello.laws.length > 1 ? [this.pairing()] : [];
+    this.readings.replaceChildren(...this.specimens.map(({ root }) => root), ...contrast, ...pairing);
+    this.readings.hidden = this.hello.is_still ?? false;
     // Whoever has chosen a law, or a second one, by key goes on from there.
     if (focused >= 0) this.controls().at(isLast ? -1 : focused)!.focus({ preventScroll: true });
     this.readings.classList.toggle("is-pair", this.laws.length > 1);

@@ -1,5 +1,5 @@
 // The controls of a case that is stepped: its name above, tools below, and the help.
-import { button, choice, element, helpDialog, listed, Segments } from "./dom";
+import { button, choice, element, helpDialog, Segments } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS } from "./keys";
 import type { LiveView } from "./live";
@@ -24,11 +24,11 @@ export class LiveTools {
   readonly colouring: Segments<LiveColouring>;
   private readonly outline: HTMLButtonElement;
 
-  constructor(view: LiveView, facts: readonly string[], gravity: Vec3, headset: HTMLButtonElement) {
+  constructor(view: LiveView, facts: readonly string[], gravity: Vec3 | null, headset: HTMLButtonElement) {
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
-    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, listed(facts)), corner);
+    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, facts.join(" · ")), corner);
     this.tool = new Segments<Tool>(
       "tool",
       [
@@ -50,7 +50,8 @@ export class LiveTools {
     this.colouring.value = "tissue";
     this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
     const pull = choice("gravity", GRAVITIES, (value) => view.setGravity(value.split(",").map(Number) as Vec3));
-    pull.value = GRAVITIES.find(([value]) => value === gravity.map(String).join())?.[0] ?? "0,0,0";
+    pull.value = GRAVITIES.find(([value]) => value === gravity?.map(String).join())?.[0] ?? "0,0,0";
+    pull.hidden = gravity === null;
     const reset = button("Reset", "start again from rest", () => view.reset(), "R");
     const { choice: look, slider } = view.sight;
     const controls = [this.tool.root, pull, this.colouring.root, this.outline, look.root, slider, reset];

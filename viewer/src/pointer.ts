@@ -90,7 +90,7 @@ export class Pointer {
     const isFurther = isTouch && this.fingers.size > 1;
     // With two hands full, a third finger is nobody's.
     if (isFurther && this.holding.size > 1) return event.stopImmediatePropagation();
-    const mayHold = event.button === 0 && (this.holding.size === 0 ? !isFurther : isFurther && this.touched.hands > 1);
+    const mayHold = this.touched.hands > 0 && event.button === 0 && (this.holding.size === 0 ? !isFurther : isFurther && this.touched.hands > 1);
     const hit = mayHold ? this.under(event.offsetX, event.offsetY) : null;
     if (hit) this.take(event, hit);
     else if (isFurther) this.handOn();
@@ -116,7 +116,7 @@ export class Pointer {
     if (held) {
       held.last = event;
       this.displace(held);
-    } else if (this.holding.size === 0 && event.buttons === 0) {
+    } else if (this.touched.hands > 0 && this.holding.size === 0 && event.buttons === 0) {
       const hit = this.under(event.offsetX, event.offsetY);
       this.stage.canvas.classList.toggle("is-touchable", hit !== null);
       this.touched.hover(hit);

@@ -1,6 +1,6 @@
 // The controls: name of the organ above, tools below, and the help.
 import type { Colouring } from "./colouring";
-import { button, digits, element, helpDialog, listed, Segments } from "./dom";
+import { button, digits, element, helpDialog, Segments } from "./dom";
 import { KEYS } from "./keys";
 import { lawName } from "./lawname";
 import type { Tool } from "./pointer";
@@ -41,7 +41,7 @@ export class Tools {
       "header",
       {},
       element("h1", {}, view.title),
-      element("p", {}, listed(facts)),
+      element("p", {}, facts.join(" · ")),
       element(
         "div",
         { class: "corner" },

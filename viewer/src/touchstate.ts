@@ -187,6 +187,20 @@ export class TouchState {
   }
 }
 
+/** What is told of a touch to the kernel of a notebook; null where nobody touches. */
+export interface Told {
+  point: Vec3 | null;
+  displacement: Vec3 | null;
+  force: Vec3 | null;
+  is_trusted: boolean | null;
+}
+
+export function told(touching: TouchState | null): Told {
+  if (!touching) return { point: null, displacement: null, force: null, is_trusted: null };
+  const { point, displacement, force, answer } = touching;
+  return { point, displacement, force, is_trusted: answer.trust === "trusted" };
+}
+
 function mm(length: number): string {
   return `${(1000 * length).toFixed(1)} mm`;
 }

@@ -23,7 +23,7 @@ import { Speech } from "./speech";
 import { Spring } from "./spring";
 import { Stage } from "./stage";
 import { Tools } from "./tools";
-import { NOBODY, TouchState } from "./touchstate";
+import { NOBODY, told, TouchState, type Told } from "./touchstate";
 import { typicalForce } from "./typicalforce";
 import { Walk } from "./walk";
 import { headsetButton } from "./xr";
@@ -47,6 +47,8 @@ export class View implements Touched, Keyed, Shared {
   private readonly clock = element("div", { class: "clock" });
   private readonly readings: Readings;
   private readonly legend = new Legend();
+  /** Work after a touch has changed. */
+  onTouch: () => void = () => {};
   readonly sight: Sight;
   readonly share: Share;
   private readonly gauge: Gauge;
@@ -311,6 +313,11 @@ export class View implements Touched, Keyed, Shared {
     };
   }
 
+  /** The touch, for whom it is told to. */
+  get told(): Told {
+    return told(this.touching);
+  }
+
   /** The middle of the organ at rest [m]. */
   get middle(): Vec3 {
     return this.stage.centre;
@@ -439,6 +446,7 @@ export class View implements Touched, Keyed, Shared {
     this.readings.show(touching?.answer ?? null, force, depth);
     this.readings.draw(touching?.curves ?? null, order, this.depth, touching && { depth, force });
     this.painter.show(touching, order);
+    this.onTouch();
     this.speech.say(this.caption(), this.touching?.warning(this.order) ?? "");
   }
 

@@ -63,7 +63,7 @@ function hand(index: number, stage: Stage, body: Pick<Body, "hit">, touched: Tou
     const from = controller.getWorldPosition(new THREE.Vector3());
     const along = new THREE.Vector3(0, 0, -1).applyQuaternion(controller.getWorldQuaternion(new THREE.Quaternion()));
     ray.set(from, along);
-    const hit = body.hit(ray);
+    const hit = touched.hands > 0 ? body.hit(ray) : null;
     if (!hit) return;
     touched.grab(hit, own);
     const displacement = touched.contact(own)?.displacement ?? [0, 0, 0];

@@ -1,28 +1,140 @@
-"""The view below a notebook's cell: the same module that the page loads, as a widget."""
+"""The view below a notebook's cell, as a widget that Python drives and observes: the module that the page loads."""
 
 from __future__ import annotations
 
-from typing import Any
+import base64
+import uuid
+from typing import Any, Protocol
 
+import numpy as np
+
+from viscera.display import WIDTH, Pictured
 from viscera.errors import VisceraError
+from viscera.select import Lengths
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.surface import surface_model
 
 
-def widget(touch: Touch, name: str = "Organ", height: int = 560) -> Any:
-    """An anywidget that shows a model; raises `VisceraError` where anywidget is not installed."""
+class Played(Protocol):
+    """What a widget shows, and how it answers a touch."""
+
+    pictured: Pictured
+    """What stays in a saved notebook."""
+
+    def model(self) -> bytes:
+        """The model that the page evaluates; none where the kernel answers."""
+
+    def answer(self, point: Lengths, displacement: Lengths) -> dict[str, Any]:
+        """A touch: `point`, `displacement`, `force` and `is_trusted`; raises `VisceraError` where there is none."""
+
+    def release(self) -> None:
+        """Let go."""
+
+    def reply(self, request: str) -> str | bytes:
+        """What the kernel answers a request of the page: words, or a frame."""
+
+
+class PlayedTouch:
+    """A reduced model, which the page evaluates itself."""
+
+    def __init__(self, touch: Touch, name: str) -> None:
+        self.pictured: Pictured = touch
+        self._touch = touch
+        self._name = name
+
+    def model(self) -> bytes:
+        """The file that the page loads."""
+        return surface_model(self._touch, self._name)
+
+    def answer(self, point: Lengths, displacement: Lengths) -> dict[str, Any]:
+        """The model's own answer."""
+        answer = self._touch(point, displacement)
+        push = self._touch._push(displacement)
+        return told(answer.contact_point, push, answer.force, answer.is_trusted)
+
+    def release(self) -> None:
+        """Nothing: the model has no memory."""
+
+    def reply(self, request: str) -> str:
+        """The page of a model asks for nothing."""
+        return '{"error": "this model is evaluated in the page"}'
+
+
+def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> dict[str, Any]:
+    """A touch as the widget's traits hold it."""
+    vectors = {"point": point, "displacement": displacement, "force": force}
+    return {**{name: np.asarray(x, float).tolist() for name, x in vectors.items()}, "is_trusted": is_trusted}
+
+
+def widget(played: Played, height: int = 560) -> Any:
+    """A widget that shows what is played; raises `VisceraError` where anywidget is not installed.
+
+    Its `touch(point, displacement)` touches [m] as a hand does, `release()` lets go. `point`, `displacement`, `force`
+    and `is_trusted` are those of the present touch, made by Python or by a hand, and None where nobody touches;
+    `observe(handler, "force")` calls the handler at every change.
+    """
+    return _widget_class()(played, height)
+
+
+def _widget_class() -> type:
+    """The class of all widgets, made where it is needed first: anywidget is an extra."""
     try:
         import anywidget
         import traitlets
+        from IPython.display import HTML, display, publish_display_data
     except ImportError as error:
         raise VisceraError("the notebook needs anywidget: pip install 'viscera[notebook]'") from error
 
-    class TouchWidget(anywidget.AnyWidget):
-        """A reduced model to be touched."""
+    class Widget(anywidget.AnyWidget):
+        """An organ to be touched, by a hand in the page or from Python."""
 
         _esm = page.files()["viewer.js"].decode()
         model = traitlets.Bytes().tag(sync=True)
         height = traitlets.Int().tag(sync=True)
+        picture = traitlets.Unicode().tag(sync=True)
+        asked = traitlets.Dict({"number": 0}).tag(sync=True)
+        point = traitlets.List(traitlets.Float(), default_value=None, allow_none=True).tag(sync=True)
+        displacement = traitlets.List(traitlets.Float(), default_value=None, allow_none=True).tag(sync=True)
+        force = traitlets.List(traitlets.Float(), default_value=None, allow_none=True).tag(sync=True)
+        is_trusted = traitlets.Bool(default_value=None, allow_none=True).tag(sync=True)
 
-    return TouchWidget(model=surface_model(touch, name), height=height)
+        def __init__(self, played: Played, height: int) -> None:
+            super().__init__(model=played.model(), height=height, picture=uuid.uuid4().hex)
+            self._played = played
+            self.on_msg(self._converse)
+
+        def touch(self, point: Lengths, displacement: Lengths) -> None:
+            """Touch at a point and displace the contact, in metres or in words such as "(1, 2, 3) mm"."""
+            self._follow(self._played.answer(point, displacement))
+
+        def release(self) -> None:
+            """Let go."""
+            self._played.release()
+            self._follow({"point": None, "displacement": None, "force": None, "is_trusted": None})
+
+        def _follow(self, now: dict[str, Any]) -> None:
+            asked = {name: now[name] for name in ("point", "displacement") if now[name] is not None}
+            # All at once: a handler of one sees the others as they belong to it.
+            with self.hold_trait_notifications():
+                for name, value in now.items():
+                    setattr(self, name, value)
+            self.asked = {"number": self.asked["number"] + 1, **asked}
+
+        def _converse(self, _: Any, content: dict[str, Any], buffers: Any) -> None:
+            reply = self._played.reply(content.get("request", ""))
+            if isinstance(reply, str):
+                self.send({"words": reply})
+            else:
+                self.send({}, [reply])
+
+        def _ipython_display_(self) -> None:
+            """A picture, which stays in a saved notebook and hides beside the live view; then the view."""
+            png, _ = self._played.pictured._repr_png_()
+            data = base64.b64encode(png).decode()
+            display(HTML(f'<img data-viscera="{self.picture}" width="{WIDTH}" src="data:image/png;base64,{data}">'))
+            bundle = self._repr_mimebundle_()
+            shown: dict[str, Any] = bundle[0] if isinstance(bundle, tuple) else bundle
+            publish_display_data({**shown, "text/plain": "run the cell to touch the organ"})
+
+    return Widget
