@@ -25,10 +25,14 @@ class Pictured:
         return self.plot()
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
-        figure = self._picture()
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=2 * WIDTH / figure.get_figwidth())
-        return buffer.getvalue(), {"width": WIDTH}
+        return png(self._picture()), {"width": WIDTH}
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as it is stored in a notebook."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=2 * WIDTH / figure.get_figwidth())
+    return buffer.getvalue()
 
 
 class Tabled:

@@ -180,5 +180,20 @@ class State(Deformed, Pictured):
         values = None if colour == "displacement" else getattr(self, colour)("nodes")
         return draw(self.mesh.points, self.mesh.surface, self.displacement, values=values, colour=colour, path=path)
 
+    def view(self, name: str = "Organ", height: int = 560) -> Any:
+        """The deformed organ below a notebook's cell, to be turned, cut open and coloured by displacement or stress.
+
+        Needs `pip install viscera[notebook]`. A solved state stays as it is: to touch an organ, view its stepper or a
+        reduced model. name: shown above the organ; height: of the view, in pixels.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> widget = beam.solve(force={"tip": (0, 0, -10.0)}).view("Beam")
+        """
+        from viscera.viewer.notebook import widget
+        from viscera.viewer.stepped import PlayedState
+
+        return widget(PlayedState(self, name), height)
+
     def __repr__(self) -> str:
         return f"State({self.status}, load={self.load:g}, max_displacement={self.max_displacement:g} m)"

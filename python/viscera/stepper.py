@@ -351,6 +351,26 @@ class Stepper:
         self._tools.append(made)
         return made
 
+    def view(self, name: str = "Organ", height: int = 560) -> Any:
+        """The organ below a notebook's cell, stepped in the kernel by up to two hands on the page, or from Python.
+
+        Needs `pip install viscera[notebook]`. `widget.touch(point, displacement)` [m] holds the patch around a surface
+        point and steps until it has settled; `widget.release()` lets go. `point`, `displacement`, `force` and
+        `is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page apply no load except the
+        hands. name: shown above the organ; height: of the view, in pixels.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> widget = beam.stepper().view("Beam")
+        >>> widget.touch((1, 0.05, 0.1), (0, 0, -0.01))
+        >>> round(widget.force[2], 3), widget.is_trusted
+        (-0.496, True)
+        """
+        from viscera.viewer.notebook import widget
+        from viscera.viewer.stepped import PlayedStepper
+
+        return widget(PlayedStepper(self, name), height)
+
     def frame(
         self,
         displacement: Displacements | None = None,

@@ -196,6 +196,81 @@ def test_two_laws_side_by_side(live: Viewer) -> None:
     settle(live)
 
 
+def test_stress_as_colours(live: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
+    live.call("setLaws", ["NeoHookean"])
+    live.call("setColouring", "stress")
+    live.call("touch", TIP, [0.0, 0.01, -0.03])
+    live.page.wait_for_function("() => viscera.state().specimens[0].stress.length > 0")
+    settle(live)
+    state = live.state
+    patch = organ.patch(TIP, 0.1 * bar.diagonal)
+    exact = organ.solve(displacement={patch: (0.0, 0.01, -0.03)}).von_mises("nodes")[bar.surface_nodes]
+    stress = np.array(state["specimens"][0]["stress"])
+    assert stress == pytest.approx(exact, abs=1e-4 * exact.max())
+    legend = live.page.locator(".legend:visible")
+    assert "von Mises stress [kPa]" in legend.inner_text()
+    ticks = [float(text) for text in live.page.locator(".legend:visible .legend-ticks span").all_inner_texts()]
+    assert np.allclose(np.diff(ticks), ticks[1])
+    assert ticks[-1] >= 1e-3 * np.quantile(stress, 0.97)
+    live.shoot(f"stress-{state['place'].split()[-1]}")
+    # Nothing is uploaded that did not change.
+    settle(live)
+    uploads = (
+        "() => ['position', 'color'].map((name) => viscera.specimens[0].body.mesh.geometry.attributes[name].version)"
+    )
+    before = live.page.evaluate(uploads)
+    live.page.evaluate("() => viscera.show()")
+    assert live.page.evaluate(uploads) == before
+    live.call("setColouring", "tissue")
+    live.call("rest")
+    settle(live)
+
+
+def test_two_fingers_act_at_once(look_at: Look, server: Server, case: Case, bar: vs.Mesh, organ: vs.Organ) -> None:
+    with serve_live(case, "Bar", in_page=False) as running:
+        viewer = look_at(running.url, viewport={"width": 390, "height": 780}, has_touch=True, is_mobile=True)
+        cdp = viewer.page.context.new_cdp_session(viewer.page)
+
+        def fingers(kind: str, *places: tuple[float, float]) -> None:
+            points = [{"x": x, "y": y, "id": k} for k, (x, y) in enumerate(places)]
+            cdp.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+        before = viewer.page.evaluate("() => viscera.stage.camera.position.toArray()")
+        (x0, y0), (x1, y1) = viewer.place((0.15, 0.0, 0.05)), viewer.place((0.37, 0.0, 0.05))
+        fingers("touchStart", (x0, y0))
+        fingers("touchStart", (x0, y0), (x1, y1))
+        fingers("touchMove", (x0, y0 - 8), (x1, y1 + 12))
+        settle(viewer)
+        state = viewer.state
+        viewer.shoot("two-fingers")
+        patches = [organ.patch(hand["point"], 0.1 * bar.diagonal) for hand in state["hands"]]
+        pushes = [hand["displacement"] for hand in state["hands"]]
+        assert pushes[0][2] > 1e-3 > -1e-3 > pushes[1][2]
+        exact = organ.solve(displacement=dict(zip(patches, pushes, strict=True)))
+        [specimen] = state["specimens"]
+        for name, patch in zip(("force", "second"), patches, strict=True):
+            force = exact.reaction(patch)
+            assert specimen[name] == pytest.approx(force.tolist(), abs=1e-4 * np.linalg.norm(force))
+        labels = viewer.page.locator(".force-label:visible")
+        assert labels.count() == 2
+        assert viewer.page.evaluate("() => viscera.stage.camera.position.toArray()") == pytest.approx(before)
+        # One lets go, the other holds on.
+        held = [{"x": x1, "y": y1 + 12, "id": 1}]
+        cdp.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": held})
+        viewer.page.wait_for_function("() => viscera.state().hands.filter(Boolean).length === 1")
+        settle(viewer)
+        state = viewer.state
+        left = 0 if state["hands"][0] else 1
+        assert state["hands"][left]["displacement"] == pushes[left]
+        force = organ.solve(displacement={patches[left]: pushes[left]}).reaction(patches[left])
+        found = state["specimens"][0]["second" if left else "force"]
+        assert found == pytest.approx(force.tolist(), abs=1e-4 * np.linalg.norm(force))
+        fingers("touchEnd")
+        viewer.page.wait_for_function("() => viscera.state().held === null")
+        assert viewer.complaints == []
+        viewer.close()
+
+
 def test_the_keyboard_takes_hold(live: Viewer) -> None:
     live.call("focus")
     press = live.page.keyboard.press
@@ -207,6 +282,8 @@ def test_the_keyboard_takes_hold(live: Viewer) -> None:
     press("c")
     assert live.page.locator(".legend").is_visible()
     press("c")
+    press("c")
+    assert live.page.locator(".legend").is_hidden()
     press("?")
     assert live.page.locator(".help").is_visible()
     press("?")

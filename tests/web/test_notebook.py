@@ -1,8 +1,9 @@
-"""`touch.view()`: what the notebook gets, and that the widget's module shows it in a browser and converses with Python."""
+"""`touch.view()`: what the notebook gets; the widget's module shows it in a browser and converses with Python."""
 
 from __future__ import annotations
 
 import base64
+import json
 import sys
 from typing import Any
 
@@ -120,6 +121,61 @@ def test_a_touch_from_python_moves_the_organ_and_a_hand_is_told(browser: Any, to
         tab.evaluate("() => window.remove()")
         assert tab.evaluate(display) != "none"
         context.close()
+
+
+@pytest.fixture(scope="module")
+def organ(bar: vs.Mesh) -> vs.Organ:
+    return vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.45), fixed="root")
+
+
+def numbers(widget: Any, **request: Any) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+    """Facts of the frame that a widget answers, and what follows them."""
+    frame = np.frombuffer(widget._played.reply(json.dumps(request)), "<f4")
+    return frame[1:15], frame[15:]
+
+
+def test_a_stepper_is_driven_from_python_and_from_the_page(organ: vs.Organ, server: Server) -> None:
+    pytest.importorskip("anywidget")
+    stepper = organ.stepper(iterations=10)
+    widget = stepper.view("Bar")
+    heard: list[Any] = []
+    widget.observe(lambda change: heard.append(change.new), "force")
+    widget.touch(TOP, PUSH)
+    patch = organ.patch(TOP, 0.1 * organ.mesh.diagonal)
+    exact = organ.solve(displacement={patch: PUSH})
+    force = exact.reaction(patch)
+    assert heard[0] == pytest.approx(force.tolist(), abs=1e-3 * np.linalg.norm(force))
+    nodes = organ.mesh.surface_nodes
+    facts, field = numbers(widget, stress=True)
+    assert field[: 3 * len(nodes)] == pytest.approx(exact.displacement[nodes].ravel(), abs=1e-6)
+    assert field[3 * len(nodes) :] == pytest.approx(exact.von_mises("nodes")[nodes], rel=1e-2)
+    # A second hand, from the page.
+    other, pull = (0.4, 0.05, 0.0), (0.0, 0.005, 0.002)
+    numbers(widget, second={"grab": other, "move": pull})
+    facts, _ = numbers(widget)
+    second = organ.patch(other, 0.1 * organ.mesh.diagonal)
+    both = organ.solve(displacement={patch: PUSH, second: pull})
+    assert facts[:3] == pytest.approx(both.reaction(patch), rel=1e-3, abs=1e-4)
+    assert facts[11:] == pytest.approx(both.reaction(second), rel=1e-3, abs=1e-4)
+    widget.release()
+    numbers(widget, second={"release": True})
+    facts, field = numbers(widget)
+    assert not facts[:3].any()
+    assert np.abs(field[: 3 * len(nodes)]).max() < 1e-5
+    assert "error" in json.loads(widget._played.reply('{"grab": [9, 9, 9]}'))
+
+
+def test_a_state_is_looked_at(organ: vs.Organ, server: Server) -> None:
+    pytest.importorskip("anywidget")
+    state = organ.solve(force={"tip": (0, 0, -20.0)})
+    widget = state.view("Bar")
+    assert json.loads(widget._played.reply(""))["is_still"]
+    nodes = organ.mesh.surface_nodes
+    _, field = numbers(widget, stress=True)
+    expected = np.concatenate([state.displacement[nodes].ravel(), state.von_mises("nodes")[nodes]])
+    assert field == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    with pytest.raises(vs.VisceraError, match="stepper"):
+        widget.touch(TOP, PUSH)
 
 
 def test_the_widget_carries_the_model(touch: vs.Touch, server: Server) -> None:

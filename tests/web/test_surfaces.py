@@ -134,7 +134,8 @@ def draw(viewer: Viewer) -> None:
 # Texts of the readings that leave their panel, or come closer to another one of the same line than four pixels, and two
 # numbers than twelve: with less, "9.2 mm 82.2 N/m" reads as one.
 CROWDED = """(panel) => {
-    const texts = [...panel.querySelectorAll("dt, dd, th, td, .force, .unit")].filter((found) => found.checkVisibility());
+    const all = [...panel.querySelectorAll("dt, dd, th, td, .force, .unit")];
+    const texts = all.filter((found) => found.checkVisibility());
     const boxes = texts.map((found) => {
         const range = document.createRange();
         range.selectNodeContents(found);

@@ -217,6 +217,25 @@ def test_the_keyboard_can_do_it_all(viewer: Viewer) -> None:
     assert viewer.state["activity"] == "rest"
 
 
+def test_strain_is_the_stretch_of_the_surface(viewer: Viewer, touch: vs.Touch) -> None:
+    """Of every triangle the largest change of length in its plane, by singular values of its map; means at nodes."""
+    viewer.call("setColouring", "strain")
+    viewer.call("touch", TOP, (0.0, 0.003, -0.02))
+    shown = np.array(viewer.page.evaluate("() => [...viscera.painter.values]"))
+    rest = touch.mesh.points[touch.surface_nodes]
+    moved = rest + np.reshape(viewer.state["field"], (-1, 3))
+    triangles = np.searchsorted(touch.surface_nodes, touch.mesh.surface)
+    total, area = np.zeros(len(rest)), np.zeros(len(rest))
+    for rows in triangles:
+        (a, b), (c, d) = np.diff(rest[rows], axis=0), np.diff(moved[rows], axis=0)
+        stretch = np.linalg.svd(np.stack([c, d], 1) @ np.linalg.pinv(np.stack([a, b], 1)), compute_uv=False)[:2]
+        weight = np.linalg.norm(np.cross(a, b))
+        total[rows] += weight * np.abs(stretch - 1).max()
+        area[rows] += weight
+    assert shown == pytest.approx(total / area, abs=1e-5)
+    assert "surface strain [%]" in viewer.page.locator(".legend:visible").inner_text()
+
+
 @pytest.mark.parametrize("colouring", ["displacement", "error"])
 def test_colours_have_a_legend(viewer: Viewer, colouring: str) -> None:
     viewer.call("setColouring", colouring)

@@ -80,8 +80,13 @@ export class Body {
   /** Moves the surface by a field (s, 3) [m]; null is the shape at rest. */
   move(field: Float32Array | null): void {
     const { rest } = this.surface;
-    if (field) for (let i = 0; i < rest.length; i++) this.positions[i] = rest[i]! + field[i]!;
-    else this.positions.set(rest);
+    let isOther = false;
+    for (let i = 0; i < rest.length; i++) {
+      const at = Math.fround(rest[i]! + (field ? field[i]! : 0));
+      isOther ||= at !== this.positions[i];
+      this.positions[i] = at;
+    }
+    if (!isOther) return;
     this.skin.shape(this.positions);
     this.renew("position", "normal");
   }
@@ -96,14 +101,20 @@ export class Body {
 
   /** Colours the nodes by numbers (s,) between low and high; NaN is shown as grey. */
   paint(values: ArrayLike<number>, low: number, high: number, map: ColourMap): void {
+    let isOther = this.isTissue;
     this.isTissue = false;
     const rgb: Rgb = [0, 0, 0];
     const scale = high > low ? 1 / (high - low) : 0;
     for (let node = 0; node < values.length; node++) {
       const value = values[node]!;
       const shown = Number.isNaN(value) ? GREY : colourAt(map, (value - low) * scale, rgb);
-      for (let i = 0; i < 3; i++) this.colours[3 * node + i] = linear(shown[i]!);
+      for (let i = 0; i < 3; i++) {
+        const at = Math.fround(linear(shown[i]!));
+        isOther ||= at !== this.colours[3 * node + i];
+        this.colours[3 * node + i] = at;
+      }
     }
+    if (!isOther) return;
     this.skin.spread(this.colours, this.drawnColours);
     this.renew("color");
     this.gloss(false);

@@ -8,24 +8,27 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from viscera.display import WIDTH, Pictured
+from viscera.display import WIDTH
 from viscera.errors import VisceraError
 from viscera.select import Lengths
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.surface import surface_model
 
+Told = dict[str, Any]
+"""A touch as the widget's traits hold it; None each where nobody touches."""
+
 
 class Played(Protocol):
     """What a widget shows, and how it answers a touch."""
 
-    pictured: Pictured
-    """What stays in a saved notebook."""
-
     def model(self) -> bytes:
         """The model that the page evaluates; none where the kernel answers."""
 
-    def answer(self, point: Lengths, displacement: Lengths) -> dict[str, Any]:
+    def picture(self) -> bytes:
+        """What stays in a saved notebook, a PNG."""
+
+    def answer(self, point: Lengths, displacement: Lengths) -> Told:
         """A touch: `point`, `displacement`, `force` and `is_trusted`; raises `VisceraError` where there is none."""
 
     def release(self) -> None:
@@ -39,7 +42,6 @@ class PlayedTouch:
     """A reduced model, which the page evaluates itself."""
 
     def __init__(self, touch: Touch, name: str) -> None:
-        self.pictured: Pictured = touch
         self._touch = touch
         self._name = name
 
@@ -47,7 +49,11 @@ class PlayedTouch:
         """The file that the page loads."""
         return surface_model(self._touch, self._name)
 
-    def answer(self, point: Lengths, displacement: Lengths) -> dict[str, Any]:
+    def picture(self) -> bytes:
+        """The organ at rest and where it may be touched."""
+        return self._touch._repr_png_()[0]
+
+    def answer(self, point: Lengths, displacement: Lengths) -> Told:
         """The model's own answer."""
         answer = self._touch(point, displacement)
         push = self._touch._push(displacement)
@@ -61,7 +67,7 @@ class PlayedTouch:
         return '{"error": "this model is evaluated in the page"}'
 
 
-def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> dict[str, Any]:
+def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> Told:
     """A touch as the widget's traits hold it."""
     vectors = {"point": point, "displacement": displacement, "force": force}
     return {**{name: np.asarray(x, float).tolist() for name, x in vectors.items()}, "is_trusted": is_trusted}
@@ -82,7 +88,7 @@ def _widget_class() -> type:
     try:
         import anywidget
         import traitlets
-        from IPython.display import HTML, display, publish_display_data
+        from IPython import display
     except ImportError as error:
         raise VisceraError("the notebook needs anywidget: pip install 'viscera[notebook]'") from error
 
@@ -113,7 +119,7 @@ def _widget_class() -> type:
             self._played.release()
             self._follow({"point": None, "displacement": None, "force": None, "is_trusted": None})
 
-        def _follow(self, now: dict[str, Any]) -> None:
+        def _follow(self, now: Told) -> None:
             asked = {name: now[name] for name in ("point", "displacement") if now[name] is not None}
             # All at once: a handler of one sees the others as they belong to it.
             with self.hold_trait_notifications():
@@ -130,11 +136,12 @@ def _widget_class() -> type:
 
         def _ipython_display_(self) -> None:
             """A picture, which stays in a saved notebook and hides beside the live view; then the view."""
-            png, _ = self._played.pictured._repr_png_()
-            data = base64.b64encode(png).decode()
-            display(HTML(f'<img data-viscera="{self.picture}" width="{WIDTH}" src="data:image/png;base64,{data}">'))
-            bundle = self._repr_mimebundle_()
-            shown: dict[str, Any] = bundle[0] if isinstance(bundle, tuple) else bundle
-            publish_display_data({**shown, "text/plain": "run the cell to touch the organ"})
+            data = base64.b64encode(self._played.picture()).decode()
+            image = f'<img data-viscera="{self.picture}" width="{WIDTH}" src="data:image/png;base64,{data}">'
+            notebook: Any = display
+            notebook.publish_display_data({"text/html": image, "text/plain": "a picture of the organ"})
+            found: Any = self._repr_mimebundle_()
+            view = found[0] if isinstance(found, tuple) else found
+            notebook.publish_display_data({**view, "text/plain": "run the cell to touch the organ"})
 
     return Widget

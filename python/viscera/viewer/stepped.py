@@ -1,0 +1,175 @@
+"""A stepper or a solved state below a notebook's cell: the kernel answers the requests of `live/src/lib.rs` itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera import defaults
+from viscera.errors import VisceraError
+from viscera.mesh import Floats, Mesh
+from viscera.select import Lengths, offset
+from viscera.select import point as point_of
+from viscera.viewer.notebook import Told, told
+
+if TYPE_CHECKING:
+    from viscera.organ import Organ
+    from viscera.state import State
+    from viscera.stepper import Frame, Hand, Stepper
+
+NOBODY = (0.0, 0.0, 0.0)
+
+
+class PlayedStepper:
+    """A stepper in the hands of the page: at most two, beside those that the notebook has."""
+
+    def __init__(self, stepper: Stepper, name: str) -> None:
+        self._stepper = stepper
+        self._organ: Organ = stepper._organ
+        self._name = name
+        self._hands: list[tuple[Hand, Floats] | None] = [None, None]
+        self._has_stress = False
+
+    def model(self) -> bytes:
+        """None: the kernel steps."""
+        return b""
+
+    def picture(self) -> bytes:
+        """The organ as it is, a PNG."""
+        from viscera.display import png
+        from viscera.picture import draw
+
+        mesh = self._organ.mesh
+        return png(draw(mesh.points, mesh.surface, self._stepper.displacement))
+
+    def answer(self, point: Lengths, displacement: Lengths) -> Told:
+        """Frames with the first hand at a point, displaced from rest, until they have settled or 20 have passed."""
+        place = point_of(point, self._organ.mesh, "contact point")
+        push = offset(displacement, self._organ.mesh, "contact displacement")
+        self._act(0, {"grab": place, "move": push})
+        for _ in range(20):
+            frame = self._stepper.frame()
+            if frame.is_settled:
+                break
+        return told(place, push, self._force(frame, 0), frame.is_settled)
+
+    def release(self) -> None:
+        """The first hand lets go, and a frame shows it."""
+        self._act(0, {"release": True})
+        self._stepper.frame()
+
+    def reply(self, request: str) -> str | bytes:
+        """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none."""
+        if not request:
+            return introduction(self._organ, self._name)
+        try:
+            asked = json.loads(request)
+            self._has_stress = asked.get("stress", self._has_stress)
+            self._act(0, asked)
+            self._act(1, asked.get("second", {}))
+            frame = self._stepper.frame()
+            stress = frame.von_mises("nodes") if self._has_stress else None
+        except (VisceraError, ValueError) as error:
+            return json.dumps({"error": str(error)})
+        return packed(self._organ.mesh, frame, [self._force(frame, k) for k in (0, 1)], stress)
+
+    def _act(self, index: int, gesture: Mapping[str, Any]) -> None:
+        """A hand lets go, takes hold, moves, in this order."""
+        held = self._hands[index]
+        if held and (gesture.get("release") or "grab" in gesture):
+            held[0].release()
+            held = self._hands[index] = None
+        if "grab" in gesture:
+            patch = self._organ.patch(gesture["grab"], defaults.RADIUS_FRACTION * self._organ.mesh.diagonal)
+            held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
+        if held and "move" in gesture:
+            held[0].displacement = np.asarray(gesture["move"], float)
+
+    def _force(self, frame: Frame, index: int) -> Any:
+        held = self._hands[index]
+        return frame.reaction(held[0]) if held else NOBODY
+
+
+class PlayedState:
+    """A solved state, which is looked at: no hand can move it."""
+
+    def __init__(self, state: State, name: str) -> None:
+        self._state = state
+        self._name = name
+
+    def model(self) -> bytes:
+        """None: there is nothing to evaluate."""
+        return b""
+
+    def picture(self) -> bytes:
+        """The state as it appears by itself, a PNG."""
+        return self._state._repr_png_()[0]
+
+    def answer(self, point: Lengths, displacement: Lengths) -> Told:
+        """Refused: who wants to touch it steps its organ."""
+        raise VisceraError(
+            "a solved state cannot be touched; view a stepper, organ.stepper().view(), or a reduced model"
+        )
+
+    def release(self) -> None:
+        """Nothing: nobody touches."""
+
+    def reply(self, request: str) -> str | bytes:
+        """The introduction, or the same frame again, with the stress if it is asked for."""
+        state = self._state
+        if not request:
+            return introduction(state._organ, self._name, is_still=True)
+        try:
+            stress = state.von_mises("nodes") if json.loads(request).get("stress", True) else None
+        except (VisceraError, ValueError) as error:
+            return json.dumps({"error": str(error)})
+        return packed(state.mesh, state, [NOBODY, NOBODY], stress)
+
+
+def introduction(organ: Organ, name: str, *, is_still: bool = False) -> str:
+    """What the page has to know before the first frame, as JSON."""
+    mesh, law = organ.mesh, type(organ.law).__name__
+    rows = np.searchsorted(mesh.surface_nodes, mesh.surface)
+    return json.dumps(
+        {
+            "name": name,
+            "laws": [law],
+            "law": law,
+            "diagonal": mesh.diagonal,
+            "radius": defaults.RADIUS_FRACTION * mesh.diagonal,
+            "gravity": None,
+            "is_still": is_still,
+            "rest": mesh.points[mesh.surface_nodes].ravel().tolist(),
+            "triangles": rows.ravel().tolist(),
+        }
+    )
+
+
+def packed(mesh: Mesh, shown: Frame | State, forces: list[Any], stress: Floats | None) -> bytes:
+    """A frame as `live/src/lib.rs` writes it; a solved state is one that has settled."""
+    gain = _volume(mesh, shown.displacement) / _volume(mesh, np.zeros_like(shown.displacement)) - 1.0
+    facts = [
+        *forces[0],
+        getattr(shown, "residual", 0.0),
+        getattr(shown, "taken", 1.0),
+        float(getattr(shown, "is_unstable", False)),
+        1e3 * getattr(shown, "seconds", 0.0),
+        gain,
+        float(getattr(shown, "is_settled", True)),
+        float(getattr(shown, "cells_at_bound", 0)),
+        float(getattr(shown, "steps", 0)),
+        *forces[1],
+    ]
+    parts = [np.array([1.0]), np.array(facts), shown.displacement[mesh.surface_nodes].ravel()]
+    if stress is not None:
+        parts.append(stress[mesh.surface_nodes])
+    return np.concatenate(parts).astype("<f4").tobytes()
+
+
+def _volume(mesh: Mesh, displacement: Floats) -> float:
+    """Inside the closed surface: `1/6 sum x0 . (x1 x x2)` [m^3]."""
+    a, b, c = ((mesh.points + displacement)[mesh.surface[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
