@@ -7,14 +7,14 @@ use viscera_core::tensor::Mat3;
 /// stress [Pa]. A node in the middle of an edge has the mean of the edge's two ends.
 pub fn von_mises(body: &Body, u: &[f64]) -> Vec<f64> {
     let (n, cells) = (body.n_corners(), body.cells());
-    let responses = body.responses(u);
-    let of_cell = responses.len() / cells.len();
+    let points = body.quadrature_points(u);
+    let of_cell = points.len() / cells.len();
     let is_linear = body.material().name() == "linear";
     let mut sums = vec![[[0.0; 3]; 3]; n];
     let mut weights = vec![0.0; n];
-    for (nodes, points) in cells.iter().zip(responses.chunks_exact(of_cell)) {
+    for (nodes, within) in cells.iter().zip(points.chunks_exact(of_cell)) {
         let weight = volume(nodes.map(|node| body.points()[node as usize]));
-        for point in points {
+        for point in within {
             let sigma =
                 if is_linear { point.stress } else { cauchy(&point.gradient, &point.stress) };
             for &node in nodes {

@@ -8,6 +8,9 @@ import type { OrderReading } from "./readings";
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 const BEYOND = 1.3;
 
+/** Directions that differ by no more than this, in each component, have the same curves. */
+const SAME = 1e-6;
+
 /** The numbers of a touch for programs, where nobody touches. */
 export const NOBODY = {
   point: null,
@@ -29,6 +32,8 @@ export class TouchState {
   answer: Answer;
   force: Vec3 = [0, 0, 0];
   curves: Curves | null = null;
+  /** The direction and the factor of the stiffness that the curves are of. */
+  private sampled: number[] = [];
   /** The field of the chosen order and that of the highest (s, 3) [m]. */
   readonly field: Float32Array;
   readonly best: Float32Array;
@@ -120,23 +125,27 @@ export class TouchState {
     const limit = BEYOND * evaluator.about.metadata.depth;
     const size = Math.hypot(...d);
     this.displacement = size > limit ? (d.map((x) => (x * limit) / size) as Vec3) : d;
+    if (size > 0) this.turnTo(d.map((x) => x / size) as Vec3);
     this.answer = evaluator.evaluate(this.displacement);
-    if (size > 0) {
-      const direction = d.map((x) => x / size) as Vec3;
-      this.curves = sample(evaluator, direction);
-      // Sampling has used the answer's place.
-      this.answer = evaluator.evaluate(this.displacement);
-    }
     this.best.set(evaluator.surface(this.displacement, highest, 1));
     this.read(highest, this.best);
     for (let p = 1; p < highest; p++) this.read(p, evaluator.surface(this.displacement, p, 1));
     this.choose(order);
   }
 
+  /** Samples the curves along a direction; who pushes in goes along the same one from move to move. */
+  private turnTo(direction: Vec3): void {
+    const sampled = [...direction, this.evaluator.factor];
+    if (this.curves && sampled.every((x, i) => Math.abs(x - this.sampled[i]!) < SAME)) return;
+    this.sampled = sampled;
+    this.curves = sample(this.evaluator, direction);
+  }
+
   /** Turns to another order of the same touch. */
   choose(order: number): void {
     const { evaluator } = this;
-    this.field.set(evaluator.surface(this.displacement, order, 1));
+    const isBest = order === evaluator.about.metadata.order;
+    this.field.set(isBest ? this.best : evaluator.surface(this.displacement, order, 1));
     this.force = evaluator.force(this.displacement, order);
   }
 
