@@ -13,6 +13,11 @@ extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
 c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
+# What GPU=1 adds: the library that the solver "gpu" loads. What is built and tested every day has no wgpu in it.
+gpu_name     := $(if $(filter Darwin,$(shell uname)),libviscera_gpu.dylib,libviscera_gpu.so)
+gpu_library  := python/viscera/$(gpu_name)
+gpu_sources  := gpu/Cargo.toml gpu/Cargo.lock $(shell find gpu/src crates/device -type f)
+cargo_gpu    := --release --quiet --manifest-path gpu/Cargo.toml
 vulkan       := /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json
 
 # What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
@@ -47,8 +52,8 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 # Side by side: most of the time either compiler is busy with one crate, on one core.
-setup: ## make .venv and build the package into it; quick when nothing changed
-	$(MAKE) --jobs=2 $(extension) $(node_page)
+setup: ## make .venv and build the package into it, with GPU=1 the solver "gpu"; quick when nothing changed
+	$(MAKE) --jobs=2 $(extension) $(node_page) $(if $(GPU),$(gpu_library))
 
 demo: ## reduce the built-in liver, check it against Newton, draw it; results in out/
 	$(call stages,setup reduced-liver)
@@ -88,16 +93,17 @@ test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser,
 viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
 
 # Mesa's drivers make a Vulkan device of the processor: no measure of speed, and the same answers.
-test-gpu: $(VENV)/vulkan ## the kernels on this machine's graphics processor, or on software in its place
-	$(CARGO) clippy --release --quiet --manifest-path gpu/Cargo.toml --target-dir target/lint --all-targets -- -D warnings
-	VISCERA_GPU=required $(CARGO) test --release --quiet --manifest-path gpu/Cargo.toml --target-dir target
+test-gpu: $(VENV)/vulkan $(extension) $(gpu_library) ## kernels and solver on this machine's graphics processor, or on software in its place
+	$(CARGO) clippy $(cargo_gpu) --target-dir target/lint --all-targets -- -D warnings
+	VISCERA_GPU=required $(CARGO) test $(cargo_gpu) --target-dir target
+	VISCERA_GPU=required $(BIN)/pytest tests/gpu
 
 test-gpu-if-any:
 	if ls $(vulkan) 2>/dev/null | grep -q json; then $(MAKE) test-gpu; else \
 		echo '*** NOT TESTED: the graphics processor. This machine has no Vulkan driver; make test-gpu installs one in software. ***'; fi
 
 bench-gpu: ## kernels of the graphics processor against docs/gpu.md; results are kept from real devices alone
-	$(CARGO) run --release --quiet --manifest-path gpu/Cargo.toml --target-dir target --example bench
+	$(CARGO) run $(cargo_gpu) --target-dir target --example bench
 
 sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
@@ -202,7 +208,7 @@ $(VENV)/chromium: | $(VENV)/installed
 
 clean: ## forget .venv, build products and results
 	$(CARGO) clean
-	rm -rf $(VENV) out dist $(extension) $(dir $(page)) $(dir $(evaluator)) viewer/node_modules
+	rm -rf $(VENV) out dist $(extension) $(gpu_library) $(dir $(page)) $(dir $(evaluator)) viewer/node_modules
 
 # The first installation brings the dependencies and the `viscera` command; afterwards only the compiled core is renewed.
 $(VENV)/installed: pyproject.toml
@@ -214,6 +220,10 @@ $(VENV)/installed: pyproject.toml
 $(extension): $(VENV)/installed $(core_sources)
 	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --skip-install
 	touch $@
+
+$(gpu_library): $(gpu_sources)
+	$(CARGO) build $(cargo_gpu) --target-dir target --lib
+	install -m 755 target/release/$(gpu_name) $@
 
 $(VENV)/vulkan: | $(VENV)/installed
 	ls $(vulkan) 2>/dev/null | grep -q json || $(debian) mesa-vulkan-drivers

@@ -2,7 +2,8 @@
 
     python scripts/notices.py
 
-That is the compiled core, the two WebAssembly modules of the viewer's page, and the page's script. The crates and their
+That is the compiled core, the library of graphics processors, the two WebAssembly modules of the viewer's page, and the
+page's script. The crates and their
 texts come from `cargo metadata`, for every platform that gets a wheel; where a crate offers several licences, MIT is
 taken. Needs Cargo, and `viewer/node_modules`.
 """
@@ -14,12 +15,15 @@ import re
 import subprocess
 from collections import defaultdict
 from hashlib import sha256
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTICES = ROOT / "THIRD-PARTY-NOTICES.txt"
-SHIPPED = ("viscera-python", "viscera-wasm")
+APACHE = ROOT / "LICENSE-APACHE"
+SHIPPED = {"Cargo.toml": ("viscera-python", "viscera-wasm"), "gpu/Cargo.toml": ("viscera-gpu",)}
+"""By the workspace that they are built in."""
 PLATFORMS = (  # those of .github/workflows/wheels.yml, and the page
     "x86_64-unknown-linux-gnu",
     "aarch64-unknown-linux-gnu",
@@ -38,8 +42,8 @@ HEAD = """Third-party notices of Viscera
 ==============================
 
 Viscera's own terms stand in LICENSE-MIT and LICENSE-APACHE. Its binaries, which
-are the compiled core and the scripts and WebAssembly modules of the viewer's
-page, hold code of the projects below.
+are the compiled core, the library of graphics processors, and the scripts and
+WebAssembly modules of the viewer's page, hold code of the projects below.
 
 Written by scripts/notices.py; packages locked: {digest}
 """
@@ -76,9 +80,9 @@ CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE."""
 
 
 def digest(root: Path = ROOT) -> str:
-    """Of names and versions of all packages locked in Cargo.lock, and of those that the page's script holds."""
-    lock = (root / "Cargo.lock").read_text(encoding="utf-8")
-    crates = re.findall(r'name = "(.+)"\nversion = "(.+)"\nsource = ', lock)
+    """Of names and versions of all packages locked for Cargo, and of those that the page's script holds."""
+    locks = [(root / manifest).with_suffix(".lock").read_text(encoding="utf-8") for manifest in SHIPPED]
+    crates = list(set(re.findall(r'name = "(.+)"\nversion = "(.+)"\nsource = ', "".join(locks))))
     locked = json.loads((root / "viewer" / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     scripts = [(name, locked[f"node_modules/{name}"]["version"]) for name in BUNDLED]
     return sha256("\n".join(f"{name} {version}" for name, version in sorted(crates + scripts)).encode()).hexdigest()
@@ -87,8 +91,9 @@ def digest(root: Path = ROOT) -> str:
 def linked() -> list[dict[str, Any]]:
     """The packages of Cargo that are linked in on any platform, by name and version."""
     found: dict[str, dict[str, Any]] = {}
-    for platform in PLATFORMS:
-        command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", platform]
+    for (manifest, shipped), platform in product(SHIPPED.items(), PLATFORMS):
+        command = ["cargo", "metadata", "--manifest-path", manifest, "--format-version", "1", "--locked"]
+        command += ["--filter-platform", platform]
         told = json.loads(subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout)
         packages = {package["id"]: package for package in told["packages"]}
         needs = {
@@ -97,7 +102,7 @@ def linked() -> list[dict[str, Any]]:
             ]
             for node in told["resolve"]["nodes"]
         }
-        ahead = [name for name, package in packages.items() if package["name"] in SHIPPED]
+        ahead = [name for name, package in packages.items() if package["name"] in shipped]
         seen = set()
         while ahead:
             name = ahead.pop()
@@ -117,9 +122,11 @@ def terms(package: dict[str, Any]) -> list[str]:
         files = [file for file in files if not ALTERNATIVES.fullmatch(file.name)]
     texts = [tidy(file.read_text(encoding="utf-8")) for file in files]
     if all(file.name.upper().startswith("COPYING.") for file in files):  # of others, whose code it has taken over
-        assert package["license"] == "MIT", f"{package['name']} is under {package['license']} and brings no text of it"
+        offered = re.split(" OR |/", package["license"])
+        assert {"MIT", "Apache-2.0"} & set(offered), f"{package['name']} brings no text of {package['license']}"
         authors = ", ".join(re.sub(r" <.*>", "", author) for author in package["authors"])
-        texts.insert(0, f"Copyright (c) {authors or 'the authors of ' + package['name']}\n\n{MIT}")
+        whose = f"Copyright (c) {authors or 'the authors of ' + package['name']}"
+        texts.insert(0, f"{whose}\n\n{MIT}" if "MIT" in offered else tidy(APACHE.read_text(encoding="utf-8")))
     return texts
 
 

@@ -7,6 +7,7 @@ use crate::device::{Gpu, THREADS, dispatch, workgroups};
 use crate::layout::{Layout, PADDING, SLICE};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
+use std::time::Instant;
 use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
 
 /// Partial sums of a scalar product, over all chunks.
@@ -24,11 +25,13 @@ pub struct Settings {
     pub max_iterations: usize,
     /// Iterations between two questions whether the device is done.
     pub check_every: usize,
+    /// When to stop with what there is.
+    pub deadline: Option<Instant>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Settings { tolerance: 1e-4, max_iterations: 2000, check_every: 16 }
+        Settings { tolerance: 1e-4, max_iterations: 2000, check_every: 16, deadline: None }
     }
 }
 
@@ -37,7 +40,7 @@ impl Default for Settings {
 pub enum Ending {
     /// The tolerance is reached.
     Solved,
-    /// The budget of iterations is spent.
+    /// The budget of iterations or time is spent.
     Spent,
     /// A direction of negative curvature was met, or rounding that looks like one.
     Indefinite,
@@ -334,7 +337,8 @@ impl System {
             self.encode_iterations(&mut encoder, batch);
             done += batch;
             let state: Vec<State> = self.gpu.read(encoder, &self.vectors.state, 2)?;
-            if state[0].ended != 0 || done > settings.max_iterations {
+            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if state[0].ended != 0 || done > settings.max_iterations || is_late {
                 break state[0];
             }
             encoder = self.gpu.encoder();

@@ -203,8 +203,8 @@ class Body:
         on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
-        status (str), is_converged, message, load (fraction reached), iterations, factorizations, load_steps,
-        residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool, see
+        status (str), is_converged, message, device_fault, load (fraction reached), iterations, factorizations,
+        load_steps, residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool, see
         `viscera.contact.Contact`)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
@@ -255,8 +255,18 @@ class Live:
     def describe(self) -> str: ...  # JSON
     def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
-Solver = tuple[str, float, int, bool]
-"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations."""
+Solver = tuple[str, float, int, bool, str]
+"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations, whether
+there is no matrix, where conjugate gradients run ("cpu" or "gpu")."""
+
+def load_gpu(path: str) -> None:
+    """Load the library of `gpu/`, if it is not loaded yet; raises `VisceraError`."""
+
+def gpu() -> tuple[str, str, str, bool]:
+    """Name, driver and interface of the graphics processor, and whether it is software; raises `VisceraError`."""
+
+def lose_gpu() -> None:
+    """Shut the graphics processor down, as after a fault of its driver."""
 
 class Stepper:
     """One Newton iteration a frame; the fixed nodes of the body are held beside what is grasped."""
@@ -301,7 +311,8 @@ class Stepper:
     ) -> dict[str, Any]:
         """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), is_settled, steps
         (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the linear solver),
-        is_solved, within_budget, seconds, energy, kinetic_energy."""
+        is_solved, floor, within_budget, seconds, energy, kinetic_energy, device_fault (str | None: why the graphics
+        processor that was asked for takes no part)."""
 
 class Model:
     """A loaded reduced model and its evaluator."""

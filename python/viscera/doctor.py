@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from viscera import _core
+from viscera import _core, gpu
 from viscera.errors import VisceraError
 
 VECTOR_UNITS = ("sse4_2", "avx2", "fma", "avx512f", "asimd", "sve")
@@ -19,8 +19,10 @@ BESIDE = {"h5py": "to write .xdmf files", "mpi4py": "to reduce on an MPI cluster
 
 
 def examine() -> dict[str, Any]:
-    """version, python, platform, processor, cores, threads, vector_units, gpus, packages, extras, problems.
+    """version, python, platform, processor, cores, threads, vector_units, gpus, gpu, gpu_fault, packages, extras, beside,
+    problems.
 
+    gpu: what `solver="gpu"` computes on; None where it cannot, for the reason `gpu_fault`.
     packages: `{name: version}` of what Viscera needs, None where it is missing; extras: the same for each extra.
     problems: sentences, each with what to do.
     """
@@ -33,6 +35,7 @@ def examine() -> dict[str, Any]:
         for name, least in needed.items()
         if not is_enough(packages[name], least)
     ]
+    device, fault = _gpu()
     return {
         "version": _core.__version__,
         "python": platform.python_version(),
@@ -42,6 +45,8 @@ def examine() -> dict[str, Any]:
         "threads": _threads(),
         "vector_units": _vector_units(),
         "gpus": _gpus(),
+        "gpu": device,
+        "gpu_fault": fault,
         "packages": packages,
         "extras": found,
         "beside": {name: version_of(name) for name in BESIDE},
@@ -118,6 +123,14 @@ def _gpus() -> list[str]:
         named += [line.partition(":")[2].strip() for line in _lines(str(card)) if line.startswith("Model")]
     drivers = [link.resolve().name for link in sorted(Path("/sys/class/drm").glob("card[0-9]/device/driver"))]
     return named + [driver for driver in drivers if driver != "nvidia"]
+
+
+def _gpu() -> tuple[str | None, str | None]:
+    """What `solver="gpu"` computes on, or why it does not."""
+    try:
+        return gpu.describe(), None
+    except VisceraError as error:
+        return None, str(error)
 
 
 def _viewer() -> list[str]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core, defaults, navigation
+from viscera import _core, defaults, gpu, navigation
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
 from viscera.contact import AnyShape, Tool, tools_of
 from viscera.deformed import Moved
@@ -169,7 +169,7 @@ class Organ(Pictured):
         steps: at least this many load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
         settings: of the Newton iteration, by the names of `crates/solid/src/equilibrium/newton.rs`.
-        solver: of the linear systems, "cholesky", "cg", "multigrid" or a `ConjugateGradients`.
+        solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`.
         throw: raise `NotConverged` instead of returning the state with its status.
 
         >>> import viscera as vs
@@ -208,6 +208,7 @@ class Organ(Pictured):
             solver=core_solver(solver),
             on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
         )
+        gpu.report(result["device_fault"])
         seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
         state = State(self, result, patches, seconds, has_pressure=bool(pressure), tools=tools)
         acting = (moved.values, means, applied, weight, pressures)
@@ -237,7 +238,8 @@ class Organ(Pictured):
 
         grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold at first; every frame may change it.
         start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
-        solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid" or a `ConjugateGradients`.
+        solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid", "gpu" or a
+            `ConjugateGradients`.
         iterations: largest number of Newton iterations in a frame; it ends earlier at a residual of `settled`.
         budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
         density [kg/m^3], one or per cell: for gravity and inertia.

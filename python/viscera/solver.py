@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
-from viscera import _core
+from viscera import _core, gpu
 from viscera.errors import VisceraError, did_you_mean
-from viscera.quantity import Flag, Number, Whole, refused
+from viscera.quantity import Choice, Flag, Number, Whole, refused
 
 NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
     "tolerance": (Number(above=0, below=1), "residual, relative to the norm of all nodal forces", "1e-9"),
@@ -41,6 +41,9 @@ class ConjugateGradients:
     matrix_free: bool = False
     """Never assemble the tangent: cells multiply it with a vector, evaluated anew each time. Slower, and needs little
     more memory than the mesh; for "block_jacobi" only, since the others are made from the matrix."""
+    device: str = "cpu"
+    """Where they run: "cpu", or "gpu" with "block_jacobi", in single precision, corrected by Newton's residual in
+    double."""
 
     def __post_init__(self) -> None:
         if self.preconditioner not in PRECONDITIONERS:
@@ -49,6 +52,9 @@ class ConjugateGradients:
         Number(above=0, below=1)(self.tolerance, "the tolerance of conjugate gradients")
         Whole(1, 1_000_000)(self.max_iterations, "max_iterations of conjugate gradients")
         Flag()(self.matrix_free, "matrix_free")
+        Choice(("cpu", "gpu"))(self.device, "the device")
+        if self.device == "gpu" and (self.preconditioner != "block_jacobi" or self.matrix_free):
+            raise VisceraError('the device "gpu" takes the preconditioner "block_jacobi" and an assembled matrix')
         if self.matrix_free and self.preconditioner != "block_jacobi":
             raise VisceraError(
                 f"{self.preconditioner!r} is made from the matrix, and matrix_free=True leaves none; "
@@ -57,22 +63,29 @@ class ConjugateGradients:
 
 
 Solver: TypeAlias = str | ConjugateGradients
-""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, or
-settings of its own."""
+""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, "gpu" for
+`GPU`, or settings of its own."""
+
+GPU = ConjugateGradients("block_jacobi", max_iterations=5_000, device="gpu")
+"""What `solver="gpu"` stands for."""
 
 
 def core_solver(solver: Solver) -> _core.Solver:
     """A solver as the core knows it; raises `VisceraError` naming the known ones."""
     if isinstance(solver, ConjugateGradients):
+        if solver.device == "gpu":
+            gpu.load()
         settings = solver.preconditioner, float(solver.tolerance), int(solver.max_iterations)
-        return *settings, bool(solver.matrix_free)
+        return *settings, bool(solver.matrix_free), solver.device
+    if solver == "gpu":
+        return core_solver(GPU)
     if solver == "cg":
         return core_solver(ConjugateGradients())
     if solver == "multigrid":
         return core_solver(ConjugateGradients("multigrid", tolerance=1e-8, max_iterations=2000))
     if solver == "cholesky":
-        return "cholesky", 0.0, 0, False
-    hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid"))
+        return "cholesky", 0.0, 0, False, "cpu"
+    hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid", "gpu"))
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from viscera import _core
+from viscera import _core, gpu
 from viscera.contact import AnyShape, Contact, Instrument, Tool, contacts
 from viscera.deformed import Deformed
 from viscera.display import Pictured
@@ -72,6 +72,9 @@ class Frame(Deformed, Pictured):
     """Iterations of conjugate gradients; 0 with a direct solver."""
     is_solved: bool
     """Whether conjugate gradients reached their tolerance."""
+    floor: float
+    """Residual that single precision alone may leave of the linear systems, relative to their right-hand sides: the
+    rounding of `|K| |s|`. What is left above the tolerance is solved for again. 0 where no graphics processor is used."""
     within_budget: bool
     """Whether the frame took no longer than its budget."""
     seconds: float
@@ -278,6 +281,7 @@ class Stepper:
         self._named: Displacements = grasped
         self._pressure: Pressures = {}
         self._faces: dict[Any, Indices] = {}
+        self._fault: str | None = None
         self._has_density = len(settings["density"]) > 0
         self._may_float = settings["dynamics"] is not None
         self._relaxes = settings["relaxation"] is not None
@@ -412,6 +416,7 @@ class Stepper:
         result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
         self._named = named
         told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
+        self._fault = gpu.report(result["device_fault"], self._fault)
         return Frame(
             displacement=result["displacement"],
             residual=result["residual"],
@@ -422,6 +427,7 @@ class Stepper:
             is_unstable=result["is_unstable"],
             iterations=result["iterations"],
             is_solved=result["is_solved"],
+            floor=result["floor"],
             within_budget=result["within_budget"],
             seconds=result["seconds"],
             energy=result["energy"],

@@ -292,6 +292,7 @@ fn state_dict<'py>(
     dict.set_item("status", state.status.name())?;
     dict.set_item("is_converged", state.status.is_converged())?;
     dict.set_item("message", state.message)?;
+    dict.set_item("device_fault", state.device_fault)?;
     dict.set_item("load", state.load)?;
     dict.set_item("iterations", state.iterations)?;
     dict.set_item("factorizations", state.factorizations)?;

@@ -10,6 +10,7 @@ mod exclusive;
 mod factor;
 mod family;
 mod galerkin;
+mod gpu;
 mod interrupt;
 mod law;
 mod live;
@@ -37,6 +38,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
+    m.add_function(wrap_pyfunction!(gpu::load_gpu, m)?)?;
+    m.add_function(wrap_pyfunction!(gpu::gpu, m)?)?;
+    m.add_function(wrap_pyfunction!(gpu::lose_gpu, m)?)?;
     m.add_class::<factor::Factor>()?;
     m.add_function(wrap_pyfunction!(law::laws, m)?)?;
     m.add_function(wrap_pyfunction!(law::law_parameters, m)?)?;

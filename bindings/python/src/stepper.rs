@@ -5,6 +5,7 @@ use crate::{
     contact,
     convert::{self, VisceraError},
     exclusive::Exclusive,
+    gpu,
     mesh::Patch,
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
@@ -16,11 +17,12 @@ use viscera_core::equilibrium::{
     StepperSettings,
 };
 
-/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled.
-pub type Solver = (String, f64, usize, bool);
+/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled, where it runs.
+pub type Solver = (String, f64, usize, bool, String);
 
 /// The core's name for a linear solver.
-pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyResult<Method> {
+pub fn method(solver: Solver) -> PyResult<Method> {
+    let (name, tolerance, max_iterations, is_matrix_free, device) = solver;
     if name == "cholesky" {
         return Ok(Method::Cholesky);
     }
@@ -28,7 +30,9 @@ pub fn method((name, tolerance, max_iterations, is_matrix_free): Solver) -> PyRe
     let Some((_, preconditioner)) = known else {
         return Err(VisceraError::new_err(format!("no solver is called {name:?}")));
     };
-    let settings = ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free };
+    let device = if device == "gpu" { Some(gpu::device()?) } else { None };
+    let settings =
+        ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free, device };
     Ok(Method::ConjugateGradients(settings))
 }
 
@@ -174,10 +178,12 @@ impl Stepper {
         dict.set_item("is_unstable", frame.is_unstable)?;
         dict.set_item("iterations", frame.iterations)?;
         dict.set_item("is_solved", frame.is_solved)?;
+        dict.set_item("floor", frame.floor)?;
         dict.set_item("within_budget", frame.within_budget)?;
         dict.set_item("seconds", frame.seconds)?;
         dict.set_item("energy", frame.energy)?;
         dict.set_item("kinetic_energy", frame.kinetic_energy)?;
+        dict.set_item("device_fault", stepper.device_fault())?;
         Ok(dict)
     }
 }

@@ -22,7 +22,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(f"viscera {facts['version']}, Python {facts['python']}, {facts['platform']}")
     output.say(f"  processor     {facts['processor']}, {facts['cores']} cores, {facts['threads']} threads in use")
     output.say(f"  vector units  {', '.join(facts['vector_units']) or 'not known on this system'}")
-    output.say(f"  graphics      {', '.join(facts['gpus']) or 'none found'}; Viscera computes on the processor")
+    output.say(f"  graphics      {', '.join(facts['gpus']) or 'none found'}")
+    output.say(f"  solver gpu    {facts['gpu'] or facts['gpu_fault']}")
     output.say(f"  packages      {_listed(facts['packages'])}")
     for extra, packages in facts["extras"].items():
         missing = [name for name, version in packages.items() if version is None]

@@ -19,7 +19,10 @@ pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
-pub use solver::{ConjugateGradients, Method, Preconditioner, Solved, Solver};
+pub use solver::{
+    ConjugateGradients, Device, DeviceEnd, DeviceSolution, DeviceSystem, Method, OnDevice,
+    Preconditioner, Solved, Solver,
+};
 pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};
 pub use system::System;
 pub use tangent::Tangent;

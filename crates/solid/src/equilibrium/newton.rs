@@ -532,6 +532,7 @@ impl<'a> Run<'a> {
             patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
             status: ending.status(),
             message: ending.message(self.problem),
+            device_fault: self.solver.device_fault().map(str::to_string),
             load: self.load,
             iterations: self.iterations,
             factorizations: self.factorizations,

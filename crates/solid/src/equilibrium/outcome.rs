@@ -63,6 +63,8 @@ pub struct Equilibrium {
     pub status: Status,
     /// One sentence for people: why it ended so, with numbers.
     pub message: String,
+    /// Why the device that was asked for took no part to the end, if it did not: the processor went on.
+    pub device_fault: Option<String>,
     /// Load fraction reached, 1 for the full load.
     pub load: f64,
     /// Newton iterations in all, failed load steps included.

@@ -54,6 +54,11 @@ impl Border {
         vec![0.0; self.rows.len()]
     }
 
+    /// Rows of `W`: degree of freedom and weight.
+    pub fn rows(&self) -> &[Vec<(u32, f64)>] {
+        &self.rows
+    }
+
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }

@@ -5,6 +5,7 @@
 //! a hand mostly goes on as it went.
 
 use super::border::Border;
+use super::device::{DeviceEnd, Remote};
 use super::lagged::Lagged;
 use super::operand::Operand;
 use super::{ConjugateGradients, Preconditioner, Solved, absolute};
@@ -15,13 +16,22 @@ use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid};
-use crate::number::dot;
+use crate::number::{dot, norm};
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
 const ROUNDING: f64 = 1e-14;
 
 /// Iterations with a fresh factor beyond which its precision is not enough.
 const DOUBTFUL: usize = 12;
+
+/// Residual that one solution in single precision is asked for, relative to its right-hand side.
+const SINGLE: f64 = 1e-5;
+
+/// What a residual may be over the tolerance if in single precision it seemed to have reached it.
+const SLACK: f64 = 1.02;
+
+/// What a solution in single precision must at least leave of the last one's residual for another to follow.
+const PROGRESS: f64 = 0.5;
 
 enum Inverse {
     BlockJacobi(BlockJacobi),
@@ -41,6 +51,7 @@ pub(super) struct Iterative {
     settings: ConjugateGradients,
     operand: Operand,
     inverse: Inverse,
+    remote: Remote,
     /// Whether the preconditioner must be made anew, for good reason or because iterations grew.
     is_stale: bool,
     /// Iterations of the first solve after the preconditioner was made.
@@ -78,6 +89,7 @@ impl Iterative {
             settings,
             operand,
             inverse,
+            remote: Remote::new(settings.device, body.pattern(), n_dofs),
             is_stale: true,
             fresh_iterations: None,
             workspace: Workspace::new(n_dofs),
@@ -89,6 +101,7 @@ impl Iterative {
 
     pub fn hold(&mut self, is_held: &[bool]) {
         self.operand.hold(is_held);
+        self.remote.hold(is_held);
         match &mut self.inverse {
             Inverse::BlockJacobi(_) => {}
             Inverse::IncompleteCholesky(incomplete) => incomplete.matrix.hold(is_held),
@@ -116,6 +129,7 @@ impl Iterative {
             Inverse::IncompleteCholesky(_) | Inverse::Multigrid(_) => Ok(false),
             Inverse::Lagged(inverse) => inverse.renew(tangent.blocks()?.values(), shift, is_stale),
         };
+        self.remote.renew();
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
             self.fresh_iterations = None;
@@ -137,6 +151,11 @@ impl Iterative {
         };
         self.is_stale &= renewed.is_err();
         Some(renewed)
+    }
+
+    /// Why there is no device, where one was asked for.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.remote.fault()
     }
 
     /// `z = M⁻¹ r`.
@@ -189,6 +208,9 @@ impl Iterative {
         deadline: Option<Instant>,
     ) -> Result<Solved, FactorError> {
         self.guess(border);
+        if let Some(solved) = self.iterate_on_device(border, deadline) {
+            return Ok(solved);
+        }
         let settings = Settings {
             relative_tolerance: self.settings.tolerance,
             max_iterations: self.settings.max_iterations,
@@ -213,6 +235,62 @@ impl Iterative {
         Err(FactorError::NotFinite { position: 0 })
     }
 
+    /// The same on the device, in single precision, from the guess. What is left is formed in double precision, and
+    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). None where there is no
+    /// device, or where it failed on the way: the processor goes on from what there is.
+    fn iterate_on_device(&mut self, border: &Border, deadline: Option<Instant>) -> Option<Solved> {
+        let matrix = self.operand.matrix()?;
+        if !matches!(self.remote, Remote::Working { .. }) {
+            return None;
+        }
+        let (mut left, mut solved) = (vec![0.0; self.residual.len()], Solved::default());
+        let whole = norm(&self.residual);
+        loop {
+            let before = std::mem::replace(&mut solved.residual, self.remainder(border, &mut left));
+            solved.is_complete = solved.residual <= SLACK * self.settings.tolerance;
+            let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
+            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            let budget = self.settings.max_iterations - solved.iterations;
+            if solved.is_complete || has_stalled || is_late || budget == 0 {
+                return Some(solved);
+            }
+            let wanted = self.settings.tolerance / solved.residual;
+            let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
+            let found = self.remote.solve(border, matrix, &left, &end)?;
+            if !found.x.iter().all(|x| x.is_finite()) {
+                return None;
+            }
+            let is_first = solved.iterations == 0;
+            solved.iterations += found.iterations;
+            if found.is_indefinite && self.has_negative_curvature(border, &found.direction) {
+                solved.indefinite = largest(&found.direction);
+                solved.residual = 1.0;
+                if is_first && found.iterations == 0 {
+                    self.correction.copy_from_slice(&found.direction);
+                } else {
+                    self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+                }
+                return Some(solved);
+            }
+            self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+            solved.floor = solved.floor.max(self.operand.rounding(&found.x) / whole);
+        }
+    }
+
+    /// What the correction leaves of the residual, and its size relative to it.
+    fn remainder(&self, border: &Border, left: &mut [f64]) -> f64 {
+        Projected { operand: &self.operand, border }.apply(&self.correction, left);
+        left.iter_mut().zip(&self.residual).for_each(|(k, r)| *k = r - *k);
+        norm(left) / norm(&self.residual)
+    }
+
+    /// Whether curvature is negative in double precision, too.
+    fn has_negative_curvature(&self, border: &Border, direction: &[f64]) -> bool {
+        let mut product = vec![0.0; direction.len()];
+        Projected { operand: &self.operand, border }.apply(direction, &mut product);
+        dot(direction, &product) <= 0.0
+    }
+
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.
     fn guess(&mut self, border: &Border) {
         let Iterative { operand, residual, correction, last, .. } = self;
@@ -234,7 +312,7 @@ impl Iterative {
             iterations: info.iterations,
             residual: info.relative_residual,
             is_complete,
-            indefinite: None,
+            ..Solved::default()
         };
         match outcome {
             Ok(info) => Ok(solved(info, true)),
@@ -247,12 +325,11 @@ impl Iterative {
             }
             Err(Error::IndefiniteOperator { iterations, .. }) => {
                 let direction = self.workspace.direction();
-                let largest = (0..direction.len())
-                    .max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()));
                 if iterations == 0 {
                     self.correction.copy_from_slice(direction);
                 }
-                Ok(Solved { iterations, residual: 1.0, is_complete: false, indefinite: largest })
+                let indefinite = largest(direction);
+                Ok(Solved { iterations, residual: 1.0, indefinite, ..Solved::default() })
             }
             Err(_) => Err(FactorError::NotFinite { position: 0 }),
         }
@@ -319,4 +396,9 @@ impl cg::Preconditioner for Closed<'_> {
         self.inverse.apply(r, z);
         self.border.close(z, &self.border.zeros(), &mut self.forces);
     }
+}
+
+/// The degree of freedom that moves most.
+fn largest(direction: &[f64]) -> Option<usize> {
+    (0..direction.len()).max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()))
 }

@@ -5,6 +5,7 @@
 //! hold may change at any time.
 
 mod border;
+mod device;
 mod direct;
 mod factor;
 mod iterative;
@@ -20,6 +21,7 @@ use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
 use border::Border;
+pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
 use direct::Direct;
 use factor::TangentFactor;
 use iterative::Iterative;
@@ -49,6 +51,8 @@ pub struct ConjugateGradients {
     pub max_iterations: usize,
     /// Whether the tangent multiplies cell by cell and is never assembled. Only block-Jacobi needs no more.
     pub is_matrix_free: bool,
+    /// Where they run, if not on the processor; with block-Jacobi and a matrix only.
+    pub device: Option<OnDevice>,
 }
 
 impl Default for ConjugateGradients {
@@ -58,6 +62,7 @@ impl Default for ConjugateGradients {
             tolerance: 1e-3,
             max_iterations: 200,
             is_matrix_free: false,
+            device: None,
         }
     }
 }
@@ -105,6 +110,13 @@ impl Method {
                 "without a matrix there is nothing to make a factor from; choose the preconditioner \"block_jacobi\"",
             ));
         }
+        let is_assembled_block_jacobi =
+            cg.preconditioner == Preconditioner::BlockJacobi && !cg.is_matrix_free;
+        if cg.device.is_some() && !is_assembled_block_jacobi {
+            return Err(Error::input(
+                "a device takes the assembled tangent and the preconditioner \"block_jacobi\", no other",
+            ));
+        }
         Ok(())
     }
 
@@ -129,6 +141,8 @@ pub struct Solved {
     /// Degree of freedom that moves most in a direction of negative curvature, where one was met: the tangent is
     /// not positive definite, and the step is the descent made before.
     pub indefinite: Option<usize>,
+    /// Residual that single precision alone would leave; 0 in double precision.
+    pub floor: f64,
 }
 
 /// A solver for the tangents of one body.
@@ -192,6 +206,14 @@ impl Solver {
     /// Whether a degree of freedom is fixed or held.
     pub fn is_held(&self, dof: usize) -> bool {
         self.is_held[dof]
+    }
+
+    /// Why the device that was asked for does not take part, if it does not.
+    pub fn device_fault(&self) -> Option<&str> {
+        match &self.kind {
+            Kind::Direct(_) => None,
+            Kind::Iterative(iterative) => iterative.device_fault(),
+        }
     }
 
     /// Zeroes what is held, and takes from the rest the part that the patches' tools carry: what is out of balance.

@@ -9,6 +9,9 @@ use crate::equilibrium::tangent::{Product, ProductOperator};
 use crate::linear::FactorError;
 use crate::linear::conjugate_gradients::{BlockJacobi, Operator};
 
+/// Largest relative error of a number in single precision.
+const UNIT: f64 = 0.5 * f32::EPSILON as f64;
+
 /// A tangent with a multiple of the identity added; held rows are zero.
 pub(super) struct Operand {
     kind: Kind,
@@ -44,6 +47,35 @@ impl Operand {
         }
         self.shift = absolute(shift, || mean(&self.diagonal()));
         Ok(self.shift)
+    }
+
+    /// Values of the assembled matrix and the shift, where it is assembled.
+    pub fn matrix(&self) -> Option<(&[f64], f64)> {
+        match &self.kind {
+            Kind::Matrix(matrix) => Some((matrix.values(), self.shift)),
+            Kind::Product(_) => None,
+        }
+    }
+
+    /// What rounding matrix and vector to single precision may add to `K x`: `u | |K| |x| |`, `u` half the spacing of
+    /// numbers (Higham 2002, eq. 3.12). Zero without a matrix.
+    pub fn rounding(&self, x: &[f64]) -> f64 {
+        let Kind::Matrix(matrix) = &self.kind else { return 0.0 };
+        let mut sums = vec![0.0; x.len()];
+        for ((row, column), block) in
+            matrix.pattern().pairs().zip(matrix.values().as_chunks::<9>().0)
+        {
+            let (row, column) = (3 * row as usize, 3 * column as usize);
+            for k in 0..9 {
+                let (i, j, value) = (row + k / 3, column + k % 3, block[k].abs());
+                sums[i] += value * x[j].abs();
+                if row != column {
+                    sums[j] += value * x[i].abs();
+                }
+            }
+        }
+        let free = sums.iter().zip(&self.is_held).filter(|(_, held)| !**held);
+        UNIT * free.map(|(sum, _)| sum * sum).sum::<f64>().sqrt()
     }
 
     /// The block of each node with itself, without the shift.

@@ -37,6 +37,8 @@ pub struct Frame {
     pub iterations: usize,
     /// Whether the linear solver reached its tolerance.
     pub is_solved: bool,
+    /// Residual of the linear systems that single precision alone would leave, relative; 0 in double precision.
+    pub floor: f64,
     /// Whether the frame took no longer than its budget of time.
     pub within_budget: bool,
     /// Wall time [s].

@@ -217,6 +217,11 @@ impl Stepper {
         &self.displacement
     }
 
+    /// Why the device that was asked for takes no part in frames, if it does not.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.solver.device_fault()
+    }
+
     /// Velocity after the last frame [m/s]; none without inertia.
     pub fn velocity(&self) -> Option<&[f64]> {
         self.motion.as_ref().map(|motion| motion.velocity.as_slice())
@@ -292,6 +297,7 @@ impl Stepper {
             is_unstable: progress.is_unstable,
             iterations: progress.iterations,
             is_solved: progress.is_solved,
+            floor: progress.floor,
             within_budget: self.settings.budget.is_none_or(|budget| seconds <= budget),
             seconds,
             energy: progress.energy,

@@ -50,6 +50,8 @@ pub(super) struct Progress {
     /// Iterations of the linear solver.
     pub iterations: usize,
     pub is_solved: bool,
+    /// What single precision alone would leave of the linear systems.
+    pub floor: f64,
     /// When the last linear system was solved.
     pub solved_at: Instant,
     pub energy: f64,
@@ -79,6 +81,7 @@ impl Stepper {
             has_arrived: false,
             iterations: 0,
             is_solved: true,
+            floor: 0.0,
             solved_at: Instant::now(),
             energy: 0.0,
         };
@@ -89,6 +92,7 @@ impl Stepper {
             progress.is_unstable |= is_unstable;
             progress.iterations += solved.iterations;
             progress.is_solved &= solved.is_complete;
+            progress.floor = progress.floor.max(solved.floor);
             progress.solved_at = Instant::now();
             let (taken, energy) = self.take(body);
             let moved = if self.hands_move { self.motion_fraction * taken } else { taken };

@@ -69,6 +69,7 @@ const MATRIX_FREE: ConjugateGradients = ConjugateGradients {
     tolerance: 1e-4,
     max_iterations: 500,
     is_matrix_free: true,
+    device: None,
 };
 
 fn methods() -> Vec<Method> {

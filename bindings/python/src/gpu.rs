@@ -1,0 +1,146 @@
+//! The library that computes on a graphics processor, as the core's device. It is loaded when it is first asked for.
+
+use crate::convert::VisceraError;
+use pyo3::prelude::*;
+use std::ptr::null_mut;
+use std::sync::OnceLock;
+use viscera_core::equilibrium::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
+use viscera_device::{About, Answer, Entry, Handle, Interface, SYMBOL, Slice, Task, Text, VERSION};
+
+/// The library, once it is loaded; it stays.
+static LIBRARY: OnceLock<Library> = OnceLock::new();
+
+struct Library(&'static Interface);
+
+/// A system on the device, and its number of degrees of freedom.
+struct System {
+    of: &'static Interface,
+    handle: Handle,
+    n_dofs: usize,
+}
+
+// SAFETY: the library takes calls from any thread, one at a time.
+unsafe impl Send for System {}
+
+/// The device of settings that ask for it.
+pub fn device() -> PyResult<OnDevice> {
+    Ok(OnDevice(library()?))
+}
+
+/// Loads the library of this path, unless it is already loaded.
+#[pyfunction]
+pub fn load_gpu(path: &str) -> PyResult<()> {
+    if LIBRARY.get().is_some() {
+        return Ok(());
+    }
+    let refused = |why: String| VisceraError::new_err(format!("{path} cannot be loaded: {why}"));
+    // SAFETY: loading it runs no code but that of the Rust standard library.
+    let library =
+        unsafe { libloading::Library::new(path) }.map_err(|error| refused(error.to_string()))?;
+    // SAFETY: a function of this name in this library has this type; the version below tells of another one.
+    let entry = unsafe { library.get::<Entry>(SYMBOL) };
+    // SAFETY: it takes nothing and returns a static.
+    let interface = unsafe { entry.map_err(|error| refused(error.to_string()))?() };
+    if interface.version != VERSION {
+        return Err(refused(format!(
+            "its interface has version {}, that of viscera is {VERSION}; build both anew with `make GPU=1 setup`",
+            interface.version
+        )));
+    }
+    std::mem::forget(library);
+    LIBRARY.get_or_init(|| Library(interface));
+    Ok(())
+}
+
+/// Name, driver and interface of the graphics processor, and whether it is software.
+#[pyfunction]
+pub fn gpu(py: Python<'_>) -> PyResult<(String, String, String, bool)> {
+    let library = library()?;
+    let mut about = About::default();
+    // SAFETY: both are ours.
+    let told = py.detach(|| spoken(|fault| unsafe { (library.0.about)(&mut about, fault) }));
+    told.map_err(VisceraError::new_err)?;
+    Ok((about.name.read(), about.driver.read(), about.backend.read(), about.is_software))
+}
+
+/// Shuts the graphics processor down as its driver would after a fault: every system on it is lost.
+#[pyfunction]
+pub fn lose_gpu() -> PyResult<()> {
+    // SAFETY: it takes nothing.
+    unsafe { (library()?.0.lose)() };
+    Ok(())
+}
+
+fn library() -> PyResult<&'static Library> {
+    LIBRARY.get().ok_or_else(|| {
+        VisceraError::new_err("the library of the graphics processor is not loaded; call load_gpu")
+    })
+}
+
+/// The sentence of a call that failed.
+fn spoken(call: impl FnOnce(&mut Text) -> bool) -> Result<(), String> {
+    let mut fault = Text::new();
+    if call(&mut fault) { Ok(()) } else { Err(fault.read()) }
+}
+
+impl Device for Library {
+    fn system(&self, n: usize, pairs: &[(u32, u32)]) -> Result<Box<dyn DeviceSystem>, String> {
+        let pairs: Vec<[u32; 2]> = pairs.iter().map(|&(row, column)| [row, column]).collect();
+        let (of, mut handle) = (self.0, null_mut());
+        // SAFETY: the slice lives until the call returns.
+        spoken(|fault| unsafe { (of.new)(n, Slice::new(&pairs), &mut handle, fault) })?;
+        Ok(Box::new(System { of, handle, n_dofs: 3 * n }))
+    }
+}
+
+impl DeviceSystem for System {
+    fn hold(&mut self, is_held: &[bool], means: &[Vec<(u32, f64)>]) -> Result<(), String> {
+        let (dofs, weights): (Vec<u32>, Vec<f64>) = means.iter().flatten().copied().unzip();
+        let mut starts = vec![0];
+        starts.extend(means.iter().scan(0, |end, mean| {
+            *end += mean.len();
+            Some(*end)
+        }));
+        let (is_held, starts) = (Slice::new(is_held), Slice::new(&starts));
+        let (dofs, weights) = (Slice::new(&dofs), Slice::new(&weights));
+        // SAFETY: the handle is of this library; the slices live until the call returns.
+        spoken(|fault| unsafe {
+            (self.of.hold)(self.handle, is_held, starts, dofs, weights, fault)
+        })
+    }
+
+    fn load(&mut self, values: &[f64], shift: f64) -> Result<(), String> {
+        // SAFETY: as in `hold`.
+        spoken(|fault| unsafe { (self.of.load)(self.handle, Slice::new(values), shift, fault) })
+    }
+
+    fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String> {
+        let left = |deadline: std::time::Instant| {
+            deadline.saturating_duration_since(std::time::Instant::now()).as_secs_f64()
+        };
+        let task = Task {
+            b: Slice::new(b),
+            tolerance: end.tolerance,
+            max_iterations: end.max_iterations,
+            seconds: end.deadline.map_or(f64::INFINITY, left),
+        };
+        let (mut x, mut direction) = (vec![0.0; self.n_dofs], vec![0.0; self.n_dofs]);
+        let mut answer = Answer {
+            x: x.as_mut_ptr(),
+            direction: direction.as_mut_ptr(),
+            iterations: 0,
+            is_indefinite: false,
+        };
+        // SAFETY: as in `hold`; the answer has room for as many values as the task.
+        spoken(|fault| unsafe { (self.of.solve)(self.handle, &task, &mut answer, fault) })?;
+        let Answer { iterations, is_indefinite, .. } = answer;
+        Ok(DeviceSolution { x, direction, iterations, is_indefinite })
+    }
+}
+
+impl Drop for System {
+    fn drop(&mut self) {
+        // SAFETY: the handle is of this library, and nobody has it any more.
+        unsafe { (self.of.free)(self.handle) };
+    }
+}

@@ -1,0 +1,163 @@
+//! What the core's bindings and the library of `gpu/` say to each other. The library is loaded when a solver first asks for
+//! it, so that nothing else compiles or links what drives a graphics processor.
+//!
+//! The library exports one symbol, [`SYMBOL`], a function without arguments that returns an [`Interface`]. Every function
+//! there returns whether it succeeded; if not, it leaves a sentence in the [`Text`] that it was given.
+
+use std::ffi::c_void;
+
+/// Raised with every change of this file.
+pub const VERSION: u32 = 1;
+
+/// The library's one symbol, an [`Entry`].
+pub const SYMBOL: &[u8] = b"viscera_gpu\0";
+
+/// What the symbol is.
+pub type Entry = unsafe extern "C" fn() -> &'static Interface;
+
+/// A sentence that the other side wrote, at most so many bytes of UTF-8.
+#[repr(C)]
+pub struct Text {
+    bytes: [u8; 480],
+    length: usize,
+}
+
+impl Text {
+    /// Without words.
+    pub const fn new() -> Self {
+        Text { bytes: [0; 480], length: 0 }
+    }
+
+    /// Takes words over, as many as there is room for.
+    pub fn write(&mut self, words: &str) {
+        let room = words.len().min(self.bytes.len());
+        self.length = (0..=room).rev().find(|&end| words.is_char_boundary(end)).unwrap_or(0);
+        self.bytes[..self.length].copy_from_slice(&words.as_bytes()[..self.length]);
+    }
+
+    /// The words.
+    pub fn read(&self) -> String {
+        let length = self.length.min(self.bytes.len());
+        String::from_utf8_lossy(&self.bytes[..length]).into_owned()
+    }
+}
+
+impl Default for Text {
+    fn default() -> Self {
+        Text::new()
+    }
+}
+
+/// What is known of a device.
+#[repr(C)]
+#[derive(Default)]
+pub struct About {
+    /// Its name.
+    pub name: Text,
+    /// Its driver.
+    pub driver: Text,
+    /// The interface it is driven through, such as "vulkan".
+    pub backend: Text,
+    /// Whether it is software on the processor.
+    pub is_software: bool,
+}
+
+/// A run of values that the other side owns.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Slice<T> {
+    first: *const T,
+    length: usize,
+}
+
+impl<T> Slice<T> {
+    /// Of values that outlive the call.
+    pub fn new(values: &[T]) -> Self {
+        Slice { first: values.as_ptr(), length: values.len() }
+    }
+
+    /// The values.
+    ///
+    /// # Safety
+    /// They must still be there.
+    pub unsafe fn get<'a>(self) -> &'a [T] {
+        // SAFETY: made from a slice, see above.
+        unsafe { std::slice::from_raw_parts(self.first, self.length) }
+    }
+}
+
+/// Where conjugate gradients start from and stop.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Task {
+    /// Right-hand side, on all degrees of freedom.
+    pub b: Slice<f64>,
+    /// Residual to reach, relative to the right-hand side.
+    pub tolerance: f64,
+    /// Iterations after which to stop with what there is.
+    pub max_iterations: usize,
+    /// Wall time after which to do so [s]; infinity for none.
+    pub seconds: f64,
+}
+
+/// What conjugate gradients found; the vectors are as long as the right-hand side.
+#[repr(C)]
+pub struct Answer {
+    /// Where the solution goes.
+    pub x: *mut f64,
+    /// Where the last direction goes.
+    pub direction: *mut f64,
+    /// Iterations.
+    pub iterations: usize,
+    /// Whether the direction has negative curvature, or so it seems in single precision.
+    pub is_indefinite: bool,
+}
+
+/// A system on the device, of which only the library knows more.
+pub type Handle = *mut c_void;
+
+/// The functions of the library. A handle is used by one thread at a time.
+#[repr(C)]
+pub struct Interface {
+    /// [`VERSION`] of the library.
+    pub version: u32,
+    /// Opens the device if it is not, and tells of it.
+    pub about: unsafe extern "C" fn(&mut About, &mut Text) -> bool,
+    /// Shuts the device down as its driver would after a fault. The next system opens it anew.
+    pub lose: unsafe extern "C" fn(),
+    /// Room for a symmetric matrix of 3x3 blocks: number of nodes, and row and column of each block of the upper triangle.
+    pub new: unsafe extern "C" fn(usize, Slice<[u32; 2]>, &mut Handle, &mut Text) -> bool,
+    /// Gives that room back.
+    pub free: unsafe extern "C" fn(Handle),
+    /// Holds degrees of freedom at zero, and means `sum w u = 0`: where each mean starts and the last ends, degrees of
+    /// freedom, weights.
+    pub hold: unsafe extern "C" fn(
+        Handle,
+        Slice<bool>,
+        Slice<usize>,
+        Slice<u32>,
+        Slice<f64>,
+        &mut Text,
+    ) -> bool,
+    /// Takes nine values for each block, row-major, and a shift of the diagonal.
+    pub load: unsafe extern "C" fn(Handle, Slice<f64>, f64, &mut Text) -> bool,
+    /// Solves.
+    pub solve: unsafe extern "C" fn(Handle, &Task, &mut Answer, &mut Text) -> bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_kept_as_far_as_there_is_room() {
+        let mut text = Text::new();
+        assert_eq!(text.read(), "");
+        text.write("lost");
+        assert_eq!(text.read(), "lost");
+        text.write(&"µ".repeat(1000));
+        assert_eq!(text.read(), "µ".repeat(240));
+        text.write(&format!("a{}", "µ".repeat(1000)));
+        assert_eq!(text.read(), format!("a{}", "µ".repeat(239)));
+    }
+}

@@ -1,0 +1,224 @@
+"""`solver="gpu"` against the processor, on the graphics processor of this machine or on software in its place.
+
+Run by `make test-gpu`, which builds the library. Other builds refuse the solver in a sentence.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import viscera as vs
+from viscera import _core, gpu
+from viscera.law import Law
+from viscera.solver import GPU
+
+CPU = vs.ConjugateGradients("block_jacobi", max_iterations=GPU.max_iterations)
+
+LAWS: list[Law] = [
+    vs.Linear(young=1e4, poisson=0.4),
+    vs.Corotated(young=1e4, poisson=0.4),
+    vs.SaintVenantKirchhoff(young=1e4, poisson=0.3),
+    vs.NeoHookean(young=1e4, poisson=0.3),
+    vs.NeoHookean(young=1e4, poisson=0.499),
+    vs.StableNeoHookean(young=1e4, poisson=0.45),
+    vs.MooneyRivlin(c1=1.4e3, c2=0.3e3, kappa=5e4),
+    vs.Yeoh(c10=1.7e3, c20=200.0, c30=50.0, kappa=5e4),
+    vs.Ogden(mu=(2e3, -1e3), alpha=(2.0, -2.0), kappa=5e4),
+    vs.ArrudaBoyce(3e3, 1.5, kappa=5e4),
+    vs.VerondaWestmann(2e3, 1.5, kappa=5e4),
+    vs.Fung(mu=3e3, b=4.0, kappa=5e4),
+    vs.HolzapfelGasserOgden(3e3, 2e3, 0.7, fibres=np.eye(3)[:2], kappa=5e4),
+    vs.StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", mu=3.4e3, lam=3e4),
+]
+
+Make = Callable[..., vs.Organ]
+Block = Callable[[tuple[int, int, int], tuple[float, float, float]], tuple[NDArray[np.float64], NDArray[np.uint32]]]
+
+
+@pytest.fixture(scope="module")
+def device() -> str:
+    """The device, or a skip; with VISCERA_GPU set, its absence is a failure."""
+    try:
+        return gpu.describe()
+    except vs.VisceraError as error:
+        if os.environ.get("VISCERA_GPU"):
+            raise
+        pytest.skip(f"NOT TESTED: {error}")
+
+
+@pytest.fixture
+def organ(block: Block) -> Make:
+    """A block of tissue held at one end, of any law and element."""
+
+    def make(law: Law, element: str | None = None) -> vs.Organ:
+        points, cells = block((4, 2, 2), (0.04, 0.02, 0.02))
+        sets = {"wall": np.flatnonzero(points[:, 0] == 0), "end": np.flatnonzero(points[:, 0] > 0.0399)}
+        return vs.Organ(vs.mesh(points, cells, sets), law, fixed="wall", element=element)
+
+    return make
+
+
+def distance(found: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+@pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_every_law_ends_where_the_processor_does(
+    organ: Make, law: Law, element: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    body = organ(law, element)
+    load = {"end": (0.0, 0.0, -0.004)}
+    exact, found = body.solve(force=load), body.solve(force=load, solver="gpu")
+    assert found.is_converged, found.message
+    assert distance(found.displacement, exact.displacement) < 1e-5
+    assert not caplog.records
+
+
+@pytest.mark.usefixtures("device")
+def test_prescribed_points_and_means_of_patches(organ: Make) -> None:
+    body = organ(vs.NeoHookean(young=1e4, poisson=0.45), "P2")
+    patch = body.patch((0.04, 0.01, 0.01), 0.012)
+    for displacement in ({patch: (0.001, 0.0, -0.003)}, {"end": (0.002, 0.0, None)}):
+        exact, found = body.solve(displacement=displacement), body.solve(displacement=displacement, solver="gpu")
+        assert found.is_converged, found.message
+        assert distance(found.displacement, exact.displacement) < 1e-5
+        (place,) = displacement
+        assert distance(found.reaction(place), exact.reaction(place)) < 1e-4
+
+
+@pytest.mark.usefixtures("device")
+@pytest.mark.parametrize(
+    ("mesh", "fixed", "where"),
+    [(vs.organs.beam, "clamp", "tip"), (vs.organs.artery, "bottom", "top"), (vs.organs.liver, "hilum", "tip")],
+)
+def test_frames_of_every_organ(mesh: Callable[[], vs.Mesh], fixed: str, where: str) -> None:
+    """As many iterations as on the processor within a tenth, and the same end."""
+    body = vs.Organ(mesh(), vs.NeoHookean(young=1e4, poisson=0.45), fixed=fixed)
+    ends = []
+    for solver in (CPU, GPU):
+        stepper = body.stepper(solver=solver)
+        frames = [stepper.frame({where: (None, None, 0.001 * min(k, 2))}) for k in range(1, 7)]
+        ends.append((frames[-1].displacement, sum(frame.iterations for frame in frames)))
+        assert frames[-1].residual < 1e-6
+        assert all(frame.is_solved for frame in frames)
+    (exact, on_cpu), (found, on_gpu) = ends
+    assert distance(found, exact) < 1e-5
+    assert abs(on_gpu - on_cpu) <= 0.1 * on_cpu
+
+
+@pytest.mark.usefixtures("device")
+def test_a_frame_says_what_single_precision_leaves_and_solves_beyond_it(organ: Make) -> None:
+    floors = []
+    for poisson in (0.3, 0.49, 0.499):
+        body = organ(vs.NeoHookean(young=1e4, poisson=poisson))
+        exact = body.stepper().frame({"end": (0.0, 0.0, -0.001)})
+        precise = vs.ConjugateGradients("block_jacobi", 1e-9, 5_000, device="gpu")
+        frame = body.stepper(solver=precise).frame({"end": (0.0, 0.0, -0.001)})
+        assert frame.is_solved
+        assert distance(frame.displacement, exact.displacement) < 1e-7
+        floors.append(frame.floor)
+        assert exact.floor == 0.0
+    assert 1e-8 < floors[0] < floors[1] < floors[2] < 1e-3
+
+
+@pytest.mark.usefixtures("device")
+def test_the_same_frames_give_the_same_bits(organ: Make) -> None:
+    body = organ(vs.MooneyRivlin(c1=1.4e3, c2=0.3e3, kappa=5e4))
+    runs = []
+    for _ in range(2):
+        stepper = body.stepper(solver="gpu")
+        runs.append([stepper.frame({"end": (0.0, 0.0, -0.001 * k)}).displacement for k in range(1, 5)])
+    assert np.array_equal(runs[0], runs[1])
+
+
+@pytest.mark.usefixtures("device")
+def test_a_device_lost_between_frames_leaves_them_to_the_processor(
+    organ: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    body = organ(vs.NeoHookean(young=1e4, poisson=0.45))
+    hand = {"end": (0.0, 0.0, -0.001)}
+    exact = body.solve(displacement=hand)
+    stepper = body.stepper(solver="gpu")
+    stepper.frame(hand)
+    assert not caplog.records
+    _core.lose_gpu()
+    frames = [stepper.frame(hand) for _ in range(4)]
+    assert frames[-1].is_settled
+    assert distance(frames[-1].displacement, exact.displacement) < 1e-3
+    assert [record.message for record in caplog.records] == [
+        "the graphics processor was lost: it was shut down; the processor goes on"
+    ]
+    # The next one is opened anew.
+    caplog.clear()
+    assert distance(body.solve(displacement=hand, solver="gpu").displacement, exact.displacement) < 1e-5
+    assert not caplog.records
+
+
+@pytest.mark.usefixtures("device")
+def test_more_means_than_the_kernels_take_are_left_to_the_processor(
+    organ: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    body = organ(vs.NeoHookean(young=1e4, poisson=0.45), "P2")
+    points = body.mesh.points
+    places = points[(points[:, 2] > 0.0199) & (points[:, 0] > 0.004)]
+    hands = {body.patch(tuple(place), 0.002): (0.0, 0.0, -0.0005) for place in places}
+    assert len(hands) > 16
+    exact = body.stepper().frame(hands)
+    frame = body.stepper(solver="gpu").frame(hands)
+    assert frame.is_solved
+    assert distance(frame.displacement, exact.displacement) < 1e-2  # to the tolerance of conjugate gradients
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+    assert "the kernels take 48" in caplog.text
+
+
+WITHOUT_DEVICE = """
+import viscera as vs
+beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+print(beam.solve(force={"tip": (0, 0, -0.1)}, solver="gpu").status)
+"""
+
+
+@pytest.mark.usefixtures("device")
+def test_a_machine_without_a_device_says_so_and_solves(tmp_path: os.PathLike[str]) -> None:
+    nothing = {"VK_DRIVER_FILES": str(tmp_path), "VK_ICD_FILENAMES": str(tmp_path)}
+    run = [sys.executable, "-c", WITHOUT_DEVICE]
+    done = subprocess.run(run, env=os.environ | nothing, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "converged"
+    assert done.stderr.startswith("there is no graphics processor to compute on")
+    assert done.stderr.strip().endswith("the processor goes on")
+
+
+def test_a_build_without_the_library_says_how_to_get_it(
+    organ: Make, tmp_path: os.PathLike[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gpu, "LIBRARY", gpu.LIBRARY.__class__(tmp_path) / "libviscera_gpu.so")
+    with pytest.raises(vs.VisceraError, match="make GPU=1"):
+        organ(LAWS[3]).solve(force={"end": (0, 0, -0.01)}, solver="gpu")
+
+
+def test_a_library_of_something_else_is_refused(tmp_path: os.PathLike[str]) -> None:
+    other = gpu.LIBRARY.__class__(tmp_path) / "other.so"
+    other.write_bytes(b"not a library")
+    # The library stays loaded, so that another is asked for in a process of its own.
+    code = f"from viscera import _core; _core.load_gpu({str(other)!r})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "VisceraError" in done.stderr
+    assert "cannot be loaded" in done.stderr
+
+
+def test_settings_that_do_not_go_together_are_refused() -> None:
+    with pytest.raises(vs.VisceraError, match="block_jacobi"):
+        vs.ConjugateGradients("lagged_cholesky", device="gpu")
+    with pytest.raises(vs.VisceraError, match="'gpv'"):
+        vs.ConjugateGradients("block_jacobi", device="gpv")
