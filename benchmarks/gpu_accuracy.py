@@ -4,7 +4,8 @@
 
 Solutions: the largest displacement of a point from that of Cholesky's method, relative to the largest displacement.
 Frames: iterations of conjugate gradients with block-Jacobi on both processors in the first frame from each of four
-equilibria, the same for both, and the residual that single precision alone leaves. No times: a device in software tells nothing of one in hardware.
+equilibria, the same for both, and the residual that single precision alone leaves. No times: a device in software tells
+nothing of one in hardware.
 """
 
 from __future__ import annotations

@@ -204,8 +204,8 @@ class Body:
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
         status (str), is_converged, message, device_fault, load (fraction reached), iterations, factorizations,
-        load_steps, residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool, see
-        `viscera.contact.Contact`)."""
+        load_steps, residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool,
+        see `viscera.contact.Contact`)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:

@@ -19,8 +19,8 @@ BESIDE = {"h5py": "to write .xdmf files", "mpi4py": "to reduce on an MPI cluster
 
 
 def examine() -> dict[str, Any]:
-    """version, python, platform, processor, cores, threads, vector_units, gpus, gpu, gpu_fault, packages, extras, beside,
-    problems.
+    """version, python, platform, processor, cores, threads, vector_units, gpus, gpu, gpu_fault, packages, extras,
+    beside, problems.
 
     gpu: what `solver="gpu"` computes on; None where it cannot, for the reason `gpu_fault`.
     packages: `{name: version}` of what Viscera needs, None where it is missing; extras: the same for each extra.

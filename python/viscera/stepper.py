@@ -74,7 +74,7 @@ class Frame(Deformed, Pictured):
     """Whether conjugate gradients reached their tolerance."""
     floor: float
     """Residual that single precision alone may leave of the linear systems, relative to their right-hand sides: the
-    rounding of `|K| |s|`. What is left above the tolerance is solved for again. 0 where no graphics processor is used."""
+    rounding of `|K| |s|`. What is left above the tolerance is solved for again. 0 without a graphics processor."""
     within_budget: bool
     """Whether the frame took no longer than its budget."""
     seconds: float

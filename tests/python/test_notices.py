@@ -35,7 +35,8 @@ def test_they_are_of_the_versions_that_are_locked(notices: ModuleType, text: str
 
 def test_they_name_what_the_crates_ask_for(text: str) -> None:
     """Every dependency that a manifest of the shipped crates names, macros and test tools left out."""
-    for folder in ("core", "crates/linear", "crates/touch", "live", "mesher", "gpu", "bindings/python", "bindings/wasm"):
+    bindings = ("bindings/python", "bindings/wasm", "gpu")
+    for folder in ("core", "crates/linear", "crates/touch", "live", "mesher", *bindings):
         manifest = (ROOT / folder / "Cargo.toml").read_text(encoding="utf-8")
         needed = re.search(r"^\[dependencies\]\n(.*?)(?:^\[|\Z)", manifest, re.DOTALL | re.MULTILINE)
         assert needed is not None
