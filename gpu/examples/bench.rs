@@ -53,8 +53,12 @@ fn main() {
     );
 
     let b: Vec<f64> = (0..u.len()).map(|k| (1.3 * k as f64).sin()).collect();
-    let settings =
-        Settings { tolerance: 1e-30, max_iterations: ITERATIONS, check_every: ITERATIONS };
+    let settings = Settings {
+        tolerance: 1e-30,
+        max_iterations: ITERATIONS,
+        check_every: ITERATIONS,
+        deadline: None,
+    };
     let mut count = 0;
     let solve = least(|| count = system.solve(&b, &settings).expect("the device works").iterations);
     let bytes: f64 = plan.iteration.iter().map(|work| work.bytes).sum();
@@ -91,8 +95,12 @@ fn per_dispatch(gpu: &Arc<viscera_gpu::Gpu>) -> f64 {
     };
     system.load(&pairs.iter().flat_map(unit).collect::<Vec<_>>(), 0.0).expect("the device works");
     let b: Vec<f64> = (0..3 * block.points.len()).map(|k| (k as f64).cos()).collect();
-    let settings =
-        Settings { tolerance: 1e-30, max_iterations: ITERATIONS, check_every: ITERATIONS };
+    let settings = Settings {
+        tolerance: 1e-30,
+        max_iterations: ITERATIONS,
+        check_every: ITERATIONS,
+        deadline: None,
+    };
     // Those that come after the end are dispatched, too.
     least(|| drop(system.solve(&b, &settings))) / (2 * ITERATIONS) as f64
 }

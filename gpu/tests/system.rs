@@ -5,7 +5,8 @@ use std::sync::Arc;
 use support::*;
 use viscera_gpu::{Ending, Error, Gpu, Law, MOST_MEANS, Mean, Settings, System};
 
-const TIGHT: Settings = Settings { tolerance: 1e-6, max_iterations: 2000, check_every: 16 };
+const TIGHT: Settings =
+    Settings { tolerance: 1e-6, max_iterations: 2000, check_every: 16, deadline: None };
 
 /// A block's tangent at rest in double precision: linear elasticity, whose blocks are those of differences of forces.
 struct Problem {
