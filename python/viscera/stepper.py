@@ -359,9 +359,9 @@ class Stepper:
         """The organ below a notebook's cell, stepped in the kernel by up to two hands on the page, or from Python.
 
         Needs `pip install viscera[notebook]`. `widget.touch(point, displacement)` [m] holds the patch around a surface
-        point and steps until it has settled; `widget.release()` lets go. `point`, `displacement`, `force` and
-        `is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page apply no load except the
-        hands. name: shown above the organ; height: of the view, in pixels.
+        point and steps until it has settled; `widget.release()` lets go. `widget.point`, `widget.displacement`,
+        `widget.force` and `widget.is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page
+        apply no load except the hands. name: shown above the organ; height: of the view, in pixels.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

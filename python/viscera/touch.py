@@ -343,9 +343,9 @@ class Touch(Pictured):
         name: shown above the organ; height: of the view, in pixels.
 
         The widget works both ways. `widget.touch(point, displacement)` [m] moves the organ in the notebook, and
-        `widget.release()` lets go. `point`, `displacement`, `force` and `is_trusted` follow every touch, made by Python
-        or by a hand, and are None if nobody touches; `widget.observe(handler, "force")` calls a handler at each change.
-        A saved notebook keeps a picture.
+        `widget.release()` lets go. `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow
+        every touch, made by Python or by a hand, and are None if nobody touches; `widget.observe(handler, "force")`
+        calls a handler at each change. A saved notebook keeps a picture.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
