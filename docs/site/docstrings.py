@@ -49,9 +49,11 @@ def markup(lines: list[str]) -> Iterator[str]:
 
 
 def field(match: re.Match[str]) -> str:
-    """A parameter as a field; its shape or unit goes to the text."""
+    """A parameter as a field, or several; their shape or unit goes to the text."""
     shape = f"{match['shape'].strip()} " if match["shape"] else ""
-    return f":param {match['names']}: {inline(shape + match['text'])}"
+    # Of words with spaces between them Sphinx takes all but the last for a type, and looks for it.
+    names = re.sub(r", | and | or ", ",\u200b", match["names"])
+    return f":param {names}: {inline(shape + match['text'])}"
 
 
 def inline(text: str) -> str:
