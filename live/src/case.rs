@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use viscera_core::Error;
 use viscera_core::body::Body;
 use viscera_core::element::Element;
-use viscera_core::law::Material;
+use viscera_core::law::{self, Material};
 
 /// Key of the metadata string among the bytes.
 const METADATA_KEY: &str = "viscera";
@@ -95,7 +95,7 @@ impl Case {
     pub fn body(&self, law: &str) -> Result<Body, Error> {
         let material = self.materials.get(law).ok_or_else(|| {
             let known: Vec<&str> = self.materials.keys().map(String::as_str).collect();
-            Error::UnknownLaw { name: law.into(), known: known.join(", ") }
+            law::Error::UnknownLaw { name: law.into(), known: known.join(", ") }
         })?;
         let element = Element::named(&self.about.element)?;
         Body::with_element(element, self.points.clone(), self.cells.clone(), material.clone())

@@ -14,6 +14,7 @@ from viscera import startup  # noqa: F401 - before whatever takes its time
 from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
+from viscera.answer import Answer
 from viscera.case import Case
 from viscera.case import read_case as case
 from viscera.cluster import sweep
@@ -24,6 +25,8 @@ from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
 from viscera.fitting import Fit, MaterialTest, fit
+from viscera.frame import Frame
+from viscera.hand import Hand
 from viscera.law import (
     ArrudaBoyce,
     Corotated,
@@ -48,9 +51,9 @@ from viscera.scan import Scan, image_fibres, scan
 from viscera.series import write_series
 from viscera.solver import ConjugateGradients
 from viscera.state import State
-from viscera.stepper import Frame, Hand, Stepper
+from viscera.stepper import Stepper
 from viscera.stress import principal
-from viscera.touch import Answer, Touch, load
+from viscera.touch import Touch, load
 from viscera.vary import Vary
 
 __all__ = [

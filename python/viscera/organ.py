@@ -20,6 +20,7 @@ from viscera.deformed import Moved
 from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError
+from viscera.frame import Frame
 from viscera.law import Law, StrainEnergy
 from viscera.loads import (
     Displacements,
@@ -46,7 +47,7 @@ from viscera.select import Lengths, length
 from viscera.select import point as point_of
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
-from viscera.stepper import Frame, Stepper, settings_of
+from viscera.stepper import Stepper, settings_of
 from viscera.support import fixed_nodes, require_held
 from viscera.touch import Touch
 from viscera.vary import Vary

@@ -11,12 +11,7 @@ pub enum Error {
     /// A value outside its domain; the sentence names the place, the value and the remedy.
     Input(String),
     /// A law that does not exist.
-    UnknownLaw {
-        /// The name given.
-        name: String,
-        /// The names there are.
-        known: String,
-    },
+    Law(viscera_law::Error),
     /// A model file that is cut short, inconsistent or holds values it may not.
     ModelFile(String),
     /// A linear system that could not be factorised or solved.
@@ -36,9 +31,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Error::Input(sentence) => f.write_str(sentence),
-            Error::UnknownLaw { name, known } => {
-                write!(f, "no law is called {name:?}; there are {known}")
-            }
+            Error::Law(error) => error.fmt(f),
             Error::ModelFile(sentence) => write!(f, "not a usable model file: {sentence}"),
             Error::Factor(error) => error.fmt(f),
             Error::Cancelled => f.write_str("stopped on request"),
@@ -67,7 +60,7 @@ impl From<viscera_law::Error> for Error {
     fn from(error: viscera_law::Error) -> Self {
         match error {
             viscera_law::Error::Input(sentence) => Error::Input(sentence),
-            viscera_law::Error::UnknownLaw { name, known } => Error::UnknownLaw { name, known },
+            unknown @ viscera_law::Error::UnknownLaw { .. } => Error::Law(unknown),
         }
     }
 }

@@ -16,9 +16,11 @@ from viscera.select import point as point_of
 from viscera.viewer.notebook import Told, told
 
 if TYPE_CHECKING:
+    from viscera.frame import Frame
+    from viscera.hand import Hand
     from viscera.organ import Organ
     from viscera.state import State
-    from viscera.stepper import Frame, Hand, Stepper
+    from viscera.stepper import Stepper
 
 NOBODY = (0.0, 0.0, 0.0)
 

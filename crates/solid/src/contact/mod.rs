@@ -27,7 +27,7 @@ use crate::body::{Body, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::diagonal;
 use samples::Samples;
-use tool::{Held, Touching};
+use tool::{ActiveTool, Touching};
 
 /// Depth at which a tool may start, over the diagonal of the body: what is left of an equilibrium with another tool.
 const SHALLOW: f64 = 5e-3;
@@ -36,7 +36,7 @@ const SHALLOW: f64 = 5e-3;
 pub struct Contact {
     samples: Samples,
     /// By their numbers; none where a tool was taken away.
-    tools: Vec<Option<Held>>,
+    tools: Vec<Option<ActiveTool>>,
     /// Displacement at the start of the step.
     start: Vec<f64>,
     /// What touched when the tangent was last formed.
@@ -71,7 +71,7 @@ impl Contact {
         if self.samples.is_empty() {
             self.samples = Samples::new(body);
         }
-        let mut held = Held::new(tool, &self.samples);
+        let mut held = ActiveTool::new(tool, &self.samples);
         held.begin(&self.samples, u);
         held.linearize(&self.samples, u, u);
         let depth = -held.gap();
@@ -145,7 +145,7 @@ impl Contact {
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
         let mut touching = std::mem::take(&mut self.in_tangent);
         touching.clear();
-        self.each(Held::soften);
+        self.each(ActiveTool::soften);
         touching.extend(self.touching().cloned());
         for touching in &mut touching {
             if curvature == Curvature::Exact {
@@ -186,7 +186,7 @@ impl Contact {
 
     /// What a tool does to the body, as found last.
     pub fn report(&self, number: usize) -> Option<Report> {
-        self.tools.get(number)?.as_ref().map(Held::report)
+        self.tools.get(number)?.as_ref().map(ActiveTool::report)
     }
 
     /// Contact pressure of a tool at nodes, as found last [Pa]: the mean over the samples around that touch, zero where
@@ -202,7 +202,7 @@ impl Contact {
         self.tools.iter().flatten().flat_map(|held| &held.touching)
     }
 
-    fn each(&mut self, change: impl Fn(&mut Held)) {
+    fn each(&mut self, change: impl Fn(&mut ActiveTool)) {
         self.tools.iter_mut().flatten().for_each(change);
     }
 }

@@ -88,7 +88,7 @@ struct Anchor {
 }
 
 /// A tool at work.
-pub(super) struct Held {
+pub(super) struct ActiveTool {
     pub tool: Tool,
     pub pose: Pose,
     /// The pose at the end of the last step.
@@ -135,11 +135,11 @@ impl Tool {
     }
 }
 
-impl Held {
+impl ActiveTool {
     pub fn new(tool: Tool, samples: &Samples) -> Self {
         let n = samples.len();
         let anchors = if tool.friction.is_none() { Vec::new() } else { vec![None; n] };
-        Held {
+        ActiveTool {
             pose: tool.pose,
             before: tool.pose,
             tool,

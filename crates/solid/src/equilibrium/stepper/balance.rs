@@ -44,12 +44,12 @@ impl Stepper {
     /// the frame.
     pub(super) fn balance(&mut self, curvature: Curvature) {
         let beta = self.motion.as_ref().map_or(0.0, |motion| motion.damping[1]);
-        self.way.copy_from_slice(&self.step);
+        self.increment.copy_from_slice(&self.step);
         if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
-            self.way.iter_mut().zip(&motion.trial_velocity).for_each(|(w, v)| *w += beta * v);
+            self.increment.iter_mut().zip(&motion.trial_velocity).for_each(|(w, v)| *w += beta * v);
         }
-        if self.way.iter().any(|&w| w != 0.0) {
-            self.tangent.multiply(&self.way, &mut self.residual);
+        if self.increment.iter().any(|&w| w != 0.0) {
+            self.tangent.multiply(&self.increment, &mut self.residual);
         } else {
             self.residual.fill(0.0);
         }
@@ -96,11 +96,11 @@ impl Stepper {
             if beta > 0.0 {
                 // K of the frame's start, out of its tangent `of_mass M + of_stiffness K` and that of the tools.
                 let [of_mass, of_stiffness] = motion.tangent_factors();
-                self.tangent.multiply(velocity, &mut self.way);
-                motion.mass.add_product(-of_mass, velocity, &mut self.way);
-                self.contact.add_product(-1.0, velocity, &mut self.way);
+                self.tangent.multiply(velocity, &mut self.increment);
+                motion.mass.add_product(-of_mass, velocity, &mut self.increment);
+                self.contact.add_product(-1.0, velocity, &mut self.increment);
                 let factor = beta / of_stiffness;
-                self.inertia.iter_mut().zip(&self.way).for_each(|(r, k)| *r += factor * k);
+                self.inertia.iter_mut().zip(&self.increment).for_each(|(r, k)| *r += factor * k);
             }
         }
         for (dof, r) in self.residual.iter_mut().enumerate() {

@@ -87,7 +87,7 @@ pub struct Stepper {
     residual: Vec<f64>,
     /// Forces of inertia and damping.
     inertia: Vec<f64>,
-    way: Vec<f64>,
+    increment: Vec<f64>,
     step: Vec<f64>,
     /// Power of what was out of balance along the way of the last step, per step [J]; known among tools.
     descent: f64,
@@ -178,7 +178,7 @@ impl Stepper {
             internal: vec![0.0; n],
             residual: vec![0.0; n],
             inertia: vec![0.0; n],
-            way: vec![0.0; n],
+            increment: vec![0.0; n],
             step: vec![0.0; n],
             descent: 0.0,
             trial: vec![0.0; n],

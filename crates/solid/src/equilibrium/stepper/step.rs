@@ -171,12 +171,12 @@ impl Stepper {
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let unbalanced = (!self.contact.is_empty()).then(|| self.residual.clone());
-            let (b, free, forces) = (&mut self.residual, &mut self.way, &mut self.forces);
+            let (b, free, forces) = (&mut self.residual, &mut self.increment, &mut self.forces);
             let outcome = match self.solver.prepare(&self.tangent, shift) {
                 Ok(()) => self.solver.solve(b, &residual, free, forces, deadline),
                 Err(error) => Err(error),
             };
-            self.descent = unbalanced.map_or(0.0, |b| dot(&b, &self.way));
+            self.descent = unbalanced.map_or(0.0, |b| dot(&b, &self.increment));
             let is_last = shift >= LARGEST_SHIFT || !self.has_time_for_convex(deadline);
             match outcome {
                 // Where it is the last, the descent made before a direction of negative curvature, or at least one of
@@ -195,7 +195,7 @@ impl Stepper {
                 self.linearize(body, input, curvature, false);
             }
         };
-        self.step.iter_mut().zip(&self.way).for_each(|(s, f)| *s += f);
+        self.step.iter_mut().zip(&self.increment).for_each(|(s, f)| *s += f);
         let is_unstable = curvature == Curvature::Projected || solved.indefinite.is_some();
         Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
     }
@@ -219,7 +219,7 @@ impl Stepper {
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
     /// at once; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
-        let longest = self.way.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
+        let longest = self.increment.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
         for cuts in 0..=MAX_CUTS {
             let taken = whole * 0.5f64.powi(cuts);
@@ -243,7 +243,7 @@ impl Stepper {
     fn go_back(&mut self, body: &Body, progress: &mut Progress) {
         let mut length = 1.0;
         for _ in 0..MAX_RETURNS {
-            let power = dot(&self.residual, &self.way);
+            let power = dot(&self.residual, &self.increment);
             if power >= -OVERSHOT * self.descent {
                 return;
             }

@@ -1,0 +1,138 @@
+//! One step of Newton's method: the factor of the tangent, the step by it, and how much of it is taken.
+
+use super::{Run, STRETCHED};
+use crate::clock::Instant;
+use crate::equilibrium::ending::Cut;
+use crate::equilibrium::problem::patch_mean;
+use crate::equilibrium::skew;
+use crate::linear::FactorError;
+
+impl Run<'_> {
+    /// Factorises the tangent, shifted where it is not positive definite under what tools hold; returns the degree of
+    /// freedom of the first pivot that was not.
+    pub(super) fn factorize(&mut self) -> Result<Option<usize>, Cut> {
+        let clock = Instant::now();
+        let (mut shift, mut unstable) = (0.0, None);
+        loop {
+            self.factorizations += 1;
+            match self.solver.prepare(&self.tangent, shift) {
+                Ok(()) => break,
+                Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
+                    if shift < 10.0 =>
+                {
+                    unstable = unstable.or(Some(row));
+                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
+                }
+                Err(error) => return Err(Cut::Factor(error)),
+            }
+        }
+        self.shift = shift;
+        self.seconds.factorization += clock.elapsed().as_secs_f64();
+        Ok(unstable)
+    }
+
+    /// The full-length step, which in the first iteration of a load step also moves what is prescribed; the change of
+    /// the patch forces; a degree of freedom of a direction of negative curvature, where one was met.
+    #[allow(clippy::type_complexity)]
+    pub(super) fn newton_step(
+        &mut self,
+        u: &[f64],
+        residual: &[f64],
+        load: f64,
+        moving: bool,
+    ) -> Result<(Vec<f64>, Vec<f64>, Option<usize>), Cut> {
+        let mut step = vec![0.0; u.len()];
+        let mut rhs: Vec<f64> = residual.iter().map(|r| -r).collect();
+        if moving {
+            for &(dof, value) in &self.problem.prescribed {
+                let dof = dof as usize;
+                step[dof] = self.start[dof] + load * (value - self.start[dof]) - u[dof];
+            }
+            let mut force = vec![0.0; u.len()];
+            self.tangent.multiply(&step, &mut force);
+            rhs.iter_mut().zip(&force).for_each(|(b, f)| *b -= f);
+        }
+        let constraint_residual: Vec<f64> = self
+            .problem
+            .patches
+            .iter()
+            .zip(&self.start_means)
+            .flat_map(|(patch, start)| {
+                let now = patch_mean(&patch.patch, u);
+                let held = patch_mean(&patch.patch, &step);
+                std::array::from_fn::<f64, 3, _>(|i| {
+                    start[i] + load * (patch.displacement[i] - start[i]) - now[i] - held[i]
+                })
+            })
+            .collect();
+        let (mut free, mut change) = (vec![0.0; u.len()], Vec::new());
+        let (problem, solver) = (self.problem, &mut self.solver);
+        let solved = if problem.pressure.is_empty() {
+            solver.solve(&mut rhs, &constraint_residual, &mut free, &mut change, None)
+        } else {
+            let skew = |x: &[f64]| {
+                let mut force = vec![0.0; u.len()];
+                problem.pressure.add_skew(problem.body, u, load, x, &mut force);
+                force
+            };
+            // What is prescribed pulls through the skew part too.
+            rhs.iter_mut().zip(skew(&step)).for_each(|(b, s)| *b -= s);
+            skew::solve(solver, skew, &mut rhs, &constraint_residual, &mut free, &mut change)
+        }
+        .map_err(Cut::Factor)?;
+        step.iter_mut().zip(&free).for_each(|(s, f)| *s += f);
+        Ok((step, change, solved.indefinite))
+    }
+
+    /// Whether a linear step takes about the energy that its tangent promises, and turns no cell inside out.
+    pub(super) fn is_in_proportion(&self, u: &[f64], step: &[f64], force: &[f64]) -> bool {
+        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
+        let mut product = vec![0.0; u.len()];
+        self.tangent.multiply(step, &mut product);
+        let dot = |a: &[f64]| a.iter().zip(step).map(|(a, s)| a * s).sum::<f64>();
+        let taken = self.body().energy(&trial) - self.body().energy(u) - dot(force);
+        taken <= STRETCHED * 0.5 * dot(&product).abs() + 1e-13 * self.body().energy_scale()
+    }
+
+    pub(super) fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
+        let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
+        if self.body().energy(&trial).is_finite() {
+            return Ok(());
+        }
+        let (jacobian, cell) = self.body().smallest_jacobian(&trial);
+        Err(Cut::Inverted { cell, jacobian })
+    }
+
+    /// Backtracks until the total potential falls (Armijo); it is infinite where a cell inverts.
+    pub(super) fn line_search(
+        &self,
+        u: &[f64],
+        step: &[f64],
+        load: f64,
+        residual: &[f64],
+        norm: f64,
+    ) -> Result<f64, Cut> {
+        let (left, pressure) = (1.0 - load, &self.problem.pressure);
+        let potential = |length: f64| {
+            let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + length * s).collect();
+            let dead = self.problem.force.iter().zip(&self.imbalance).map(|(f, r)| f + left * r);
+            let dead: f64 = trial.iter().zip(dead).map(|(u, f)| u * f).sum();
+            let work = dead + load * pressure.work(self.body(), u, step, length);
+            let energy = self.body().energy(&trial) + self.contact.energy(&trial);
+            (energy - work, energy.abs() + work.abs())
+        };
+        let (start, magnitude) = potential(0.0);
+        let slope: f64 = residual.iter().zip(step).map(|(r, s)| r * s).sum();
+        // A strain energy cancels terms of the size of its moduli, however small the strain.
+        let rounding = 1e-13 * (magnitude + self.body().energy_scale());
+        let mut length = 1.0;
+        for _ in 0..=self.settings.max_backtracks {
+            let (value, _) = potential(length);
+            if value <= start + 1e-4 * length * slope + rounding {
+                return Ok(length);
+            }
+            length *= 0.5;
+        }
+        Err(Cut::NoDescent { residual: norm })
+    }
+}

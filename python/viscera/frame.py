@@ -1,0 +1,189 @@
+"""What a frame of a stepper shows: the organ as it is now, what holds it, and whether that can be relied on."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viscera import _core
+from viscera.contact import Contact, Instrument
+from viscera.deformed import Deformed
+from viscera.display import Pictured
+from viscera.errors import VisceraError
+from viscera.hand import Hand
+from viscera.loads import Where
+from viscera.mesh import Floats, Mesh
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from viscera.organ import Organ
+
+
+@dataclass(frozen=True, repr=False)
+class Frame(Deformed, Pictured):
+    """The organ after one frame, and what the frame did.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> stepper = beam.stepper(iterations=10)
+    >>> frame = stepper.frame({"tip": (None, None, -0.01)})
+    >>> frame.is_settled, frame.is_unstable, frame.reaction("tip")[2].round(3).item()
+    (True, False, -0.496)
+    """
+
+    displacement: Floats
+    """Displacement (n, 3) [m]."""
+    residual: float
+    """Out-of-balance force that the frame left, relative to all nodal forces."""
+    is_settled: bool
+    """Whether its forces can be relied on: the residual is at most the stepper's `settled`, hands are where they are to
+    be, and no cell is at a bound."""
+    steps: int
+    """Newton iterations done."""
+    cells_at_bound: int
+    """Cells next to a bound of the volume ratio, 0.05 and 4, which no frame passes: not the law alone holds them."""
+    taken: float
+    """Part of the step taken: below 1 where a cell would have been crushed or torn; hands then moved only so far."""
+    is_unstable: bool
+    """Whether the organ was about to buckle, so that the tangent was not positive definite."""
+    iterations: int
+    """Iterations of conjugate gradients; 0 with a direct solver."""
+    is_solved: bool
+    """Whether conjugate gradients reached their tolerance."""
+    floor: float
+    """Residual that single precision alone may leave of the linear systems, relative to their right-hand sides: the
+    rounding of `|K| |s|`. What is left above the tolerance is solved for again. 0 without a graphics processor."""
+    within_budget: bool
+    """Whether the frame took no longer than its budget."""
+    seconds: float
+    """Wall time [s]."""
+    energy: float
+    """Strain energy [J], of the law without its relaxation."""
+    kinetic_energy: float
+    """Kinetic energy [J]; 0 without inertia."""
+    _reactions: Floats
+    _patches: list[_core.Patch]
+    _patch_forces: Floats
+    _organ: Organ
+    _relaxes: bool
+    _contacts: list[tuple[Instrument, Contact]]
+
+    def __repr__(self) -> str:
+        flags = {
+            "settled": self.is_settled,
+            "not settled": not self.is_settled,
+            "unstable": self.is_unstable,
+            f"{self.cells_at_bound} cells at a bound": self.cells_at_bound > 0,
+            "linear system not solved": not self.is_solved,
+            "over budget": not self.within_budget,
+        }
+        said = ", ".join(word for word, is_true in flags.items() if is_true)
+        return f"Frame(residual {self.residual:.1e}, taken {self.taken:.3g}, {said})"
+
+    def _seen(self) -> tuple[Mesh, Floats]:
+        return self._organ.mesh, self.displacement
+
+    def _from_rest(self) -> tuple[Organ, Floats]:
+        return self._organ, self.displacement
+
+    def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
+        """Stress as in `State.stress`; refused if the tissue relaxes, because a frame does not hold the history.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> stepper.frame({"tip": (None, None, -0.01)}).stress("pk1").shape
+        (1920, 3, 3)
+        """
+        if self._relaxes:
+            raise VisceraError(
+                "the stress of tissue that relaxes depends on its past, which a frame does not hold; "
+                "step without relaxation, or solve"
+            )
+        return super().stress(measure, at)
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the nodes (n, 3) [m]."""
+        return self._organ.mesh.points + self.displacement
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """The organ in this frame over its rest shape, coloured by displacement; a PNG where a path is given.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper()
+        >>> figure = stepper.frame({"tip": (None, None, -0.01)}).plot("frame.png")
+        """
+        from viscera.picture import draw
+
+        mesh = self._organ.mesh
+        return draw(mesh.points, mesh.surface, self.displacement, path=path)
+
+    def contact(self, tool: Instrument) -> Contact:
+        """What a tool did to the organ at the end of the frame: force, torque, area, pressures, gap.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> frame.contact(tool).touching > 0
+        True
+        """
+        for known, contact in self._contacts:
+            if known is tool:
+                return contact
+        raise VisceraError(f"{tool!r} was no tool of this frame; make it by Stepper.tool")
+
+    def force(self, tool: Instrument) -> Floats:
+        """Force (3,) of a tool on the organ [N].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(frame.force(tool)[2] < 0.0)
+        True
+        """
+        return self.contact(tool).force
+
+    def torque(self, tool: Instrument) -> Floats:
+        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> tool = stepper.tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3))
+        >>> tool.move((0, 0, -0.01))
+        >>> frame = stepper.frame()
+        >>> bool(abs(frame.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
+        True
+        """
+        return self.contact(tool).torque
+
+    def reaction(self, where: Where | Hand) -> Floats:
+        """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=10)
+        >>> hand = stepper.grasp("tip")
+        >>> hand.move((0, 0, -0.01))
+        >>> stepper.frame().reaction(hand)[2].round(3).item()
+        -1.839
+        """
+        place = where._where if isinstance(where, Hand) else where
+        if isinstance(place, _core.Patch):
+            for patch, force in zip(self._patches, self._patch_forces, strict=True):
+                if patch is place:
+                    return np.asarray(force)
+            raise VisceraError("this contact patch is not held by the stepper")
+        return np.asarray(self._reactions[self._organ.mesh.nodes(place)].sum(axis=0))
