@@ -1,5 +1,6 @@
 //! The results of all regions, put in the order of positions and edges.
 
+use super::second_order::energies;
 use super::solve::{Expanded, Solved};
 use crate::body::Body;
 use crate::mesh::Surface;
@@ -68,7 +69,7 @@ pub(super) fn assemble(
             }
         }
     }
-    let places = Places { solved: &solved, positions: by_position, edges: by_edge };
+    let places = Places { members, solved: &solved, positions: by_position, edges: by_edge };
     Arrays {
         answers: places.answers(0..1),
         family: places.answers(if members.len() > 1 { 0..members.len() } else { 0..0 }),
@@ -78,6 +79,7 @@ pub(super) fn assemble(
 
 /// Where the results of each position and of each edge are: region, and place in it.
 struct Places<'a> {
+    members: &'a [Expanded<'a>],
     solved: &'a [Solved],
     positions: Vec<(usize, usize)>,
     edges: Vec<(usize, usize)>,
@@ -104,6 +106,12 @@ impl Places<'_> {
                 all.edge_force.extend(own.edge_force[k].iter().flatten());
                 all.edge_coefficients.extend(&modes.edges[k]);
             }
+            let parts = self.solved.iter();
+            let regions: Vec<_> =
+                parts.map(|part| (&part.positions[..], &part.answers[j].forms)).collect();
+            let [of_edges, of_triangles] = energies(&self.members[j].positions, &regions);
+            all.edge_energy.extend(of_edges);
+            all.triangle_energy.extend(of_triangles);
         }
         all
     }

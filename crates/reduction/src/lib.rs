@@ -15,6 +15,7 @@ mod positions;
 mod preload;
 mod recompress;
 mod region;
+mod second_order;
 mod solve;
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ use super::batch::Batches;
 use super::build::{Progress, Reduction};
 use super::positions::Positions;
 use super::region::{Exact, FIRST_ORDER, Region, compress};
+use super::second_order::Forms;
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -46,6 +47,7 @@ pub(super) struct Answered {
     /// Empty where the orders are summed as a polynomial.
     pub sketches: Vec<Vec<f32>>,
     pub norms: Vec<Vec<f32>>,
+    pub forms: Forms,
 }
 
 impl Reduction {
@@ -132,6 +134,7 @@ impl Reduction {
             });
             Answered {
                 cross_compliance: cross.collect(),
+                forms: Forms::new(&member.positions, region, &edges, &own, &of_edges),
                 sketches: own
                     .iter()
                     .map(|s| if self.pade { sketch(s) } else { Vec::new() })

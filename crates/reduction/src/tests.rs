@@ -139,6 +139,37 @@ fn between_positions_the_first_order_is_exact() {
     }
 }
 
+/// Nor is the second: the sum of both is that of the blended patch's own series, at any depth.
+#[test]
+fn between_positions_the_second_order_is_exact() {
+    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    for triangle in 0..MODEL.triangles().len() {
+        let contact = inside(triangle, [0.2, 0.5, 0.3]);
+        let patch = MODEL.patch(&contact);
+        let mut series = series(&patch);
+        for term in 9..MODEL.n_terms() {
+            (series.displacement[term], series.force[term]) =
+                (vec![0.0; 3 * MODEL.n_points()], [0.0; 3]);
+        }
+        let d = directions()[triangle % 26];
+        let (u, force) = exact(&series, d);
+        let answer = MODEL.force_to_order(&contact, d, 2);
+        let error = relative(&answer, &force);
+        assert!(error < 1e-9, "triangle {triangle}: {error:e}");
+        let mut surface = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
+        MODEL.surface_displacement_to_order(&contact, d, 2, &mut workspace, &mut surface);
+        let nodes = MODEL.arrays().surface_nodes.iter();
+        let wanted: Vec<f64> =
+            nodes.flat_map(|&n| u[3 * n as usize..3 * n as usize + 3].to_vec()).collect();
+        let found: Vec<f64> = surface.into_iter().map(f64::from).collect();
+        let error = relative(&found, &wanted);
+        assert!(
+            error < 2.0 * MODEL.metadata().errors.compression,
+            "triangle {triangle}: {error:e}"
+        );
+    }
+}
+
 #[test]
 fn interpolation_errors_are_those_the_model_admits() {
     let mut worst: f64 = 0.0;

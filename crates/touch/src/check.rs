@@ -4,6 +4,7 @@ use super::family::check_family;
 use super::metadata::Metadata;
 use super::model::Arrays;
 use super::resummation::SKETCH;
+use super::second_order::{N_CUBIC, SECOND};
 use crate::Error;
 use viscera_number::Monomials;
 
@@ -101,6 +102,9 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         .points
         .checked_sub(n.surface)
         .ok_or_else(|| bad(format!("{} surface nodes of {} points", n.surface, n.points)))?;
+    // The second order is exact everywhere or nowhere; its fields are those of the edges.
+    let is_exact = !a.answers.edge_energy.is_empty() && n.edge_terms >= SECOND.len();
+    let exact = usize::from(is_exact);
     let lengths = [
         ("points", a.points.len(), 3 * n.points),
         ("preload", a.preload.len(), if a.preload.is_empty() { 0 } else { 3 * n.points }),
@@ -115,6 +119,8 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ("cross_compliance", a.answers.cross_compliance.len(), 9 * n.edges),
         ("force", a.answers.force.len(), 3 * n.positions * n.terms),
         ("edge_force", a.answers.edge_force.len(), 3 * n.edges * n.edge_terms),
+        ("edge_energy", a.answers.edge_energy.len(), N_CUBIC * exact * n.edges),
+        ("triangle_energy", a.answers.triangle_energy.len(), N_CUBIC * exact * n.touchable),
         (
             "sketch",
             a.answers.sketch.len(),
@@ -214,6 +220,8 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
         check_finite(family, "cross_compliance", &answers.cross_compliance)?;
         check_finite(family, "force", &answers.force)?;
         check_finite(family, "edge_force", &answers.edge_force)?;
+        check_finite(family, "edge_energy", &answers.edge_energy)?;
+        check_finite(family, "triangle_energy", &answers.triangle_energy)?;
         check_finite(family, "sketch", &answers.sketch)?;
         check_finite(family, "norms", &answers.norms)?;
         check_finite(family, "compression", &answers.compression)?;

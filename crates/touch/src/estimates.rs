@@ -80,17 +80,20 @@ impl Interpolation<'_> {
         }
     }
 
-    /// `sum_p c_p w_p (sum_k l_k |v_kp - v_p|^2)^(1/2)` over the orders p from 2 of the corners k: their
+    /// `sum_p c_p w_p (sum_k l_k |v_kp - v_p|^2)^(1/2)` over the orders p that are interpolated, of the corners k: their
     /// sketches v_kp beside the blend v_p.
     fn spread(&self, monomials: &[f64], parts: &Parts, weights: &Weights) -> f64 {
         let model = self.model;
         let size = SKETCH * model.n_terms();
+        let first = self.first_blended();
         let mut squares = [0.0; MAX_ORDER];
         for (k, &corner) in self.corners.iter().enumerate() {
             let mut own = [[0.0; SKETCH]; MAX_ORDER];
             let rows = model.arrays.answers.sketch[corner * size..(corner + 1) * size]
                 .chunks_exact(SKETCH);
-            for ((row, exponents), monomial) in rows.zip(&model.exponents).zip(monomials).skip(3) {
+            for ((row, exponents), monomial) in
+                rows.zip(&model.exponents).zip(monomials).skip(first)
+            {
                 let part = &mut own[degree_of(exponents) - 1];
                 part.iter_mut().zip(row).for_each(|(sum, &x)| *sum += f64::from(x) * monomial);
             }
@@ -105,11 +108,14 @@ impl Interpolation<'_> {
     /// The same of the forces of the corners beside what is made of them.
     fn force_spread(&self, monomials: &[f64], orders: &Orders, weights: &Weights) -> f64 {
         let model = self.model;
+        let first = self.first_blended();
         let mut squares = [0.0; MAX_ORDER];
         for (k, &corner) in self.corners.iter().enumerate() {
             let mut own = [[0.0; 3]; MAX_ORDER];
             let rows = self.model.position_force(corner).chunks_exact(3);
-            for ((row, exponents), monomial) in rows.zip(&model.exponents).zip(monomials).skip(3) {
+            for ((row, exponents), monomial) in
+                rows.zip(&model.exponents).zip(monomials).skip(first)
+            {
                 let part = &mut own[degree_of(exponents) - 1];
                 part.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * monomial);
             }
@@ -124,7 +130,9 @@ impl Interpolation<'_> {
     fn sum_of_spreads(&self, squares: &[f64; MAX_ORDER], weights: &Weights) -> f64 {
         let Metadata { order, edge_order, .. } = self.model.metadata;
         let counts = |p: usize| if p < edge_order { 1.0 } else { LINEAR };
-        (1..order).map(|p| counts(p) * weights[p].value.abs() * squares[p].sqrt()).sum()
+        // Exact orders have nothing to disagree about.
+        let exact = if self.is_second_exact() { 2 } else { 1 };
+        (exact..order).map(|p| counts(p) * weights[p].value.abs() * squares[p].sqrt()).sum()
     }
 
     /// How much corners and edges disagree at a contact, relative to the answer: what the errors of

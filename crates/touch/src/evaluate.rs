@@ -89,9 +89,10 @@ impl ReducedModel {
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
         let order_weights = here.order_weights(monomials, d);
-        let parts = here.force(monomials, d);
+        let second = here.second_order(d);
+        let parts = here.force(monomials, d, second.as_ref());
         let force = weighted(&order_weights.weights, &parts.0);
-        let stiffness = here.stiffness(d, &parts.0, &order_weights.weights);
+        let stiffness = here.stiffness(d, &parts.0, &order_weights.weights, second.as_ref());
         let estimates = here.error_estimates(monomials, force, &parts, &order_weights);
         let depth = norm(d);
         Answer {
@@ -121,7 +122,8 @@ impl ReducedModel {
         let mut monomials = [0.0; MAX_TERMS];
         evaluate_monomials(&self.exponents, d, &mut monomials);
         let here = Interpolation::new(self, contact).cut_after(order);
-        weighted(&here.weights(&monomials, d), &here.force(&monomials, d).0)
+        let second = here.second_order(d);
+        weighted(&here.weights(&monomials, d), &here.force(&monomials, d, second.as_ref()).0)
     }
 
     /// How much each order counts in the answer to a touch: 1 where they are summed as a polynomial.
@@ -138,7 +140,8 @@ impl ReducedModel {
         let monomials = &mut monomials[..self.n_terms()];
         evaluate_monomials(&self.exponents, d, monomials);
         let here = Interpolation::new(self, contact);
-        let (order_weights, parts) = (here.order_weights(monomials, d), here.force(monomials, d));
+        let order_weights = here.order_weights(monomials, d);
+        let parts = here.force(monomials, d, here.second_order(d).as_ref());
         let force = norm(weighted(&order_weights.weights, &parts.0));
         here.disagreement(monomials, &parts, force, &order_weights)
     }

@@ -92,6 +92,8 @@ impl ReducedModel {
         blend(&weights, &f.cross_compliance, &mut a.cross_compliance, |x| x);
         blend(&weights, &f.force, &mut a.force, |x| x);
         blend(&weights, &f.edge_force, &mut a.edge_force, |x| x);
+        blend(&weights, &f.edge_energy, &mut a.edge_energy, |x| x);
+        blend(&weights, &f.triangle_energy, &mut a.triangle_energy, |x| x);
         blend(&weights, &f.sketch, &mut a.sketch, |x| x as f32);
         blend(&weights, &f.norms, &mut a.norms, |x| x as f32);
         blend(&weights, &f.position_coefficients, &mut a.position_coefficients, |x| x as f32);

@@ -4,6 +4,7 @@ use super::checksum::Checksums;
 use super::metadata::{FORMAT_VERSION, Metadata};
 use super::model::{Arrays, ReducedModel};
 use super::resummation::SKETCH;
+use super::second_order::N_CUBIC;
 use crate::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
@@ -11,8 +12,15 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 const METADATA_KEY: &str = "viscera";
 /// Whether an array is written and asked for only where there is something in it.
 fn is_optional(name: &str) -> bool {
-    matches!(name, "preload" | "sketch" | "linear_compression" | "parameter_cells")
-        || name.starts_with("family_")
+    let optional = [
+        "preload",
+        "edge_energy",
+        "triangle_energy",
+        "sketch",
+        "linear_compression",
+        "parameter_cells",
+    ];
+    optional.contains(&name) || name.starts_with("family_")
 }
 
 /// A number type with a fixed little-endian form.
@@ -62,6 +70,8 @@ macro_rules! for_each_array {
         $apply!("cross_compliance", answers.cross_compliance, 9);
         $apply!("force", answers.force, 3);
         $apply!("edge_force", answers.edge_force, 3);
+        $apply!("edge_energy", answers.edge_energy, N_CUBIC);
+        $apply!("triangle_energy", answers.triangle_energy, N_CUBIC);
         $apply!("sketch", answers.sketch, SKETCH);
         $apply!("norms", answers.norms, 1);
         $apply!("compression", answers.compression, 1);
@@ -79,6 +89,8 @@ macro_rules! for_each_array {
         $apply!("family_cross_compliance", family.cross_compliance, 9);
         $apply!("family_force", family.force, 3);
         $apply!("family_edge_force", family.edge_force, 3);
+        $apply!("family_edge_energy", family.edge_energy, N_CUBIC);
+        $apply!("family_triangle_energy", family.triangle_energy, N_CUBIC);
         $apply!("family_sketch", family.sketch, SKETCH);
         $apply!("family_norms", family.norms, 1);
         $apply!("family_compression", family.compression, 1);

@@ -3,12 +3,13 @@
 //! Between positions the contact patch is the blend of the patches at the triangle's corners with
 //! barycentric weights `l`, so the first order is exact there: with `C(s) = sum l_a l_b C_ab`,
 //!   f = C(s)^-1 d,   u_1 = sum_a l_a G_a f.
-//! Orders up to the edge order are interpolated quadratically through corners and edge midpoints,
-//! higher ones linearly.
+//! The second order is exact too, see `second_order`. Orders from there up to the edge order are interpolated
+//! quadratically through corners and edge midpoints, higher ones linearly.
 
 use super::evaluate::Contact;
 use super::model::ReducedModel;
 use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
+use super::second_order::{SECOND, SecondOrder};
 use viscera_number::tensor::{Mat3, inverse, mul_vector};
 use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, degree_of, evaluate_monomials};
@@ -24,21 +25,23 @@ pub(super) fn weighted(weights: &[Dual; MAX_ORDER], orders: &[[f64; 3]; MAX_ORDE
 /// A model at a contact: corners, edges and interpolation weights.
 pub(super) struct Interpolation<'a> {
     pub(super) model: &'a ReducedModel,
+    pub(super) triangle: usize,
     pub(super) corners: [usize; 3],
-    edges: [usize; 3],
+    pub(super) edges: [usize; 3],
     pub(super) weights: [f64; 3],
-    edge_weights: [f64; 3],
-    stiffness: Mat3<f64>,
+    pub(super) edge_weights: [f64; 3],
+    /// `C(s)^-1` [N/m].
+    pub(super) stiffness: Mat3<f64>,
     /// Monomials taken into account.
     terms: usize,
 }
 
 impl<'a> Interpolation<'a> {
     pub(super) fn new(model: &'a ReducedModel, contact: &Contact) -> Self {
-        let t = contact.triangle;
-        let corners = model.triangles[t].map(|p| p as usize);
+        let triangle = contact.triangle;
+        let corners = model.triangles[triangle].map(|p| p as usize);
         let edges: [usize; 3] =
-            std::array::from_fn(|k| model.arrays.triangle_edges[3 * t + k] as usize);
+            std::array::from_fn(|k| model.arrays.triangle_edges[3 * triangle + k] as usize);
         let weights = contact.weights;
         let edge_weights = std::array::from_fn(|k| weights[k] * weights[(k + 1) % 3]);
         let mut compliance = tabulate!(|_, _| 0.0);
@@ -55,7 +58,34 @@ impl<'a> Interpolation<'a> {
         }
         let stiffness = inverse(&compliance).unwrap_or_else(|| tabulate!(|_, _| 0.0));
         let terms = model.n_terms();
-        Interpolation { model, corners, edges, weights, edge_weights, stiffness, terms }
+        Interpolation { model, triangle, corners, edges, weights, edge_weights, stiffness, terms }
+    }
+
+    /// Whether the second order is known exactly between positions, and asked for.
+    pub(super) fn is_second_exact(&self) -> bool {
+        !self.model.arrays.answers.edge_energy.is_empty() && self.terms >= SECOND.end
+    }
+
+    /// Where the terms begin that are interpolated.
+    pub(super) fn first_blended(&self) -> usize {
+        if self.is_second_exact() { SECOND.end } else { SECOND.start }
+    }
+
+    /// Compliance of the patch at corner k, or at edge midpoint k - 3.
+    pub(super) fn place_compliance(&self, k: usize) -> Mat3<f64> {
+        let answers = &self.model.arrays.answers;
+        let own = |k: usize| -> &[f64] {
+            &answers.compliance[9 * self.corners[k]..9 * self.corners[k] + 9]
+        };
+        if k < 3 {
+            let own = own(k);
+            return tabulate!(|i, j| own[3 * i + j]);
+        }
+        let (a, b) = (own(k - 3), own((k - 2) % 3));
+        let cross = &answers.cross_compliance[9 * self.edges[k - 3]..9 * self.edges[k - 3] + 9];
+        tabulate!(|i, j| {
+            0.25 * (a[3 * i + j] + b[3 * i + j] + cross[3 * i + j] + cross[3 * j + i])
+        })
     }
 
     /// The series cut after an order of at least 1: what a theory of that order answers.
@@ -109,14 +139,23 @@ impl<'a> Interpolation<'a> {
     }
 
     /// The parts of the force by order, and the size of the quadratic correction.
-    pub(super) fn force(&self, monomials: &[f64], d: [f64; 3]) -> ([[f64; 3]; MAX_ORDER], f64) {
+    pub(super) fn force(
+        &self,
+        monomials: &[f64],
+        d: [f64; 3],
+        second: Option<&SecondOrder>,
+    ) -> ([[f64; 3]; MAX_ORDER], f64) {
         let model = self.model;
         let mut orders = [[0.0; 3]; MAX_ORDER];
         let mut correction = [0.0; 3];
         orders[0] = mul_vector(&self.stiffness, &d);
+        if let Some(second) = second {
+            orders[1] = second.force;
+        }
+        let first = self.first_blended();
         for (k, &corner) in self.corners.iter().enumerate() {
             let coefficients = model.position_force(corner);
-            for term in 3..self.terms {
+            for term in first..self.terms {
                 let order = degree_of(&model.exponents[term]) - 1;
                 let weight = self.corner_weight(k, term);
                 for i in 0..3 {
@@ -128,7 +167,7 @@ impl<'a> Interpolation<'a> {
         }
         for (k, &edge) in self.edges.iter().enumerate() {
             let coefficients = model.edge_force(edge);
-            for term in 0..self.edge_terms() {
+            for term in first - 3..self.edge_terms() {
                 let order = degree_of(&model.exponents[3 + term]) - 1;
                 let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
                 for i in 0..3 {
@@ -146,9 +185,14 @@ impl<'a> Interpolation<'a> {
         d: [f64; 3],
         orders: &[[f64; 3]; MAX_ORDER],
         weights: &[Dual; MAX_ORDER],
+        second: Option<&SecondOrder>,
     ) -> Mat3<f64> {
         let model = self.model;
         let mut stiffness = self.stiffness;
+        if let Some(second) = second {
+            let part = weights[1].value;
+            stiffness = tabulate!(|i, j| stiffness[i][j] + part * second.stiffness[i][j]);
+        }
         for (force, Gradient { first, .. }) in orders.iter().zip(weights) {
             for i in 0..3 {
                 for j in 0..3 {
@@ -156,7 +200,7 @@ impl<'a> Interpolation<'a> {
                 }
             }
         }
-        for term in 3..self.terms {
+        for term in self.first_blended()..self.terms {
             let part = weights[degree_of(&model.exponents[term]) - 1].value;
             let slope = monomial_gradient(&model.exponents[term], d).map(|x| part * x);
             let mut force = [0.0; 3];
@@ -194,7 +238,8 @@ impl<'a> Interpolation<'a> {
         for (monomial, exponents) in monomials.iter_mut().zip(&self.model.exponents) {
             *monomial *= weights[degree_of(exponents) - 1].value;
         }
-        self.blend(mul_vector(&self.stiffness, &d), monomials, workspace)
+        let second = self.second_order(d).map(|second| (second, weights[1].value));
+        self.blend(mul_vector(&self.stiffness, &d), second.as_ref(), monomials, workspace)
     }
 
     /// The same of the field of one term, as if its monomial were 1 and all others 0.
@@ -202,29 +247,42 @@ impl<'a> Interpolation<'a> {
         let mut monomials = [0.0; MAX_TERMS];
         monomials[term] = 1.0;
         let f = mul_vector(&self.stiffness, &[monomials[0], monomials[1], monomials[2]]);
-        self.blend(f, &monomials[..self.model.n_terms()], workspace)
+        let second = if SECOND.contains(&term) { self.second_order_term(term) } else { None };
+        let second = second.map(|second| (second, 1.0));
+        self.blend(f, second.as_ref(), &monomials[..self.model.n_terms()], workspace)
     }
 
-    /// Amplitudes under a first-order force `f` and monomials of higher order.
-    fn blend(&self, f: [f64; 3], monomials: &[f64], workspace: &mut [f32]) -> [Option<u32>; 3] {
+    /// Amplitudes under a first-order force `f`, a second order with its weight, and monomials of higher order.
+    fn blend(
+        &self,
+        f: [f64; 3],
+        second: Option<&(SecondOrder, f64)>,
+        monomials: &[f64],
+        workspace: &mut [f32],
+    ) -> [Option<u32>; 3] {
         let model = self.model;
         let arrays = &model.arrays;
         let stride = model.largest_region;
         workspace[..3 * stride].fill(0.0);
+        let first = self.first_blended();
+        let of_second = |k: usize, term: usize| {
+            let at = |(second, weight): &(SecondOrder, f64)| weight * second.monomials[k][term];
+            self.shape(k) * second.map_or(0.0, at)
+        };
         let mut slots = [None; 3];
         for (k, &corner) in self.corners.iter().enumerate() {
             let region = arrays.position_region[corner];
             let slot = slot_of(&mut slots, region);
             let out =
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
-            // The first order moves as if the corner's own patch carried its share of the force.
-            let own = &arrays.answers.compliance[9 * corner..9 * corner + 9];
+            let linear = self.linear_displacement(k, f, second);
             let range = model.position_offset[corner]..model.position_offset[corner + 1];
             let rows = arrays.answers.position_coefficients[range].chunks_exact(out.len().max(1));
             for (term, row) in rows.take(self.terms).enumerate() {
-                let weight = if term < 3 {
-                    let row = &own[3 * term..3 * term + 3];
-                    self.weights[k] * (row[0] * f[0] + row[1] * f[1] + row[2] * f[2])
+                let weight = if term < SECOND.start {
+                    linear[term]
+                } else if term < first {
+                    of_second(k, term - SECOND.start)
                 } else {
                     self.corner_weight(k, term) * monomials[term]
                 };
@@ -239,11 +297,29 @@ impl<'a> Interpolation<'a> {
             let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
             let rows = arrays.answers.edge_coefficients[range].chunks_exact(out.len().max(1));
             for (term, row) in rows.take(self.edge_terms()).enumerate() {
-                let weight = 4.0 * self.edge_weights[k] * monomials[3 + term];
+                let weight = if SECOND.start + term < first {
+                    of_second(3 + k, term)
+                } else {
+                    4.0 * self.edge_weights[k] * monomials[3 + term]
+                };
                 add_scaled(weight as f32, row, out);
             }
         }
         slots
+    }
+
+    /// What the linear rows of corner k are multiplied by. The first order moves as if the corner's own patch carried
+    /// its share of the force `f`.
+    fn linear_displacement(
+        &self,
+        k: usize,
+        f: [f64; 3],
+        second: Option<&(SecondOrder, f64)>,
+    ) -> [f64; 3] {
+        let own = mul_vector(&self.place_compliance(k), &f).map(|x| self.weights[k] * x);
+        let Some((second, weight)) = second else { return own };
+        let held = self.constraint_displacement(k, second);
+        std::array::from_fn(|i| own[i] + weight * held[i])
     }
 }
 
@@ -253,7 +329,7 @@ impl ReducedModel {
         &self.arrays.answers.force[position * n..(position + 1) * n]
     }
 
-    fn edge_force(&self, edge: usize) -> &[f64] {
+    pub(super) fn edge_force(&self, edge: usize) -> &[f64] {
         let n = 3 * self.edge_terms;
         &self.arrays.answers.edge_force[edge * n..(edge + 1) * n]
     }

@@ -17,6 +17,7 @@ mod interpolation;
 mod metadata;
 mod model;
 mod resummation;
+mod second_order;
 mod surface;
 
 pub use error::Error;
@@ -25,3 +26,4 @@ pub use file::{View, to_bytes};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 pub use model::{Answers, Arrays, ReducedModel};
 pub use resummation::{MAX_ORDER, SKETCH};
+pub use second_order::{Cubic, N_CUBIC, cubic_index};

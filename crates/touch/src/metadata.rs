@@ -5,8 +5,8 @@ use crate::Error;
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format this code writes.
-pub const FORMAT_VERSION: u32 = 2;
-/// The one before, without checksums, which it reads too.
+pub const FORMAT_VERSION: u32 = 3;
+/// The first one, without checksums; all from there on are read.
 pub const UNSEALED_FORMAT: u32 = 1;
 
 /// Origin, settings and measured errors of a reduced model; SI units.
@@ -63,9 +63,9 @@ impl Metadata {
     /// Refuses a format that this code does not know.
     pub(super) fn check_version(&self) -> Result<(), Error> {
         match self.format_version {
-            UNSEALED_FORMAT | FORMAT_VERSION => Ok(()),
+            UNSEALED_FORMAT..=FORMAT_VERSION => Ok(()),
             other => Err(bad(format!(
-                "format version {other}; this version reads {UNSEALED_FORMAT} and {FORMAT_VERSION}"
+                "format version {other}; this version reads {UNSEALED_FORMAT} to {FORMAT_VERSION}"
             ))),
         }
     }

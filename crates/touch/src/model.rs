@@ -69,6 +69,10 @@ pub struct Answers {
     pub force: Vec<f64>,
     /// Force coefficients of edge midpoints (e, edge terms, 3).
     pub edge_force: Vec<f64>,
+    /// Forms of edges in the energy of third degree (e, 10) [J/N^3]; empty where the second order is interpolated.
+    pub edge_energy: Vec<f64>,
+    /// The same of the touchable triangles (q, 10).
+    pub triangle_energy: Vec<f64>,
     /// Sketches of the fields (p, terms, 24), by which their orders are summed in a Padé form; empty
     /// where they are summed as a polynomial.
     pub sketch: Vec<f32>,
@@ -86,12 +90,14 @@ pub struct Answers {
 
 impl Answers {
     /// Name and length of each array.
-    pub(super) fn lengths(&self) -> [(&'static str, usize); 10] {
+    pub(super) fn lengths(&self) -> [(&'static str, usize); 12] {
         [
             ("compliance", self.compliance.len()),
             ("cross_compliance", self.cross_compliance.len()),
             ("force", self.force.len()),
             ("edge_force", self.edge_force.len()),
+            ("edge_energy", self.edge_energy.len()),
+            ("triangle_energy", self.triangle_energy.len()),
             ("sketch", self.sketch.len()),
             ("norms", self.norms.len()),
             ("compression", self.compression.len()),

@@ -182,10 +182,10 @@ fn a_file_of_the_format_before_is_read_and_written_in_this_one() {
 
 #[test]
 fn another_format_is_refused() {
-    for version in [0, 3] {
+    for version in [0, 4] {
         let metadata = Metadata { format_version: version, ..MODEL.metadata().clone() };
         let error = ReducedModel::new(metadata, MODEL.arrays().clone()).unwrap_err().to_string();
-        let expected = format!("format version {version}; this version reads 1 and 2");
+        let expected = format!("format version {version}; this version reads 1 to 3");
         assert!(error.contains(&expected), "{error}");
     }
 }

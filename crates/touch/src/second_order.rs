@@ -1,0 +1,239 @@
+//! The second order of a touch between positions: exact, as the first is.
+//!
+//! A force g on the blended patch moves the organ by `u_1 = sum_a l_a G_a g`. So the field of second order under a
+//! dead force, `V = -K^-1 N_2(u_1, u_1)`, is a quadratic form in the weights l, and the energy of third degree is a
+//! cubic one. The corners and edge midpoints k, with compliances C_k and quadratic shape functions N_k, give V in full:
+//!   V(g) = sum_k N_k V_k(g),   V_k(g) = u_2k(C_k g) - G_k F_2k(C_k g).
+//! The energy has one more form for each edge ab and one for the triangle:
+//!   W(g) = sum_k N_k W_k(C_k g) + sum_ab l_a l_b (l_a - l_b) E_ab(g) + l_0 l_1 l_2 T(g),   dW_k/dd = F_2k.
+//! With g = C^-1 d the tool, which holds the mean of the patch, adds
+//!   F_2(d) = C^-1 dW/dg,   u_2(d) = V(g) + sum_a l_a G_a F_2.
+
+use super::interpolation::Interpolation;
+use viscera_number::tensor::{Mat3, mul_vector};
+use viscera_number::unroll::tabulate;
+
+/// Monomials of degree 2: xx, xy, xz, yy, yz, zz.
+const QUADRATIC: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
+/// Monomials of degree 3, in the order of the series: xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz.
+const CUBIC: [[usize; 3]; N_CUBIC] = [
+    [0, 0, 0],
+    [0, 0, 1],
+    [0, 0, 2],
+    [0, 1, 1],
+    [0, 1, 2],
+    [0, 2, 2],
+    [1, 1, 1],
+    [1, 1, 2],
+    [1, 2, 2],
+    [2, 2, 2],
+];
+/// Numbers of a cubic form in three variables.
+pub const N_CUBIC: usize = 10;
+/// Where the terms of second order begin, and where they end.
+pub(super) const SECOND: std::ops::Range<usize> = 3..9;
+
+/// A cubic form in three variables: the factors of its monomials.
+pub type Cubic = [f64; N_CUBIC];
+
+/// The place of `x_i x_j x_k` in a cubic form.
+pub fn cubic_index(factors: [usize; 3]) -> usize {
+    let mut sorted = factors;
+    sorted.sort_unstable();
+    CUBIC.iter().position(|of| *of == sorted).unwrap_or(0)
+}
+
+/// What the second order adds under a displacement of the contact; quadratic in it, but for the stiffness.
+pub(super) struct SecondOrder {
+    /// `F_2` [N].
+    pub force: [f64; 3],
+    /// `dF_2/dd` [N/m].
+    pub stiffness: Mat3<f64>,
+    /// Monomials of the displacement `C_k g` at corners and edge midpoints.
+    pub monomials: [[f64; 6]; 6],
+    /// `F_2k` there [N].
+    pub forces: [[f64; 3]; 6],
+}
+
+impl Interpolation<'_> {
+    /// The second order; none for models that do not know it exactly, or where the series is cut before it.
+    pub(super) fn second_order(&self, d: [f64; 3]) -> Option<SecondOrder> {
+        if !self.is_second_exact() {
+            return None;
+        }
+        let g = mul_vector(&self.stiffness, &d);
+        let energy = self.extra_energy();
+        let (mut slope, mut curvature) = (gradient(&energy, g), hessian(&energy, g));
+        let (mut monomials, mut forces) = ([[0.0; 6]; 6], [[0.0; 3]; 6]);
+        for k in 0..6 {
+            let (shape, compliance) = (self.shape(k), self.place_compliance(k));
+            if shape == 0.0 {
+                continue;
+            }
+            let x = mul_vector(&compliance, &g);
+            monomials[k] = QUADRATIC.map(|[i, j]| x[i] * x[j]);
+            let coefficients = self.second_force(k);
+            for (row, m) in coefficients.chunks_exact(3).zip(monomials[k]) {
+                (0..3).for_each(|i| forces[k][i] += m * row[i]);
+            }
+            let mapped = mul_vector(&compliance, &forces[k]);
+            (0..3).for_each(|i| slope[i] += shape * mapped[i]);
+            let inner = congruent(&compliance, &quadratic_slope(coefficients, x));
+            for i in 0..3 {
+                (0..3).for_each(|j| curvature[i][j] += shape * inner[i][j]);
+            }
+        }
+        Some(SecondOrder {
+            force: mul_vector(&self.stiffness, &slope),
+            stiffness: congruent(&self.stiffness, &curvature),
+            monomials,
+            forces,
+        })
+    }
+
+    /// The field of one term of second order, `d_i d_j`, by polarisation of what is quadratic in d.
+    pub(super) fn second_order_term(&self, term: usize) -> Option<SecondOrder> {
+        let [i, j] = QUADRATIC[term - SECOND.start];
+        let unit = |i: usize| std::array::from_fn(|k| f64::from(u8::from(k == i)));
+        if i == j {
+            return self.second_order(unit(i));
+        }
+        let mut mixed = self.second_order(std::array::from_fn(|k| unit(i)[k] + unit(j)[k]))?;
+        for single in [self.second_order(unit(i))?, self.second_order(unit(j))?] {
+            subtract(&mut mixed.force, &single.force);
+            for k in 0..6 {
+                subtract(&mut mixed.monomials[k], &single.monomials[k]);
+                subtract(&mut mixed.forces[k], &single.forces[k]);
+            }
+        }
+        Some(mixed)
+    }
+
+    /// The displacement that the linear rows of corner a are multiplied by, beside that of the first order:
+    /// `C_a (l_a F_2 - N_a F_2a - sum_e N_e F_2e / 2)` over the two edges e of the corner.
+    pub(super) fn constraint_displacement(&self, a: usize, second: &SecondOrder) -> [f64; 3] {
+        let (next, last) = (3 + a, 3 + (a + 2) % 3);
+        let force = std::array::from_fn(|i| {
+            let edges = self.shape(next) * second.forces[next][i]
+                + self.shape(last) * second.forces[last][i];
+            self.weights[a] * second.force[i] - self.shape(a) * second.forces[a][i] - 0.5 * edges
+        });
+        mul_vector(&self.place_compliance(a), &force)
+    }
+
+    /// `sum_ab l_a l_b (l_a - l_b) E_ab + l_0 l_1 l_2 T`.
+    fn extra_energy(&self) -> Cubic {
+        let arrays = &self.model.arrays;
+        let [l0, l1, l2] = self.weights;
+        let mut energy = [0.0; N_CUBIC];
+        let mut add = |weight: f64, form: &[f64]| {
+            energy.iter_mut().zip(form).for_each(|(sum, x)| *sum += weight * x);
+        };
+        add(l0 * l1 * l2, row(&arrays.answers.triangle_energy, self.triangle));
+        for k in 0..3 {
+            let rise = self.weights[k] - self.weights[(k + 1) % 3];
+            // An edge goes from its lower position to the higher one.
+            let is_along = arrays.edges[2 * self.edges[k]] as usize == self.corners[k];
+            let rise = if is_along { rise } else { -rise };
+            add(self.edge_weights[k] * rise, row(&arrays.answers.edge_energy, self.edges[k]));
+        }
+        energy
+    }
+
+    /// Force coefficients of second order at corner k, or at edge midpoint k - 3.
+    fn second_force(&self, k: usize) -> &[f64] {
+        if k < 3 {
+            &self.model.position_force(self.corners[k])[3 * SECOND.start..3 * SECOND.end]
+        } else {
+            &self.model.edge_force(self.edges[k - 3])[..3 * SECOND.len()]
+        }
+    }
+
+    /// Quadratic shape function of corner k, or of edge midpoint k - 3.
+    pub(super) fn shape(&self, k: usize) -> f64 {
+        if k < 3 {
+            self.weights[k] * (2.0 * self.weights[k] - 1.0)
+        } else {
+            4.0 * self.edge_weights[k - 3]
+        }
+    }
+}
+
+fn row(forms: &[f64], k: usize) -> &[f64] {
+    &forms[N_CUBIC * k..N_CUBIC * (k + 1)]
+}
+
+fn subtract<const N: usize>(from: &mut [f64; N], what: &[f64; N]) {
+    from.iter_mut().zip(what).for_each(|(x, y)| *x -= y);
+}
+
+fn gradient(form: &Cubic, x: [f64; 3]) -> [f64; 3] {
+    let mut out = [0.0; 3];
+    for (c, [i, j, k]) in form.iter().zip(CUBIC) {
+        out[i] += c * x[j] * x[k];
+        out[j] += c * x[i] * x[k];
+        out[k] += c * x[i] * x[j];
+    }
+    out
+}
+
+fn hessian(form: &Cubic, x: [f64; 3]) -> Mat3<f64> {
+    let mut out = tabulate!(|_, _| 0.0);
+    for (c, [i, j, k]) in form.iter().zip(CUBIC) {
+        for [p, q, r] in [[i, j, k], [i, k, j], [j, k, i]] {
+            out[p][q] += c * x[r];
+            out[q][p] += c * x[r];
+        }
+    }
+    out
+}
+
+/// Slope of a quadratic form with values in three dimensions.
+fn quadratic_slope(coefficients: &[f64], x: [f64; 3]) -> Mat3<f64> {
+    let mut out = tabulate!(|_, _| 0.0);
+    for (values, [p, q]) in coefficients.chunks_exact(3).zip(QUADRATIC) {
+        for i in 0..3 {
+            out[i][p] += values[i] * x[q];
+            out[i][q] += values[i] * x[p];
+        }
+    }
+    out
+}
+
+/// `S A S` of a symmetric S.
+fn congruent(s: &Mat3<f64>, a: &Mat3<f64>) -> Mat3<f64> {
+    let product = |x: &Mat3<f64>, y: &Mat3<f64>| -> Mat3<f64> {
+        tabulate!(|i, j| (0..3).map(|k| x[i][k] * y[k][j]).sum::<f64>())
+    };
+    product(&product(s, a), s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradient_and_hessian_are_those_of_the_form() {
+        let form: Cubic = std::array::from_fn(|k| (1.3 * k as f64 + 0.4).sin());
+        let value = |x: [f64; 3]| -> f64 {
+            form.iter().zip(CUBIC).map(|(c, [i, j, k])| c * x[i] * x[j] * x[k]).sum()
+        };
+        let x = [0.3, -0.7, 0.5];
+        for i in 0..3 {
+            let moved = |step: f64| std::array::from_fn(|k| x[k] + if k == i { step } else { 0.0 });
+            let slope = (value(moved(1e-5)) - value(moved(-1e-5))) / 2e-5;
+            assert!((gradient(&form, x)[i] - slope).abs() < 1e-9);
+            let (plus, minus) = (gradient(&form, moved(1e-5)), gradient(&form, moved(-1e-5)));
+            for j in 0..3 {
+                assert!((hessian(&form, x)[i][j] - (plus[j] - minus[j]) / 2e-5).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn every_product_of_three_has_its_place() {
+        for (place, [i, j, k]) in CUBIC.into_iter().enumerate() {
+            assert!([[i, j, k], [k, j, i], [j, k, i]].iter().all(|f| cubic_index(*f) == place));
+        }
+    }
+}
