@@ -51,8 +51,8 @@ class Case:
 
     def reduce(self) -> vs.Touch:
         """The reduced model."""
-        mesh = self.mesh()
-        organ = vs.Organ(mesh, self.law, fixed=self.fixed, element=self.element)
+        organ = vs.Organ(self.mesh(), self.law, fixed=self.fixed, element=self.element)
+        mesh = organ.mesh
         nodes = organ.touchable(self.touchable)
         near = mesh.near(mesh.points[middle(mesh, nodes)], self.reach * mesh.diagonal)
         return organ.reduce(np.intersect1d(nodes, near), order=self.order)

@@ -50,6 +50,22 @@ def pade(sketch, monomials, degree):
     return 1.0 + t * t * (3.0 - 2.0 * t) * (sums[::-1] / sums[-1] - 1.0)
 
 
+def second_order(m, alpha, triangle, w, g, C, places):
+    """What the second order adds under the first-order force g (3,), exactly: its force (3,), the displacements (3, 3)
+    that the corners' linear rows get, and the monomials (6, 6) of corners and edge midpoints times shape functions."""
+    corners, edges, pairs = m["touchable"][triangle], m["triangle_edges"][triangle], w * np.roll(w, -1)
+    shape = np.append(w * (2 * w - 1), 4 * pairs)
+    monomials = shape[:, None] * np.prod((places @ g)[:, None] ** alpha[3:9], axis=2)
+    forces = [m[name].reshape(count, -1, 3) for name, count in (("force", len(m["positions"])), ("edge_force", len(m["edges"])))]
+    forces = np.einsum("km,kmi->ki", monomials, np.append(forces[0][corners, 3:9], forces[1][edges, :6], axis=0))
+    rise = np.where(m["edges"][edges, 0] == corners, 1, -1) * (w - np.roll(w, -1))
+    energy = np.prod(w) * m["triangle_energy"][triangle] + (pairs * rise) @ m["edge_energy"][edges]
+    slope = [energy * a @ np.prod(g ** np.maximum(alpha[9:19] - e, 0), axis=1) for a, e in zip(alpha[9:19].T, np.eye(3))]
+    force = np.linalg.solve(C, np.einsum("kij,kj->i", places, forces) + slope)
+    of_edges = 0.5 * (forces[3:] + np.roll(forces[3:], 1, axis=0))
+    return force, np.einsum("kij,kj->ki", places[:3], w[:, None] * force - forces[:3] - of_edges), monomials
+
+
 def touch(about, m, point, d):
     """Force (3,) [N] and displacement (n, 3) [m] for a contact point (3,) and its displacement d (3,) [m]."""
     alpha = exponents(about["order"])
@@ -57,21 +73,29 @@ def touch(about, m, point, d):
     triangle, w = locate(m["points"][m["positions"]][m["touchable"]], np.asarray(point))
     corners, edges, pairs = m["touchable"][triangle], m["triangle_edges"][triangle], w * np.roll(w, -1)
     own, cross = (m[name].reshape(-1, 3, 3) for name in ("compliance", "cross_compliance"))
-    C = np.tensordot(w**2, own[corners], 1) + np.tensordot(pairs, cross[edges] + cross[edges].transpose(0, 2, 1), 1)
-    force = first = np.linalg.solve(C, d)
+    own, cross = own[corners], cross[edges] + cross[edges].transpose(0, 2, 1)
+    C = np.tensordot(w**2, own, 1) + np.tensordot(pairs, cross, 1)
+    places = np.append(own, 0.25 * (own + np.roll(own, -1, axis=0) + cross), axis=0)
+    first = np.linalg.solve(C, d)
+    weights = np.ones(about["order"])
     if "sketch" in m and about["order"] > 2:
         sketch = np.tensordot(w, m["sketch"].reshape(-1, len(alpha), 24).astype(float)[corners], 1)
-        monomials = monomials * pade(sketch, monomials, degree)[degree - 1]
-    monomials, is_quadratic = monomials[3:], degree[3:] <= about["edge_order"]
+        weights = pade(sketch, monomials, degree)
+    start, second, held, of_second = 3, 0.0, 0.0, np.empty((6, 0))
+    if "edge_energy" in m:
+        start, (second, held, of_second) = 9, second_order(m, alpha, triangle, w, first, C, places)
+    force = first + weights[1] * second
+    linear = w[:, None] * (own @ first) + weights[1] * held
+    higher, is_quadratic = (monomials * weights[degree - 1])[start:], degree[start:] <= about["edge_order"]
     amplitudes, starts = np.zeros(len(m["mode_scale"])), m["region_start"].astype(int)
     for k, corner in enumerate(corners):
         shape = np.where(is_quadratic, w[k] * (2 * w[k] - 1), w[k])
-        for kind, table, place, linear, higher in (
-            ("position", "force", corner, w[k] * own[corner] @ first, shape * monomials),
-            ("edge", "edge_force", edges[k], [], 4 * pairs[k] * monomials[is_quadratic]),
+        for kind, table, place, low, high in (
+            ("position", "force", corner, np.append(linear[k], weights[1] * of_second[k]), shape * higher),
+            ("edge", "edge_force", edges[k], weights[1] * of_second[3 + k], 4 * pairs[k] * higher[is_quadratic]),
         ):
-            both, regions = np.append(linear, higher), m[f"{kind}_region"]
-            force = force + higher @ m[table].reshape(-1, len(both), 3)[place, len(linear) :]
+            both, regions = np.append(low, high), m[f"{kind}_region"]
+            force = force + high @ m[table].reshape(-1, len(both), 3)[place, len(low) :]
             before, size = np.diff(starts)[regions[:place]].sum(), np.diff(starts)[regions[place]]
             rows = m[f"{kind}_coefficients"][len(both) * before :][: len(both) * size].reshape(len(both), size)
             amplitudes[starts[regions[place]] :][:size] += both @ rows

@@ -44,7 +44,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_metadata_and_the_organ_are_there(reader: ModuleType, file: Path) -> None:
     about, arrays = reader.read(file)
     beam = vs.organs.beam()
-    assert about["format_version"] == 2
+    assert about["format_version"] == 3
     assert (about["units"], about["order"], about["edge_order"]) == ("SI", 4, 3)
     assert np.array_equal(arrays["points"], beam.points)
     assert np.array_equal(arrays["cells"], beam.cells)
@@ -99,6 +99,16 @@ def test_every_flipped_bit_is_refused(reader: ModuleType, tmp_path: Path, bar: v
             reader.read(path)
 
 
+def answers_are_those_of_the_version_that_wrote_it(old: vs.Touch, reader: ModuleType, name: str) -> None:
+    for known in json.loads((DATA / f"{name}.json").read_text(encoding="utf-8")):
+        answer = old(known["point"], known["displacement"])
+        assert answer.force == pytest.approx(known["force"], rel=1e-12)
+        assert np.linalg.norm(answer.displacement) == pytest.approx(known["field"], rel=1e-6)
+        force, field = reader.touch(*reader.read(DATA / f"{name}.viscera"), known["point"], known["displacement"])
+        assert force == pytest.approx(known["force"], rel=1e-10)
+        assert np.linalg.norm(field) == pytest.approx(known["field"], rel=TOLERANCE)
+
+
 def test_a_file_without_checksums_is_read_with_a_word(
     reader: ModuleType, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -106,16 +116,16 @@ def test_a_file_without_checksums_is_read_with_a_word(
     old = vs.load(DATA / "format-1.viscera")
     assert "format-1.viscera is of format version 1" in caplog.text
     assert "save it anew" in caplog.text
-    for known in json.loads((DATA / "format-1.json").read_text(encoding="utf-8")):
-        answer = old(known["point"], known["displacement"])
-        assert answer.force == pytest.approx(known["force"], rel=1e-12)
-        assert np.linalg.norm(answer.displacement) == pytest.approx(known["field"], rel=1e-6)
-        force, field = reader.touch(*reader.read(DATA / "format-1.viscera"), known["point"], known["displacement"])
-        assert force == pytest.approx(known["force"], rel=1e-10)
-        assert np.linalg.norm(field) == pytest.approx(known["field"], rel=TOLERANCE)
+    answers_are_those_of_the_version_that_wrote_it(old, reader, "format-1")
     caplog.clear()
     old.save(tmp_path / "new.viscera")
-    assert vs.load(tmp_path / "new.viscera").metadata["format_version"] == 2
+    assert vs.load(tmp_path / "new.viscera").metadata["format_version"] == 3
+    assert not caplog.text
+
+
+def test_a_file_whose_second_order_is_interpolated_is_read(reader: ModuleType, caplog: pytest.LogCaptureFixture) -> None:
+    """A file of format version 2, with the answers of the version that wrote it."""
+    answers_are_those_of_the_version_that_wrote_it(vs.load(DATA / "format-2.viscera"), reader, "format-2")
     assert not caplog.text
 
 

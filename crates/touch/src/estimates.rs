@@ -15,9 +15,11 @@ const PADE_MARGIN: f64 = 1.6;
 const INTERPOLATION_SHARE: f64 = 0.5;
 /// The rest of the series, in units of the geometric mean of its last order and of what that changes.
 /// This margin and the next two are fitted to the touches of `benchmarks/trust.py tuning`.
-const TRUNCATION_MARGIN: f64 = 0.66;
-/// The error of interpolation of force and field, in units of what was measured at centroids.
-const INTERPOLATION_MARGIN: [f64; 2] = [2.2, 3.1];
+const TRUNCATION_MARGIN: f64 = 0.8;
+/// The error of interpolation, in units of what was measured at centroids.
+const INTERPOLATION_MARGIN: f64 = 2.0;
+/// The same of files whose second order is interpolated: at least the estimate of the version that wrote them.
+const OLD_INTERPOLATION_MARGIN: f64 = 4.0;
 /// How much an order that is interpolated linearly counts in the disagreement of the corners.
 const LINEAR: f64 = 4.0;
 /// How much the quadratic correction of the force counts there.
@@ -153,8 +155,8 @@ impl Interpolation<'_> {
         ])
     }
 
-    /// Estimated relative errors: of the sum over the orders, plus interpolation, plus what a
-    /// parameter between its nodes costs; of the field also what its compression loses.
+    /// Estimated relative errors: of the sum over the orders, of interpolation, and what a parameter
+    /// between its nodes costs; of the field also what its compression loses.
     pub(super) fn error_estimates(
         &self,
         monomials: &[f64],
@@ -185,8 +187,12 @@ impl Interpolation<'_> {
         {
             let last = size[model.metadata.order - 1] / size[0];
             let truncation = TRUNCATION_MARGIN * (last * field.hypot(force)).sqrt();
+            let is_exact = self.is_second_exact();
+            let margin = if is_exact { INTERPOLATION_MARGIN } else { OLD_INTERPOLATION_MARGIN };
             let [force, shape]: [f64; 2] = std::array::from_fn(|k| {
-                truncation + INTERPOLATION_MARGIN[k] * shares[k] * disagreement[k] + parameter
+                let interpolation = margin * shares[k] * disagreement[k];
+                // They know nothing of each other: their squares add up.
+                truncation.hypot(interpolation) + parameter
             });
             let shape = force.max(shape) + compression;
             return Estimates { force: force.min(1.0), shape: shape.min(1.0) };
