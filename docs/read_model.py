@@ -56,11 +56,13 @@ def second_order(m, alpha, triangle, w, g, C, places):
     corners, edges, pairs = m["touchable"][triangle], m["triangle_edges"][triangle], w * np.roll(w, -1)
     shape = np.append(w * (2 * w - 1), 4 * pairs)
     monomials = shape[:, None] * np.prod((places @ g)[:, None] ** alpha[3:9], axis=2)
-    forces = [m[name].reshape(count, -1, 3) for name, count in (("force", len(m["positions"])), ("edge_force", len(m["edges"])))]
-    forces = np.einsum("km,kmi->ki", monomials, np.append(forces[0][corners, 3:9], forces[1][edges, :6], axis=0))
+    at_corners = m["force"].reshape(len(m["positions"]), -1, 3)[corners, 3:9]
+    at_edges = m["edge_force"].reshape(len(m["edges"]), -1, 3)[edges, :6]
+    forces = np.einsum("km,kmi->ki", monomials, np.append(at_corners, at_edges, axis=0))
     rise = np.where(m["edges"][edges, 0] == corners, 1, -1) * (w - np.roll(w, -1))
     energy = np.prod(w) * m["triangle_energy"][triangle] + (pairs * rise) @ m["edge_energy"][edges]
-    slope = [energy * a @ np.prod(g ** np.maximum(alpha[9:19] - e, 0), axis=1) for a, e in zip(alpha[9:19].T, np.eye(3))]
+    cubic = alpha[9:19]
+    slope = [energy * cubic[:, i] @ np.prod(g ** np.maximum(cubic - np.eye(3)[i], 0), axis=1) for i in range(3)]
     force = np.linalg.solve(C, np.einsum("kij,kj->i", places, forces) + slope)
     of_edges = 0.5 * (forces[3:] + np.roll(forces[3:], 1, axis=0))
     return force, np.einsum("kij,kj->ki", places[:3], w[:, None] * force - forces[:3] - of_edges), monomials
