@@ -140,7 +140,12 @@ impl Reduction {
         let expand = |member: &Member<'a>| {
             Ok(Expanded {
                 positions: Positions::new(surface, &self.touchable, fixed, member.radius)?,
-                expansion: preload::expansion(member.body, fixed, &self.preload, self.order)?,
+                expansion: preload::expansion(
+                    member.body,
+                    fixed,
+                    &self.preload,
+                    self.next_order(),
+                )?,
             })
         };
         let members: Vec<Expanded> = match family {
@@ -167,6 +172,7 @@ impl Reduction {
             diagonal,
             errors: Errors { compression, ..Errors::default() },
             interpolation_shares: None,
+            truncation_share: None,
             seconds: 0.0,
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),
@@ -177,7 +183,7 @@ impl Reduction {
             ..assemble(body, surface, fixed, &members, solved)
         };
         let mut model = ReducedModel::new(metadata, arrays)?;
-        let mut measured = Measured { errors: model.metadata().errors, interpolation_shares: None };
+        let mut measured = Measured::new(model.metadata().errors);
         self.measure_interpolation(&members, &mut model, &mut measured, progress)?;
         if let Some(family) = family {
             for (value, member) in &family.unseen {
@@ -192,8 +198,9 @@ impl Reduction {
         }
         let (metadata, arrays) = model.into_parts();
         let seconds = clock.elapsed().as_secs_f64();
-        let Measured { errors, interpolation_shares } = measured;
-        let metadata = Metadata { errors, interpolation_shares, seconds, ..metadata };
+        let Measured { errors, interpolation_shares, truncation_share } = measured;
+        let metadata =
+            Metadata { errors, interpolation_shares, truncation_share, seconds, ..metadata };
         let mut model = ReducedModel::new(metadata, arrays)?;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value)?;

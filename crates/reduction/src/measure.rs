@@ -3,14 +3,14 @@
 
 use super::attend::attend;
 use super::build::{Progress, Reduction};
-use super::solve::Expanded;
+use super::solve::{Expanded, sketch};
 use crate::error::Error;
 use crate::mesh::Patch;
-use crate::number::{degree_of, evaluate_monomials};
+use crate::number::{Monomials, degree_of, evaluate_monomials};
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
-use viscera_touch::{Contact, Errors, ReducedModel};
+use viscera_touch::{Contact, Errors, MAX_ORDER, ReducedModel, pade_weights};
 
 /// Points between positions at which a model is measured.
 const INTERPOLATION_CHECKS: usize = 32;
@@ -24,6 +24,14 @@ pub(super) struct Measured {
     pub errors: Errors,
     /// See [`Metadata::interpolation_shares`](viscera_touch::Metadata).
     pub interpolation_shares: Option<[f64; 2]>,
+    /// See [`Metadata::truncation_share`](viscera_touch::Metadata).
+    pub truncation_share: Option<f64>,
+}
+
+impl Measured {
+    pub fn new(errors: Errors) -> Self {
+        Measured { errors, interpolation_shares: None, truncation_share: None }
+    }
 }
 
 /// A touch between positions: what the model answers beside the exact series.
@@ -32,6 +40,8 @@ struct Between {
     errors: [f64; 2],
     /// What they should be in proportion to, where it is known.
     disagreement: Option<[f64; 2]>,
+    /// What the next order changes, in units of what that should be in proportion to, where it is known.
+    truncation: Option<f64>,
 }
 
 impl Reduction {
@@ -76,9 +86,17 @@ impl Reduction {
                 let found = shares(touches.iter().flatten().flatten());
                 let before = measured.interpolation_shares.unwrap_or_default();
                 measured.interpolation_shares = Some([0, 1].map(|k| f64::max(before[k], found[k])));
+                let found = truncation_share(touches.iter().flatten().flatten());
+                let larger = |share: f64| share.max(measured.truncation_share.unwrap_or_default());
+                measured.truncation_share = found.map(larger);
             }
         }
         Ok(())
+    }
+
+    /// The order that is measured beside the model's own: the next, where there is one.
+    pub(super) fn next_order(&self) -> usize {
+        if self.is_sketched() { (self.order + 1).min(MAX_ORDER) } else { self.order }
     }
 
     /// Whether a model of these settings has sketches to sum its orders by.
@@ -115,7 +133,8 @@ impl Reduction {
             let Some(contact) = model.locate(model.position(place)) else { continue };
             for (share, axis) in [0.1, 1.0].iter().flat_map(|s| (0..6).map(move |axis| (s, axis))) {
                 let d = along(axis, share * self.depth);
-                let (exact, force) = evaluate_series(series, model, &contact, d);
+                let weights = model.order_weights(&contact, d);
+                let (exact, force) = sum(series, model.exponents(), weights, d);
                 let mut field = vec![0.0; exact.len()];
                 model.displacement(&contact, d, &mut workspace, &mut field);
                 largest = largest.max(relative(&mut field.iter().map(|&u| f64::from(u)), &exact));
@@ -139,30 +158,36 @@ impl Reduction {
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let patches: Vec<&Patch> = patches.iter().collect();
         let is_wanted = || !stop.load(Ordering::Relaxed);
-        let series = expansion.expand_while(&is_wanted, &patches, self.order)?;
+        let series = expansion.expand_while(&is_wanted, &patches, self.next_order())?;
+        let sketches: Vec<Vec<f32>> = series.iter().map(sketch).collect();
         let mut workspace = vec![0.0; model.workspace_len()];
-        let mut touch = |contact: &Contact, series: &TouchSeries, d| {
+        let mut touch = |contact: &Contact, series: &Sketched, d| {
             compare(model, contact, series, d, &mut workspace)
         };
-        let at = contacts.iter().zip(&series).map(|(contact, series)| {
+        let at = contacts.iter().zip(series.iter().zip(&sketches)).map(|(contact, series)| {
             [0.5, 1.0].map(|share| {
-                (0..6).map(|axis| touch(contact, series, along(axis, share * self.depth))).collect()
+                (0..6)
+                    .map(|axis| touch(contact, &series, along(axis, share * self.depth)))
+                    .collect()
             })
         });
         Ok(at.collect())
     }
 }
 
+/// A series, to one order more than the model's where there is one, and its sketches.
+type Sketched<'a> = (&'a TouchSeries, &'a Vec<f32>);
+
 /// What a model answers beside the exact series, whose orders count as much.
 fn compare(
     model: &ReducedModel,
     contact: &Contact,
-    series: &TouchSeries,
+    &(series, sketches): &Sketched,
     d: [f64; 3],
     workspace: &mut [f32],
 ) -> Between {
     let answer = model.respond(contact, d).force;
-    let (exact, force) = evaluate_series(series, model, contact, d);
+    let (exact, force) = sum(series, model.exponents(), model.order_weights(contact, d), d);
     let mut field = vec![0.0; exact.len()];
     model.displacement(contact, d, workspace, &mut field);
     Between {
@@ -171,19 +196,46 @@ fn compare(
             relative(&mut field.iter().map(|&u| f64::from(u)), &exact),
         ],
         disagreement: model.disagreement(contact, d),
+        truncation: model.truncation(contact, d).and_then(|scale| {
+            let change = next_order_changes((series, sketches), model, d, (&exact, &force))?;
+            (scale > LEAST_DISAGREEMENT).then_some(change / scale)
+        }),
     }
+}
+
+/// What one order more changes in field or force, relative to it; the larger of the two.
+fn next_order_changes(
+    (series, sketches): Sketched,
+    model: &ReducedModel,
+    d: [f64; 3],
+    (field, force): (&[f64], &[f64; 3]),
+) -> Option<f64> {
+    let order = model.metadata().order + 1;
+    let table = (order <= MAX_ORDER).then(|| Monomials::of(3, order))?;
+    let exponents = &table.exponents()[1..];
+    let weights = pade_weights(sketches, exponents, d, order);
+    let (next, next_force) = sum(series, exponents, weights, d);
+    let force = relative(&mut force.iter().copied(), &next_force);
+    Some(force.max(relative(&mut field.iter().copied(), &next)))
 }
 
 /// Root mean square of the errors of force and field, in units of the disagreement.
 fn shares<'a>(touches: impl Iterator<Item = &'a Between>) -> [f64; 2] {
     let (mut squares, mut count) = ([0.0; 2], 0.0);
-    for Between { errors, disagreement } in touches {
+    for Between { errors, disagreement, .. } in touches {
         if let Some(disagreement) = disagreement.filter(|of| of[1] > LEAST_DISAGREEMENT) {
             squares = [0, 1].map(|k| squares[k] + (errors[k] / disagreement[k]).powi(2));
             count += 1.0;
         }
     }
     squares.map(|square| (square / f64::max(count, 1.0)).sqrt())
+}
+
+/// Root mean square of what the next order changes, in units of what that should be in proportion to.
+fn truncation_share<'a>(touches: impl Iterator<Item = &'a Between>) -> Option<f64> {
+    let changes: Vec<f64> = touches.filter_map(|touch| touch.truncation).collect();
+    let squares: f64 = changes.iter().map(|change| change * change).sum();
+    (!changes.is_empty()).then(|| (squares / changes.len() as f64).sqrt())
 }
 
 /// A displacement of the given size along one of six axes.
@@ -193,20 +245,18 @@ fn along(axis: usize, size: f64) -> [f64; 3] {
     d
 }
 
-/// Field and force, each order counting as much as in the model's answer there.
-fn evaluate_series(
+/// Field and force of a series, the terms of these exponents alone, each order with its weight.
+fn sum(
     series: &TouchSeries,
-    model: &ReducedModel,
-    contact: &Contact,
+    exponents: &[[u8; 3]],
+    weights: [f64; MAX_ORDER],
     d: [f64; 3],
 ) -> (Vec<f64>, [f64; 3]) {
-    let mut monomials = vec![0.0; model.n_terms()];
-    evaluate_monomials(model.exponents(), d, &mut monomials);
-    let weights = model.order_weights(contact, d);
+    let mut monomials = vec![0.0; exponents.len()];
+    evaluate_monomials(exponents, d, &mut monomials);
     let mut field = vec![0.0; series.displacement[0].len()];
     let mut force = [0.0; 3];
-    let terms =
-        series.displacement.iter().zip(&series.force).zip(model.exponents()).zip(&monomials);
+    let terms = series.displacement.iter().zip(&series.force).zip(exponents).zip(&monomials);
     for (((u, f), exponents), m) in terms {
         let m = weights[degree_of(exponents) - 1] * m;
         field.iter_mut().zip(u).for_each(|(field, u)| *field += m * u);

@@ -167,7 +167,7 @@ fn cross_compliance(series: &TouchSeries, patch: &Patch) -> [f64; 9] {
 }
 
 /// Sums of a field with random signs, the same for all fields: the angles between fields in few numbers.
-fn sketch(series: &TouchSeries) -> Vec<f32> {
+pub(super) fn sketch(series: &TouchSeries) -> Vec<f32> {
     let mut sketch = Vec::with_capacity(SKETCH * series.displacement.len());
     for field in &series.displacement {
         let mut sums = [0.0; SKETCH];

@@ -44,11 +44,10 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
             return Err(bad(format!("{name} = {value}; it must be positive")));
         }
     }
-    let mut shares = m.interpolation_shares.into_iter().flatten();
-    match shares.find(|share| !(share.is_finite() && *share >= 0.0)) {
-        Some(share) => {
-            Err(bad(format!("interpolation_shares hold {share}; they must not be negative")))
-        }
+    let shares = m.interpolation_shares.into_iter().flatten().map(|s| ("interpolation_shares", s));
+    let mut shares = shares.chain(m.truncation_share.map(|s| ("truncation_share", s)));
+    match shares.find(|(_, share)| !(share.is_finite() && *share >= 0.0)) {
+        Some((name, share)) => Err(bad(format!("{name}: {share}; it must not be negative"))),
         None => Ok(()),
     }
 }

@@ -13,9 +13,12 @@ const MARGIN: f64 = 1.25;
 const PADE_MARGIN: f64 = 1.6;
 /// Part of the quadratic correction that is left as interpolation error where nothing was measured.
 const INTERPOLATION_SHARE: f64 = 0.5;
-/// The rest of the series, in units of the geometric mean of its last order and of what that changes.
+/// The rest of the series, in units of the geometric mean of its last order and of what that changes, and of the root of
+/// what was measured in these units: half of what a model says of itself counts, half of what models have in common.
 /// This margin and the next two are fitted to the touches of `benchmarks/trust.py tuning`.
-const TRUNCATION_MARGIN: f64 = 0.8;
+const TRUNCATION_MARGIN: f64 = 1.1;
+/// Takes the place of what was not measured.
+const TRUNCATION_SHARE: f64 = 0.53;
 /// The error of interpolation, in units of what was measured at centroids.
 const INTERPOLATION_MARGIN: f64 = 2.0;
 /// The same of files whose second order is interpolated: at least the estimate of the version that wrote them.
@@ -155,6 +158,38 @@ impl Interpolation<'_> {
         ])
     }
 
+    /// What the last order changes in field and force, relative to them; none where the orders are summed as a polynomial.
+    fn change(
+        &self,
+        orders: &Orders,
+        force: f64,
+        order_weights: &OrderWeights,
+    ) -> Option<[f64; 2]> {
+        let sketched = order_weights.sketched.as_ref()?;
+        let parts = sketched.difference.iter().zip(orders);
+        let change =
+            parts.fold([0.0; 3], |sum, (w, force)| std::array::from_fn(|i| sum[i] + w * force[i]));
+        Some([sketched.change, norm(change) / force])
+    }
+
+    /// The geometric mean of the size of the last order, relative to the first, and of what it changes.
+    fn last_order(&self, size: &[f64; MAX_ORDER], [field, force]: [f64; 2]) -> f64 {
+        let last = size[self.model.metadata.order - 1] / size[0];
+        (last * field.hypot(force)).sqrt()
+    }
+
+    /// What the rest of the series is in proportion to.
+    pub(super) fn truncation(
+        &self,
+        monomials: &[f64],
+        orders: &Orders,
+        force: f64,
+        order_weights: &OrderWeights,
+    ) -> Option<f64> {
+        let change = self.change(orders, force.max(f64::MIN_POSITIVE), order_weights)?;
+        Some(self.last_order(&self.field_norms(monomials), change))
+    }
+
     /// Estimated relative errors: of the sum over the orders, of interpolation, and what a parameter
     /// between its nodes costs; of the field also what its compression loses.
     pub(super) fn error_estimates(
@@ -174,19 +209,14 @@ impl Interpolation<'_> {
         let depth = (monomials[0].powi(2) + monomials[1].powi(2) + monomials[2].powi(2)).sqrt();
         let compression = self.compression(depth / model.metadata.depth);
         let parameter = model.metadata.errors.parameter;
-        let change = order_weights.sketched.as_ref().map(|sketched| {
-            let parts = sketched.difference.iter().zip(orders);
-            let change = parts
-                .fold([0.0; 3], |sum, (w, force)| std::array::from_fn(|i| sum[i] + w * force[i]));
-            [sketched.change, norm(change) / force_size]
-        });
+        let change = self.change(orders, force_size, order_weights);
         let shares = model.metadata.interpolation_shares;
         let disagreement = self.disagreement(monomials, parts, force_size, order_weights);
         if let (Some([field, force]), Some(shares), Some(disagreement)) =
             (change, shares, disagreement)
         {
-            let last = size[model.metadata.order - 1] / size[0];
-            let truncation = TRUNCATION_MARGIN * (last * field.hypot(force)).sqrt();
+            let share = model.metadata.truncation_share.unwrap_or(TRUNCATION_SHARE).sqrt();
+            let truncation = TRUNCATION_MARGIN * share * self.last_order(&size, [field, force]);
             let is_exact = self.is_second_exact();
             let margin = if is_exact { INTERPOLATION_MARGIN } else { OLD_INTERPOLATION_MARGIN };
             let [force, shape]: [f64; 2] = std::array::from_fn(|k| {

@@ -133,6 +133,19 @@ impl ReducedModel {
         Interpolation::new(self, contact).weights(&monomials, d).map(|weight| weight.value)
     }
 
+    /// What the error of the series that a model leaves out is in proportion to. None for models whose orders are summed as a
+    /// polynomial.
+    pub fn truncation(&self, contact: &Contact, d: [f64; 3]) -> Option<f64> {
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..self.n_terms()];
+        evaluate_monomials(&self.exponents, d, monomials);
+        let here = Interpolation::new(self, contact);
+        let order_weights = here.order_weights(monomials, d);
+        let (orders, _) = here.force(monomials, d, here.second_order(d).as_ref());
+        let force = norm(weighted(&order_weights.weights, &orders));
+        here.truncation(monomials, &orders, force, &order_weights)
+    }
+
     /// How much the positions around a contact disagree there, relative to the answer: what the errors of its force and of
     /// its field by interpolation are in proportion to. None for models whose orders are summed as a polynomial.
     pub fn disagreement(&self, contact: &Contact, d: [f64; 3]) -> Option<[f64; 2]> {

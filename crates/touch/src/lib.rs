@@ -25,5 +25,5 @@ pub use evaluate::{Answer, Contact, Trust, allowance};
 pub use file::{View, to_bytes};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 pub use model::{Answers, Arrays, ReducedModel};
-pub use resummation::{MAX_ORDER, SKETCH};
+pub use resummation::{MAX_ORDER, SKETCH, pade_weights};
 pub use second_order::{Cubic, N_CUBIC, cubic_index};

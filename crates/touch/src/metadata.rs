@@ -45,6 +45,11 @@ pub struct Metadata {
     /// are summed as a polynomial, and in files from before it was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interpolation_shares: Option<[f64; 2]>,
+    /// What the next order of the series changes, measured off-line in units of the last order and of what that changes (root
+    /// mean square over the touches tried): the scale of the other part of the estimate. Not there where orders are summed
+    /// as a polynomial, at order 8, which has no next one, and in files from before it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub truncation_share: Option<f64>,
     /// Off-line time [s].
     pub seconds: f64,
     /// The parameter that the model may be set to, where it has one.

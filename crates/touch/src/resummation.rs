@@ -9,7 +9,7 @@
 //! (Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981, drop u_N from the sum, which costs
 //! the last order.) Least is meant in the norm of a sketch: a few random sums over the field.
 
-use viscera_number::{Gradient, Scalar};
+use viscera_number::{Gradient, Scalar, degree_of, evaluate_monomials};
 
 /// Highest order of a series.
 pub const MAX_ORDER: usize = 8;
@@ -27,6 +27,24 @@ pub(super) type Parts = [[Dual; SKETCH]; MAX_ORDER];
 
 pub(super) fn constant(value: f64) -> Dual {
     Gradient { value, first: [0.0; 3] }
+}
+
+/// How much each of the first `order` orders of a series counts at a displacement, by the sketches of its terms, whose
+/// monomials have these exponents.
+pub fn pade_weights(
+    sketches: &[f32],
+    exponents: &[[u8; 3]],
+    d: [f64; 3],
+    order: usize,
+) -> [f64; MAX_ORDER] {
+    let mut monomials = vec![0.0; exponents.len()];
+    evaluate_monomials(exponents, d, &mut monomials);
+    let mut parts: Parts = std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
+    for ((sketch, exponents), m) in sketches.chunks_exact(SKETCH).zip(exponents).zip(monomials) {
+        let part = &mut parts[degree_of(exponents) - 1];
+        part.iter_mut().zip(sketch).for_each(|(sum, &x)| sum.value += m * f64::from(x));
+    }
+    weights(&parts, order).map(|weight| weight.value)
 }
 
 /// `w_p` of the first `order` parts; all 1 below order 3 and where a pole is near.
