@@ -81,7 +81,8 @@ def test_the_bound_is_that_of_poisson(trust: ModuleType) -> None:
 def test_shares_are_measured_where_orders_are_summed_in_their_pade_form(bar: vs.Mesh) -> None:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     settings: dict[str, Any] = {"touchable": "z > 99 mm and x > 25 cm", "radius": 0.07, "depth": 0.02, "order": 3}
-    shares = organ.reduce(**settings).metadata["interpolation_shares"]
-    assert len(shares) == 2
-    assert all(0.0 < share < 1.0 for share in shares)
-    assert "interpolation_shares" not in organ.reduce(**settings, pade=False).metadata
+    measured, polynomial = (organ.reduce(**settings, pade=pade).metadata for pade in (True, False))
+    assert len(measured["interpolation_shares"]) == 2
+    assert all(0.0 < share < 2.0 for share in measured["interpolation_shares"])
+    assert 0.0 < measured["truncation_share"] < 2.0
+    assert not {"interpolation_shares", "truncation_share"} & set(polynomial)

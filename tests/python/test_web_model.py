@@ -22,7 +22,7 @@ POINT = (0.3, 0.05, 0.1)
 @pytest.fixture(scope="module")
 def touch(bar: vs.Mesh) -> vs.Touch:
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.45), fixed="root")
-    return organ.reduce(lambda x: x[:, 0] > 0.1, radius=0.07, depth=0.02, order=3)
+    return organ.reduce(lambda x: x[:, 0] > 0.1, radius=0.07, depth=0.06, order=3)
 
 
 def test_the_surface_alone_answers_alike(touch: vs.Touch) -> None:

@@ -82,6 +82,22 @@ fn the_estimate_is_in_units_of_what_was_measured_between_positions() {
     }
 }
 
+/// So does what one order more was measured to change, at positions too; a negative number is refused.
+#[test]
+fn the_estimate_is_in_units_of_what_one_order_more_changes() {
+    let share = PADE.metadata().truncation_share.unwrap();
+    assert!(share > 0.05 && share < 5.0, "{share}");
+    let with = |share| {
+        let metadata = Metadata { truncation_share: Some(share), ..PADE.metadata().clone() };
+        ReducedModel::new(metadata, PADE.arrays().clone())
+    };
+    let (corner, d) = (inside(3, [1.0, 0.0, 0.0]), [0.001, -0.002, -0.004]);
+    let [own, other] =
+        [&*PADE, &with(4.0 * share).unwrap()].map(|model| model.respond(&corner, d).error_estimate);
+    assert!((other - 2.0 * own).abs() < 1e-6 * own, "{own:e} {other:e}");
+    assert!(with(-1.0).is_err_and(|e| e.to_string().contains("truncation_share")));
+}
+
 #[test]
 fn small_touches_are_those_of_the_polynomial() {
     let contact = inside(5, [0.2, 0.5, 0.3]);
