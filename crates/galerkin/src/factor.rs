@@ -4,13 +4,14 @@
 //! that leave the means of the patches, `A dq = 0`, must cost energy. `K_g = K + g A^T A` is definite then, and the
 //! step of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
 
+use crate::linear::next_shift;
 use crate::number::dot;
 use crate::simd::{Kernel, dispatch};
 
 /// `g` in units of the mean diagonal entries of `K` and `A A^T`.
 const PENALTY: f64 = 10.0;
-/// First shift of an indefinite tangent, in units of its mean diagonal entry; ten times more until it is definite.
-const SHIFT: f64 = 1e-3;
+/// First shift of an indefinite tangent, over its mean diagonal.
+const FIRST_SHIFT: f64 = 1e-3;
 
 /// Cholesky factor of `K_g`, and of `A K_g^-1 A^T`.
 #[derive(Clone)]
@@ -83,10 +84,11 @@ impl ReducedFactor {
                     row[..=k].iter_mut().zip(a).for_each(|(x, a)| *x += scale * a);
                 }
             }
-            if cholesky(&mut self.lower, r) || !(shift < 1e6) {
+            if cholesky(&mut self.lower, r) {
                 break;
             }
-            shift = if shift == 0.0 { SHIFT } else { 10.0 * shift };
+            let Some(next) = next_shift(shift, FIRST_SHIFT) else { break };
+            shift = next;
         }
         self.is_shifted = shift > 0.0;
         for (row, mean) in self.influence.chunks_exact_mut(r).zip(constraints) {

@@ -11,6 +11,7 @@ use super::forces::State;
 use super::sampled::{Reduced, Sampled};
 use super::starts::Starts;
 use crate::clock::Instant;
+use crate::equilibrium::{Iteration, Limits, Stop, backtrack, iterate};
 use crate::number::{dot, norm};
 use std::time::Duration;
 
@@ -20,9 +21,11 @@ const TOLERANCE: f64 = 1e-4;
 const SMALLEST: f64 = 1e-6;
 /// Steps that shrink by less than this ask for a new tangent.
 const SLOW: f64 = 0.5;
-const MAX_ITERATIONS: usize = 40;
-/// Shortest step that is tried.
-const SHORTEST: f64 = 1.0 / 1024.0;
+const MAX_STEPS: usize = 41;
+/// Halvings of a step, and of the share of a guess.
+const HALVINGS: usize = 10;
+/// Constraint residual, relative to what is prescribed, of a step that starts on the constraint.
+const FEASIBLE: f64 = 1e-9;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,15 +115,11 @@ impl ReducedNewton {
 
     /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
     pub fn start(&mut self, guess: impl Fn(f64) -> Vec<f64>) {
-        let mut share = 1.0;
-        loop {
+        backtrack(1.0, HALVINGS + 1, |share| {
             self.q = guess(share);
             self.evaluate(false);
-            if self.reduced.jacobian > 0.0 || share < SHORTEST {
-                break;
-            }
-            share *= 0.5;
-        }
+            (self.reduced.jacobian > 0.0).then_some(())
+        });
         self.factor.forget();
     }
 
@@ -154,40 +153,17 @@ impl ReducedNewton {
 
     /// Goes from `q`, where it was evaluated last, to the equilibrium under `A q = d`, or as far as it gets.
     pub fn solve(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
+        let limits = Limits { tolerance: self.tolerance, steps: MAX_STEPS, waits: false };
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let (mut last, mut is_fresh) = (f64::INFINITY, false);
-        while search.iterations <= MAX_ITERATIONS {
-            if search.iterations > 0 && self.would_be_late(search) {
-                return ReducedStatus::OutOfTime;
-            }
-            if !self.factor.is_ready() {
-                self.renew(search);
-                (last, is_fresh) = (f64::INFINITY, true);
-            }
-            let is_feasible = self.find_step(d, last < f64::INFINITY) <= 1e-9 * size;
-            let way = norm(&self.step);
-            search.residual = way / norm(&self.q).max(SMALLEST * self.unit);
-            if search.residual <= self.tolerance {
-                return ReducedStatus::Converged;
-            }
-            if way > SLOW * last {
-                self.factor.forget();
-                continue;
-            }
-            search.iterations += 1;
-            let Some(length) = self.advance(is_feasible) else {
-                if is_fresh {
-                    return ReducedStatus::StepTooSmall;
-                }
-                self.factor.forget();
-                continue;
-            };
-            (last, is_fresh) = (way, false);
-            if length < 1.0 || self.factor.is_shifted() {
-                self.factor.forget();
-            }
+        let (last, is_fresh, way, is_feasible) = (f64::INFINITY, false, 0.0, false);
+        let mut run =
+            ReducedRun { newton: self, d, size, search, last, is_fresh, way, is_feasible };
+        match iterate(&mut run, limits) {
+            Ok(Stop::Converged) => ReducedStatus::Converged,
+            Ok(Stop::TooManySteps) => ReducedStatus::TooManyIterations,
+            Ok(Stop::OutOfTime) => ReducedStatus::OutOfTime,
+            Err(status) => status,
         }
-        ReducedStatus::TooManyIterations
     }
 
     /// The next step, updated by the last one if that was taken whole, and the norm of the constraint residual.
@@ -235,22 +211,78 @@ impl ReducedNewton {
     /// the energy does not rise; none where that leads nowhere.
     fn advance(&mut self, is_feasible: bool) -> Option<f64> {
         let energy = self.reduced.energy;
+        // What the constraint residual may still cost.
+        let bound = energy + FEASIBLE * energy.abs();
         self.origin.copy_from_slice(&self.q);
-        let mut length = 1.0;
-        while length >= SHORTEST {
+        let taken = backtrack(1.0, HALVINGS, |length| {
             for ((q, &from), &along) in self.q.iter_mut().zip(&self.origin).zip(&self.step) {
                 *q = from + length * along;
             }
             self.evaluate(false);
-            let slack = 1e-9 * energy.abs() + self.reduced.rounding;
-            let is_lower = self.reduced.energy <= energy + slack;
-            if self.reduced.jacobian > 0.0 && (!is_feasible || is_lower) {
-                return Some(length);
-            }
-            length *= 0.5;
+            let is_lower = !is_feasible || self.sampled.is_no_higher(self.reduced.energy, bound);
+            (self.reduced.jacobian > 0.0 && is_lower).then_some(())
+        });
+        if taken.is_none() {
+            self.q.copy_from_slice(&self.origin);
+            self.evaluate(false);
         }
-        self.q.copy_from_slice(&self.origin);
-        self.evaluate(false);
-        None
+        taken.map(|(length, ())| length)
+    }
+}
+
+/// A solve in progress: towards `A q = d`, the largest entry of `d` being `size`.
+struct ReducedRun<'a> {
+    newton: &'a mut ReducedNewton,
+    d: &'a [f64],
+    size: f64,
+    search: &'a mut Search,
+    /// Norm of the last step taken with the tangent that there is, and whether none was.
+    last: f64,
+    is_fresh: bool,
+    /// Norm of the step that was found, and whether it starts on the constraint.
+    way: f64,
+    is_feasible: bool,
+}
+
+impl Iteration for ReducedRun<'_> {
+    type Failure = ReducedStatus;
+
+    /// The next step relative to the coordinates, with a new tangent where steps shrink too slowly.
+    fn residual(&mut self) -> Result<f64, ReducedStatus> {
+        let ReducedRun { newton, search, .. } = self;
+        loop {
+            if !newton.factor.is_ready() {
+                newton.renew(search);
+                (self.last, self.is_fresh) = (f64::INFINITY, true);
+            }
+            let lacks = newton.find_step(self.d, self.last < f64::INFINITY);
+            (self.way, self.is_feasible) = (norm(&newton.step), lacks <= FEASIBLE * self.size);
+            search.residual = self.way / norm(&newton.q).max(SMALLEST * newton.unit);
+            if search.residual <= newton.tolerance || !(self.way > SLOW * self.last) {
+                return Ok(search.residual);
+            }
+            newton.factor.forget();
+            if newton.would_be_late(search) {
+                return Err(ReducedStatus::OutOfTime);
+            }
+        }
+    }
+
+    fn step(&mut self) -> Result<(), ReducedStatus> {
+        let ReducedRun { newton, search, .. } = self;
+        search.iterations += 1;
+        let Some(length) = newton.advance(self.is_feasible) else {
+            newton.factor.forget();
+            return if self.is_fresh { Err(ReducedStatus::StepTooSmall) } else { Ok(()) };
+        };
+        (self.last, self.is_fresh) = (self.way, false);
+        if length < 1.0 || newton.factor.is_shifted() {
+            newton.factor.forget();
+        }
+        Ok(())
+    }
+
+    fn is_late(&self) -> bool {
+        self.newton.would_be_late(self.search)
     }
 }

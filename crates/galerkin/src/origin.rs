@@ -7,13 +7,10 @@
 
 use crate::body::{Body, Curvature, SymmetricBlocks};
 use crate::element::Element;
-use crate::equilibrium::{System, Tangent};
+use crate::equilibrium::{Rounding, System, Tangent};
 use crate::error::Error;
 use crate::law::Material;
 use crate::reduced::ReducedModel;
-
-/// Part of the energy in the origin by which rounding may have differences of energies wrong.
-pub(super) const ROUNDING: f64 = 1e-13;
 
 /// A body, and the state that touches start from.
 pub(super) struct Origin {
@@ -29,6 +26,7 @@ pub(super) struct Origin {
     /// `W(u_0)` and `f_0`.
     energy: f64,
     pub force: Vec<f64>,
+    pub rounding: Rounding,
 }
 
 impl Origin {
@@ -47,7 +45,8 @@ impl Origin {
         let mut system = System::new(&stiffness, body.n_dofs(), fixed.iter().copied())?;
         system.factorize(&stiffness, 0.0)?;
         let energy = body.energy(&displacement);
-        Ok(Origin { body, displacement, stiffness, system, fixed, energy, force })
+        let rounding = Rounding::of(&body);
+        Ok(Origin { body, displacement, stiffness, system, fixed, energy, force, rounding })
     }
 
     /// `f(u_0 + u) - f_0`, in place, and with it `V(u)`; where that is infinite, the force means nothing.
@@ -72,7 +71,7 @@ impl Origin {
 
     /// Whether an energy is not higher than another, as far as rounding lets them be compared.
     pub fn is_no_higher(&self, energy: f64, than: f64) -> bool {
-        energy <= than + 1e-9 * than.abs() + ROUNDING * self.energy.abs()
+        self.rounding.is_no_higher(energy, than, than.abs() + self.energy.abs())
     }
 
     /// The smallest volume ratio.

@@ -2,10 +2,11 @@
 //! units that are a body of their own.
 
 use super::cells::SampledCells;
-use super::origin::{Origin, ROUNDING};
+use super::origin::Origin;
 use super::units::SamplingUnits;
 use crate::body::SharedNodes;
 use crate::element::Element;
+use crate::equilibrium::Rounding;
 use crate::number::dot;
 
 /// What is summed up says at some coordinates.
@@ -13,8 +14,6 @@ use crate::number::dot;
 pub(super) struct Reduced {
     /// `W(q)` [J].
     pub energy: f64,
-    /// By how much rounding may have it wrong, where it is the small difference of large ones.
-    pub rounding: f64,
     /// `dW/dq`.
     pub force: Vec<f64>,
     /// `d2W/dq2`, full and row by row; last computed where it was asked for.
@@ -27,7 +26,7 @@ impl Reduced {
     /// Room for what `r` modes say.
     pub fn new(r: usize) -> Self {
         let (force, tangent) = (vec![0.0; r], vec![0.0; r * r]);
-        Reduced { energy: 0.0, rounding: 0.0, force, tangent, jacobian: 1.0 }
+        Reduced { energy: 0.0, force, tangent, jacobian: 1.0 }
     }
 
     /// Fills the upper triangle of the tangent from the lower one.
@@ -90,6 +89,7 @@ pub(super) struct Sampled {
     /// Energy and force in the origin, where a load that stays is in balance with them.
     energy: f64,
     force: Vec<f64>,
+    rounding: Rounding,
 }
 
 impl Sampled {
@@ -98,15 +98,19 @@ impl Sampled {
         let mut sum = SampledEnergy::new(origin, units, weights, SharedNodes::Merged, modes);
         let mut there = Reduced::new(modes.len());
         sum.evaluate(&vec![0.0; modes.len()], false, &mut there);
-        Sampled { sum, energy: there.energy, force: there.force }
+        Sampled { sum, energy: there.energy, force: there.force, rounding: origin.rounding }
     }
 
     /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
     pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
         self.sum.evaluate(q, with_tangent, reduced);
         reduced.energy -= self.energy + dot(&self.force, q);
-        reduced.rounding = ROUNDING * self.energy.abs();
         reduced.force.iter_mut().zip(&self.force).for_each(|(f, there)| *f -= there);
+    }
+
+    /// Whether an energy is not higher than a bound, as far as rounding lets them be compared.
+    pub fn is_no_higher(&self, energy: f64, bound: f64) -> bool {
+        self.rounding.is_no_higher(energy, bound, bound.abs() + self.energy.abs())
     }
 
     /// Number of cells.

@@ -8,7 +8,7 @@
 use super::model::Galerkin;
 use super::origin::Origin;
 use crate::body::Curvature;
-use crate::equilibrium::{Method, Solver, Tangent};
+use crate::equilibrium::{Iteration, Limits, Method, Solver, Tangent, backtrack, iterate};
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::norm;
@@ -23,14 +23,14 @@ const SHRINKS: f64 = 0.3;
 pub(super) struct Patience {
     tangents: usize,
     /// Halvings of a step.
-    cuts: i32,
+    cuts: usize,
 }
 
 impl Patience {
     /// With one of many states, of which some may be missed.
-    pub const OF_MANY: Self = Patience { tangents: 8, cuts: 6 };
+    pub const OF_MANY: Self = Patience { tangents: 8, cuts: 5 };
     /// With the state that the tools are in.
-    pub const OF_ONE: Self = Patience { tangents: 40, cuts: 12 };
+    pub const OF_ONE: Self = Patience { tangents: 40, cuts: 11 };
 }
 
 /// Solvers for the tangents of one body, lent to one thread after the other: to analyse a pattern takes as long as to
@@ -133,56 +133,84 @@ fn settle(
     guess: &[f64],
     patience: &Patience,
 ) -> Option<Vec<f64>> {
-    let (mut u, mut trial) = (guess.to_vec(), guess.to_vec());
-    let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let (mut tangent, stay) = (Tangent::matrix(&origin.body), vec![0.0; n_means]);
-    let mut energy = origin.internal_force(&u, &mut force);
-    for _ in 0..patience.tangents {
-        prepare(origin, solver, &mut tangent, &u, &mut force)?;
-        let mut last = f64::INFINITY;
-        loop {
-            force.iter_mut().for_each(|f| *f = -*f);
-            solver.solve(&mut force, &stay, &mut step, &mut Vec::new(), None).ok()?;
-            let way = norm(&step);
-            let from = (u.as_slice(), energy);
-            let lower = descend(origin, from, &step, &mut trial, &mut force, patience.cuts)?;
-            std::mem::swap(&mut u, &mut trial);
-            energy = lower.energy;
-            if lower.is_whole && way < SMALLEST_STEP * norm(&u) {
-                return Some(u);
-            }
-            if !lower.is_whole || way > SHRINKS * last {
-                break;
-            }
-            last = way;
-        }
-    }
-    None
+    let mut force = vec![0.0; guess.len()];
+    let mut settling = Settling {
+        origin,
+        solver,
+        stay: vec![0.0; n_means],
+        patience,
+        tangent: Tangent::matrix(&origin.body),
+        tangents: 0,
+        is_stale: true,
+        energy: origin.internal_force(guess, &mut force),
+        force,
+        u: guess.to_vec(),
+        trial: guess.to_vec(),
+        step: vec![0.0; guess.len()],
+        last: f64::INFINITY,
+        residual: f64::INFINITY,
+    };
+    // The tangents are what is limited.
+    let limits = Limits { tolerance: SMALLEST_STEP, steps: usize::MAX, waits: false };
+    iterate(&mut settling, limits).ok()?;
+    Some(settling.u)
 }
 
-/// A step, or a part of it, that lowers the energy.
-struct Lower {
+/// A search for a minimum of the energy, in progress.
+struct Settling<'a> {
+    origin: &'a Origin,
+    solver: &'a mut Solver,
+    stay: Vec<f64>,
+    patience: &'a Patience,
+    tangent: Tangent,
+    tangents: usize,
+    /// The next step asks for a new tangent.
+    is_stale: bool,
     energy: f64,
-    is_whole: bool,
+    force: Vec<f64>,
+    u: Vec<f64>,
+    trial: Vec<f64>,
+    step: Vec<f64>,
+    /// Norm of the last step, and a whole step relative to the field.
+    last: f64,
+    residual: f64,
 }
 
-/// Goes along a step, half as far again and again until the energy is not higher; `trial` and `force` are then those
-/// of that place. None where it leads nowhere.
-fn descend(
-    origin: &Origin,
-    (u, energy): (&[f64], f64),
-    step: &[f64],
-    trial: &mut [f64],
-    force: &mut [f64],
-    cuts: i32,
-) -> Option<Lower> {
-    for cut in 0..cuts {
-        let length = 0.5f64.powi(cut);
-        trial.iter_mut().zip(u).zip(step).for_each(|((t, u), s)| *t = u + length * s);
-        let there = origin.internal_force(trial, force);
-        if origin.is_no_higher(there, energy) {
-            return Some(Lower { energy: there, is_whole: cut == 0 });
-        }
+/// No tangent, no step that lowers the energy, or no more patience.
+struct LeadsNowhere;
+
+impl Iteration for Settling<'_> {
+    type Failure = LeadsNowhere;
+
+    fn residual(&mut self) -> Result<f64, LeadsNowhere> {
+        Ok(self.residual)
     }
-    None
+
+    fn step(&mut self) -> Result<(), LeadsNowhere> {
+        let Settling { origin, solver, tangent, force, step, u, trial, .. } = self;
+        if self.is_stale {
+            if self.tangents == self.patience.tangents {
+                return Err(LeadsNowhere);
+            }
+            prepare(origin, solver, tangent, u, force).ok_or(LeadsNowhere)?;
+            (self.tangents, self.last) = (self.tangents + 1, f64::INFINITY);
+        }
+        force.iter_mut().for_each(|f| *f = -*f);
+        let solved = solver.solve(force, &self.stay, step, &mut Vec::new(), None);
+        solved.map_err(|_| LeadsNowhere)?;
+        let lower = |length: f64| {
+            trial.iter_mut().zip(&*u).zip(&*step).for_each(|((t, u), s)| *t = u + length * s);
+            let energy = origin.internal_force(trial, force);
+            origin.is_no_higher(energy, self.energy).then_some(energy)
+        };
+        let (length, energy) = backtrack(1.0, self.patience.cuts, lower).ok_or(LeadsNowhere)?;
+        self.energy = energy;
+        std::mem::swap(u, trial);
+        let (way, is_whole) = (norm(step), length == 1.0);
+        let size = norm(u).max(f64::MIN_POSITIVE);
+        self.residual = if is_whole { way / size } else { f64::INFINITY };
+        self.is_stale = !is_whole || way > SHRINKS * self.last;
+        self.last = way;
+        Ok(())
+    }
 }

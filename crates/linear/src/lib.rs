@@ -20,6 +20,7 @@ mod multigrid;
 mod ordering;
 mod pattern;
 mod precision;
+mod shift;
 mod substitution;
 #[cfg(test)]
 mod test_matrices;
@@ -34,6 +35,7 @@ pub use ldlt::{Inertia, Ldlt};
 pub use multigrid::Multigrid;
 pub use pattern::Pattern;
 pub use precision::Precision;
+pub use shift::next_shift;
 
 /// A direct solver for `A x = b`, `A` symmetric on a fixed [`Pattern`].
 pub trait Factorization: Send + Sync {

@@ -1,9 +1,10 @@
 //! The finite element solution as it is usually had, to compare with: Newton's method with full steps and equal
 //! load increments, without line search or cutback. (`crate::equilibrium::Newton` is the one to solve with.)
 
-use crate::body::Body;
-use crate::equilibrium::System;
+use crate::body::{Body, SymmetricBlocks};
+use crate::equilibrium::{Iteration, Limits, Rounding, Stop, System, iterate};
 use crate::error::Error;
+use crate::number::norm;
 
 /// Settings.
 #[derive(Clone, Copy, Debug)]
@@ -42,51 +43,75 @@ impl PlainNewton {
         let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
         // A tangent beyond an instability is no reason to stop for a method that does not look.
         let mut system = System::indefinite(&body.zero_tangent(), body.n_dofs(), dofs)?;
+        // The last of the iterations is not taken: nothing would say that it is an equilibrium.
+        let steps = self.max_iterations - 1;
+        let limits = Limits { tolerance: self.tolerance, steps, waits: false };
+        let rounding = Rounding::of(body);
         let mut reached =
             Reached { displacement: vec![0.0; body.n_dofs()], increments: 0, iterations: 0 };
         for increment in 1..=self.increments {
             let share = increment as f64 / self.increments as f64;
             let target: Vec<f64> = force.iter().map(|f| share * f).collect();
-            let start = reached.displacement.clone();
-            let Some(u) = self.iterate(body, &mut system, &target, start, &mut reached.iterations)
-            else {
-                break;
+            let mut run = Increment {
+                body,
+                system: &mut system,
+                force: vec![0.0; body.n_dofs()],
+                tangent: body.zero_tangent(),
+                step: Vec::new(),
+                u: reached.displacement.clone(),
+                iterations: &mut reached.iterations,
+                rounding,
+                tolerance: self.tolerance,
+                target,
             };
+            let Ok(Stop::Converged) = iterate(&mut run, limits) else { break };
+            let u = run.u;
+            if !body.energy(&u).is_finite() {
+                break;
+            }
             reached.displacement = u;
             reached.increments = increment;
         }
         Ok(reached)
     }
+}
 
-    /// Equilibrium under `target`, or none where the iterations run out or leave what can be computed.
-    fn iterate(
-        &self,
-        body: &Body,
-        system: &mut System,
-        target: &[f64],
-        mut u: Vec<f64>,
-        iterations: &mut usize,
-    ) -> Option<Vec<f64>> {
-        let (mut force, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
-        for _ in 0..self.max_iterations {
-            body.internal_force_and_tangent(&u, &mut force, &mut tangent);
-            let free = system.free();
-            let mut step: Vec<f64> =
-                free.iter().map(|&d| target[d as usize] - force[d as usize]).collect();
-            let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>().sqrt();
-            let size = square(&mut free.iter().map(|&d| target[d as usize]));
-            let residual = square(&mut step.iter().copied());
-            if residual <= self.tolerance * size {
-                return body.energy(&u).is_finite().then_some(u);
-            }
-            if !residual.is_finite() {
-                return None;
-            }
-            *iterations += 1;
-            system.factorize(&tangent, 0.0).ok()?;
-            system.solve_free(&mut step, 1).ok()?;
-            system.free().iter().zip(&step).for_each(|(&d, s)| u[d as usize] += s);
-        }
-        None
+/// One load increment in progress.
+struct Increment<'a> {
+    body: &'a Body,
+    system: &'a mut System,
+    target: Vec<f64>,
+    force: Vec<f64>,
+    tangent: SymmetricBlocks,
+    /// What is out of balance on the free degrees of freedom, then the step there.
+    step: Vec<f64>,
+    u: Vec<f64>,
+    iterations: &'a mut usize,
+    rounding: Rounding,
+    tolerance: f64,
+}
+
+/// The iterations leave what can be computed.
+struct Diverged;
+
+impl Iteration for Increment<'_> {
+    type Failure = Diverged;
+
+    fn residual(&mut self) -> Result<f64, Diverged> {
+        self.body.internal_force_and_tangent(&self.u, &mut self.force, &mut self.tangent);
+        let free = || self.system.free().iter().map(|&dof| dof as usize);
+        self.step = free().map(|dof| self.target[dof] - self.force[dof]).collect();
+        let applied: Vec<f64> = free().map(|dof| self.target[dof]).collect();
+        let residual = self.rounding.relative(norm(&self.step), norm(&applied), self.tolerance);
+        if residual.is_finite() { Ok(residual) } else { Err(Diverged) }
+    }
+
+    fn step(&mut self) -> Result<(), Diverged> {
+        *self.iterations += 1;
+        self.system.factorize(&self.tangent, 0.0).map_err(|_| Diverged)?;
+        self.system.solve_free(&mut self.step, 1).map_err(|_| Diverged)?;
+        let free = self.system.free().iter();
+        free.zip(&self.step).for_each(|(&dof, s)| self.u[dof as usize] += s);
+        Ok(())
     }
 }

@@ -11,7 +11,7 @@
 mod tests;
 
 use crate::body::{Body, SymmetricBlocks};
-use crate::equilibrium::{Pressure, System};
+use crate::equilibrium::{Iteration, Limits, Pressure, Rounding, System, iterate};
 use crate::error::Error;
 use crate::linear::gmres;
 use crate::number::Monomials;
@@ -23,6 +23,9 @@ const TOLERANCE: f64 = 1e-12;
 
 /// What such a solution may take of iterations.
 const MAX_ITERATIONS: usize = 60;
+
+/// Newton's corrections at the end of an expansion.
+const MAX_CORRECTIONS: usize = 8;
 
 /// What the series are expanded in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,6 +71,7 @@ struct Follower<'a> {
     body: &'a Body,
     force: &'a [f64],
     pressure: &'a Pressure,
+    rounding: Rounding,
     system: System,
     tangent: SymmetricBlocks,
     /// Displacement, then the load.
@@ -99,6 +103,7 @@ impl Continuation {
             body,
             force,
             pressure,
+            rounding: Rounding::of(body),
             system: System::indefinite(&tangent, body.n_dofs(), dofs)?,
             tangent,
             state: vec![0.0; body.n_dofs() + 1],
@@ -290,33 +295,57 @@ impl Follower<'_> {
     /// Newton corrections back to equilibrium, at constant load or constant arc; returns the
     /// relative residual found at the start.
     fn correct(&mut self, direction: &[f64]) -> Result<f64, Error> {
-        let n = self.body.n_dofs();
-        let mut first = None;
-        for _ in 0..8 {
-            let (load, internal, unit) = (self.load(), self.linearize(), self.unit_load());
-            let residual: Vec<f64> =
-                unit.iter().zip(&internal).map(|(f, i)| load * f - i).collect();
-            let free = self.system.free();
-            let size = free.iter().map(|&d| residual[d as usize].powi(2)).sum::<f64>().sqrt();
-            let relative = size / (norm(&unit) * load.abs().max(f64::MIN_POSITIVE));
-            first.get_or_insert(relative);
-            // What is left here stays in the next expansion's base state.
-            if relative <= 1e-3 * self.settings.tolerance {
-                break;
-            }
-            self.system.factorize(&self.tangent, 0.0)?;
-            let is_arc = self.settings.parameter == Parameter::ArcLength;
-            let mut step = self.solve(&residual)?;
-            let mut load_step = 0.0;
-            if is_arc {
-                let influence = self.solve(&unit)?;
-                let along = |v: &[f64]| self.scale * dot(v, &direction[..n]);
-                load_step = -along(&step) / (along(&influence) + direction[n]);
-                step.iter_mut().zip(&influence).for_each(|(s, i)| *s += load_step * i);
-            }
-            self.state[..n].iter_mut().zip(&step).for_each(|(u, s)| *u += s);
-            self.state[n] += load_step;
+        // What is left here stays in the next expansion's base state.
+        let tolerance = 1e-3 * self.settings.tolerance;
+        let limits = Limits { tolerance, steps: MAX_CORRECTIONS, waits: false };
+        let (unit, residual) = (Vec::new(), Vec::new());
+        let mut correction =
+            Correction { path: self, direction, tolerance, unit, residual, first: None };
+        iterate(&mut correction, limits)?;
+        Ok(correction.first.unwrap_or(0.0))
+    }
+}
+
+/// Corrections in progress, across a direction of the path.
+struct Correction<'a, 'b> {
+    path: &'a mut Follower<'b>,
+    direction: &'a [f64],
+    tolerance: f64,
+    /// Dead force and pressure of load 1, and what is out of balance.
+    unit: Vec<f64>,
+    residual: Vec<f64>,
+    /// Relative residual at the start.
+    first: Option<f64>,
+}
+
+impl Iteration for Correction<'_, '_> {
+    type Failure = Error;
+
+    fn residual(&mut self) -> Result<f64, Error> {
+        let (load, internal) = (self.path.load(), self.path.linearize());
+        self.unit = self.path.unit_load();
+        self.residual = self.unit.iter().zip(&internal).map(|(f, i)| load * f - i).collect();
+        let free = self.path.system.free().iter();
+        let size = free.map(|&d| self.residual[d as usize].powi(2)).sum::<f64>().sqrt();
+        let loads = norm(&self.unit) * load.abs();
+        let relative = self.path.rounding.relative(size, loads, self.tolerance);
+        self.first.get_or_insert(relative);
+        Ok(relative)
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        let Correction { path, direction, unit, .. } = self;
+        let n = unit.len();
+        path.system.factorize(&path.tangent, 0.0)?;
+        let mut step = path.solve(&self.residual)?;
+        if path.settings.parameter == Parameter::ArcLength {
+            let influence = path.solve(unit)?;
+            let along = |v: &[f64]| path.scale * dot(v, &direction[..n]);
+            let load_step = -along(&step) / (along(&influence) + direction[n]);
+            step.iter_mut().zip(&influence).for_each(|(s, i)| *s += load_step * i);
+            path.state[n] += load_step;
         }
-        Ok(first.unwrap_or(0.0))
+        path.state[..n].iter_mut().zip(&step).for_each(|(u, s)| *u += s);
+        Ok(())
     }
 }

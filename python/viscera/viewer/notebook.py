@@ -137,7 +137,8 @@ def _widget_class() -> type:
         def _ipython_display_(self) -> None:
             """A picture, which stays in a saved notebook and hides beside the live view; then the view."""
             data = base64.b64encode(self._played.picture()).decode()
-            image = f'<img data-viscera="{self.picture}" width="{WIDTH}" src="data:image/png;base64,{data}">'
+            words = 'alt="The organ; run the cell to touch it"'
+            image = f'<img data-viscera="{self.picture}" {words} width="{WIDTH}" src="data:image/png;base64,{data}">'
             notebook: Any = display
             notebook.publish_display_data({"text/html": image, "text/plain": "a picture of the organ"})
             found: Any = self._repr_mimebundle_()

@@ -2,6 +2,7 @@
 //! prescribed.
 
 mod ending;
+mod iteration;
 mod newton;
 mod outcome;
 mod predictor;
@@ -15,6 +16,7 @@ mod tangent;
 #[cfg(test)]
 mod tests;
 
+pub use iteration::{Iteration, Limits, Rounding, Stop, backtrack, iterate};
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;

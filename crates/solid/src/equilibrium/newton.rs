@@ -6,9 +6,11 @@
 //! says how far the load step goes. A step that fails is halved from the last equilibrium. A tangent that is
 //! indefinite, also under what tools hold, is shifted until it yields a descent direction, and said so.
 
+mod load_step;
 mod step;
 
 use super::ending::{Cut, Ending, Slopes};
+use super::iteration::Rounding;
 use super::outcome::{Equilibrium, Seconds};
 use super::predictor::Predictor;
 use super::problem::{Problem, patch_mean};
@@ -26,9 +28,6 @@ const STRETCHED: f64 = 10.0;
 /// of an unstable one, which the path passes and Newton's method may leave downhill. Farther off, and where a slender
 /// body was bent by the series of its path, an indefinite tangent is ordinary weather.
 const NEAR: f64 = 0.02;
-
-/// A residual that falls below this part of the one before is about to vanish: no iteration is the last one then.
-const SETTLES: f64 = 0.3;
 
 /// Settings.
 #[derive(Clone, Copy, Debug)]
@@ -145,7 +144,7 @@ struct Run<'a> {
     start_means: Vec<[f64; 3]>,
     /// Out-of-balance force of the start state on the free degrees of freedom.
     imbalance: Vec<f64>,
-    force_scale: f64,
+    rounding: Rounding,
     iterations: usize,
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
@@ -198,7 +197,7 @@ impl<'a> Run<'a> {
             start,
             start_means,
             imbalance,
-            force_scale: body.force_scale(),
+            rounding: Rounding::of(body),
             solver,
             tangent,
             iterations: 0,
@@ -244,79 +243,6 @@ impl<'a> Run<'a> {
         !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])
     }
 
-    /// Newton iterations to the equilibrium at `load`, or before it where a prediction does not hold so far; on success it
-    /// becomes the state.
-    fn advance(&mut self, mut load: f64) -> Result<usize, Cut> {
-        self.tried = load - self.load;
-        let mut u = self.u.clone();
-        let mut multipliers = self.multipliers.clone();
-        let mut force = vec![0.0; u.len()];
-        let (mut history, mut unstable, mut passed) = (Vec::<f64>::new(), None, None);
-        let mut is_linear = true;
-        let is_led = self.contact.is_empty() || self.is_led();
-        self.contact.advance(load);
-        self.contact.begin(&self.u);
-        for iteration in 0.. {
-            let clock = Instant::now();
-            self.contact.linearize(&u);
-            self.tangent.linearize(self.body(), &u, Curvature::Exact, &mut force);
-            let external = self.external_force(load, &u);
-            self.add_stiffness_of_loads(&u, load);
-            self.seconds.assembly += clock.elapsed().as_secs_f64();
-            let (residual, norm) = self.residual(&force, &external, &multipliers);
-            let moving = iteration == 0;
-            if !moving {
-                let settles = history.last().is_some_and(|last| norm < SETTLES * last);
-                history.push(norm);
-                if norm <= self.settings.tolerance {
-                    if let Some(row) = unstable.or(passed) {
-                        self.unstable = Some((load, row));
-                    }
-                    self.accept(u, multipliers, load, history);
-                    return Ok(iteration);
-                }
-                if iteration >= self.settings.max_iterations && !settles {
-                    return Err(Cut::Iterations { residual: norm });
-                }
-            }
-            self.iterations += 1;
-            unstable = self.factorize()?;
-            let clock = Instant::now();
-            let (step, change, indefinite) = self.newton_step(&u, &residual, load, moving)?;
-            unstable = unstable.or(indefinite);
-            if !moving && is_linear && norm <= NEAR {
-                passed = passed.or(unstable);
-            }
-            self.seconds.solve += clock.elapsed().as_secs_f64();
-            let moving = moving && is_led;
-            if moving {
-                self.note_slope(&step, load);
-                if unstable.is_some() {
-                    self.check_inversion(&u, &step)?;
-                } else if self.contact.is_empty()
-                    && (self.follows_series || !self.is_in_proportion(&u, &step, &force))
-                {
-                    (load, u, multipliers) = self.predict(&u, &step, load)?;
-                    (self.tried, is_linear) = (load - self.load, false);
-                    continue;
-                }
-            }
-            let length =
-                if moving { 1.0 } else { self.line_search(&u, &step, load, &residual, norm)? };
-            u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
-            multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
-        }
-        unreachable!("the loop returns when its iterations are spent")
-    }
-
-    fn accept(&mut self, u: Vec<f64>, multipliers: Vec<f64>, load: f64, history: Vec<f64>) {
-        self.contact.end(&u);
-        self.u = u;
-        self.multipliers = multipliers;
-        self.load = load;
-        self.residuals.push(history);
-    }
-
     /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed, and its norm relative to
     /// that of all nodal forces.
     fn residual(&self, force: &[f64], external: &[f64], multipliers: &[f64]) -> (Vec<f64>, f64) {
@@ -331,11 +257,8 @@ impl<'a> Run<'a> {
         self.problem.prescribed.iter().for_each(|&(dof, _)| out[dof as usize] = 0.0);
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
         let loads = square(force).max(square(external)).sqrt();
-        // Below this the residual is rounding.
-        let rounding = 8.0 * f64::EPSILON * self.force_scale;
-        let scale = loads.max(rounding / self.settings.tolerance);
-        let norm = square(&out).sqrt();
-        (out, if scale > 0.0 { norm / scale } else { 0.0 })
+        let norm = self.rounding.relative(square(&out).sqrt(), loads, self.settings.tolerance);
+        (out, norm)
     }
 
     /// Where the series of the path leads from the equilibrium `u`: load, displacement and patch forces.

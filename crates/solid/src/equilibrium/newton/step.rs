@@ -3,28 +3,33 @@
 use super::{Run, STRETCHED};
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
+use crate::equilibrium::iteration::backtrack;
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::skew;
-use crate::linear::FactorError;
+use crate::linear::{FactorError, next_shift};
+
+/// First shift of a tangent that is not positive definite, over its mean diagonal, where the last needed none.
+const FIRST_SHIFT: f64 = 1e-6;
+
+/// Part of the descent that the slope promises which a step must keep (Armijo).
+const ARMIJO: f64 = 1e-4;
 
 impl Run<'_> {
     /// Factorises the tangent, shifted where it is not positive definite under what tools hold; returns the degree of
     /// freedom of the first pivot that was not.
     pub(super) fn factorize(&mut self) -> Result<Option<usize>, Cut> {
         let clock = Instant::now();
+        let first = (0.1 * self.shift).max(FIRST_SHIFT);
         let (mut shift, mut unstable) = (0.0, None);
         loop {
             self.factorizations += 1;
-            match self.solver.prepare(&self.tangent, shift) {
-                Ok(()) => break,
-                Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row })
-                    if shift < 10.0 =>
-                {
-                    unstable = unstable.or(Some(row));
-                    shift = if shift == 0.0 { (0.1 * self.shift).max(1e-6) } else { 10.0 * shift };
-                }
-                Err(error) => return Err(Cut::Factor(error)),
-            }
+            let Err(error) = self.solver.prepare(&self.tangent, shift) else { break };
+            let (FactorError::NotPositiveDefinite { row } | FactorError::Singular { row }) = error
+            else {
+                return Err(Cut::Factor(error));
+            };
+            unstable = unstable.or(Some(row));
+            shift = next_shift(shift, first).ok_or(Cut::Factor(error))?;
         }
         self.shift = shift;
         self.seconds.factorization += clock.elapsed().as_secs_f64();
@@ -91,7 +96,8 @@ impl Run<'_> {
         self.tangent.multiply(step, &mut product);
         let dot = |a: &[f64]| a.iter().zip(step).map(|(a, s)| a * s).sum::<f64>();
         let taken = self.body().energy(&trial) - self.body().energy(u) - dot(force);
-        taken <= STRETCHED * 0.5 * dot(&product).abs() + 1e-13 * self.body().energy_scale()
+        let bound = STRETCHED * 0.5 * dot(&product).abs();
+        self.rounding.is_no_higher(taken, bound, 0.0)
     }
 
     pub(super) fn check_inversion(&self, u: &[f64], step: &[f64]) -> Result<(), Cut> {
@@ -123,16 +129,13 @@ impl Run<'_> {
         };
         let (start, magnitude) = potential(0.0);
         let slope: f64 = residual.iter().zip(step).map(|(r, s)| r * s).sum();
-        // A strain energy cancels terms of the size of its moduli, however small the strain.
-        let rounding = 1e-13 * (magnitude + self.body().energy_scale());
-        let mut length = 1.0;
-        for _ in 0..=self.settings.max_backtracks {
+        let descends = |length: f64| {
             let (value, _) = potential(length);
-            if value <= start + 1e-4 * length * slope + rounding {
-                return Ok(length);
-            }
-            length *= 0.5;
-        }
-        Err(Cut::NoDescent { residual: norm })
+            let bound = start + ARMIJO * length * slope;
+            self.rounding.is_no_higher(value, bound, magnitude).then_some(())
+        };
+        backtrack(1.0, self.settings.max_backtracks, descends)
+            .map(|(length, ())| length)
+            .ok_or(Cut::NoDescent { residual: norm })
     }
 }

@@ -18,7 +18,7 @@ use super::tangent::Tangent;
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
-use crate::linear::FactorError;
+use crate::linear::{FactorError, next_shift};
 use crate::mesh::Patch;
 use border::Border;
 pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
@@ -26,9 +26,8 @@ use direct::Direct;
 use factor::TangentFactor;
 use iterative::Iterative;
 
-/// Shifts of a tangent that is not positive definite, over its mean diagonal, that make a preconditioner of it.
+/// First shift of a tangent that is not positive definite, over its mean diagonal, to make a preconditioner of it.
 const FIRST_SHIFT: f64 = 1e-4;
-const LAST_SHIFT: f64 = 10.0;
 
 /// How linear systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -245,14 +244,14 @@ impl Solver {
                 let mut renewed = iterative.prepare(tangent, shift);
                 // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
                 // preconditioner that knows nothing of the border.
-                let mut lift = FIRST_SHIFT.max(shift);
+                let mut lift = 0.0;
                 while let Err(error) = &renewed
                     && error.is_of_a_pivot()
                     && !self.border.is_empty()
-                    && lift < LAST_SHIFT
-                    && let Some(lifted) = iterative.lift(tangent, lift)
+                    && let Some(next) = next_shift(lift, FIRST_SHIFT.max(shift))
+                    && let Some(lifted) = iterative.lift(tangent, next)
                 {
-                    (renewed, lift) = (lifted, 10.0 * lift);
+                    (renewed, lift) = (lifted, next);
                 }
                 if renewed? || std::mem::take(&mut self.is_border_new) {
                     self.border.influence(|b, x| {

@@ -3,6 +3,9 @@
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
+/// Residual that is left of one that is rounding.
+const ROUNDED: f64 = 1e-9;
+
 impl Stepper {
     /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
@@ -108,9 +111,7 @@ impl Stepper {
         }
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
-        // Below this the residual is rounding.
-        let rounding = 8.0 * f64::EPSILON * self.force_scale / 1e-9;
-        (square(&self.residual) / scale.max(rounding * rounding)).sqrt()
+        self.rounding.relative(square(&self.residual).sqrt(), scale.sqrt(), ROUNDED)
     }
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.

@@ -22,6 +22,7 @@ pub use frame::{Frame, Input};
 pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 
+use super::iteration::Rounding;
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
 use super::solver::Solver;
@@ -62,7 +63,7 @@ pub struct Stepper {
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     contact: Contact,
-    force_scale: f64,
+    rounding: Rounding,
     /// Diagonal of the box around the body [m].
     length: f64,
     /// Keeps the volume ratios of cells within bounds.
@@ -162,7 +163,7 @@ impl Stepper {
             nodal_mass,
             pressure: Pressure::default(),
             contact: Contact::new(body),
-            force_scale: body.force_scale(),
+            rounding: Rounding::of(body),
             length: diagonal(body.points()),
             barrier,
             motion_fraction: 1.0,

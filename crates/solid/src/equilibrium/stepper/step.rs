@@ -3,16 +3,18 @@
 //! close to a bound all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
 use super::contact::{MAX_RETURNS, OVERSHOT};
-use super::{Input, Stepper};
+use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
+use crate::equilibrium::iteration::{Iteration, Limits, backtrack, iterate};
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::solver::Solved;
 use crate::error::Error;
-use crate::linear::FactorError;
+use crate::linear::{FactorError, next_shift};
+use crate::number::dot;
 
 /// Halvings of a step before a frame stands still.
-const MAX_CUTS: i32 = 14;
+const MAX_CUTS: usize = 14;
 
 /// Volume ratios that a step may end with. No tissue is pressed to a twentieth of its volume, and step by step a cell
 /// could lose a part of what it has left for ever, as its tangent outgrows all others'. None swells to several times
@@ -22,12 +24,8 @@ pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 /// Smallest fraction of their motion that hands go in an iteration, however often it is cut.
 const SMALLEST_FRACTION: f64 = 1e-3;
 
-/// Shift of the tangent, over its mean diagonal, beyond which a frame gives up.
-const LARGEST_SHIFT: f64 = 1e6;
-
-fn larger(shift: f64) -> f64 {
-    if shift == 0.0 { 1e-3 } else { 10.0 * shift }
-}
+/// First shift of a tangent that is not definite though it is convex, over its mean diagonal.
+const FIRST_SHIFT: f64 = 1e-3;
 
 /// Whether a convex or a shifted tangent has a factor where this one has none.
 fn is_mendable(error: &FactorError) -> bool {
@@ -58,21 +56,8 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// Whether what is left is no more than this, with the hands where they are to be.
-    pub fn is_settled(&self, residual: f64) -> bool {
-        self.residual <= residual && self.has_arrived
-    }
-}
-
-impl Stepper {
-    /// The Newton iterations of a frame.
-    pub(super) fn advance(
-        &mut self,
-        body: &Body,
-        input: &Input<'_>,
-        deadline: Option<Instant>,
-    ) -> Result<Progress, Error> {
-        let mut progress = Progress {
+    fn new() -> Self {
+        Progress {
             taken: 1.0,
             is_cut: false,
             is_unstable: false,
@@ -84,37 +69,78 @@ impl Stepper {
             floor: 0.0,
             solved_at: Instant::now(),
             energy: 0.0,
-        };
-        let mut began = Instant::now();
-        while progress.steps < self.settings.iterations {
-            let is_first = progress.steps == 0;
-            let (is_unstable, solved) = self.find_step(body, input, is_first, deadline)?;
-            progress.is_unstable |= is_unstable;
-            progress.iterations += solved.iterations;
-            progress.is_solved &= solved.is_complete;
-            progress.floor = progress.floor.max(solved.floor);
-            progress.solved_at = Instant::now();
-            let (taken, energy) = self.take(body);
-            let moved = if self.hands_move { self.motion_fraction * taken } else { taken };
-            (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
-            progress.is_cut |= taken < 1.0;
-            progress.has_arrived = !self.hands_move || moved == 1.0;
-            progress.steps += 1;
-            self.adapt(taken, is_unstable, solved.indefinite.is_some());
-            progress.residual = self.measure(body, progress.is_cut);
-            if !self.contact.is_empty() && !self.hands_move && taken == 1.0 {
-                self.go_back(body, &mut progress);
-            }
-            if progress.is_settled(self.settings.settled) {
-                break;
-            }
-            // The next iteration will take as long as this one.
-            if deadline.is_some_and(|deadline| Instant::now() + began.elapsed() >= deadline) {
-                break;
-            }
-            began = Instant::now();
         }
-        Ok(progress)
+    }
+
+    /// Whether what is left is no more than this, with the hands where they are to be.
+    pub fn is_settled(&self, residual: f64) -> bool {
+        self.residual <= residual && self.has_arrived
+    }
+}
+
+/// The Newton iterations of a frame, in progress.
+struct FrameIteration<'a> {
+    stepper: &'a mut Stepper,
+    body: &'a Body,
+    input: &'a Input<'a>,
+    deadline: Option<Instant>,
+    /// When the last step began.
+    began: Instant,
+    progress: Progress,
+}
+
+impl Iteration for FrameIteration<'_> {
+    type Failure = Error;
+
+    fn residual(&mut self) -> Result<f64, Error> {
+        let Progress { residual, has_arrived, .. } = self.progress;
+        Ok(if has_arrived { residual } else { f64::INFINITY })
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        self.began = Instant::now();
+        let FrameIteration { stepper, body, input, deadline, progress, .. } = self;
+        let is_first = progress.steps == 0;
+        let (is_unstable, solved) = stepper.find_step(body, input, is_first, *deadline)?;
+        progress.is_unstable |= is_unstable;
+        progress.iterations += solved.iterations;
+        progress.is_solved &= solved.is_complete;
+        progress.floor = progress.floor.max(solved.floor);
+        progress.solved_at = Instant::now();
+        let (taken, energy) = stepper.take(body);
+        let moved = if stepper.hands_move { stepper.motion_fraction * taken } else { taken };
+        (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
+        progress.is_cut |= taken < 1.0;
+        progress.has_arrived = !stepper.hands_move || moved == 1.0;
+        progress.steps += 1;
+        stepper.adapt(taken, is_unstable, solved.indefinite.is_some());
+        progress.residual = stepper.measure(body, progress.is_cut);
+        if !stepper.contact.is_empty() && !stepper.hands_move && taken == 1.0 {
+            stepper.go_back(body, progress);
+        }
+        Ok(())
+    }
+
+    /// The next step will take as long as the last.
+    fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() + self.began.elapsed() >= deadline)
+    }
+}
+
+impl Stepper {
+    /// The Newton iterations of a frame.
+    pub(super) fn advance(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        deadline: Option<Instant>,
+    ) -> Result<Progress, Error> {
+        let StepperSettings { settled, iterations, .. } = self.settings;
+        let limits = Limits { tolerance: settled, steps: iterations, waits: false };
+        let (began, progress) = (Instant::now(), Progress::new());
+        let mut frame = FrameIteration { stepper: self, body, input, deadline, began, progress };
+        iterate(&mut frame, limits)?;
+        Ok(frame.progress)
     }
 
     /// What a step that was cut, or not, or left to what descent there was, means for the next.
@@ -126,7 +152,8 @@ impl Stepper {
         } else {
             (4.0 * self.motion_fraction).min(1.0)
         };
-        self.shift = if taken == 0.0 { larger(self.shift).min(LARGEST_SHIFT) } else { 0.0 };
+        let larger = next_shift(self.shift, FIRST_SHIFT).unwrap_or(self.shift);
+        self.shift = if taken == 0.0 { larger } else { 0.0 };
     }
 
     /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
@@ -177,19 +204,18 @@ impl Stepper {
                 Err(error) => Err(error),
             };
             self.descent = unbalanced.map_or(0.0, |b| dot(&b, &self.increment));
-            let is_last = shift >= LARGEST_SHIFT || !self.has_time_for_convex(deadline);
+            let larger = next_shift(shift, FIRST_SHIFT);
+            let is_last = larger.is_none() || !self.has_time_for_convex(deadline);
             match outcome {
                 // Where it is the last, the descent made before a direction of negative curvature, or at least one of
                 // descent.
                 Ok(solved) if solved.indefinite.is_none() || is_last => break solved,
                 Ok(solved) => iterations += solved.iterations,
-                Err(error) if shift >= LARGEST_SHIFT || !is_mendable(&error) => {
-                    return Err(error.into());
-                }
+                Err(error) if larger.is_none() || !is_mendable(&error) => return Err(error.into()),
                 Err(_) => {}
             }
             if curvature == Curvature::Projected {
-                shift = larger(shift);
+                shift = larger.unwrap_or(shift);
             } else {
                 curvature = Curvature::Projected;
                 self.linearize(body, input, curvature, false);
@@ -221,17 +247,15 @@ impl Stepper {
     fn take(&mut self, body: &Body) -> (f64, f64) {
         let longest = self.increment.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
-        for cuts in 0..=MAX_CUTS {
-            let taken = whole * 0.5f64.powi(cuts);
-            for (dof, trial) in self.trial.iter_mut().enumerate() {
-                *trial = self.displacement[dof] + taken * self.step[dof];
-            }
+        let taken = backtrack(whole, MAX_CUTS, |length| {
+            self.try_at(length);
             let energy = self.force_within_bounds(body);
-            if energy.is_finite() {
-                std::mem::swap(&mut self.displacement, &mut self.trial);
-                self.complete(body);
-                return (taken, energy);
-            }
+            energy.is_finite().then_some(energy)
+        });
+        if let Some((length, energy)) = taken {
+            std::mem::swap(&mut self.displacement, &mut self.trial);
+            self.complete(body);
+            return (length, energy);
         }
         let energy = body.internal_force(&self.displacement, &mut self.internal);
         self.complete(body);
@@ -248,9 +272,7 @@ impl Stepper {
                 return;
             }
             let shorter = length * self.descent / (self.descent - power);
-            for (dof, trial) in self.trial.iter_mut().enumerate() {
-                *trial = self.displacement[dof] - (length - shorter) * self.step[dof];
-            }
+            self.try_at(shorter - length);
             let energy = self.force_within_bounds(body);
             if !energy.is_finite() {
                 body.internal_force(&self.displacement, &mut self.internal);
@@ -262,6 +284,12 @@ impl Stepper {
             (length, progress.energy) = (shorter, energy);
             progress.residual = self.measure(body, progress.is_cut);
         }
+    }
+
+    /// Puts on trial where so much of the step leads.
+    fn try_at(&mut self, length: f64) {
+        let places = self.displacement.iter().zip(&self.step);
+        self.trial.iter_mut().zip(places).for_each(|(trial, (u, s))| *trial = u + length * s);
     }
 
     /// Strain energy and internal force on trial, infinite where a cell is out of bounds or too close to one.
@@ -286,8 +314,4 @@ impl Stepper {
         }
         self.barrier.add_force(body, &mut self.internal);
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -93,7 +93,7 @@ fn a_viscous_frame_converges_and_a_cycle_costs_work() {
         work += 0.5 * (f + before[1]) * (d - before[0]);
         before = [d, f];
     }
-    assert!(work > 0.05 * stepper.force_scale * 1e-6 && work.is_finite(), "{work} J");
+    assert!(work > 0.05 * body.force_scale() * 1e-6 && work.is_finite(), "{work} J");
     let mut elastic =
         held(&body, StepperSettings { iterations: 7, settled: 1e-12, ..Default::default() });
     let frame = elastic.frame(&body, &press(&[[0.0, 0.0, 0.5 * DEPTH]])).unwrap();

@@ -1,0 +1,142 @@
+//! One load step: Newton's iteration from an equilibrium to the one at a higher load, or before it where a prediction does
+//! not hold so far.
+
+use super::{NEAR, Run};
+use crate::body::Curvature;
+use crate::clock::Instant;
+use crate::equilibrium::ending::Cut;
+use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
+
+/// A load step in progress.
+struct LoadStep<'r, 'a> {
+    run: &'r mut Run<'a>,
+    load: f64,
+    u: Vec<f64>,
+    multipliers: Vec<f64>,
+    /// Internal force, what is out of balance with it, and the relative size of that.
+    force: Vec<f64>,
+    residual: Vec<f64>,
+    norm: f64,
+    history: Vec<f64>,
+    steps: usize,
+    /// Degree of freedom of a pivot that was not positive, in the last tangent and in one that the path passed.
+    unstable: Option<usize>,
+    passed: Option<usize>,
+    /// It began with a linear step, not with a series.
+    is_linear: bool,
+    /// Its first step leads what is held to where it is to be, whatever that costs.
+    is_led: bool,
+}
+
+impl<'a> Run<'a> {
+    /// Newton iterations to the equilibrium at `load`, or before it where a prediction does not hold so far; on success it
+    /// becomes the state.
+    pub(super) fn advance(&mut self, load: f64) -> Result<usize, Cut> {
+        self.tried = load - self.load;
+        self.contact.advance(load);
+        self.contact.begin(&self.u);
+        let limits = Limits {
+            tolerance: self.settings.tolerance,
+            steps: self.settings.max_iterations,
+            waits: true,
+        };
+        let mut step = LoadStep::new(self, load);
+        let stop = iterate(&mut step, limits)?;
+        let LoadStep { load, u, multipliers, norm, history, steps, unstable, passed, .. } = step;
+        if stop != Stop::Converged {
+            return Err(Cut::Iterations { residual: norm });
+        }
+        if let Some(row) = unstable.or(passed) {
+            self.unstable = Some((load, row));
+        }
+        self.contact.end(&u);
+        (self.u, self.multipliers, self.load) = (u, multipliers, load);
+        self.residuals.push(history);
+        Ok(steps)
+    }
+}
+
+impl<'r, 'a> LoadStep<'r, 'a> {
+    fn new(run: &'r mut Run<'a>, load: f64) -> Self {
+        LoadStep {
+            load,
+            u: run.u.clone(),
+            multipliers: run.multipliers.clone(),
+            force: vec![0.0; run.u.len()],
+            residual: Vec::new(),
+            norm: f64::INFINITY,
+            history: Vec::new(),
+            steps: 0,
+            unstable: None,
+            passed: None,
+            is_linear: true,
+            is_led: run.contact.is_empty() || run.is_led(),
+            run,
+        }
+    }
+
+    /// What the first step does beside the others: it leads what is held, and where it would stretch the body out of
+    /// proportion, the series of the path takes its place; whether it did.
+    fn lead(&mut self, step: &[f64]) -> Result<bool, Cut> {
+        let LoadStep { run, u, load, force, .. } = self;
+        run.note_slope(step, *load);
+        if self.unstable.is_some() {
+            run.check_inversion(u, step)?;
+            return Ok(false);
+        }
+        let is_sound = !run.follows_series && run.is_in_proportion(u, step, force);
+        if !run.contact.is_empty() || is_sound {
+            return Ok(false);
+        }
+        (self.load, self.u, self.multipliers) = run.predict(u, step, *load)?;
+        (run.tried, self.is_linear) = (self.load - run.load, false);
+        Ok(true)
+    }
+}
+
+impl Iteration for LoadStep<'_, '_> {
+    type Failure = Cut;
+
+    fn residual(&mut self) -> Result<f64, Cut> {
+        let LoadStep { run, u, load, force, .. } = self;
+        let clock = Instant::now();
+        run.contact.linearize(u);
+        run.tangent.linearize(run.body(), u, Curvature::Exact, force);
+        let external = run.external_force(*load, u);
+        run.add_stiffness_of_loads(u, *load);
+        run.seconds.assembly += clock.elapsed().as_secs_f64();
+        (self.residual, self.norm) = run.residual(force, &external, &self.multipliers);
+        if self.steps == 0 {
+            return Ok(f64::INFINITY); // an equilibrium, but of another load
+        }
+        self.history.push(self.norm);
+        Ok(self.norm)
+    }
+
+    fn step(&mut self) -> Result<(), Cut> {
+        let is_first = self.steps == 0;
+        self.steps += 1;
+        self.run.iterations += 1;
+        let unstable = self.run.factorize()?;
+        let clock = Instant::now();
+        let (step, change, indefinite) =
+            self.run.newton_step(&self.u, &self.residual, self.load, is_first)?;
+        self.unstable = unstable.or(indefinite);
+        if !is_first && self.is_linear && self.norm <= NEAR {
+            self.passed = self.passed.or(self.unstable);
+        }
+        self.run.seconds.solve += clock.elapsed().as_secs_f64();
+        let is_leading = is_first && self.is_led;
+        if is_leading && self.lead(&step)? {
+            return Ok(());
+        }
+        let length = if is_leading {
+            1.0
+        } else {
+            self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm)?
+        };
+        self.u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
+        self.multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
+        Ok(())
+    }
+}
