@@ -53,14 +53,14 @@ def test_a_part_within_moves_by_the_numbers_of_python(viewer: Viewer, ill: vs.To
     target = ill(state["point"], PUSH).target("tumour")
     assert shift["distance"] == pytest.approx(target.distance, rel=1e-4)
     assert shift["band"] == pytest.approx(target.band, rel=1e-4)
-    viewer.page.wait_for_function(f"() => viscera.inside.root.innerText.includes('{target!s}')")
+    viewer.page.wait_for_function(f"() => viscera.display.inside.root.innerText.includes('{target!s}')")
     viewer.shoot("inside")
 
 
 def test_what_is_drawn_within_is_where_python_has_it(viewer: Viewer, ill: vs.Touch) -> None:
     viewer.call("touch", TOP, PUSH)
     drawn = viewer.page.evaluate(
-        "() => [...viscera.inside.group.children[0].geometry.attributes.position.array]",
+        "() => [...viscera.display.inside.group.children[0].geometry.attributes.position.array]",
     )
     mesh = ill.mesh
     nodes = np.unique(mesh.cells[mesh.cells_in("tumour")])
@@ -117,7 +117,7 @@ def test_all_stiffnesses_times_a_factor(viewer: Viewer, ill: vs.Touch, bar: vs.M
 
 def test_letters_stand_where_the_patient_has_them(viewer: Viewer) -> None:
     """LPS: x to the left of the patient, y to the back, z to the head."""
-    letters = viewer.page.evaluate("() => { viscera.gauge.follow(); return viscera.gauge.letters }")
+    letters = viewer.page.evaluate("() => { viscera.display.gauge.follow(); return viscera.display.gauge.letters }")
     assert set(letters) == set("RLAPSI")
     middle = np.array([0.2, 0.05, 0.05])
     x, y = viewer.place(middle)

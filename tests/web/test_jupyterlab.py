@@ -85,6 +85,8 @@ class Lab:
         self.cells = self.tab.locator(".jp-Notebook .jp-Cell")
         self.force = self.tab.locator(".view .force")
         self.cells.nth(2).wait_for()
+        # A cell that is run before its kernel is there is not run at all.
+        self.tab.locator(".jp-Notebook-ExecutionIndicator[data-status=idle]").wait_for()
 
     def run(self, cell: int) -> None:
         """Run a cell and wait until it has its number."""

@@ -90,10 +90,10 @@ def test_a_film_is_saved(viewer: Viewer) -> None:
 
 
 def test_the_scale_bar_is_as_long_as_it_says(viewer: Viewer) -> None:
-    viewer.page.wait_for_function("() => viscera.gauge.bar.dataset.metres")
+    viewer.page.wait_for_function("() => viscera.display.gauge.bar.dataset.metres")
     metres, pixels, ends = viewer.page.evaluate(
         """() => {
-            const { bar } = viscera.gauge;
+            const { bar } = viscera.display.gauge;
             const { camera, centre } = viscera.stage;
             const metres = Number(bar.dataset.metres);
             const right = camera.matrixWorld.elements.slice(0, 3);

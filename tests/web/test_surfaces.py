@@ -181,9 +181,9 @@ def test_readings_keep_their_distance(viewer: Viewer, size: tuple[int, int]) -> 
         """([order]) => {
             const stiffness = [82.2, 0, 0, 0, 82.2, 0, 0, 0, 82.2];
             const answer = { stiffness, error: 0.00042, shapeError: 0.0123, trust: "trusted" };
-            viscera.readings.show(answer, 12.34, 0.0192);
+            viscera.display.readings.show(answer, 12.34, 0.0192);
             const reading = { force: 12.3456, volume: -0.1234, off: 0.1234 };
-            for (let p = 1; p <= order; p++) viscera.readings.showOrder(p, reading);
+            for (let p = 1; p <= order; p++) viscera.display.readings.showOrder(p, reading);
         }""",
         [4],
     )
@@ -201,15 +201,15 @@ def test_a_force_does_not_hide_the_scale_bar(viewer: Viewer) -> None:
         viewer.call("touch", TOP, (0.02, 0.0, 0.004))
         viewer.page.evaluate(
             """() => {
-                const { arrow, label, gauge } = viscera;
+                const { arrow, label, gauge } = viscera.display;
                 arrow.endsInScene = () => [0, 1].map((k) => viscera.stage.camera.position.clone().set(0, 0, 0));
                 const { left, bottom } = gauge.root.getBoundingClientRect();
                 viscera.stage.onCanvas = () => ({ x: left + 30, y: bottom - 10 });
-                viscera.label.follow(1, "sound");
+                viscera.display.label.follow(1, "sound");
             }"""
         )
         boxes = [viewer.page.locator(name).evaluate(BOX) for name in (".force-label", ".gauge")]
-        viewer.page.evaluate("() => { delete viscera.arrow.endsInScene; delete viscera.stage.onCanvas; }")
+        viewer.page.evaluate("() => { delete viscera.display.arrow.endsInScene; delete viscera.stage.onCanvas; }")
         assert not overlap(*boxes)
 
 

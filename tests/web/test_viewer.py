@@ -221,7 +221,7 @@ def test_strain_is_the_stretch_of_the_surface(viewer: Viewer, touch: vs.Touch) -
     """Of every triangle the largest change of length in its plane, by singular values of its map; means at nodes."""
     viewer.call("setColouring", "strain")
     viewer.call("touch", TOP, (0.0, 0.003, -0.02))
-    shown = np.array(viewer.page.evaluate("() => [...viscera.painter.values]"))
+    shown = np.array(viewer.page.evaluate("() => [...viscera.display.painter.values]"))
     rest = touch.mesh.points[touch.surface_nodes]
     moved = rest + np.reshape(viewer.state["field"], (-1, 3))
     triangles = np.searchsorted(touch.surface_nodes, touch.mesh.surface)

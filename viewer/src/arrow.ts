@@ -1,6 +1,7 @@
-// The contact: a ring on the surface, and the force as an arrow that pushes or pulls there.
+// The contact: a ring on the surface, and the force as an arrow that pushes or pulls there, or a probe that does.
 import * as THREE from "three";
 import type { Vec3 } from "./evaluator";
+import { Probe } from "./probe";
 
 /** What a force is worth: it stands, it is doubtful, or the organ is still on its way. */
 export type Standing = "sound" | "doubtful" | "unsettled";
@@ -14,6 +15,9 @@ export class Arrow {
   private readonly head: THREE.Mesh;
   private readonly ring: THREE.Mesh;
   private readonly material = new THREE.MeshStandardMaterial({ roughness: 0.35, metalness: 0.05 });
+  private readonly probe: Probe;
+  private isProbe = false;
+  private isForce = false;
   /** The contact, and the arrow's far end, where its number belongs [m]. */
   private readonly foot = new THREE.Vector3();
   private readonly tail = new THREE.Vector3();
@@ -28,7 +32,8 @@ export class Arrow {
     this.head = new THREE.Mesh(new THREE.ConeGeometry(2.6 * width, 5 * width, 32).translate(0, 2.5 * width, 0), this.material);
     const torus = new THREE.TorusGeometry(radius, 0.003 * diagonal, 12, 64);
     this.ring = new THREE.Mesh(torus, new THREE.MeshBasicMaterial({ color: 0xffffff, transparent: true, opacity: 0.75 }));
-    this.group.add(this.shaft, this.head, this.ring);
+    this.probe = new Probe(diagonal, radius, this.material);
+    this.group.add(this.shaft, this.head, this.ring, this.probe.group);
     this.group.visible = false;
   }
 
@@ -48,9 +53,13 @@ export class Arrow {
     this.shaft.scale.set(1, length - headLength, 1);
     this.head.position.copy(start).addScaledVector(direction, length - headLength);
     this.head.quaternion.copy(turn);
+    const normal = new THREE.Vector3(...outward);
+    this.probe.place(point, normal);
     this.foot.copy(point);
-    this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
-    this.shaft.visible = this.head.visible = size > 1e-3 * reference;
+    if (this.isProbe) this.tail.copy(this.probe.end(point, normal));
+    else this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
+    this.isForce = size > 1e-3 * reference;
+    this.choose();
     this.material.color.set(COLOURS[standing]);
     this.mark(at, outward);
   }
@@ -64,8 +73,15 @@ export class Arrow {
   }
 
   hover(at: Vec3, outward: Vec3): void {
-    this.shaft.visible = this.head.visible = false;
+    this.isForce = false;
+    this.shaft.visible = this.head.visible = this.probe.group.visible = false;
     this.mark(at, outward);
+  }
+
+  /** Whether a probe stands where the arrow does. */
+  set hasProbe(isProbe: boolean) {
+    this.isProbe = isProbe;
+    this.choose();
   }
 
   hide(): void {
@@ -78,7 +94,12 @@ export class Arrow {
   }
 
   get hasForce(): boolean {
-    return this.group.visible && this.shaft.visible;
+    return this.group.visible && this.isForce;
+  }
+
+  private choose(): void {
+    this.shaft.visible = this.head.visible = this.isForce && !this.isProbe;
+    this.probe.group.visible = this.isForce && this.isProbe;
   }
 
   dispose(): void {
@@ -86,5 +107,6 @@ export class Arrow {
       part.geometry.dispose();
       (part.material as THREE.Material).dispose();
     }
+    this.probe.dispose();
   }
 }

@@ -2,6 +2,23 @@
 import type { Vec3 } from "./evaluator";
 import type { Link } from "./link";
 
+/** What the stepper says first (live/src/stage.rs). */
+export interface Hello {
+  name: string;
+  laws: string[];
+  law: string;
+  diagonal: number;
+  radius: number;
+  /** Null where none can be chosen. */
+  gravity: Vec3 | null;
+  /** Whether it is a solved state, which no hand can move. */
+  is_still?: boolean;
+  rest: number[];
+  triangles: number[];
+  /** Where it may be touched; everywhere if it is not said. */
+  touchable?: number[];
+}
+
 /** What a hand does (live/src/request.rs). */
 export interface Gesture {
   grab?: Vec3;

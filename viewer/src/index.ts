@@ -1,5 +1,6 @@
 // What the page and the notebook load: `open` for a page, the default export for anywidget.
 import { load } from "./files";
+import { hybrid } from "./hybrid";
 import { SocketLink, WorkerLink, type Link } from "./link";
 import { connect, type LiveView } from "./live";
 import { inWords, Notice } from "./notice";
@@ -32,6 +33,20 @@ export async function openCase(place: HTMLElement, url: string): Promise<void> {
   await show(place, async (say) => linked(place, new WorkerLink((await load(url, loading(say))).buffer)));
 }
 
+/**
+ * Fetches a case, which a worker of this page steps, and the model of the same organ behind it, which takes over when it
+ * has arrived. An address that carries a touch is the model's own.
+ */
+export async function openHybrid(place: HTMLElement, caseUrl: string, modelUrl: string): Promise<void> {
+  if (location.hash) return open(place, modelUrl);
+  await show(place, async () => {
+    const { first, then } = await hybrid(place, caseUrl, modelUrl, isFramed());
+    // Where the model cannot be loaded, the first view says so.
+    void then.then(enter, () => {});
+    return first;
+  });
+}
+
 /** Whether the page is a part of another one, which wants the wheel for itself. */
 function isFramed(): boolean {
   return window !== window.top;
@@ -41,15 +56,19 @@ function isFramed(): boolean {
 async function show(place: HTMLElement, make: (say: (words: string) => void) => Promise<View | LiveView>): Promise<void> {
   const notice = new Notice(place, "Loading the organ …");
   try {
-    const view = await make((words) => notice.say(words));
-    window.viscera = view;
-    if (!isFramed()) view.focus();
-    document.title = `${view.title} · Viscera`;
+    enter(await make((words) => notice.say(words)));
     notice.remove();
   } catch (error) {
     notice.say(inWords(error));
     throw error;
   }
+}
+
+/** Makes a view that of the page. */
+function enter(view: View | LiveView): void {
+  window.viscera = view;
+  if (!isFramed()) view.focus();
+  document.title = `${view.title} · Viscera`;
 }
 
 function loading(say: (words: string) => void): (percent: number) => void {

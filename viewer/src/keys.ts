@@ -8,6 +8,7 @@ export interface Keyed {
   rest(): void;
   nextColouring(): void;
   toggleOutline(): void;
+  toggleProbe(): void;
   toggleTheme(): void;
   /** Lets go and looks from where it looked first. */
   reset(): void;
@@ -31,7 +32,7 @@ export const KEYS: readonly [string, string][] = [
   ["Esc", "let go, close this help"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
-  ["I", "look: solid, translucent, cut open"],
+  ["F  I", "force: arrow or probe; look: solid, translucent, cut open"],
   ["P  M", "play a load path, show the modes ([ and ] step through them)"],
   ["T  R  ?", "light or dark theme, reset, this help"],
 ];
@@ -46,7 +47,8 @@ export const LIVE_KEYS: readonly [string, string][] = [
   ["↑ ↓ ← →", "move the hand; Shift for small steps"],
   ["+ −", "push in, pull out"],
   ["Esc", "let go, close this help"],
-  ["C  W  I", "colour, wireframe at rest, look: solid, translucent, cut open"],
+  ["C  W", "colour, wireframe at rest"],
+  ["F  I", "forces: arrows or probes; look: solid, translucent, cut open"],
   ["T  R  ?", "light or dark theme, reset, this help"],
 ];
 
@@ -72,6 +74,7 @@ export function listen(root: HTMLElement, view: Keyed): () => void {
     else if (key === "Escape") view.rest();
     else if (key === "c") view.nextColouring();
     else if (key === "w") view.toggleOutline();
+    else if (key === "f") view.toggleProbe();
     else if (key === "i") view.nextLook();
     else if (key === "k") view.toggleKeeping?.();
     else if (key === "p") view.togglePath?.();

@@ -2,20 +2,19 @@
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
 import { Contrast } from "./contrast";
-import { Conversation } from "./conversation";
-import { button, element, followTheme, newtons, toggleTheme } from "./dom";
+import { Conversation, type Hello } from "./conversation";
+import { button, element, followTheme, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Gauge } from "./gauge";
 import { Hint } from "./hint";
 import { listen, type Keyed } from "./keys";
-import { lawName } from "./lawname";
 import { Legend } from "./legend";
 import type { Link } from "./link";
 import { LivePainter, type LiveColouring } from "./livecolouring";
 import { LiveTools } from "./livetools";
 import { Mean, paceInWords } from "./pace";
 import { Plan } from "./plan";
-import { nudged, Pointer, type Tool, type Touched } from "./pointer";
+import { nudged, Pointer, type Reading, type Tool, type Touched } from "./pointer";
 import { Row } from "./row";
 import type { Hand, Specimen } from "./specimen";
 import { Share, type Shared } from "./share";
@@ -23,25 +22,12 @@ import { Sight } from "./sight";
 import { Speech } from "./speech";
 import { Stage } from "./stage";
 import { told, type Told } from "./touchstate";
+import { forces, trouble } from "./verdict";
 import { headsetButton } from "./xr";
-
-/** What the stepper says first (live/src/stage.rs). */
-interface Hello {
-  name: string;
-  laws: string[];
-  law: string;
-  diagonal: number;
-  radius: number;
-  /** Null where none can be chosen. */
-  gravity: Vec3 | null;
-  /** Whether it is a solved state, which no hand can move. */
-  is_still?: boolean;
-  rest: number[];
-  triangles: number[];
-}
 
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
+
 export class LiveView implements Touched, Keyed, Shared {
   readonly hands: number;
   /** Work after a frame has been shown. */
@@ -49,6 +35,8 @@ export class LiveView implements Touched, Keyed, Shared {
   tool: Tool = "drag";
   readonly depth: number;
   readonly title: string;
+  /** Work once the last hand has let go. */
+  private onFree: () => void = () => {};
   /** Frames received, for programs. */
   frames = 0;
   /** Whether a frame has come that has not been drawn. */
@@ -89,7 +77,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.surface = {
       rest: Float32Array.from(hello.rest),
       triangles: Uint32Array.from(hello.triangles),
-      touchable: Uint32Array.from(hello.triangles),
+      touchable: Uint32Array.from(hello.touchable ?? hello.triangles),
       diagonal: hello.diagonal,
     };
     this.depth = 0.1 * hello.diagonal;
@@ -99,7 +87,8 @@ export class LiveView implements Touched, Keyed, Shared {
     this.hands = hello.is_still ? 0 : 2;
     this.plan = new Plan(hello.name, hello.is_still ? "Turn the view." : "Press on the organ to take hold of it.", isEmbedded);
     const { root } = this.plan;
-    this.stage = new Stage(this.plan.canvas, lookOver(this.surface).centre, hello.diagonal, [0.2, -1, 0]);
+    const { centre, facing } = lookOver(this.surface);
+    this.stage = new Stage(this.plan.canvas, centre, hello.diagonal, hello.touchable ? facing : [0.2, -1, 0]);
     this.speech = new Speech(this.stage);
     this.gauge = new Gauge(this.stage);
     this.row = new Row(this.stage, this.surface, hello.radius, hello.laws, this.labels, this.gauge.root);
@@ -161,6 +150,12 @@ export class LiveView implements Touched, Keyed, Shared {
     this.holding[hand] = null;
     this.specimens.forEach((specimen) => specimen.letGo(hand));
     this.conversation.gesture(hand, { release: true });
+    if (!this.held) this.onFree();
+  }
+
+  /** Waits until no hand holds on. */
+  free(): Promise<void> {
+    return new Promise((done) => (this.held ? (this.onFree = done) : done()));
   }
 
   hover(hit: Hit | null): void {
@@ -177,6 +172,10 @@ export class LiveView implements Touched, Keyed, Shared {
     return this.holding[hand] ?? null;
   }
 
+  reading(hand = 0): Reading | null {
+    return this.holding[hand] ? this.specimens[0]!.reading(hand) : null;
+  }
+
   // What tools, keys and programs do.
 
   /** One law, or two side by side; what a hand holds it goes on holding. */
@@ -190,7 +189,7 @@ export class LiveView implements Touched, Keyed, Shared {
 
   /** Begins anew, from rest and with nobody touching. */
   reset(): void {
-    this.holding.fill(null);
+    this.rest();
     this.conversation.forget();
     if (this.painter.colouring === "stress") this.conversation.want({ stress: true });
     this.setLaws(this.laws);
@@ -255,6 +254,12 @@ export class LiveView implements Touched, Keyed, Shared {
     this.stage.invalidate();
   }
 
+  toggleProbe(): void {
+    this.tools.hasProbe = !this.tools.hasProbe;
+    this.specimens.forEach((specimen) => (specimen.hasProbe = this.tools.hasProbe));
+    this.stage.shape(() => this.show());
+  }
+
   toggleTheme(): void {
     toggleTheme(this.plan.root);
   }
@@ -264,13 +269,23 @@ export class LiveView implements Touched, Keyed, Shared {
     this.plan.focus();
   }
 
+  /** From where the organ is looked at [diagonals]. */
+  get from(): Vec3 {
+    return this.stage.camera.position.toArray();
+  }
+
+  /** Says in the header what is under way. */
+  say(words: string): void {
+    this.tools.say(words);
+  }
+
   announce(sentence: string): void {
     this.speech.summary.say(sentence);
   }
 
   /** The sentence below a picture of the hand's forces. */
   caption(): string {
-    return this.held ? this.forces().join(" ") : "";
+    return this.held ? forces(this.specimens, this.holding) : "";
   }
 
   /** The state in numbers, for programs: SI units. */
@@ -362,37 +377,18 @@ export class LiveView implements Touched, Keyed, Shared {
     const [one, other] = specimens;
     if (one && other) this.contrast.show(one, other);
     this.onTouch();
-    this.speech.say(this.caption(), this.complaint || this.trouble());
-  }
-
-  /** What each organ's forces are, in words. */
-  private forces(): string[] {
-    return this.specimens.map(({ law, sizes, standing }) => {
-      const said = sizes.filter((_, hand) => this.holding[hand]).map(newtons);
-      return `${lawName(law)}: ${said.join(" and ")}${standing === "unsettled" ? ", not settled" : ""}.`;
-    });
-  }
-
-  /** What is the matter with the last frame, in words; empty where nothing is. */
-  private trouble(): string {
-    const named = ({ law }: Specimen) => (this.specimens.length > 1 ? ` (${lawName(law)})` : "");
-    const cut = this.specimens.find(({ facts }) => facts.taken < 1);
-    if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell turns inside out.`;
-    const flat = this.specimens.find(({ facts }) => facts.cellsAtBound > 0);
-    if (flat) return `A cell has reached the limit of its deformation${named(flat)}.`;
-    const unstable = this.specimens.find(({ facts }) => facts.isUnstable);
-    return unstable ? `The organ is about to buckle here${named(unstable)}.` : "";
+    this.speech.say(this.caption(), this.complaint || trouble(this.specimens));
   }
 
   private complain(sentence: string): void {
     this.complaint = sentence;
-    this.speech.say(this.caption(), this.complaint || this.trouble());
+    this.speech.say(this.caption(), this.complaint || trouble(this.specimens));
   }
 
   /** Makes the organs anew, one for each law, side by side. */
   private arrange(): void {
     const choose = (index: number, law: string) => this.setLaws(this.laws.map((old, k) => (k === index ? law : old)));
-    this.row.arrange(this.laws, this.tools.hasOutline, choose);
+    this.row.arrange(this.laws, this.tools, choose);
     this.sight.renew();
     const contrast = this.laws.length > 1 ? [this.contrast.root] : [];
     const focused = this.controls().indexOf((this.plan.root.getRootNode() as ShadowRoot).activeElement as HTMLElement);
@@ -434,13 +430,13 @@ export class LiveView implements Touched, Keyed, Shared {
 }
 
 /** Fills the place with the view of a case, once its stepper has introduced it; rejects with a sentence. */
-export function connect(place: HTMLElement, link: Link, isEmbedded: boolean): Promise<LiveView> {
+export function connect(place: HTMLElement, link: Link, isEmbedded: boolean, known: Partial<Hello> = {}): Promise<LiveView> {
   return new Promise((resolve, reject) => {
     link.onClose = (sentence) => reject(new Error(sentence));
     link.onMessage = (data) => {
       const hello = JSON.parse(data as string) as Hello | { error: string };
       if ("error" in hello) reject(new Error(hello.error));
-      else resolve(new LiveView(place, link, hello, isEmbedded));
+      else resolve(new LiveView(place, link, { ...hello, ...known }, isEmbedded));
     };
   });
 }

@@ -1,5 +1,5 @@
 // The controls of a case that is stepped: its name above, tools below, and the help.
-import { button, choice, element, helpDialog, Segments } from "./dom";
+import { button, choice, element, helpDialog, Segments, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS } from "./keys";
 import type { LiveView } from "./live";
@@ -22,13 +22,15 @@ export class LiveTools {
   readonly help = helpDialog("Take hold of the organ", LIVE_KEYS);
   readonly tool: Segments<Tool>;
   readonly colouring: Segments<LiveColouring>;
+  private readonly news = element("span");
   private readonly outline: HTMLButtonElement;
+  private readonly probe: HTMLButtonElement;
 
   constructor(view: LiveView, facts: readonly string[], gravity: Vec3 | null, headset: HTMLButtonElement) {
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
-    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, facts.join(" · ")), corner);
+    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, facts.join(" · "), this.news), corner);
     this.tool = new Segments<Tool>(
       "tool",
       [
@@ -49,13 +51,28 @@ export class LiveTools {
     );
     this.colouring.value = "tissue";
     this.outline = button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W");
+    this.probe = button("Probe", "show probes in place of the forces' arrows", () => view.toggleProbe(), "F");
+    this.hasProbe = this.hasOutline = false;
     const pull = choice("gravity", GRAVITIES, (value) => view.setGravity(value.split(",").map(Number) as Vec3));
     pull.value = GRAVITIES.find(([value]) => value === gravity?.map(String).join())?.[0] ?? "0,0,0";
     pull.hidden = gravity === null;
     const reset = button("Reset", "start again from rest", () => view.reset(), "R");
     const { choice: look, slider } = view.sight;
-    const controls = [this.tool.root, pull, this.colouring.root, this.outline, look.root, slider, reset];
+    const controls = [this.tool.root, pull, this.colouring.root, this.outline, this.probe, look.root, slider, reset];
     this.root = element("nav", { class: "panel tools", "aria-label": "tools" }, ...controls);
+  }
+
+  /** Says what is under way. */
+  say(words: string): void {
+    write(this.news, ` · ${words}`);
+  }
+
+  get hasProbe(): boolean {
+    return this.probe.getAttribute("aria-pressed") === "true";
+  }
+
+  set hasProbe(isOn: boolean) {
+    this.probe.setAttribute("aria-pressed", String(isOn));
   }
 
   get hasOutline(): boolean {

@@ -1,11 +1,20 @@
 // The mouse or a finger as a hand: a press on the organ touches it, moving displaces the contact.
 import * as THREE from "three";
+import type { Standing } from "./arrow";
 import type { Body, Hit } from "./body";
 import type { Vec3 } from "./evaluator";
 import type { Stage } from "./stage";
 
 /** How moving displaces: along the surface's normal, or in the plane of the screen. */
 export type Tool = "push" | "drag";
+
+/** What is told of a hand beside its force: the force itself, what it is worth, and where its arrow ends in the scene. */
+export interface Reading {
+  force: string;
+  worth: string;
+  standing: Standing;
+  at: THREE.Vector3;
+}
 
 /** Whoever is touched, by one hand or more, counted from 0: the displacement is from where a hand took hold [m]. */
 export interface Touched {
@@ -15,6 +24,8 @@ export interface Touched {
   hover(hit: Hit | null): void;
   /** Outward normal at the contact, and the displacement it already has. */
   contact(hand: number): { normal: Vec3; displacement: Vec3 } | null;
+  /** Null where a hand does not touch. */
+  reading(hand: number): Reading | null;
   /** How many hands may touch at once. */
   readonly hands: number;
   readonly tool: Tool;

@@ -9,6 +9,12 @@ import type { Stage } from "./stage";
 /** From the middle of one to that of the next, in widths of the organ. */
 const APART = 1.15;
 
+/** What is shown beside the organs. */
+interface Shown {
+  readonly hasOutline: boolean;
+  readonly hasProbe: boolean;
+}
+
 export class Row {
   specimens: Specimen[] = [];
 
@@ -24,7 +30,7 @@ export class Row {
   ) {}
 
   /** Makes the organs anew, one for each law; `choose` is told which of them is given another law. */
-  arrange(laws: readonly string[], hasOutline: boolean, choose: (index: number, law: string) => void): void {
+  arrange(laws: readonly string[], shown: Shown, choose: (index: number, law: string) => void): void {
     const isOther = laws.length !== this.specimens.length;
     for (const specimen of this.specimens) {
       this.stage.world.remove(specimen.place);
@@ -36,7 +42,8 @@ export class Row {
       const side = laws.length > 1 ? (["left", "right"][k] ?? "") : "";
       const specimen = new Specimen(this.surface, this.radius, this.stage, this.gauge, names, law, side, (chosen) => choose(k, chosen));
       specimen.place.position.set(...places[k]!);
-      specimen.body.outline.visible = hasOutline;
+      specimen.body.outline.visible = shown.hasOutline;
+      specimen.hasProbe = shown.hasProbe;
       this.stage.world.add(specimen.place);
       this.labels.append(...specimen.grips.map(({ label }) => label.root));
       return specimen;

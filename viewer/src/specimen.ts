@@ -6,6 +6,7 @@ import { lengths } from "./colouring";
 import { choice, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { ForceLabel } from "./label";
+import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
 
 /** Numbers of a body in a frame before its displacements (live/src/lib.rs). */
@@ -56,6 +57,9 @@ const AT_REST: Facts = {
   cellsAtBound: 0,
   steps: 0,
 };
+
+/** What a force is worth, in words. */
+const WORTH: Record<Standing, string> = { sound: "settled", doubtful: "doubtful", unsettled: "not settled" };
 
 export class Specimen {
   readonly body: Body;
@@ -170,6 +174,18 @@ export class Specimen {
       arrow.show(at, k === 0 ? force : second, hand.normal, Math.max(reference, 1e-9), this.standing);
     });
     this.secondFact.hidden = !hands[1];
+  }
+
+  /** What is told beside the force of a hand. */
+  reading(hand: number): Reading {
+    const { standing } = this;
+    const at = this.grips[hand]!.arrow.endsInScene()[1];
+    return { force: newtons(this.sizes[hand]!), worth: WORTH[standing], standing, at };
+  }
+
+  /** Whether probes stand where the forces' arrows do. */
+  set hasProbe(isProbe: boolean) {
+    this.grips.forEach(({ arrow }) => (arrow.hasProbe = isProbe));
   }
 
   /** A hand has let go. */

@@ -28,6 +28,8 @@ export class Stage {
   onDrawn: () => void = () => {};
   /** Work of every frame, before it is drawn; given the seconds since the last. */
   onFrame: (seconds: number) => void = () => {};
+  /** Work of every frame in a headset. */
+  onHeadset: () => void = () => {};
   readonly pace = new Pace();
   /** Milliseconds of a frame for shaping and drawing what is seen. */
   readonly drawing = new Mean();
@@ -246,7 +248,8 @@ export class Stage {
     if (!isPresenting && (this.isStretched || (this.isMisfit && this.controls.enabled))) this.fit();
     this.controls.update();
     this.onFrame(Math.min(interval, 100) / 1000);
-    if (!isPresenting) this.sharpen();
+    if (isPresenting) this.onHeadset();
+    else this.sharpen();
     const isDrawn = this.isStale || isPresenting;
     this.pace.tick(time, isDrawn);
     if (!isDrawn) return;

@@ -7,7 +7,7 @@ import type { Tool } from "./pointer";
 import { percent } from "./readings";
 import type { View } from "./view";
 
-type Switch = "keep" | "outline" | "path" | "modes";
+type Switch = "keep" | "outline" | "probe" | "path" | "modes";
 
 export class Tools {
   readonly header: HTMLElement;
@@ -32,6 +32,7 @@ export class Tools {
     const { metadata } = about;
     const { web } = view.evaluator.notes;
     const facts = [
+      "reduced model",
       lawName(metadata.law),
       `${view.evaluator.outer.length} surface nodes`,
       `up to ${(1000 * metadata.depth).toFixed(0)} mm deep`,
@@ -73,6 +74,7 @@ export class Tools {
     this.switches = {
       keep: button("Keep", "keep the touch after release", () => view.toggleKeeping(), "K"),
       outline: button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W"),
+      probe: button("Probe", "show a probe in place of the force's arrow", () => view.toggleProbe(), "F"),
       path: button("▶ Path", "move a contact along a path over the surface", () => view.togglePath(), "P"),
       modes: button("Modes", "show the modes of the reduced model", () => view.toggleModes(), "M"),
     };
@@ -82,6 +84,7 @@ export class Tools {
       this.tool.root,
       this.switches.keep,
       this.switches.outline,
+      this.switches.probe,
       this.switches.path,
       this.colouring.root,
       this.switches.modes,

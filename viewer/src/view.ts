@@ -1,30 +1,23 @@
-// The view: an organ on a stage, a hand, the readings and the tools, and one state that they share.
+// The view of a reduced model: what hands, tools, keys and programs do to the organ, and what it does by itself.
 import * as THREE from "three";
-import { Arrow } from "./arrow";
-import { Body, lookOver, type Hit } from "./body";
-import { COLOURINGS, Painter, type Colouring } from "./colouring";
+import { lookOver, type Hit } from "./body";
+import { COLOURINGS, type Colouring } from "./colouring";
+import { Display } from "./display";
 import { element, followTheme, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
 import { read, written } from "./address";
-import { Gauge } from "./gauge";
 import { Hint } from "./hint";
-import { Inside, shiftInWords, type Shift } from "./inside";
 import { listen, type Keyed } from "./keys";
-import { ForceLabel } from "./label";
-import { Legend } from "./legend";
 import { Modes } from "./modes";
-import { Mean, paceInWords } from "./pace";
+import { Mean } from "./pace";
 import { Plan } from "./plan";
-import { nudged, Pointer, type Tool, type Touched } from "./pointer";
-import { Readings } from "./readings";
+import { nudged, Pointer, type Reading, type Tool, type Touched } from "./pointer";
 import { Share, type Shared } from "./share";
 import { LOOKINGS, Sight, type Looking } from "./sight";
-import { Speech } from "./speech";
 import { Spring } from "./spring";
 import { Stage } from "./stage";
 import { Tools } from "./tools";
 import { NOBODY, told, TouchState, type Told } from "./touchstate";
-import { typicalForce } from "./typicalforce";
 import { Walk } from "./walk";
 import { headsetButton } from "./xr";
 
@@ -39,28 +32,19 @@ export class View implements Touched, Keyed, Shared {
   readonly depth: number;
   private activity: Activity = "rest";
   private isKeeping = false;
+  private hasProbe = false;
   private touching: TouchState | null = null;
   private readonly spring = new Spring();
-  private readonly reference: number;
   private readonly plan: Plan;
-  private readonly speech: Speech;
-  private readonly clock = element("div", { class: "clock" });
-  private readonly readings: Readings;
-  private readonly legend = new Legend();
   /** Work after a touch has changed. */
   onTouch: () => void = () => {};
   readonly sight: Sight;
   readonly share: Share;
-  private readonly gauge: Gauge;
   private readonly hint: Hint;
-  private readonly inside: Inside;
   private readonly tools: Tools;
   private readonly modes: Modes;
   private readonly stage: Stage;
-  private readonly body: Body;
-  private readonly painter: Painter;
-  private readonly arrow: Arrow;
-  private readonly label: ForceLabel;
+  private readonly display: Display;
   private readonly answering = new Mean();
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
@@ -74,10 +58,10 @@ export class View implements Touched, Keyed, Shared {
     return new View(place, await Evaluator.load(model), isEmbedded);
   }
 
-  private constructor(
+  constructor(
     place: HTMLElement,
     readonly evaluator: Evaluator,
-    isEmbedded: boolean,
+    isEmbedded = false,
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
@@ -87,33 +71,25 @@ export class View implements Touched, Keyed, Shared {
     const { root } = this.plan;
     const { centre, facing } = lookOver(evaluator);
     this.stage = new Stage(this.plan.canvas, centre, metadata.diagonal, facing);
-    this.speech = new Speech(this.stage);
-    this.body = new Body(evaluator);
-    this.painter = new Painter(evaluator, this.body, this.legend);
-    this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
-    this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
-    this.stage.world.add(this.body.mesh, this.body.outline, this.arrow.group, this.inside.group);
-    this.sight = new Sight(this.stage, () => [this.body]);
-    this.walk = new Walk(evaluator, this.body, this.stage.world);
+    this.display = new Display(evaluator, this.stage, (order) => this.setOrder(order));
+    const { body, inside, readings, speech, gauge, legend, clock, label } = this.display;
+    this.sight = new Sight(this.stage, () => [body]);
+    this.walk = new Walk(evaluator, body, this.stage.world);
     if (evaluator.notes.inside?.length) this.sight.choose("translucent");
-    this.readings = new Readings(metadata.order, (order) => this.setOrder(order));
-    this.modes = new Modes(evaluator, this.body, this.stage.towards, () => this.stage.invalidate());
+    this.modes = new Modes(evaluator, body, this.stage.towards, () => this.stage.invalidate());
     this.share = new Share(this.stage, this, root);
-    this.gauge = new Gauge(this.stage, evaluator.notes.axes);
-    this.label = new ForceLabel(this.stage, this.arrow, this.gauge.root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    this.tools = new Tools(this, headsetButton(this.stage, this.body, this));
-    const side = element("div", { class: "side" }, this.readings.root, this.inside.root, this.modes.root, this.clock);
+    this.tools = new Tools(this, headsetButton(this.stage, body, this));
+    const side = element("div", { class: "side" }, readings.root, inside.root, this.modes.root, clock);
     this.plan.fill(
       place,
-      [this.label.root, this.hint.root],
-      [this.stage.clearing, this.tools.header, this.speech.warning, this.gauge.root, this.legend.root, side, this.tools.root],
-      [this.help, this.speech.summary.root],
+      [label.root, this.hint.root],
+      [this.stage.clearing, this.tools.header, speech.warning, gauge.root, legend.root, side, this.tools.root],
+      [this.help, speech.summary.root],
     );
     this.stage.enclose([{ rest: evaluator.rest, at: [0, 0, 0] }]);
-    this.reference = typicalForce(evaluator, this.body);
-    this.pointer = new Pointer(this.stage, this.body, this);
-    this.deaf = [listen(root, this), followTheme(root, () => this.readings.redraw())];
+    this.pointer = new Pointer(this.stage, body, this);
+    this.deaf = [listen(root, this), followTheme(root, () => readings.redraw())];
     this.stage.onFrame = (seconds) => this.frame(seconds);
     this.setOrder(this.order);
     this.setColouring("tissue");
@@ -149,14 +125,15 @@ export class View implements Touched, Keyed, Shared {
   }
 
   hover(hit: Hit | null): void {
-    if (this.activity !== "rest") return;
-    if (hit) this.arrow.hover(hit.rest, this.body.normalAt(hit.rest, this.evaluator.about.metadata.radius));
-    else this.arrow.hide();
-    this.stage.invalidate();
+    if (this.activity === "rest") this.display.hover(hit && hit.rest);
   }
 
   contact(): { normal: Vec3; displacement: Vec3 } | null {
     return this.touching;
+  }
+
+  reading(): Reading | null {
+    return this.touching && this.display.reading(this.touching, this.order);
   }
 
   // What tools, keys and programs do.
@@ -190,29 +167,26 @@ export class View implements Touched, Keyed, Shared {
     this.stop();
     this.activity = "rest";
     this.touching = null;
-    this.body.move(null);
-    this.inside.move(null);
-    this.arrow.hide();
-    for (let p = 1; p <= this.evaluator.about.metadata.order; p++) this.readings.showOrder(p, null);
+    this.display.rest();
     this.show();
   }
 
   setOrder(order: number): void {
     if (order < 1 || order > this.evaluator.about.metadata.order) return;
     this.order = order;
-    this.readings.choose(order);
+    this.display.readings.choose(order);
     this.touching?.choose(order);
     this.show();
   }
 
   setColouring(colouring: Colouring): void {
-    this.painter.colouring = colouring;
+    this.display.painter.colouring = colouring;
     this.tools.colouring.value = colouring;
     this.show();
   }
 
   nextColouring(): void {
-    this.setColouring(this.painter.next);
+    this.setColouring(this.display.painter.next);
   }
 
   /** All stiffnesses of the organ times a factor, where that is exact: about a rest that is free of stress. */
@@ -251,9 +225,17 @@ export class View implements Touched, Keyed, Shared {
   }
 
   toggleOutline(): void {
-    this.body.outline.visible = !this.body.outline.visible;
-    this.tools.press("outline", this.body.outline.visible);
+    const { outline } = this.display.body;
+    outline.visible = !outline.visible;
+    this.tools.press("outline", outline.visible);
     this.stage.invalidate();
+  }
+
+  toggleProbe(): void {
+    this.hasProbe = !this.hasProbe;
+    this.display.arrow.hasProbe = this.hasProbe;
+    this.tools.press("probe", this.hasProbe);
+    this.show();
   }
 
   togglePath(): void {
@@ -269,9 +251,9 @@ export class View implements Touched, Keyed, Shared {
     this.rest();
     this.activity = "modes";
     this.tools.press("modes", true);
-    this.legend.hide();
-    this.readings.root.hidden = true;
-    this.inside.root.hidden = true;
+    const { legend, readings, inside } = this.display;
+    legend.hide();
+    readings.root.hidden = inside.root.hidden = true;
     this.modes.show();
   }
 
@@ -281,7 +263,7 @@ export class View implements Touched, Keyed, Shared {
 
   toggleTheme(): void {
     toggleTheme(this.plan.root);
-    this.readings.redraw();
+    this.display.readings.redraw();
   }
 
   /** Makes the keys work. */
@@ -307,7 +289,7 @@ export class View implements Touched, Keyed, Shared {
       ...(touching?.numbers ?? NOBODY),
       looking: this.sight.looking,
       stiffness_factor: this.evaluator.factor,
-      inside: this.shifts(),
+      inside: this.display.shifts(touching, this.order),
       shapes: this.walk.shapes,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
@@ -330,28 +312,23 @@ export class View implements Touched, Keyed, Shared {
 
   dispose(): void {
     this.deaf.forEach((end) => end());
-    this.speech.dispose();
     this.share.dispose();
-    this.readings.dispose();
     this.pointer.dispose();
-    this.arrow.dispose();
     this.walk.dispose();
-    this.body.dispose();
-    this.inside.dispose();
+    this.display.dispose();
     this.stage.dispose();
     this.evaluator.dispose();
     this.plan.remove();
   }
 
   announce(sentence: string): void {
-    this.speech.summary.say(sentence);
+    this.display.speech.summary.say(sentence);
   }
 
   /** The touch as one would say it: the sentence below a picture. */
   caption(): string {
     const { touching } = this;
-    if (!touching || this.activity === "path") return "";
-    return [touching.inShort, ...this.shifts()!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`)].join(" ");
+    return touching && this.activity !== "path" ? this.display.caption(touching, this.order) : "";
   }
 
   /** What an address carries that shows this touch, seen like this. */
@@ -360,7 +337,7 @@ export class View implements Touched, Keyed, Shared {
     return written({
       ...(touching && { point: touching.point, displacement: touching.displacement }),
       order: this.order,
-      colour: this.painter.colouring,
+      colour: this.display.painter.colouring,
       look: this.sight.looking,
       from: this.stage.camera.position.toArray(),
     });
@@ -376,24 +353,23 @@ export class View implements Touched, Keyed, Shared {
     if (point && displacement && this.evaluator.touch(point)) this.touch(point, displacement);
   }
 
+  /** Looks at the organ from a place [diagonals]. */
+  lookFrom(place: Vec3): void {
+    this.stage.lookFrom(place);
+  }
+
   // How it is shown.
 
   private frame(seconds: number): void {
     if (this.activity === "springing") this.comeBack(seconds);
     else if (this.activity === "path") this.walkOn(seconds);
     else if (this.activity === "modes") {
-      this.inside.move(this.modes.advance(seconds));
+      this.display.inside.move(this.modes.advance(seconds));
       this.stage.invalidate();
     }
     this.sight.follow();
-    this.gauge.follow();
     this.hint.follow(this.activity === "rest");
-    this.label.follow(Math.hypot(...(this.touching?.force ?? [])), this.touching?.standing(this.order) ?? "sound");
-    const { pace, drawing } = this.stage;
-    this.clock.textContent = paceInWords(pace.rate, [
-      ["answer", this.answering.value],
-      ["drawing", drawing.value],
-    ]);
+    this.display.follow(this.touching, this.order, this.answering.value);
   }
 
   private comeBack(seconds: number): void {
@@ -410,21 +386,21 @@ export class View implements Touched, Keyed, Shared {
 
   private touchAt(point: Vec3): void {
     const { radius } = this.evaluator.about.metadata;
-    this.touching = new TouchState(this.evaluator, point, this.body.normalAt(point, radius));
+    this.touching = new TouchState(this.evaluator, point, this.display.body.normalAt(point, radius));
     this.touching.displace([0, 0, 0], this.order);
   }
 
   /** Ends what moved the organ by itself. */
   private stop(): void {
     if (this.activity === "modes") this.modes.hide();
-    this.readings.root.hidden = false;
-    this.inside.root.hidden = this.inside.isEmpty;
+    this.display.readings.root.hidden = false;
+    this.display.inside.root.hidden = this.display.inside.isEmpty;
     this.tools?.press("modes", false);
     this.tools?.press("path", false);
     this.walk.end();
     if (this.activity === "path" || this.activity === "modes") {
       this.activity = "rest";
-      this.setColouring(this.painter.colouring);
+      this.setColouring(this.display.painter.colouring);
     }
   }
 
@@ -433,26 +409,7 @@ export class View implements Touched, Keyed, Shared {
   }
 
   private shape(): void {
-    const { touching, order } = this;
-    if (touching) {
-      this.body.move(touching.field);
-      this.inside.move(touching.field);
-      const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
-      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order));
-      touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
-    }
-    this.inside.show(this.shifts(), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));
-    const [force, depth] = [Math.hypot(...(touching?.force ?? [])), touching?.depth ?? 0];
-    this.readings.show(touching?.answer ?? null, force, depth);
-    this.readings.draw(touching?.curves ?? null, order, this.depth, touching && { depth, force });
-    this.painter.show(touching, order);
+    this.display.show(this.touching, this.order, this.caption());
     this.onTouch();
-    this.speech.say(this.caption(), this.touching?.warning(this.order) ?? "");
-  }
-
-  /** How far the parts within have moved; null where nobody touches. */
-  private shifts(): Shift[] | null {
-    const { touching, order } = this;
-    return touching && this.inside.shifts(touching.field, touching.fieldError(order), touching.typical);
   }
 }

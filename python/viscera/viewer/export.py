@@ -13,6 +13,7 @@ from viscera.errors import VisceraError
 from viscera.progress import shown
 from viscera.touch import Touch
 from viscera.viewer import page
+from viscera.viewer.hybrid import page_of
 from viscera.viewer.live import PAGE_UNKNOWNS, live_case
 from viscera.viewer.web import WebModel, web_model
 
@@ -42,11 +43,14 @@ class ExportedCase:
 def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") -> Exported:
     """Write the page and the web version of a model (below 25 MB) into a folder, which is created where needed.
 
-    A name that ends in `.html` is one file with all of it, which opens from a disk.
+    A name that ends in `.html` is one file with all of it, which opens from a disk. A folder also holds what steps the
+    organ until the model has arrived, where the model is the larger of the two (`page_of`).
     """
-    target, files = _target(folder), page.files()
+    target = _target(folder)
+    page.files()  # before the work on the model
     model = web_model(touch, name)
-    return Exported(target, _write(target, {**files, page.MODEL: model.data}, page.MODEL), model)
+    files = page_of(touch, model.data, name, is_hybrid=False if _is_single(target) else None)
+    return Exported(target, _write(target, files, page.MODEL), model)
 
 
 def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:

@@ -1,4 +1,4 @@
-"""A case for the page that drives it in real time: packed once, then stepped on this machine or in the page itself.
+"""An organ for the page that drives it in real time: packed once, then stepped on this machine or in the page itself.
 
 The stepper, the requests that it follows and the frames that it answers are one piece of Rust (`live/`); here it is
 only given an organ and the laws to compare.
@@ -8,21 +8,25 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
 from viscera.case import Case
 from viscera.loads import density_per_cell
+from viscera.organ import Organ
 from viscera.support import require_held
+from viscera.touch import Touch
 
 DENSITY = 1000.0
 """Of tissue [kg/m^3], for a case that names none."""
+NOWHERE = (0.0, 0.0, 0.0)
+"""No gravity [m/s^2]."""
 PAGE_UNKNOWNS = 10_000
 """A page steps organs with so many degrees of freedom at tens of frames a second; larger ones, this machine."""
 
@@ -50,24 +54,60 @@ def live_case(case: Case, name: str) -> LiveCase:
     """Pack a case under a name to show; raises `VisceraError` where it cannot be stepped."""
     case.require_unloaded("view")
     organ = case.organ()
+    require_held(organ.mesh, organ.fixed, organ.fixed[:0], [])
+    return _packed(
+        organ,
+        name,
+        matched(organ.law),
+        radius=defaults.RADIUS_FRACTION * organ.mesh.diagonal,
+        density=case.loads.get("density", DENSITY),
+        gravity=case.loads.get("gravity") or NOWHERE,
+    )
+
+
+def first_case(touch: Touch, name: str) -> LiveCase | None:
+    """The organ of a model, for a page to step until the model has arrived; None where no page can step it.
+
+    The same organ, law and contact patch as the model's, touchable where the model is. A model about a preload or
+    without its cells has none.
+    """
+    if touch.preload is not None or not len(touch._model.array("cells")):
+        return None
+    organ = touch.organ()
+    nodes = touch.surface_nodes
+    touchable = np.searchsorted(nodes, touch.touchable_triangles).astype(np.uint32)
+    own = {type(organ.law).__name__: organ.law}
+    live = _packed(organ, name, own, radius=touch.radius, density=DENSITY, gravity=NOWHERE, touchable=touchable)
+    return live if live.fits_a_page else None
+
+
+def _packed(
+    organ: Organ,
+    name: str,
+    laws: Mapping[str, law.Law],
+    *,
+    radius: float,
+    density: ArrayLike,
+    gravity: Sequence[float],
+    **more: NDArray[Any],
+) -> LiveCase:
     mesh = organ.mesh
-    require_held(mesh, organ.fixed, organ.fixed[:0], [])
-    laws = matched(organ.law)
     arrays: Arrays = {
         "points": mesh.points[: mesh.n_corners],
         "cells": mesh.cells,
         "fixed": organ.fixed,
-        "density": density_per_cell(mesh, case.loads.get("density", DENSITY)),
+        "density": density_per_cell(mesh, density),
         **{kind: choice.parameters for kind, choice in laws.items()},
+        **more,
     }
     about = {
         "name": name,
         "law": type(organ.law).__name__,
         "laws": {kind: choice.name for kind, choice in laws.items()},
         "element": organ.element,
-        "radius": defaults.RADIUS_FRACTION * mesh.diagonal,
+        "radius": radius,
         "diagonal": mesh.diagonal,
-        "gravity": [float(g) for g in case.loads.get("gravity") or (0, 0, 0)],
+        "gravity": [float(g) for g in gravity],
     }
     live = LiveCase(pack(about, arrays), mesh.points.size)
     _core.Live(live.data)

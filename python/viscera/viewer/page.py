@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 from collections.abc import Mapping
 from importlib import resources
 
@@ -38,6 +39,16 @@ def live_files() -> dict[str, bytes]:
 def stepping_files() -> dict[str, bytes]:
     """The same for the page of a case that it steps itself, its case left out."""
     return {**_built(), "page.js": _script("openCase", CASE)}
+
+
+def hybrid_files(model: bytes, case: bytes) -> dict[str, bytes]:
+    """All files of the page that steps the organ of a model by itself until the model has arrived."""
+    return {**_built(), "page.js": _script("openHybrid", CASE, MODEL), CASE: case, MODEL: model}
+
+
+def stepping_bytes() -> int:
+    """Of what steps a case in a page, the case left out."""
+    return sum(len(_built()[name]) for name in STEPPER)
 
 
 def single(files: Mapping[str, bytes], part: str) -> bytes:
@@ -77,14 +88,14 @@ def content_type(name: str) -> str:
     return CONTENT_TYPES[name.rpartition(".")[2]]
 
 
-def _script(function: str, address: str) -> bytes:
+def _script(function: str, *addresses: str) -> bytes:
     """The script that opens a model, as built, opening something else."""
     script = _built()["page.js"].decode()
-    return script.replace(_opening("open", MODEL), _opening(function, address)).encode()
+    return script.replace(_opening("open", MODEL), _opening(function, *addresses)).encode()
 
 
-def _opening(function: str, address: str) -> str:
-    return f'({{ {function} }}) => {function}(document.body, "{address}")'
+def _opening(function: str, *addresses: str) -> str:
+    return f"({{ {function} }}) => {function}(document.body, {', '.join(map(json.dumps, addresses))})"
 
 
 def _built() -> dict[str, bytes]:

@@ -28,6 +28,7 @@ from viscera.case import Case
 from viscera.errors import VisceraError
 from viscera.touch import Touch
 from viscera.viewer import page
+from viscera.viewer.hybrid import page_of
 from viscera.viewer.live import converse, live_case
 from viscera.viewer.surface import surface_model
 
@@ -207,6 +208,9 @@ def serve_live(case: Case, name: str = "Organ", port: int = 0, *, in_page: bool 
     return Server(page.live_files(), port, converse(live))
 
 
-def serve(touch: Touch, name: str = "Organ", port: int = 0) -> Server:
-    """A server with the page of a model; nothing is served before it is run or entered."""
-    return Server({**page.files(), page.MODEL: surface_model(touch, name)}, port)
+def serve(touch: Touch, name: str = "Organ", port: int = 0, *, is_hybrid: bool | None = None) -> Server:
+    """A server with the page of a model; nothing is served before it is run or entered.
+
+    is_hybrid: whether the page steps the organ until the model has arrived (`page_of`).
+    """
+    return Server(page_of(touch, surface_model(touch, name), name, is_hybrid=is_hybrid), port)

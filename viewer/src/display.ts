@@ -1,0 +1,118 @@
+// How a touch is shown: shape and colour of the organ, the arrow with its number, what lies within, readings and words.
+import { Arrow } from "./arrow";
+import { Body } from "./body";
+import { Painter } from "./colouring";
+import { element, newtons } from "./dom";
+import type { Evaluator, Vec3 } from "./evaluator";
+import { Gauge } from "./gauge";
+import { Inside, shiftInWords, type Shift } from "./inside";
+import { ForceLabel } from "./label";
+import { Legend } from "./legend";
+import { paceInWords } from "./pace";
+import type { Reading } from "./pointer";
+import { Readings } from "./readings";
+import { Speech } from "./speech";
+import type { Stage } from "./stage";
+import type { TouchState } from "./touchstate";
+import { typicalForce } from "./typicalforce";
+
+export class Display {
+  readonly body: Body;
+  readonly arrow: Arrow;
+  readonly inside: Inside;
+  readonly label: ForceLabel;
+  readonly gauge: Gauge;
+  readonly legend = new Legend();
+  readonly painter: Painter;
+  readonly readings: Readings;
+  readonly speech: Speech;
+  readonly clock = element("div", { class: "clock" });
+  /** The longest arrow's force [N]. */
+  private readonly reference: number;
+
+  constructor(
+    private readonly evaluator: Evaluator,
+    private readonly stage: Stage,
+    chooseOrder: (order: number) => void,
+  ) {
+    const { metadata } = evaluator.about;
+    this.speech = new Speech(stage);
+    this.body = new Body(evaluator);
+    this.painter = new Painter(evaluator, this.body, this.legend);
+    this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
+    this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
+    this.readings = new Readings(metadata.order, chooseOrder);
+    this.gauge = new Gauge(stage, evaluator.notes.axes);
+    this.label = new ForceLabel(stage, this.arrow, this.gauge.root);
+    stage.world.add(this.body.mesh, this.body.outline, this.arrow.group, this.inside.group);
+    this.reference = typicalForce(evaluator, this.body);
+  }
+
+  /** Shows a touch in the field of an order; null is nobody touching. */
+  show(touching: TouchState | null, order: number, caption: string): void {
+    if (touching) {
+      this.body.move(touching.field);
+      this.inside.move(touching.field);
+      const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
+      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order));
+      touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
+    }
+    this.inside.show(this.shifts(touching, order), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));
+    const [force, depth] = [Math.hypot(...(touching?.force ?? [])), touching?.depth ?? 0];
+    this.readings.show(touching?.answer ?? null, force, depth);
+    this.readings.draw(touching?.curves ?? null, order, this.evaluator.about.metadata.depth, touching && { depth, force });
+    this.painter.show(touching, order);
+    this.speech.say(caption, touching?.warning(order) ?? "");
+  }
+
+  /** Marks where a press would touch; null is nowhere. */
+  hover(point: Vec3 | null): void {
+    if (point) this.arrow.hover(point, this.body.normalAt(point, this.evaluator.about.metadata.radius));
+    else this.arrow.hide();
+    this.stage.invalidate();
+  }
+
+  /** The shape at rest, with nobody touching. */
+  rest(): void {
+    this.body.move(null);
+    this.inside.move(null);
+    this.arrow.hide();
+    for (let p = 1; p <= this.evaluator.about.metadata.order; p++) this.readings.showOrder(p, null);
+  }
+
+  /** Keeps up with the camera, every frame; the mean time of an answer in milliseconds. */
+  follow(touching: TouchState | null, order: number, answer: number): void {
+    this.gauge.follow();
+    this.label.follow(Math.hypot(...(touching?.force ?? [])), touching?.standing(order) ?? "sound");
+    const { pace, drawing } = this.stage;
+    this.clock.textContent = paceInWords(pace.rate, [
+      ["answer", answer],
+      ["drawing", drawing.value],
+    ]);
+  }
+
+  /** How far the parts within have moved; null where nobody touches. */
+  shifts(touching: TouchState | null, order: number): Shift[] | null {
+    return touching && this.inside.shifts(touching.field, touching.fieldError(order), touching.typical);
+  }
+
+  /** What is told beside the force. */
+  reading(touching: TouchState, order: number): Reading {
+    const standing = touching.standing(order);
+    const worth = standing === "sound" ? "trusted" : "not trusted";
+    return { force: newtons(Math.hypot(...touching.force)), worth, standing, at: this.arrow.endsInScene()[1] };
+  }
+
+  /** The touch as one would say it: the sentence below a picture. */
+  caption(touching: TouchState, order: number): string {
+    return [touching.inShort, ...this.shifts(touching, order)!.map((shift) => `${shift.name} moved ${shiftInWords(shift)}.`)].join(" ");
+  }
+
+  dispose(): void {
+    this.speech.dispose();
+    this.readings.dispose();
+    this.arrow.dispose();
+    this.body.dispose();
+    this.inside.dispose();
+  }
+}

@@ -1,0 +1,24 @@
+// What a frame says of the organs, in words: their forces, and what is the matter with them.
+import { newtons } from "./dom";
+import { lawName } from "./lawname";
+import type { Hand, Specimen } from "./specimen";
+
+/** The forces of the hands that hold on, organ by organ. */
+export function forces(specimens: readonly Specimen[], hands: readonly (Hand | null)[]): string {
+  const said = specimens.map(({ law, sizes, standing }) => {
+    const sizesHeld = sizes.filter((_, hand) => hands[hand]).map(newtons);
+    return `${lawName(law)}: ${sizesHeld.join(" and ")}${standing === "unsettled" ? ", not settled" : ""}.`;
+  });
+  return said.join(" ");
+}
+
+/** What is the matter with the last frame; empty where nothing is. */
+export function trouble(specimens: readonly Specimen[]): string {
+  const named = ({ law }: Specimen) => (specimens.length > 1 ? ` (${lawName(law)})` : "");
+  const cut = specimens.find(({ facts }) => facts.taken < 1);
+  if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell turns inside out.`;
+  const flat = specimens.find(({ facts }) => facts.cellsAtBound > 0);
+  if (flat) return `A cell has reached the limit of its deformation${named(flat)}.`;
+  const unstable = specimens.find(({ facts }) => facts.isUnstable);
+  return unstable ? `The organ is about to buckle here${named(unstable)}.` : "";
+}
