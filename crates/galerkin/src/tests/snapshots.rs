@@ -50,7 +50,13 @@ fn a_snapshot_is_found_from_far_away_and_none_from_nowhere() {
 
 #[test]
 fn snapshots_bring_answers_nearer_to_newton() {
-    let (mut without, mut with) = (two(), WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap());
+    let with_cells_of_many_digits = |snapshots| {
+        // Cells that give the forces to many digits: of all that may be wrong, only the modes are left.
+        let sampling = Sampling { snapshots, tolerance: 1e-4, ..MODEL.sampling };
+        let galerkin = Arc::new(Galerkin::new(MODEL.model.clone(), sampling).unwrap());
+        galerkin.grasp(&[LEFT, RIGHT]).unwrap()
+    };
+    let (mut without, mut with) = (with_cells_of_many_digits(0), with_cells_of_many_digits(40));
     let patches = without.contacts().patches();
     assert!(with.contacts().n_modes() > without.contacts().n_modes());
     let d = pushes(0.9 * DEPTH);
@@ -60,7 +66,7 @@ fn snapshots_bring_answers_nearer_to_newton() {
         relative(&grasp.contacts().displacement(&solution), &field)
     };
     let (series, snapshots) = (error(&mut without), error(&mut with));
-    assert!(1.5 * snapshots < series, "{series} without, {snapshots} with");
+    assert!(2.0 * snapshots < series, "{series} without, {snapshots} with");
 }
 
 #[test]
