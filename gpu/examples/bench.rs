@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use support::{Block, device, laws};
 use viscera_gpu::plan::Plan;
-use viscera_gpu::{Cells, Settings, System};
+use viscera_gpu::{CellBuffers, Settings, System};
 
 /// Iterations of a timed solve; its tolerance is out of reach.
 const ITERATIONS: usize = 200;
@@ -33,7 +33,7 @@ fn main() {
     let solid = block.solid(&law, &rows);
     let pairs = block.pairs();
     let plan = Plan::new(&solid, &pairs, gpu.largest_binding()).expect("the block is sound");
-    let (cells, mut system) = Cells::new(&gpu, &solid, &pairs).expect("the block is sound");
+    let (cells, mut system) = CellBuffers::new(&gpu, &solid, &pairs).expect("the block is sound");
     system.hold(&block.is_held(), &[]).expect("the device works");
     println!(
         "{} cells, {} nodes, {} chunks, padding {:.2}",

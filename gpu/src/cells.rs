@@ -33,7 +33,7 @@ struct ChunkCommands {
 }
 
 /// Cells that write their tangent into the matrix of a [`System`].
-pub struct Cells {
+pub struct CellBuffers {
     gpu: Arc<Gpu>,
     kernels: Kernels,
     chunks: Vec<ChunkCommands>,
@@ -42,7 +42,7 @@ pub struct Cells {
     n_responses: usize,
 }
 
-impl Cells {
+impl CellBuffers {
     /// A body's cells, and the system that they fill. `pairs` as in [`System::new`].
     ///
     /// # Errors
@@ -76,7 +76,8 @@ impl Cells {
             .map(|k| parts.commands(k, &response, &displacement, &force))
             .collect::<Result<_, _>>()?;
         gpu.check()?;
-        let cells = Cells { gpu: gpu.clone(), kernels, chunks, displacement, force, n_responses };
+        let cells =
+            CellBuffers { gpu: gpu.clone(), kernels, chunks, displacement, force, n_responses };
         Ok((cells, system))
     }
 
@@ -101,7 +102,7 @@ impl Cells {
     /// The internal force at a displacement, in single precision.
     ///
     /// # Errors
-    /// Those of [`Cells::linearize`].
+    /// Those of [`CellBuffers::linearize`].
     pub fn internal_force(&self, system: &System, u: &[f64]) -> Result<Vec<f64>, Error> {
         self.move_to(system, u)?;
         let mut encoder = self.gpu.encoder();

@@ -17,7 +17,7 @@ pub mod plan;
 mod program;
 mod system;
 
-pub use cells::{Cells, Solid};
+pub use cells::{CellBuffers, Solid};
 pub use device::{About, Gpu};
 pub use error::Error;
 pub use law::Law;

@@ -3,7 +3,7 @@
 mod support;
 use support::*;
 use viscera_gpu::plan::Plan;
-use viscera_gpu::{Cells, Law};
+use viscera_gpu::{CellBuffers, Law};
 
 #[test]
 fn forces_are_the_derivative_of_the_energy() {
@@ -13,7 +13,7 @@ fn forces_are_the_derivative_of_the_energy() {
         for (name, law, row) in laws(nu) {
             let rows = [row];
             let solid = block.solid(&law, &rows);
-            let (cells, system) = Cells::new(&gpu, &solid, &block.pairs()).unwrap();
+            let (cells, system) = CellBuffers::new(&gpu, &solid, &block.pairs()).unwrap();
             for strain in [1e-4, 0.02, 0.2] {
                 let u = block.bent(strain);
                 let exact = internal_force(&solid, &u);
@@ -37,7 +37,7 @@ fn tangents_are_the_derivative_of_the_force() {
         for (name, law, row) in laws(nu) {
             let rows = [row];
             let solid = block.solid(&law, &rows);
-            let (cells, mut system) = Cells::new(&gpu, &solid, &block.pairs()).unwrap();
+            let (cells, mut system) = CellBuffers::new(&gpu, &solid, &block.pairs()).unwrap();
             for strain in [0.0, 0.1] {
                 let u = block.bent(strain);
                 cells.linearize(&mut system, &u, 0.0).unwrap();
@@ -72,7 +72,7 @@ fn every_cell_has_its_own_parameters_in_any_number_of_chunks() {
     let mut forces = Vec::new();
     for largest in [u64::MAX, 400_000] {
         let Some(gpu) = device_with(largest) else { return };
-        let (cells, mut system) = Cells::new(&gpu, &solid, &block.pairs()).unwrap();
+        let (cells, mut system) = CellBuffers::new(&gpu, &solid, &block.pairs()).unwrap();
         assert_eq!(system.n_chunks() > 1, largest < u64::MAX);
         // The plan on paper is of the same layout.
         let plan = Plan::new(&solid, &block.pairs(), largest).unwrap();
@@ -99,7 +99,7 @@ fn input_without_sense_is_refused_in_a_sentence() {
     let block = Block::new(1);
     let (pairs, law) = (block.pairs(), Law::Linear);
     let refusal = |rows: &[Vec<f64>]| {
-        Cells::new(&gpu, &block.solid(&law, rows), &pairs).err().unwrap().to_string()
+        CellBuffers::new(&gpu, &block.solid(&law, rows), &pairs).err().unwrap().to_string()
     };
     assert!(refusal(&[vec![1.0]]).contains("row 0 of parameters"));
     assert!(refusal(&[vec![1.0, f64::NAN]]).contains("finite"));
@@ -107,8 +107,8 @@ fn input_without_sense_is_refused_in_a_sentence() {
     let mut turned = Block::new(1);
     turned.cells[3].swap(0, 1);
     let rows = [vec![1.0, 1.0]];
-    let error = Cells::new(&gpu, &turned.solid(&law, &rows), &pairs).err().unwrap();
+    let error = CellBuffers::new(&gpu, &turned.solid(&law, &rows), &pairs).err().unwrap();
     assert_eq!(error.to_string(), "cell 3 has no volume, or is inside out");
-    let error = Cells::new(&gpu, &block.solid(&law, &rows), &pairs[1..]).err().unwrap();
+    let error = CellBuffers::new(&gpu, &block.solid(&law, &rows), &pairs[1..]).err().unwrap();
     assert!(error.to_string().contains("row 0 has no block on the diagonal"), "{error}");
 }

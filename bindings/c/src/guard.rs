@@ -12,7 +12,7 @@
 //! for any move is the ceiling of the force, which falls to zero as the debt reaches its limit: from
 //! a debt `D` a step `m` can lead no higher than `D + force_limit (1 - D / energy_limit) |m|`.
 
-use crate::status::{self, Status};
+use crate::status::{self, viscera_status};
 use crate::{all_finite, norm, vector};
 
 /// `struct viscera_guard`: settings first, then the state.
@@ -194,7 +194,7 @@ pub unsafe extern "C" fn viscera_guard_init(
     rate_limit: f64,
     watchdog: f64,
     fade: f64,
-) -> Status {
+) -> viscera_status {
     let fresh = Guard {
         force_limit,
         rate_limit,
@@ -226,7 +226,7 @@ pub unsafe extern "C" fn viscera_guard_keep_passive(
     guard: *mut Guard,
     energy_limit: f64,
     damping: f64,
-) -> Status {
+) -> viscera_status {
     // SAFETY: the caller's contract.
     let Some(guard) = (unsafe { guard.as_mut() }) else { return status::NULL_POINTER };
     // Asked for none, a guard must not go on without counting.
@@ -243,7 +243,7 @@ pub unsafe extern "C" fn viscera_guard_keep_passive(
 pub unsafe extern "C" fn viscera_guard_step(
     guard: *mut Guard,
     force_in: *const f64,
-    status: Status,
+    status: viscera_status,
     dt: f64,
     force_out: *mut f64,
 ) -> Mode {
@@ -259,7 +259,7 @@ pub unsafe extern "C" fn viscera_guard_step(
 pub unsafe extern "C" fn viscera_guard_step_moved(
     guard: *mut Guard,
     force_in: *const f64,
-    status: Status,
+    status: viscera_status,
     moved: *const f64,
     dt: f64,
     force_out: *mut f64,

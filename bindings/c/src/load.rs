@@ -1,7 +1,7 @@
 //! Loading and freeing: the only calls that allocate, and the only ones that may fail in words.
 
 use crate::model::Model;
-use crate::status::{self, Status};
+use crate::status::{self, viscera_status};
 use std::ffi::{CStr, c_char};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -18,7 +18,7 @@ pub unsafe extern "C" fn viscera_load(
     model: *mut *mut Model,
     message: *mut c_char,
     message_len: usize,
-) -> Status {
+) -> viscera_status {
     let read = || {
         if bytes.is_null() || len > isize::MAX as usize {
             return Err("no bytes to read a model from".into());
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn viscera_load_file(
     model: *mut *mut Model,
     message: *mut c_char,
     message_len: usize,
-) -> Status {
+) -> viscera_status {
     let read = || {
         if path.is_null() {
             return Err("no path to read a model from".into());
@@ -71,11 +71,11 @@ pub unsafe extern "C" fn viscera_free(model: *mut Model) {
 /// Runs a reader, and hands out either a model or a sentence.
 unsafe fn finish(
     read: impl FnOnce() -> Result<Model, String>,
-    failure: Status,
+    failure: viscera_status,
     out: *mut *mut Model,
     message: *mut c_char,
     message_len: usize,
-) -> Status {
+) -> viscera_status {
     // SAFETY: writable or null by the caller's contract, here and below.
     unsafe { crate::put(out, std::ptr::null_mut()) };
     let (status, sentence) = if out.is_null() {

@@ -1,7 +1,7 @@
 //! A loaded model: its numbers, its surface, and the calls of a haptic loop.
 
 use crate::frame::Frame;
-use crate::status::{self, Status};
+use crate::status::{self, viscera_status};
 use crate::{all_finite, put, vector};
 use viscera_touch::{Contact, ReducedModel, Trust};
 
@@ -96,7 +96,7 @@ impl Model {
         &self,
         point: [f64; 3],
         d: [f64; 3],
-    ) -> Result<(Contact, viscera_touch::Answer), Status> {
+    ) -> Result<(Contact, viscera_touch::Answer), viscera_status> {
         if !all_finite(&point) || !all_finite(&d) {
             return Err(status::NOT_FINITE);
         }
@@ -109,7 +109,11 @@ impl Model {
         if is_finite { Ok((contact, response)) } else { Err(status::NOT_FINITE) }
     }
 
-    fn answer(&self, point: [f64; 3], displacement: [f64; 3]) -> Result<(Answer, Status), Status> {
+    fn answer(
+        &self,
+        point: [f64; 3],
+        displacement: [f64; 3],
+    ) -> Result<(Answer, viscera_status), viscera_status> {
         let frame = &self.frame;
         let (contact, response) =
             self.touch(frame.point_in(point), frame.length_in(displacement))?;
@@ -130,7 +134,7 @@ impl Model {
         displacement: [f64; 3],
         workspace: &mut [f32],
         out: &mut [f32],
-    ) -> Status {
+    ) -> viscera_status {
         let d = self.frame.length_in(displacement);
         let mut status = match self.touch(self.frame.point_in(point), d) {
             Ok((contact, response)) => {
@@ -157,7 +161,7 @@ impl Model {
     }
 }
 
-fn status_of(trust: Trust) -> Status {
+fn status_of(trust: Trust) -> viscera_status {
     match trust {
         Trust::Trusted => status::OK,
         Trust::BeyondDepth => status::BEYOND_DEPTH,
@@ -170,7 +174,7 @@ fn status_of(trust: Trust) -> Status {
 /// # Safety
 /// `model` is null or loaded, `info` null or writable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn viscera_info(model: *const Model, info: *mut Info) -> Status {
+pub unsafe extern "C" fn viscera_info(model: *const Model, info: *mut Info) -> viscera_status {
     // SAFETY: the caller's contract, here and below.
     let Some(model) = (unsafe { model.as_ref() }) else {
         unsafe { put(info, Info::default()) };
@@ -185,7 +189,10 @@ pub unsafe extern "C" fn viscera_info(model: *const Model, info: *mut Info) -> S
 /// # Safety
 /// `model` is null or loaded and used by nobody else during the call, `frame` null or readable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn viscera_set_frame(model: *mut Model, frame: *const Frame) -> Status {
+pub unsafe extern "C" fn viscera_set_frame(
+    model: *mut Model,
+    frame: *const Frame,
+) -> viscera_status {
     // SAFETY: the caller's contract.
     let (Some(model), Some(frame)) = (unsafe { (model.as_mut(), frame.as_ref()) }) else {
         return status::NULL_POINTER;
@@ -217,7 +224,7 @@ pub unsafe extern "C" fn viscera_locate(
     point: *const f64,
     contact_point: *mut f64,
     distance: *mut f64,
-) -> Status {
+) -> viscera_status {
     // SAFETY: the caller's contract, here and below.
     let (Some(model), Some(point)) = (unsafe { (model.as_ref(), vector(point)) }) else {
         return status::NULL_POINTER;
@@ -242,7 +249,7 @@ pub unsafe extern "C" fn viscera_evaluate(
     point: *const f64,
     displacement: *const f64,
     answer: *mut Answer,
-) -> Status {
+) -> viscera_status {
     // SAFETY: the caller's contract, here and below.
     let given = unsafe { (model.as_ref(), vector(point), vector(displacement)) };
     let (result, status) = match given {
@@ -269,7 +276,7 @@ pub unsafe extern "C" fn viscera_surface(
     workspace_len: usize,
     positions: *mut f32,
     positions_len: usize,
-) -> Status {
+) -> viscera_status {
     // SAFETY: the caller's contract.
     let given = unsafe { (model.as_ref(), vector(point), vector(displacement)) };
     let (Some(model), Some(point), Some(d)) = given else {
@@ -303,7 +310,7 @@ pub unsafe extern "C" fn viscera_surface_topology(
     triangles_len: usize,
     nodes: *mut u32,
     nodes_len: usize,
-) -> Status {
+) -> viscera_status {
     // SAFETY: the caller's contract.
     let Some(model) = (unsafe { model.as_ref() }) else { return status::NULL_POINTER };
     let surface_nodes = &model.reduced.arrays().surface_nodes;

@@ -2,22 +2,24 @@
 
 use std::ffi::c_char;
 
-pub type Status = i32;
+/// Named as in the header: there are other statuses.
+#[expect(non_camel_case_types)]
+pub type viscera_status = i32;
 
-pub const OK: Status = 0;
-pub const BEYOND_DEPTH: Status = 1;
-pub const ERROR_TOO_LARGE: Status = 2;
-pub const OFF_SURFACE: Status = 3;
-pub const NOT_FINITE: Status = 4;
-pub const NULL_POINTER: Status = 5;
-pub const SHORT_BUFFER: Status = 6;
-pub const BAD_MODEL: Status = 7;
-pub const BAD_SETTING: Status = 8;
-pub const STALE: Status = 9;
+pub const OK: viscera_status = 0;
+pub const BEYOND_DEPTH: viscera_status = 1;
+pub const ERROR_TOO_LARGE: viscera_status = 2;
+pub const OFF_SURFACE: viscera_status = 3;
+pub const NOT_FINITE: viscera_status = 4;
+pub const NULL_POINTER: viscera_status = 5;
+pub const SHORT_BUFFER: viscera_status = 6;
+pub const BAD_MODEL: viscera_status = 7;
+pub const BAD_SETTING: viscera_status = 8;
+pub const STALE: viscera_status = 9;
 
 /// A status in words, without end: never null.
 #[unsafe(no_mangle)]
-pub extern "C" fn viscera_status_text(status: Status) -> *const c_char {
+pub extern "C" fn viscera_status_text(status: viscera_status) -> *const c_char {
     let text = match status {
         OK => c"trusted",
         BEYOND_DEPTH => c"not trusted: displaced beyond the model's depth",

@@ -21,6 +21,8 @@ struct System {
 
 // SAFETY: the library takes calls from any thread, one at a time.
 unsafe impl Send for System {}
+// SAFETY: every method takes it exclusively.
+unsafe impl Sync for System {}
 
 /// The device of settings that ask for it.
 pub fn device() -> PyResult<OnDevice> {

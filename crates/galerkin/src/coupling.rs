@@ -46,11 +46,6 @@ pub(super) fn coupling_fields(
             *value = -force[dof as usize * top + monomial][lane];
         }
     }
-    system.solve_free(&mut rhs, 9)?;
-    let spread = |column: &[f64]| {
-        let mut field = vec![0.0; body.n_dofs()];
-        column.iter().zip(free).for_each(|(&x, &dof)| field[dof as usize] = x);
-        field
-    };
-    Ok(rhs.chunks_exact(n).map(spread).collect())
+    system.solve_columns(&mut rhs)?;
+    Ok(rhs.chunks_exact(n).map(|column| system.scatter(column)).collect())
 }

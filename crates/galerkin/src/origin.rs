@@ -7,7 +7,7 @@
 
 use crate::body::{Body, Curvature, SymmetricBlocks};
 use crate::element::Element;
-use crate::equilibrium::{Rounding, System, Tangent};
+use crate::equilibrium::{ConstrainedSystem, Rounding, Tangent, dofs_of};
 use crate::error::Error;
 use crate::law::Material;
 use crate::reduced::ReducedModel;
@@ -20,7 +20,7 @@ pub(super) struct Origin {
     /// The tangent there: what fields are made orthonormal by.
     pub stiffness: SymmetricBlocks,
     /// The same, factorised.
-    pub system: System,
+    pub system: ConstrainedSystem,
     /// Degrees of freedom that never move.
     pub fixed: Vec<u32>,
     /// `W(u_0)` and `f_0`.
@@ -40,10 +40,8 @@ impl Origin {
         displacement.resize(body.n_dofs(), 0.0);
         let (mut stiffness, mut force) = (body.zero_tangent(), vec![0.0; body.n_dofs()]);
         body.internal_force_and_tangent(&displacement, &mut force, &mut stiffness);
-        let fixed = model.arrays().fixed.iter();
-        let fixed: Vec<u32> = fixed.flat_map(|&node| (0..3).map(move |i| 3 * node + i)).collect();
-        let mut system = System::new(&stiffness, body.n_dofs(), fixed.iter().copied())?;
-        system.factorize(&stiffness, 0.0)?;
+        let fixed: Vec<u32> = dofs_of(&model.arrays().fixed).collect();
+        let system = ConstrainedSystem::at(&body, &displacement, &model.arrays().fixed)?;
         let energy = body.energy(&displacement);
         let rounding = Rounding::of(&body);
         Ok(Origin { body, displacement, stiffness, system, fixed, energy, force, rounding })

@@ -8,7 +8,9 @@
 use super::model::Galerkin;
 use super::origin::Origin;
 use crate::body::Curvature;
-use crate::equilibrium::{Iteration, Limits, Method, Solver, Tangent, backtrack, iterate};
+use crate::equilibrium::{
+    ConstrainedSystem, Iteration, Limits, Method, Tangent, backtrack, iterate,
+};
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::norm;
@@ -37,7 +39,7 @@ impl Patience {
 /// factorise several matrices.
 #[derive(Default)]
 pub(super) struct Solvers {
-    idle: Mutex<Vec<Solver>>,
+    idle: Mutex<Vec<ConstrainedSystem>>,
 }
 
 impl Solvers {
@@ -45,7 +47,7 @@ impl Solvers {
         &self,
         origin: &Origin,
         patches: &[Patch],
-        work: impl FnOnce(&mut Solver) -> T,
+        work: impl FnOnce(&mut ConstrainedSystem) -> T,
     ) -> Result<T, Error> {
         let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
         let waiting = idle().pop();
@@ -53,7 +55,7 @@ impl Solvers {
             Some(solver) => solver,
             None => {
                 let fixed = origin.fixed.iter().copied();
-                Solver::new(Method::Cholesky, &origin.body, fixed, Vec::new())?
+                ConstrainedSystem::new(Method::Cholesky, &origin.body, fixed, Vec::new())?
             }
         };
         solver.hold(&[], patches.to_vec());
@@ -98,7 +100,12 @@ pub(super) struct Step {
 
 /// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none where it is
 /// not finite.
-fn newton_step(origin: &Origin, solver: &mut Solver, n_means: usize, u: &[f64]) -> Option<Step> {
+fn newton_step(
+    origin: &Origin,
+    solver: &mut ConstrainedSystem,
+    n_means: usize,
+    u: &[f64],
+) -> Option<Step> {
     let (mut force, mut way) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let tangent = &mut Tangent::matrix(&origin.body);
     let is_stable = prepare(origin, solver, tangent, u, &mut force)?;
@@ -112,7 +119,7 @@ fn newton_step(origin: &Origin, solver: &mut Solver, n_means: usize, u: &[f64]) 
 /// none where that does not help. `force` is then the internal one.
 fn prepare(
     origin: &Origin,
-    solver: &mut Solver,
+    solver: &mut ConstrainedSystem,
     tangent: &mut Tangent,
     u: &[f64],
     force: &mut [f64],
@@ -128,7 +135,7 @@ fn prepare(
 /// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
 fn settle(
     origin: &Origin,
-    solver: &mut Solver,
+    solver: &mut ConstrainedSystem,
     n_means: usize,
     guess: &[f64],
     patience: &Patience,
@@ -159,7 +166,7 @@ fn settle(
 /// A search for a minimum of the energy, in progress.
 struct Settling<'a> {
     origin: &'a Origin,
-    solver: &'a mut Solver,
+    solver: &'a mut ConstrainedSystem,
     stay: Vec<f64>,
     patience: &'a Patience,
     tangent: Tangent,

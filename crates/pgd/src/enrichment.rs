@@ -5,8 +5,8 @@
 //! which are repeated until the direction of `S` rests. Each half-step minimises the energy of what is left,
 //! so the energy error falls with every pair, by exactly the energy of the pair.
 
-use super::rest::Rest;
 use super::separated::Separated;
+use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
 use rayon::prelude::*;
 
@@ -76,14 +76,14 @@ impl Enrichment {
     /// with what was not captured. `go_on` is asked after each pair.
     pub(super) fn separate(
         &self,
-        rest: &Rest,
+        system: &ConstrainedSystem,
         residual: &mut [f64],
         weights: &[f64],
         go_on: &mut dyn FnMut(usize) -> bool,
     ) -> Result<Enriched, Error> {
         let mut found = Enriched::default();
         let mut largest: f64 = 0.0;
-        while let Some(pair) = self.pair(rest, residual, weights)? {
+        while let Some(pair) = self.pair(system, residual, weights)? {
             largest = largest.max(pair.size);
             if pair.size < self.tolerance * largest {
                 break;
@@ -92,14 +92,14 @@ impl Enrichment {
                 found.is_cut = true;
                 break;
             }
-            residual.par_chunks_mut(rest.n()).zip(&pair.position).for_each(|(column, g)| {
+            residual.par_chunks_mut(system.n_free()).zip(&pair.position).for_each(|(column, g)| {
                 column.iter_mut().zip(&pair.force).for_each(|(e, f)| *e -= g * f);
             });
             found.sizes.push(pair.size);
             found.iterations.push(pair.iterations);
             let norm = pair.space.iter().map(|r| r * r).sum::<f64>().sqrt();
             let unit: Vec<f64> = pair.space.iter().map(|r| r / norm).collect();
-            found.field.space.push(rest.spread(&unit));
+            found.field.space.push(system.scatter(&unit));
             found.field.position.push(pair.position.iter().map(|g| g * norm).collect());
             if !go_on(found.field.len()) {
                 return Err(Error::Cancelled);
@@ -109,8 +109,13 @@ impl Enrichment {
     }
 
     /// The next pair; none where nothing is left to capture.
-    fn pair(&self, rest: &Rest, residual: &[f64], weights: &[f64]) -> Result<Option<Pair>, Error> {
-        let mut position = start(residual, rest.n());
+    fn pair(
+        &self,
+        system: &ConstrainedSystem,
+        residual: &[f64],
+        weights: &[f64],
+    ) -> Result<Option<Pair>, Error> {
+        let mut position = start(residual, system.n_free());
         let mut iterations = 0;
         loop {
             iterations += 1;
@@ -118,15 +123,15 @@ impl Enrichment {
             if !(square > 0.0) {
                 return Ok(None);
             }
-            let force = combine(residual, rest.n(), &position, weights, 1.0 / square);
+            let force = combine(residual, system.n_free(), &position, weights, 1.0 / square);
             let mut space = force.clone();
-            rest.solve(&mut space)?;
+            system.solve_columns(&mut space)?;
             let stiffness: f64 = space.iter().zip(&force).map(|(r, f)| r * f).sum();
             if !(stiffness > 0.0) {
                 return Ok(None);
             }
             let next: Vec<f64> = residual
-                .par_chunks(rest.n())
+                .par_chunks(system.n_free())
                 .map(|e| e.iter().zip(&space).map(|(e, r)| e * r).sum::<f64>() / stiffness)
                 .collect();
             let turned = turn(&position, &next, weights);

@@ -8,7 +8,6 @@
 mod enrichment;
 mod loads;
 mod newton;
-mod rest;
 mod separated;
 mod series;
 #[cfg(test)]

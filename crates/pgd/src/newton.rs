@@ -1,8 +1,10 @@
 //! The finite element solution as it is usually had, to compare with: Newton's method with full steps and equal
 //! load increments, without line search or cutback. (`crate::equilibrium::Newton` is the one to solve with.)
 
-use crate::body::{Body, SymmetricBlocks};
-use crate::equilibrium::{Iteration, Limits, Rounding, Stop, System, iterate};
+use crate::body::{Body, Curvature};
+use crate::equilibrium::{
+    ConstrainedSystem, Iteration, Limits, Method, Rounding, Stop, Tangent, dofs_of, iterate,
+};
 use crate::error::Error;
 use crate::number::norm;
 
@@ -40,9 +42,8 @@ impl PlainNewton {
         if force.len() != body.n_dofs() || force.iter().any(|f| !f.is_finite()) {
             return Err(Error::input("the force must be finite, three components for each point"));
         }
-        let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
         // A tangent beyond an instability is no reason to stop for a method that does not look.
-        let mut system = System::indefinite(&body.zero_tangent(), body.n_dofs(), dofs)?;
+        let mut system = ConstrainedSystem::new(Method::Ldlt, body, dofs_of(fixed), Vec::new())?;
         // The last of the iterations is not taken: nothing would say that it is an equilibrium.
         let steps = self.max_iterations - 1;
         let limits = Limits { tolerance: self.tolerance, steps, waits: false };
@@ -56,7 +57,7 @@ impl PlainNewton {
                 body,
                 system: &mut system,
                 force: vec![0.0; body.n_dofs()],
-                tangent: body.zero_tangent(),
+                tangent: Tangent::matrix(body),
                 step: Vec::new(),
                 u: reached.displacement.clone(),
                 iterations: &mut reached.iterations,
@@ -79,10 +80,10 @@ impl PlainNewton {
 /// One load increment in progress.
 struct Increment<'a> {
     body: &'a Body,
-    system: &'a mut System,
+    system: &'a mut ConstrainedSystem,
     target: Vec<f64>,
     force: Vec<f64>,
-    tangent: SymmetricBlocks,
+    tangent: Tangent,
     /// What is out of balance on the free degrees of freedom, then the step there.
     step: Vec<f64>,
     u: Vec<f64>,
@@ -98,18 +99,18 @@ impl Iteration for Increment<'_> {
     type Failure = Diverged;
 
     fn residual(&mut self) -> Result<f64, Diverged> {
-        self.body.internal_force_and_tangent(&self.u, &mut self.force, &mut self.tangent);
-        let free = || self.system.free().iter().map(|&dof| dof as usize);
-        self.step = free().map(|dof| self.target[dof] - self.force[dof]).collect();
-        let applied: Vec<f64> = free().map(|dof| self.target[dof]).collect();
+        self.tangent.linearize(self.body, &self.u, Curvature::Exact, &mut self.force);
+        let applied = self.system.gather(&self.target);
+        let internal = self.system.gather(&self.force);
+        self.step = applied.iter().zip(&internal).map(|(f, i)| f - i).collect();
         let residual = self.rounding.relative(norm(&self.step), norm(&applied), self.tolerance);
         if residual.is_finite() { Ok(residual) } else { Err(Diverged) }
     }
 
     fn step(&mut self) -> Result<(), Diverged> {
         *self.iterations += 1;
-        self.system.factorize(&self.tangent, 0.0).map_err(|_| Diverged)?;
-        self.system.solve_free(&mut self.step, 1).map_err(|_| Diverged)?;
+        self.system.prepare(&self.tangent, 0.0).map_err(|_| Diverged)?;
+        self.system.solve_columns(&mut self.step).map_err(|_| Diverged)?;
         let free = self.system.free().iter();
         free.zip(&self.step).for_each(|(&dof, s)| self.u[dof as usize] += s);
         Ok(())

@@ -7,10 +7,10 @@
 
 use super::enrichment::{Enriched, Enrichment};
 use super::loads::Loads;
-use super::rest::Rest;
 use super::separated::Separated;
 use crate::body::Body;
 use crate::clock::Instant;
+use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
 use crate::number::{Monomials, WIDTH, Wide};
 use rayon::prelude::*;
@@ -75,7 +75,10 @@ impl Pgd {
     ) -> Result<Vec<Order>, Error> {
         self.check()?;
         let clock = Instant::now();
-        let rest = Rest::new(body, fixed)?;
+        if fixed.is_empty() {
+            return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
+        }
+        let system = ConstrainedSystem::at(body, &vec![0.0; body.n_dofs()], fixed)?;
         let mut orders: Vec<Order> = Vec::with_capacity(self.order);
         let mut setup = clock.elapsed().as_secs_f64();
         for p in 1..=self.order {
@@ -84,13 +87,13 @@ impl Pgd {
             }
             let clock = Instant::now();
             let rhs = match p {
-                1 => self.first_rhs(&rest, loads),
-                _ => nonlinear_rhs(&rest, &orders, loads.len()),
+                1 => self.first_rhs(&system, loads),
+                _ => nonlinear_rhs(body, &system, &orders, loads.len()),
             };
             let seconds_rhs = clock.elapsed().as_secs_f64();
             let clock = Instant::now();
-            let found =
-                self.solve(&rest, rhs, loads, &mut |terms| progress(Progress { order: p, terms }))?;
+            let found = self
+                .solve(&system, rhs, loads, &mut |terms| progress(Progress { order: p, terms }))?;
             orders.push(Order {
                 field: found.field,
                 sizes: found.sizes,
@@ -121,30 +124,30 @@ impl Pgd {
 
     fn solve(
         &self,
-        rest: &Rest,
+        system: &ConstrainedSystem,
         mut rhs: Vec<f64>,
         loads: &Loads,
         go_on: &mut dyn FnMut(usize) -> bool,
     ) -> Result<Enriched, Error> {
         if let Route::Greedy(enrichment) = self.route {
-            return enrichment.separate(rest, &mut rhs, &loads.weights, go_on);
+            return enrichment.separate(system, &mut rhs, &loads.weights, go_on);
         }
-        rest.solve(&mut rhs)?;
+        system.solve_columns(&mut rhs)?;
         let m = loads.len();
         let unit = |s: usize| (0..m).map(|k| if k == s { 1.0 } else { 0.0 }).collect();
         let field = Separated {
-            space: rhs.chunks_exact(rest.n()).map(|u| rest.spread(u)).collect(),
+            space: rhs.chunks_exact(system.n_free()).map(|u| system.scatter(u)).collect(),
             position: (0..m).map(unit).collect(),
         };
         Ok(Enriched { field, ..Enriched::default() })
     }
 
     /// `load f(s)` of every position.
-    fn first_rhs(&self, rest: &Rest, loads: &Loads) -> Vec<f64> {
-        let mut rhs = vec![0.0; rest.n() * loads.len()];
-        for (column, unit) in rhs.chunks_exact_mut(rest.n()).zip(&loads.unit) {
+    fn first_rhs(&self, system: &ConstrainedSystem, loads: &Loads) -> Vec<f64> {
+        let mut rhs = vec![0.0; system.n_free() * loads.len()];
+        for (column, unit) in rhs.chunks_exact_mut(system.n_free()).zip(&loads.unit) {
             for &(dof, force) in unit {
-                if let Some(row) = rest.row_of(dof) {
+                if let Some(row) = system.row_of(dof as usize) {
                     column[row] += self.load * force;
                 }
             }
@@ -154,12 +157,17 @@ impl Pgd {
 }
 
 /// `-N_p` of every position, p being one more than the number of orders known.
-fn nonlinear_rhs(rest: &Rest, orders: &[Order], positions: usize) -> Vec<f64> {
-    let mut rhs = vec![0.0; rest.n() * positions];
-    rhs.par_chunks_mut(WIDTH * rest.n()).enumerate().for_each(|(block, columns)| {
-        let (n_dofs, stride) = (rest.body.n_dofs(), orders.len() + 2);
+fn nonlinear_rhs(
+    body: &Body,
+    system: &ConstrainedSystem,
+    orders: &[Order],
+    positions: usize,
+) -> Vec<f64> {
+    let mut rhs = vec![0.0; system.n_free() * positions];
+    rhs.par_chunks_mut(WIDTH * system.n_free()).enumerate().for_each(|(block, columns)| {
+        let (n_dofs, stride) = (body.n_dofs(), orders.len() + 2);
         let mut displacement = vec![Wide::default(); n_dofs * stride];
-        for (lane, _) in columns.chunks_exact(rest.n()).enumerate() {
+        for (lane, _) in columns.chunks_exact(system.n_free()).enumerate() {
             for (q, order) in orders.iter().enumerate() {
                 order.field.at(WIDTH * block + lane, |f, g| {
                     for (u, f) in displacement[q + 1..].iter_mut().step_by(stride).zip(f) {
@@ -170,9 +178,9 @@ fn nonlinear_rhs(rest: &Rest, orders: &[Order], positions: usize) -> Vec<f64> {
         }
         let mut force = vec![Wide::default(); n_dofs];
         let table = Monomials::of(1, orders.len() + 1);
-        rest.body.force_series(table, &displacement, stride, &mut force);
-        for (lane, column) in columns.chunks_exact_mut(rest.n()).enumerate() {
-            for (value, &dof) in column.iter_mut().zip(rest.free()) {
+        body.force_series(table, &displacement, stride, &mut force);
+        for (lane, column) in columns.chunks_exact_mut(system.n_free()).enumerate() {
+            for (value, &dof) in column.iter_mut().zip(system.free()) {
                 *value = -force[dof as usize][lane];
             }
         }

@@ -10,8 +10,10 @@
 #[cfg(test)]
 mod tests;
 
-use crate::body::{Body, SymmetricBlocks};
-use crate::equilibrium::{Iteration, Limits, Pressure, Rounding, System, iterate};
+use crate::body::{Body, Curvature};
+use crate::equilibrium::{
+    ConstrainedSystem, Iteration, Limits, Method, Pressure, Rounding, Tangent, dofs_of, iterate,
+};
 use crate::error::Error;
 use crate::linear::gmres;
 use crate::number::Monomials;
@@ -72,8 +74,8 @@ struct Follower<'a> {
     force: &'a [f64],
     pressure: &'a Pressure,
     rounding: Rounding,
-    system: System,
-    tangent: SymmetricBlocks,
+    system: ConstrainedSystem,
+    tangent: Tangent,
     /// Displacement, then the load.
     state: Vec<f64>,
     /// `1 / |u|^2` of the first tangent: makes displacement and load comparable.
@@ -96,16 +98,14 @@ impl Continuation {
         pressure: &Pressure,
     ) -> Result<Vec<Expansion>, Error> {
         self.check(body, force, pressure)?;
-        let tangent = body.zero_tangent();
-        let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
         let mut follower = Follower {
             settings: *self,
             body,
             force,
             pressure,
             rounding: Rounding::of(body),
-            system: System::indefinite(&tangent, body.n_dofs(), dofs)?,
-            tangent,
+            system: ConstrainedSystem::new(Method::Ldlt, body, dofs_of(fixed), Vec::new())?,
+            tangent: Tangent::matrix(body),
             state: vec![0.0; body.n_dofs() + 1],
             scale: 0.0,
             previous: None,
@@ -155,7 +155,7 @@ impl Follower<'_> {
     /// Builds an expansion at the state and moves the state to its end.
     fn expand(&mut self) -> Result<Expansion, Error> {
         self.linearize();
-        self.system.factorize(&self.tangent, 0.0)?;
+        self.system.prepare(&self.tangent, 0.0)?;
         let series = self.series()?;
         let taylor_range = taylor_range(&series, self.settings.tolerance);
         let reach = if taylor_range.is_finite() {
@@ -175,8 +175,8 @@ impl Follower<'_> {
     fn linearize(&mut self) -> Vec<f64> {
         let (u, load) = self.state.split_at(self.body.n_dofs());
         let mut internal = vec![0.0; u.len()];
-        self.body.internal_force_and_tangent(u, &mut internal, &mut self.tangent);
-        self.pressure.add_stiffness(self.body, u, load[0], &mut self.tangent);
+        self.tangent.linearize(self.body, u, Curvature::Exact, &mut internal);
+        self.pressure.add_stiffness(self.body, u, load[0], self.tangent.blocks_mut());
         internal
     }
 
@@ -263,13 +263,9 @@ impl Follower<'_> {
     }
 
     fn solve_symmetric(&self, b: &[f64]) -> Result<Vec<f64>, Error> {
-        let mut rhs: Vec<f64> = self.system.free().iter().map(|&dof| b[dof as usize]).collect();
-        self.system.solve_free(&mut rhs, 1)?;
-        let mut out = vec![0.0; b.len()];
-        for (&dof, x) in self.system.free().iter().zip(rhs) {
-            out[dof as usize] = x;
-        }
-        Ok(out)
+        let mut rhs = self.system.gather(b);
+        self.system.solve_columns(&mut rhs)?;
+        Ok(self.system.scatter(&rhs))
     }
 
     /// The reach, cut where the load is reached or a cell would turn inside out.
@@ -325,8 +321,7 @@ impl Iteration for Correction<'_, '_> {
         let (load, internal) = (self.path.load(), self.path.linearize());
         self.unit = self.path.unit_load();
         self.residual = self.unit.iter().zip(&internal).map(|(f, i)| load * f - i).collect();
-        let free = self.path.system.free().iter();
-        let size = free.map(|&d| self.residual[d as usize].powi(2)).sum::<f64>().sqrt();
+        let size = norm(&self.path.system.gather(&self.residual));
         let loads = norm(&self.unit) * load.abs();
         let relative = self.path.rounding.relative(size, loads, self.tolerance);
         self.first.get_or_insert(relative);
@@ -336,7 +331,7 @@ impl Iteration for Correction<'_, '_> {
     fn step(&mut self) -> Result<(), Error> {
         let Correction { path, direction, unit, .. } = self;
         let n = unit.len();
-        path.system.factorize(&path.tangent, 0.0)?;
+        path.system.prepare(&path.tangent, 0.0)?;
         let mut step = path.solve(&self.residual)?;
         if path.settings.parameter == Parameter::ArcLength {
             let influence = path.solve(unit)?;

@@ -9,7 +9,7 @@
 //! vector of a first-order term and zero otherwise. Load positions go through side by side.
 
 use crate::body::Body;
-use crate::equilibrium::System;
+use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials, WIDTH, Wide};
@@ -29,7 +29,7 @@ pub struct TouchSeries {
 /// One base state with its factorised tangent, from which any load position is expanded.
 pub struct TouchExpansion<'a> {
     body: &'a Body,
-    system: System,
+    system: ConstrainedSystem,
     base: Vec<f64>,
     order: usize,
 }
@@ -43,12 +43,7 @@ impl<'a> TouchExpansion<'a> {
         if !(1..=8).contains(&order) {
             return Err(Error::input(format!("order {order}; it must be between 1 and 8")));
         }
-        let mut tangent = body.zero_tangent();
-        let mut force = vec![0.0; body.n_dofs()];
-        body.internal_force_and_tangent(&base, &mut force, &mut tangent);
-        let dofs = fixed.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i));
-        let mut system = System::new(&tangent, body.n_dofs(), dofs)?;
-        system.factorize(&tangent, 0.0)?;
+        let system = ConstrainedSystem::at(body, &base, fixed)?;
         Ok(TouchExpansion { body, system, base, order })
     }
 
@@ -146,7 +141,7 @@ impl<'a> Block<'a> {
                 }
             }
         }
-        system.solve_free(&mut influence, 3 * self.patches.len())?;
+        system.solve_columns(&mut influence)?;
         self.influence = influence;
         for lane in 0..self.patches.len() {
             let columns: [[f64; 3]; 3] = std::array::from_fn(|k| {
@@ -233,7 +228,7 @@ impl<'a> Block<'a> {
             }
         }
         drop(nonlinear);
-        system.solve_free(&mut rhs, columns)?;
+        system.solve_columns(&mut rhs)?;
         for lane in 0..self.patches.len() {
             for (c, term) in top.clone().enumerate() {
                 let v = &rhs[(lane * top.len() + c) * n..(lane * top.len() + c + 1) * n];

@@ -9,7 +9,6 @@ mod predictor;
 mod pressure;
 mod problem;
 mod skew;
-mod solver;
 mod stepper;
 mod system;
 mod tangent;
@@ -21,10 +20,9 @@ pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
-pub use solver::{
-    ConjugateGradients, Device, DeviceEnd, DeviceSolution, DeviceSystem, Method, OnDevice,
-    Preconditioner, Solved, Solver,
-};
 pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};
-pub use system::System;
+pub use system::{
+    ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem, Method,
+    OnDevice, Preconditioner, Solved, dofs_of,
+};
 pub use tangent::Tangent;

@@ -14,7 +14,7 @@ use super::iteration::Rounding;
 use super::outcome::{Equilibrium, Seconds};
 use super::predictor::Predictor;
 use super::problem::{Problem, patch_mean};
-use super::solver::{Method, Solver};
+use super::system::{ConstrainedSystem, Method};
 use super::tangent::Tangent;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
@@ -135,7 +135,7 @@ struct Run<'a> {
     settings: Newton,
     problem: &'a Problem<'a>,
     contact: &'a mut Contact,
-    solver: Solver,
+    solver: ConstrainedSystem,
     tangent: Tangent,
     u: Vec<f64>,
     multipliers: Vec<f64>,
@@ -169,7 +169,7 @@ impl<'a> Run<'a> {
         let tangent = settings.method.tangent(body);
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
         let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
-        let solver = Solver::new(settings.method, body, prescribed, patches)?;
+        let solver = ConstrainedSystem::new(settings.method, body, prescribed, patches)?;
         let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
         if !body.energy(&start).is_finite() {
             let (jacobian, cell) = body.smallest_jacobian(&start);

@@ -6,7 +6,7 @@
 
 use super::problem::Problem;
 use super::skew;
-use super::solver::Solver;
+use super::system::ConstrainedSystem;
 use crate::linear::FactorError;
 use crate::number::Monomials;
 use crate::number::pade::{Pade, pade_range, taylor_range};
@@ -32,7 +32,7 @@ impl Predictor {
     /// Those of the solves.
     pub fn new(
         problem: &Problem,
-        solver: &mut Solver,
+        solver: &mut ConstrainedSystem,
         u: &[f64],
         first: &[f64],
         [load, way]: [f64; 2],

@@ -1,6 +1,6 @@
 //! A tangent with a small unsymmetric part: pressure on a free rim gives `K + S` with a skew `S` of few rows.
 
-use super::solver::{Solved, Solver};
+use super::system::{ConstrainedSystem, Solved};
 use crate::linear::{FactorError, gmres};
 
 /// Below this fraction of the right-hand side, the unsymmetric part of a tangent is rounding.
@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 1e-10;
 /// # Errors
 /// Those of the solves.
 pub(super) fn solve(
-    solver: &mut Solver,
+    solver: &mut ConstrainedSystem,
     skew: impl Fn(&[f64]) -> Vec<f64>,
     b: &mut [f64],
     gap: &[f64],

@@ -25,7 +25,7 @@ pub use settings::{Dynamics, Integration, Mass, StepperSettings};
 use super::iteration::Rounding;
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
-use super::solver::Solver;
+use super::system::ConstrainedSystem;
 use super::tangent::Tangent;
 use crate::body::{Body, UPRIGHT};
 use crate::clock::Instant;
@@ -56,7 +56,7 @@ pub struct Stepper {
     fixed: Vec<u32>,
     grasped: Vec<u32>,
     patches: Vec<Patch>,
-    solver: Solver,
+    solver: ConstrainedSystem,
     tangent: Tangent,
     motion: Option<Motion>,
     relaxation: Option<Relaxation>,
@@ -152,7 +152,7 @@ impl Stepper {
         let fixed = fixed.to_vec();
         let dofs = fixed.iter().copied();
         Ok(Stepper {
-            solver: Solver::new(settings.method, body, dofs, Vec::new())?,
+            solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?,
             tangent: settings.method.tangent(body),
             settings,
             fixed,

@@ -8,7 +8,7 @@ use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::equilibrium::iteration::{Iteration, Limits, backtrack, iterate};
 use crate::equilibrium::problem::patch_mean;
-use crate::equilibrium::solver::Solved;
+use crate::equilibrium::system::Solved;
 use crate::error::Error;
 use crate::linear::{FactorError, next_shift};
 use crate::number::dot;

@@ -2,7 +2,7 @@
 //! as those of the identity: a grasp or a release changes values, not the pattern, and needs no new analysis.
 
 use crate::body::BlockPattern;
-use crate::linear::{Cholesky, Column, FactorError, Precision};
+use crate::linear::{Cholesky, Column, FactorError, Factorization, Pattern, Precision};
 
 /// A factor with the way from the values of the tangent to its own order.
 pub(super) struct TangentFactor<T: Precision> {
@@ -28,13 +28,8 @@ impl<T: Precision> TangentFactor<T> {
         let cholesky = Cholesky::with_precision(&pattern)?;
         let entries: Vec<u32> = (0..pattern.len() as u32).collect();
         let placed = cholesky.place(&entries);
-        let mut column_of = vec![0u32; pattern.len()];
-        for column in 0..pattern.n {
-            column_of[pattern.column(column)].fill(column as u32);
-        }
-        let end = |entry: u32| [pattern.row[entry as usize], column_of[entry as usize]];
-        let ends: Vec<[u32; 2]> =
-            placed.iter().map(|&entry| end(entry).map(|row| free[row as usize])).collect();
+        let of_entries = ends(&pattern, free);
+        let ends: Vec<[u32; 2]> = placed.iter().map(|&entry| of_entries[entry as usize]).collect();
         let is_diagonal = |&k: &u32| ends[k as usize][0] == ends[k as usize][1];
         Ok(TangentFactor {
             column: cholesky.column(),
@@ -68,21 +63,15 @@ impl<T: Precision> TangentFactor<T> {
     }
 
     /// The matrix that is factorised for these values and `shift`, in elimination order.
-    pub fn load(&mut self, values: &[f64], shift: f64) -> &[f64] {
+    fn load(&mut self, values: &[f64], shift: f64) {
         for (value, &position) in self.values.iter_mut().zip(&self.positions) {
             *value = values[position as usize];
         }
         self.diagonal.iter().for_each(|&k| self.values[k as usize] += shift);
         self.silenced.iter().for_each(|&k| self.values[k as usize] = 0.0);
         self.held.iter().for_each(|&k| {
-            self.values[k as usize] = self.values[k as usize].abs().max(f64::MIN_POSITIVE)
+            self.values[k as usize] = held_diagonal(self.values[k as usize]);
         });
-        &self.values
-    }
-
-    /// The entries of the pattern in elimination order.
-    pub fn entries(&self) -> Vec<u32> {
-        self.cholesky.place(&(0..self.ends.len() as u32).collect::<Vec<_>>())
     }
 
     fn in_dofs(&self, error: FactorError) -> FactorError {
@@ -103,4 +92,23 @@ impl<T: Precision> TangentFactor<T> {
     pub fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
         self.cholesky.solve_column(&self.dofs, b, x, &mut self.column)
     }
+
+    /// `K⁻¹` in place for columns of free degrees of freedom, ascending; for as many threads at once as there are.
+    pub fn solve_columns(&self, columns: &mut [f64]) -> Result<(), FactorError> {
+        self.cholesky.solve(columns, columns.len() / self.dofs.len().max(1))
+    }
+}
+
+/// Row and column of every entry of a pattern on the `free` degrees of freedom.
+pub(super) fn ends(pattern: &Pattern, free: &[u32]) -> Vec<[u32; 2]> {
+    let of_column = |column: usize| {
+        let rows = pattern.row[pattern.column(column)].iter();
+        rows.map(move |&row| [free[row as usize], free[column]])
+    };
+    (0..pattern.n).flat_map(of_column).collect()
+}
+
+/// A diagonal entry of what is held: not zero, so that nothing comes of its row.
+pub(super) fn held_diagonal(value: f64) -> f64 {
+    value.abs().max(f64::MIN_POSITIVE)
 }

@@ -5,8 +5,9 @@
 
 use super::border::Border;
 use super::factor::TangentFactor;
+use super::indefinite::Indefinite;
 use crate::body::SymmetricBlocks;
-use crate::linear::{FactorError, Factorization, Ldlt};
+use crate::linear::FactorError;
 
 /// Shifts of an indefinite tangent, over its mean diagonal, by which a factor without pivoting gets past a pivot that
 /// vanishes: too small to be seen in a step.
@@ -15,28 +16,22 @@ const NUDGES: [f64; 3] = [0.0, 1e-10, 1e-8];
 /// A factor of the tangent, Cholesky's wherever there is one.
 pub(super) struct Direct {
     cholesky: TangentFactor<f64>,
-    /// Free degrees of freedom, ascending.
-    free: Vec<u32>,
     /// Analysed when it is first needed.
     indefinite: Option<Box<Indefinite>>,
     is_definite: bool,
 }
 
-/// A factor `L D Lᵀ` on the free degrees of freedom.
-struct Indefinite {
-    ldlt: Ldlt,
-    /// For every entry of Cholesky's elimination order its place in the pattern.
-    entries: Vec<u32>,
-    /// Diagonal entries of the pattern.
-    diagonal: Vec<usize>,
-    values: Vec<f64>,
-    column: Vec<f64>,
+/// What takes no part: the degrees of freedom that are not `free`, and of those, what hands hold.
+#[derive(Clone, Copy)]
+pub(super) struct Held<'a> {
+    pub free: &'a [u32],
+    pub is_held: &'a [bool],
 }
 
 impl Direct {
-    /// Analyses the pattern of a body's tangents on the `free` degrees of freedom, ascending.
-    pub fn new(cholesky: TangentFactor<f64>, free: Vec<u32>) -> Self {
-        Direct { cholesky, free, indefinite: None, is_definite: true }
+    /// With a factor for the tangents of a body.
+    pub fn new(cholesky: TangentFactor<f64>) -> Self {
+        Direct { cholesky, indefinite: None, is_definite: true }
     }
 
     /// Chooses the degrees of freedom that are held from the next factor on.
@@ -53,6 +48,7 @@ impl Direct {
         &mut self,
         tangent: &SymmetricBlocks,
         shift: f64,
+        held: Held<'_>,
         border: &mut Border,
     ) -> Result<(), FactorError> {
         let factorized = self.cholesky.factorize(tangent.values(), shift);
@@ -60,7 +56,7 @@ impl Direct {
         match factorized {
             Ok(()) => border.influence(|b, x| self.cholesky.solve(b, x)),
             Err(error) if error.is_of_a_pivot() && !border.is_empty() => {
-                self.prepare_indefinite(tangent, shift, border, error)
+                self.prepare_indefinite(tangent, shift, held, border, error)
             }
             Err(error) => Err(error),
         }
@@ -71,17 +67,17 @@ impl Direct {
         &mut self,
         tangent: &SymmetricBlocks,
         shift: f64,
+        Held { free, is_held }: Held<'_>,
         border: &mut Border,
         verdict: FactorError,
     ) -> Result<(), FactorError> {
-        let Direct { cholesky, free, indefinite, .. } = self;
-        if indefinite.is_none() {
-            *indefinite = Some(Box::new(Indefinite::new(tangent, free, cholesky)?));
+        if self.indefinite.is_none() {
+            self.indefinite = Some(Box::new(Indefinite::new(tangent.pattern(), free)?));
         }
-        let Some(indefinite) = indefinite else { return Err(verdict) };
-        indefinite.load(cholesky.load(tangent.values(), shift));
+        let Some(indefinite) = &mut self.indefinite else { return Err(verdict) };
         for nudge in NUDGES {
-            let modes = indefinite.factorize(nudge * tangent.mean_diagonal());
+            let nudged = shift + nudge * tangent.mean_diagonal();
+            let modes = indefinite.factorize(tangent.values(), nudged, is_held);
             let renewed = modes.and_then(|negative| {
                 border.influence(|b, x| indefinite.solve(free, b, x)).map(|()| negative)
             });
@@ -96,50 +92,18 @@ impl Direct {
     }
 
     /// `x = K⁻¹ b` on the free degrees of freedom; where `b` is zero on what is held, so is `x`.
-    pub fn solve(&mut self, b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
+    pub fn solve(&mut self, free: &[u32], b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
         match &mut self.indefinite {
-            Some(indefinite) if !self.is_definite => indefinite.solve(&self.free, b, x),
+            Some(indefinite) if !self.is_definite => indefinite.solve(free, b, x),
             _ => self.cholesky.solve(b, x),
         }
     }
-}
 
-impl Indefinite {
-    fn new(
-        tangent: &SymmetricBlocks,
-        free: &[u32],
-        cholesky: &TangentFactor<f64>,
-    ) -> Result<Self, FactorError> {
-        let (pattern, _) = tangent.pattern().restrict(free);
-        Ok(Indefinite {
-            ldlt: Ldlt::analyze(&pattern)?,
-            entries: cholesky.entries(),
-            diagonal: pattern.column_start[1..].iter().map(|&end| end as usize - 1).collect(),
-            values: vec![0.0; pattern.len()],
-            column: vec![0.0; free.len()],
-        })
-    }
-
-    /// Takes a matrix over, its values in Cholesky's elimination order.
-    fn load(&mut self, placed: &[f64]) {
-        for (&entry, value) in self.entries.iter().zip(placed) {
-            self.values[entry as usize] = *value;
+    /// The same in place for columns of free degrees of freedom.
+    pub fn solve_columns(&self, columns: &mut [f64]) -> Result<(), FactorError> {
+        match &self.indefinite {
+            Some(indefinite) if !self.is_definite => indefinite.solve_columns(columns),
+            _ => self.cholesky.solve_columns(columns),
         }
-    }
-
-    /// The number of negative eigenvalues; the nudge stays for the next.
-    fn factorize(&mut self, nudge: f64) -> Result<usize, FactorError> {
-        self.diagonal.iter().for_each(|&k| self.values[k] += nudge);
-        self.ldlt.factorize(&self.values)?;
-        let inertia = self.ldlt.inertia()?;
-        // A solve says which row it is.
-        Ok(inertia.negative)
-    }
-
-    fn solve(&mut self, free: &[u32], b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
-        self.column.iter_mut().zip(free).for_each(|(c, &dof)| *c = b[dof as usize]);
-        self.ldlt.solve(&mut self.column, 1)?;
-        self.column.iter().zip(free).for_each(|(c, &dof)| x[dof as usize] = *c);
-        Ok(())
     }
 }

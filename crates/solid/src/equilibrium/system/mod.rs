@@ -1,13 +1,14 @@
 //! The linear systems of equilibrium behind one interface: a tangent `K` on the degrees of freedom that nothing
 //! holds, bordered by the prescribed means of patches,
 //!   K s - W^T F = b,   W s = c,
-//! by sparse Cholesky or by conjugate gradients. Fixed degrees of freedom are left out once and for all; what hands
+//! by sparse Cholesky, by `L D Lᵀ` or by conjugate gradients; a factor serves many right-hand sides at once. Fixed degrees of freedom are left out once and for all; what hands
 //! hold may change at any time.
 
 mod border;
 mod device;
 mod direct;
 mod factor;
+mod indefinite;
 mod iterative;
 mod lagged;
 mod operand;
@@ -15,15 +16,16 @@ mod operand;
 mod tests;
 
 use super::tangent::Tangent;
-use crate::body::Body;
+use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::{FactorError, next_shift};
 use crate::mesh::Patch;
 use border::Border;
 pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
-use direct::Direct;
+use direct::{Direct, Held};
 use factor::TangentFactor;
+use indefinite::Indefinite;
 use iterative::Iterative;
 
 /// First shift of a tangent that is not positive definite, over its mean diagonal, to make a preconditioner of it.
@@ -35,6 +37,8 @@ pub enum Method {
     /// Sparse Cholesky, a new factor for every tangent.
     #[default]
     Cholesky,
+    /// Sparse `L D Lᵀ`, whatever the signs of the eigenvalues: a path that passes a limit point.
+    Ldlt,
     /// Preconditioned conjugate gradients.
     ConjugateGradients(ConjugateGradients),
 }
@@ -144,22 +148,25 @@ pub struct Solved {
     pub floor: f64,
 }
 
-/// A solver for the tangents of one body.
-pub struct Solver {
-    is_fixed: Vec<bool>,
+/// The constrained linear system of one body's tangents.
+pub struct ConstrainedSystem {
+    /// Degrees of freedom that are not fixed, ascending, and the row of each among them.
+    free: Vec<u32>,
+    rows: Vec<Option<u32>>,
     is_held: Vec<bool>,
     border: Border,
     /// The border has not met the preconditioner yet.
     is_border_new: bool,
-    kind: Kind,
+    solver: Solver,
 }
 
-enum Kind {
+enum Solver {
     Direct(Box<Direct>),
+    Indefinite(Box<Indefinite>),
     Iterative(Box<Iterative>),
 }
 
-impl Solver {
+impl ConstrainedSystem {
     /// For the tangents of a body; the `fixed` degrees of freedom never move.
     ///
     /// # Errors
@@ -172,33 +179,49 @@ impl Solver {
     ) -> Result<Self, Error> {
         method.check()?;
         let n_dofs = body.n_dofs();
-        let mut is_fixed = vec![false; n_dofs];
-        fixed.for_each(|dof| is_fixed[dof as usize] = true);
-        let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| !is_fixed[d as usize]).collect();
-        let kind = match method {
+        let mut is_held = vec![false; n_dofs];
+        fixed.for_each(|dof| is_held[dof as usize] = true);
+        let free: Vec<u32> = (0..n_dofs as u32).filter(|&d| !is_held[d as usize]).collect();
+        let mut rows = vec![None; n_dofs];
+        (0..).zip(&free).for_each(|(row, &dof)| rows[dof as usize] = Some(row));
+        let solver = match method {
             Method::Cholesky => {
-                let cholesky = TangentFactor::new(body.pattern(), &free)?;
-                Kind::Direct(Box::new(Direct::new(cholesky, free)))
+                Solver::Direct(Box::new(Direct::new(TangentFactor::new(body.pattern(), &free)?)))
             }
+            Method::Ldlt => Solver::Indefinite(Box::new(Indefinite::new(body.pattern(), &free)?)),
             Method::ConjugateGradients(settings) => {
-                Kind::Iterative(Box::new(Iterative::new(settings, body, &free)?))
+                Solver::Iterative(Box::new(Iterative::new(settings, body, &free)?))
             }
         };
-        let (is_held, border) = (is_fixed.clone(), Border::new(Vec::new(), &is_fixed));
-        let mut solver = Solver { is_fixed, is_held, border, is_border_new: true, kind };
-        solver.hold(&[], patches);
-        Ok(solver)
+        let border = Border::new(Vec::new(), &is_held);
+        let mut system =
+            ConstrainedSystem { free, rows, is_held, border, is_border_new: true, solver };
+        system.hold(&[], patches);
+        Ok(system)
+    }
+
+    /// The factorised tangent of a stable state `u`, `fixed` nodes held: for many right-hand sides.
+    ///
+    /// # Errors
+    /// A tangent that is not positive definite; a pattern the solver refuses.
+    pub fn at(body: &Body, u: &[f64], fixed: &[u32]) -> Result<Self, Error> {
+        let mut tangent = Tangent::matrix(body);
+        tangent.linearize(body, u, Curvature::Exact, &mut vec![0.0; u.len()]);
+        let mut system = Self::new(Method::Cholesky, body, dofs_of(fixed), Vec::new())?;
+        system.prepare(&tangent, 0.0)?;
+        Ok(system)
     }
 
     /// Holds `dofs`, beside the fixed ones, and the means of `patches`, until the next call.
     pub fn hold(&mut self, dofs: &[u32], patches: Vec<Patch>) {
-        self.is_held.copy_from_slice(&self.is_fixed);
+        self.is_held.iter_mut().zip(&self.rows).for_each(|(held, row)| *held = row.is_none());
         dofs.iter().for_each(|&dof| self.is_held[dof as usize] = true);
         self.border = Border::new(patches, &self.is_held);
         self.is_border_new = true;
-        match &mut self.kind {
-            Kind::Direct(direct) => direct.hold(&self.is_held),
-            Kind::Iterative(iterative) => iterative.hold(&self.is_held),
+        match &mut self.solver {
+            Solver::Direct(direct) => direct.hold(&self.is_held),
+            Solver::Indefinite(_) => {}
+            Solver::Iterative(iterative) => iterative.hold(&self.is_held),
         }
     }
 
@@ -209,9 +232,9 @@ impl Solver {
 
     /// Why the device that was asked for does not take part, if it does not.
     pub fn device_fault(&self) -> Option<&str> {
-        match &self.kind {
-            Kind::Direct(_) => None,
-            Kind::Iterative(iterative) => iterative.device_fault(),
+        match &self.solver {
+            Solver::Direct(_) | Solver::Indefinite(_) => None,
+            Solver::Iterative(iterative) => iterative.device_fault(),
         }
     }
 
@@ -234,27 +257,34 @@ impl Solver {
     /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the tangent is not positive definite
     /// on the steps that leave the means of the patches alone, and the state not stable; other factorisation errors.
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
-        match &mut self.kind {
-            Kind::Direct(direct) => {
+        let ConstrainedSystem { free, is_held, border, .. } = self;
+        match &mut self.solver {
+            Solver::Direct(direct) => {
                 let tangent = tangent.blocks()?;
                 let shift = absolute(shift, || tangent.mean_diagonal());
-                direct.prepare(tangent, shift, &mut self.border)
+                direct.prepare(tangent, shift, Held { free, is_held }, border)
             }
-            Kind::Iterative(iterative) => {
+            Solver::Indefinite(factor) => {
+                let tangent = tangent.blocks()?;
+                let shift = absolute(shift, || tangent.mean_diagonal());
+                factor.factorize(tangent.values(), shift, is_held)?;
+                border.influence(|b, x| factor.solve(free, b, x))
+            }
+            Solver::Iterative(iterative) => {
                 let mut renewed = iterative.prepare(tangent, shift);
                 // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
                 // preconditioner that knows nothing of the border.
                 let mut lift = 0.0;
                 while let Err(error) = &renewed
                     && error.is_of_a_pivot()
-                    && !self.border.is_empty()
+                    && !border.is_empty()
                     && let Some(next) = next_shift(lift, FIRST_SHIFT.max(shift))
                     && let Some(lifted) = iterative.lift(tangent, next)
                 {
                     (renewed, lift) = (lifted, next);
                 }
                 if renewed? || std::mem::take(&mut self.is_border_new) {
-                    self.border.influence(|b, x| {
+                    border.influence(|b, x| {
                         iterative.precondition(b, x);
                         Ok(())
                     })?;
@@ -282,21 +312,67 @@ impl Solver {
             *b = if held { 0.0 } else { *b };
         }
         step.fill(0.0);
-        let solved = match &mut self.kind {
-            Kind::Direct(direct) => {
-                direct.solve(b, step)?;
-                self.border.close(step, c, forces);
-                Solved { is_complete: true, ..Solved::default() }
-            }
-            Kind::Iterative(iterative) => {
+        let direct = Solved { is_complete: true, ..Solved::default() };
+        let solved = match &mut self.solver {
+            Solver::Direct(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
+            Solver::Indefinite(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
+            Solver::Iterative(iterative) => {
                 iterative.solve(&self.border, b, c, step, forces, deadline)?
             }
         };
+        if !matches!(self.solver, Solver::Iterative(_)) {
+            self.border.close(step, c, forces);
+        }
         match step.iter().position(|s| !s.is_finite()) {
             Some(row) => Err(FactorError::SolutionNotFinite { row, column: 0 }),
             None => Ok(solved),
         }
     }
+
+    /// `K⁻¹` in place, the patches left out: for columns on the free degrees of freedom, one after the other. Any number
+    /// of threads may solve with one factor at once.
+    ///
+    /// # Errors
+    /// Values that are not finite; no factor prepared, or a method that makes none.
+    pub fn solve_columns(&self, columns: &mut [f64]) -> Result<(), FactorError> {
+        match &self.solver {
+            Solver::Direct(factor) => factor.solve_columns(columns),
+            Solver::Indefinite(factor) => factor.solve_columns(columns),
+            Solver::Iterative(_) => Err(FactorError::NotFactorized),
+        }
+    }
+
+    /// Number of free degrees of freedom.
+    pub fn n_free(&self) -> usize {
+        self.free.len()
+    }
+
+    /// The free degrees of freedom, ascending.
+    pub fn free(&self) -> &[u32] {
+        &self.free
+    }
+
+    /// The row of a degree of freedom, if it is free.
+    pub fn row_of(&self, dof: usize) -> Option<usize> {
+        self.rows[dof].map(|row| row as usize)
+    }
+
+    /// What a vector on all degrees of freedom is on the free ones.
+    pub fn gather(&self, all: &[f64]) -> Vec<f64> {
+        self.free.iter().map(|&dof| all[dof as usize]).collect()
+    }
+
+    /// A vector on the free degrees of freedom as one on all, zero where it is fixed.
+    pub fn scatter(&self, free: &[f64]) -> Vec<f64> {
+        let mut all = vec![0.0; self.rows.len()];
+        self.free.iter().zip(free).for_each(|(&dof, u)| all[dof as usize] = *u);
+        all
+    }
+}
+
+/// The degrees of freedom of some nodes.
+pub fn dofs_of(nodes: &[u32]) -> impl Iterator<Item = u32> + '_ {
+    nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i))
 }
 
 /// A shift given over the mean of a tangent's diagonal.

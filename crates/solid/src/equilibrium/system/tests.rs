@@ -73,7 +73,8 @@ fn every_method_solves_the_bordered_system_of_every_grasp() {
     ];
     for method in METHODS {
         let tangent = tangent_of(method, &body, &u);
-        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        let mut solver =
+            ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         for (dofs, patches) in &grasps {
             solver.hold(dofs, patches.clone());
             solver.prepare(&tangent, 0.0).unwrap();
@@ -126,7 +127,8 @@ fn what_is_solved_of_a_slender_stiff_body_is_right() {
     let load = body.gravity([0.0, 0.0, -1.0], &[1.0]).unwrap();
     let run = |method: Method| {
         let tangent = tangent_of(method, &body, &u);
-        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        let mut solver =
+            ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         solver.prepare(&tangent, 0.0).unwrap();
         let (mut b, mut s) = (load.clone(), u.clone());
         let solved = solver.solve(&mut b, &[], &mut s, &mut Vec::new(), None).unwrap();
@@ -163,7 +165,8 @@ fn a_step_that_repeats_the_last_costs_nothing() {
     let (body, u, fixed) = bar();
     let n = body.n_dofs();
     let tangent = tangent_of(METHODS[1], &body, &u);
-    let mut solver = Solver::new(METHODS[1], &body, fixed.iter().copied(), vec![]).unwrap();
+    let mut solver =
+        ConstrainedSystem::new(METHODS[1], &body, fixed.iter().copied(), vec![]).unwrap();
     let iterations = [1.0, 3.0].map(|factor| {
         solver.prepare(&tangent, 0.0).unwrap();
         let mut b: Vec<f64> = noise(n, 2).iter().map(|b| factor * b).collect();
@@ -186,7 +189,8 @@ fn an_indefinite_tangent_is_said_and_a_shift_mends_it() {
             let entries = [less, 0.0, 0.0, 0.0, less, 0.0, 0.0, 0.0, less];
             tangent.blocks_mut().add(block, &entries);
         }
-        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        let mut solver =
+            ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         let (mut s, mut forces) = (vec![0.0; n], Vec::new());
         let mut run = |shift| {
             solver.prepare(&tangent, shift)?;
@@ -253,7 +257,8 @@ fn a_tangent_without_a_matrix_is_that_with_one() {
 fn a_solver_refuses_the_tangent_of_another() {
     let (body, u, fixed) = bar();
     for (method, other) in [(METHODS[0], METHODS[2]), (METHODS[2], METHODS[0])] {
-        let mut solver = Solver::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        let mut solver =
+            ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         assert!(solver.prepare(&tangent_of(other, &body, &u), 0.0).is_err());
     }
 }
@@ -322,7 +327,8 @@ fn the_verdict_is_that_of_the_steps_that_tools_leave() {
         assert!((now_held > 0.0) == is_stable && (now_alone > 0.0) == (by < alone));
         for method in METHODS.into_iter().filter(|m| m.tangent(&body).blocks().is_ok()) {
             let patches = vec![tip.clone()];
-            let mut solver = Solver::new(method, &body, fixed.iter().copied(), patches).unwrap();
+            let mut solver =
+                ConstrainedSystem::new(method, &body, fixed.iter().copied(), patches).unwrap();
             let (mut s, mut forces) = (vec![0.0; n], Vec::new());
             let outcome = solver.prepare(&tangent, 0.0).and_then(|()| {
                 solver.solve(&mut noise(n, 4), &[0.1, -0.2, 0.3], &mut s, &mut forces, None)
@@ -361,7 +367,8 @@ fn three_tools_hold_a_body_that_nothing_fixes() {
     let tangent = tangent_of(Method::Cholesky, &body, &vec![0.0; n]);
     let tools = [patch(&[0, 6, 12, 18]), patch(&[5, 11, 17]), patch(&[66, 67, 68])];
     let solve = |patches: Vec<Patch>| {
-        let mut solver = Solver::new(Method::Cholesky, &body, [].into_iter(), patches.clone())?;
+        let mut solver =
+            ConstrainedSystem::new(Method::Cholesky, &body, [].into_iter(), patches.clone())?;
         solver.prepare(&tangent, 0.0).map_err(Error::Factor)?;
         let c = noise(3 * patches.len(), 3);
         let (mut s, mut forces) = (vec![0.0; n], Vec::new());

@@ -21,7 +21,7 @@ pub trait Device: Send + Sync {
 }
 
 /// A linear system on a device, its preconditioner the inverse of each node's block. Every error is a sentence.
-pub trait DeviceSystem: Send {
+pub trait DeviceSystem: Send + Sync {
     /// Holds degrees of freedom at zero, and means `sum w u = 0` of others, by rows of degree of freedom and weight.
     ///
     /// # Errors

@@ -76,9 +76,13 @@ fn a_device_that_is_lost_is_left_and_the_processor_goes_on() {
     let (body, u, fixed) = bar();
     let b = noise(body.n_dofs(), 4);
     let exact = {
-        let mut solver =
-            Solver::new(Method::Cholesky, &body, fixed.iter().copied(), vec![patch(&[60, 61, 62])])
-                .unwrap();
+        let mut solver = ConstrainedSystem::new(
+            Method::Cholesky,
+            &body,
+            fixed.iter().copied(),
+            vec![patch(&[60, 61, 62])],
+        )
+        .unwrap();
         solver.prepare(&tangent_of(Method::Cholesky, &body, &u), 0.0).unwrap();
         let mut s = vec![0.0; body.n_dofs()];
         solver.solve(&mut b.clone(), &[1e-3; 3], &mut s, &mut Vec::new(), None).unwrap();
@@ -92,7 +96,7 @@ fn a_device_that_is_lost_is_left_and_the_processor_goes_on() {
         device: Some(OnDevice(&Fragile(2))),
     });
     let patches = vec![patch(&[60, 61, 62])];
-    let mut solver = Solver::new(method, &body, fixed.iter().copied(), patches).unwrap();
+    let mut solver = ConstrainedSystem::new(method, &body, fixed.iter().copied(), patches).unwrap();
     solver.prepare(&tangent_of(method, &body, &u), 0.0).unwrap();
     let mut iterations = Vec::new();
     for _ in 0..4 {
