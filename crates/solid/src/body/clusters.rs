@@ -69,7 +69,7 @@ pub(super) struct Volumes {
 
 /// What clusters give to the tangent at a displacement.
 #[derive(Clone, Default)]
-pub(super) struct SharedTangent {
+pub struct SharedTangent {
     /// `s U'(J_c)`.
     pub pressures: Vec<f64>,
     /// `j_c` over the nodes of the clusters.

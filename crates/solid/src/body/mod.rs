@@ -10,7 +10,9 @@ mod cells;
 mod check;
 mod clusters;
 mod convex;
+mod integrals;
 mod kernels;
+mod mean_volume;
 mod outliers;
 mod partition;
 mod product;
@@ -29,15 +31,13 @@ pub use quadrature_points::QuadraturePoint;
 pub use subset::{SharedNodes, WeightedSubset};
 pub use tangent::Curvature;
 
-use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
+use crate::element::{Element, Geometry};
 use crate::error::Error;
 use crate::law::Material;
 use crate::mesh;
 use crate::simd;
-use crate::tensor::{cofactor, determinant};
 use crate::threads::share;
-use cells::{CellBatches, pairs_of};
-use clusters::{Around, Clusters};
+use integrals::{ElementIntegrals, Layout, jacobians};
 use partition::Partition;
 use std::sync::Arc;
 
@@ -51,23 +51,7 @@ pub struct Body {
     geometry: Vec<Geometry>,
     material: Arc<Material>,
     pattern: Arc<BlockPattern>,
-    assembly: Arc<Assembly>,
-}
-
-enum Assembly {
-    P1(CellBatches<Tet4, 4>),
-    P1MeanVolume(CellBatches<Tet4, 4>, Box<Clusters>),
-    P2(CellBatches<Tet10, 10>),
-}
-
-/// The same expression on the cells of any element.
-macro_rules! on_cells {
-    ($body:expr, $cells:ident => $expression:expr) => {
-        match &*$body.assembly {
-            Assembly::P1($cells) | Assembly::P1MeanVolume($cells, _) => $expression,
-            Assembly::P2($cells) => $expression,
-        }
-    };
+    integrals: Arc<dyn ElementIntegrals>,
 }
 
 impl Body {
@@ -111,35 +95,18 @@ impl Body {
         material: Material,
         partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
     ) -> Self {
-        let corners = points.len();
-        let is_quadratic = element == Element::P2;
-        let edges = if is_quadratic { mesh::edges(&cells) } else { Vec::new() };
-        let points = mesh::with_midpoints(&points, &edges);
-        let n = points.len();
-        let (pattern, assembly) = match element {
-            Element::P1 => {
-                let pattern = BlockPattern::new(n, cells.iter().flat_map(pairs_of));
-                let cells = CellBatches::new(cells.clone(), &geometry, &material, &pattern, n);
-                (pattern, Assembly::P1(cells))
-            }
-            Element::P1MeanVolume => {
-                let parts = partition(&cells, &material);
-                let pattern = BlockPattern::new(n, parts.pairs());
-                let batched = CellBatches::new(cells.clone(), &geometry, &material, &pattern, n);
-                let slots = &batched.slots;
-                let clusters = Clusters::new(&parts, &cells, slots, &geometry, &material, &pattern);
-                (pattern, Assembly::P1MeanVolume(batched, Box::new(clusters)))
-            }
-            Element::P2 => {
-                let nodes = mesh::quadratic_cells(corners, &cells, &edges);
-                let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
-                let cells = CellBatches::new(nodes, &geometry, &material, &pattern, n);
-                (pattern, Assembly::P2(cells))
-            }
+        let edges = if element.is_quadratic() { mesh::edges(&cells) } else { Vec::new() };
+        let layout = Layout {
+            cells: &cells,
+            edges: &edges,
+            n_corners: points.len(),
+            geometry: &geometry,
+            material: &material,
         };
+        let (pattern, integrals) = layout.integrals(element, partition);
+        let points = mesh::with_midpoints(&points, &edges);
         let (material, pattern) = (Arc::new(material), Arc::new(pattern));
-        let assembly = Arc::new(assembly);
-        Body { element, points, cells, edges, geometry, material, pattern, assembly }
+        Body { element, points, cells, edges, geometry, material, pattern, integrals }
     }
 
     /// The element.
@@ -188,7 +155,7 @@ impl Body {
 
     /// Whether threads share the loops over its cells.
     pub fn is_shared(&self) -> bool {
-        share(on_cells!(self, cells => cells.n_tasks()))
+        share(self.integrals.n_tasks())
     }
 
     /// Volume at rest [m^3].
@@ -224,7 +191,7 @@ impl Body {
 
     /// Volume ratios `J` at the quadrature points, cell by cell.
     pub fn volume_ratios(&self, u: &[f64]) -> Vec<f64> {
-        on_cells!(self, cells => cells.jacobians(&self.geometry, u))
+        jacobians(&*self.integrals, &self.geometry, u)
     }
 
     /// The smallest volume ratio `J` at a quadrature point, and its cell.
@@ -242,7 +209,7 @@ impl Body {
         if !self.material.law().forbids_inversion() {
             return Vec::new();
         }
-        on_cells!(self, cells => cells.outliers(&self.geometry, u, range))
+        self.integrals.outliers(&self.geometry, u, range)
     }
 
     /// Nodal forces of a body force `density * gravity` [N], the work of a constant force per
@@ -253,30 +220,17 @@ impl Body {
     pub fn gravity(&self, gravity: [f64; 3], density: &[f64]) -> Result<Vec<f64>, Error> {
         check::densities(density, self.cells.len())?;
         let mut force = vec![0.0; self.n_dofs()];
-        on_cells!(self, cells => cells.for_each_load(|cell, node, part| {
+        let of_cell = |cell: usize| {
             let rho = if density.len() == 1 { density[0] } else { density[cell] };
-            for i in 0..3 {
-                let weight = rho * gravity[i] * self.geometry[cell].volume;
-                force[3 * node as usize + i] += part * weight;
-            }
-        }));
+            gravity.map(|g| rho * g * self.geometry[cell].volume)
+        };
+        self.integrals.add_body_force(&of_cell, &mut force);
         Ok(force)
     }
 
     /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        let law = self.material.law();
-        match &*self.assembly {
-            Assembly::P1(cells) => cells.energy(law, Around::default(), u),
-            Assembly::P2(cells) => cells.energy(law, Around::default(), u),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let local = cells.energy(law, clusters.around(&[]), u);
-                if local.is_infinite() {
-                    return local;
-                }
-                local + clusters.energy(law, &clusters.volumes(law, cells, u))
-            }
-        }
+        self.integrals.energy(self.material.law(), u)
     }
 
     /// Internal force `f_int = dW/du` [N], in place, and with it what [`Body::energy`] says; where that is infinite,
@@ -288,17 +242,7 @@ impl Body {
     /// [`Body::internal_force`] that finds the energy infinite where the `J` of a cell is outside of a range, for laws
     /// that forbid inversion.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
-        let (law, at) = (self.material.law(), (u, range));
-        match &*self.assembly {
-            Assembly::P1(cells) => cells.force(law, Around::default(), at, force),
-            Assembly::P2(cells) => cells.force(law, Around::default(), at, force),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(law, cells, u);
-                let (pressures, _) = clusters.pressures(law, &volumes);
-                let local = cells.force(law, clusters.around(&pressures), at, force);
-                if local.is_infinite() { local } else { local + clusters.energy(law, &volumes) }
-            }
-        }
+        self.integrals.force(self.material.law(), (u, range), force)
     }
 
     /// Internal force and tangent `d f_int / du`, in place.
@@ -319,25 +263,7 @@ impl Body {
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
-        let (law, at) = (self.material.law(), (u, curvature));
-        let nothing = |_: usize, _: &mut [f64; 9]| ();
-        match &*self.assembly {
-            Assembly::P1(cells) => {
-                cells.force_and_tangent(law, Around::default(), at, force, tangent, nothing);
-            }
-            Assembly::P2(cells) => {
-                cells.force_and_tangent(law, Around::default(), at, force, tangent, nothing);
-            }
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(law, cells, u);
-                let shared = clusters.tangent(law, &volumes, curvature);
-                let products = |block: usize, out: &mut [f64; 9]| {
-                    clusters.add_products(&shared, block, out);
-                };
-                let around = clusters.around(&shared.pressures);
-                cells.force_and_tangent(law, around, at, force, tangent, products);
-            }
-        }
+        self.integrals.force_and_tangent(self.material.law(), (u, curvature), force, tangent);
     }
 
     /// Which blocks its tangent has.
@@ -348,19 +274,5 @@ impl Body {
     /// A tangent of the right shape, zero.
     pub fn zero_tangent(&self) -> SymmetricBlocks {
         SymmetricBlocks::zeros(&self.pattern)
-    }
-}
-
-impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
-    /// `det F` at the quadrature points, cell by cell.
-    fn jacobians(&self, geometry: &[Geometry], u: &[f64]) -> Vec<f64> {
-        self.gradients(geometry, u).iter().map(|f| determinant(f, &cofactor(f))).collect()
-    }
-
-    /// Calls with cell, node and the integral of the node's shape function over a cell of volume 1.
-    fn for_each_load(&self, mut visit: impl FnMut(usize, u32, f64)) {
-        for (cell, nodes) in self.nodes.iter().enumerate() {
-            nodes.iter().zip(E::LOADS).for_each(|(&node, part)| visit(cell, node, part));
-        }
     }
 }

@@ -6,9 +6,10 @@
 use super::blocks::BlockPattern;
 use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
+use super::integrals::ElementIntegrals;
 use super::kernels::for_tasks;
 use super::tangent::{Curvature, Purpose, TangentLoop};
-use super::{Assembly, Body, SymmetricBlocks};
+use super::{Body, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::{LawKernels, Material};
 use crate::number::Lane;
@@ -19,7 +20,7 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct TangentProduct {
     material: Arc<Material>,
-    assembly: Arc<Assembly>,
+    integrals: Arc<dyn ElementIntegrals>,
     pattern: Arc<BlockPattern>,
     u: Vec<f64>,
     curvature: Curvature,
@@ -32,7 +33,7 @@ impl Body {
     pub fn tangent_product(&self) -> TangentProduct {
         let mut product = TangentProduct {
             material: self.material.clone(),
-            assembly: self.assembly.clone(),
+            integrals: self.integrals.clone(),
             pattern: self.pattern.clone(),
             u: Vec::new(),
             curvature: Curvature::Exact,
@@ -49,39 +50,19 @@ impl TangentProduct {
         self.u.clear();
         self.u.extend_from_slice(u);
         self.curvature = curvature;
-        if let Assembly::P1MeanVolume(cells, clusters) = &*self.assembly {
-            let volumes = clusters.volumes(self.material.law(), cells, u);
-            self.shared = clusters.tangent(self.material.law(), &volumes, curvature);
-        }
+        self.shared = self.integrals.shared(self.material.law(), (u, curvature));
     }
 
     /// `y = K x` over all degrees of freedom.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        let (law, at) = (self.material.law(), (self.u.as_slice(), self.curvature));
-        match &*self.assembly {
-            Assembly::P1(cells) => cells.tangent_times(law, Around::default(), at, x, y),
-            Assembly::P2(cells) => cells.tangent_times(law, Around::default(), at, x, y),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let around = clusters.around(&self.shared.pressures);
-                cells.tangent_times(law, around, at, x, y);
-                clusters.add_products_times(&self.shared, x, y);
-            }
-        }
+        let at = (self.u.as_slice(), self.curvature);
+        self.integrals.tangent_times(self.material.law(), at, &self.shared, x, y);
     }
 
     /// The block of each node with itself, entries `[i][k]`, nine per node.
     pub fn diagonal(&self) -> Vec<[f64; 9]> {
-        let (law, at) = (self.material.law(), (self.u.as_slice(), self.curvature));
-        match &*self.assembly {
-            Assembly::P1(cells) => cells.tangent_diagonal(law, Around::default(), at),
-            Assembly::P2(cells) => cells.tangent_diagonal(law, Around::default(), at),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let around = clusters.around(&self.shared.pressures);
-                let mut blocks = cells.tangent_diagonal(law, around, at);
-                clusters.add_diagonal(&self.shared, &mut blocks);
-                blocks
-            }
-        }
+        let at = (self.u.as_slice(), self.curvature);
+        self.integrals.tangent_diagonal(self.material.law(), at, &self.shared)
     }
 
     /// A matrix for what is added to the tangent, zero.
@@ -92,7 +73,7 @@ impl TangentProduct {
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// `y = K x`.
-    fn tangent_times(
+    pub fn tangent_times(
         &self,
         law: &dyn LawKernels,
         around: Around<'_>,
@@ -107,7 +88,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     }
 
     /// The blocks of each node with itself.
-    fn tangent_diagonal(
+    pub fn tangent_diagonal(
         &self,
         law: &dyn LawKernels,
         around: Around<'_>,

@@ -1,8 +1,8 @@
 //! What the law answers at the quadrature points: the stress that the internal force is the integral of.
 
+use super::Body;
 use super::cells::{CellBatches, deformation};
 use super::clusters::averaged_part;
-use super::{Assembly, Body};
 use crate::element::{Geometry, Shape};
 use crate::law::{Material, Shared};
 use crate::number::{LANES, Lane, Lanes};
@@ -24,31 +24,17 @@ pub struct QuadraturePoint {
 
 /// The cluster of a cell: `J_c`, and `s U'(J_c)` [Pa].
 #[derive(Clone, Copy)]
-struct Cluster {
-    ratio: f64,
-    pressure: f64,
+pub struct Cluster {
+    pub ratio: f64,
+    pub pressure: f64,
 }
 
 impl Body {
     /// `F`, `P` and energy density at the quadrature points of every cell, cell by cell; of equal weight within one.
     /// `f_int` is the integral of `P grad N`, [`Body::energy`] that of the energy density.
     pub fn quadrature_points(&self, u: &[f64]) -> Vec<QuadraturePoint> {
-        let (gradients, shared) = match &*self.assembly {
-            Assembly::P1(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
-            Assembly::P2(cells) => (cells.gradients(&self.geometry, u), Vec::new()),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let volumes = clusters.volumes(self.material.law(), cells, u);
-                let (pressures, _) = clusters.pressures(self.material.law(), &volumes);
-                let mut shared = vec![Cluster { ratio: 1.0, pressure: 0.0 }; self.cells.len()];
-                for cluster in 0..clusters.members.len() {
-                    let (ratio, pressure) = (volumes.clusters[cluster], pressures[cluster]);
-                    for member in clusters.members.of(cluster) {
-                        shared[member.cell as usize] = Cluster { ratio, pressure };
-                    }
-                }
-                (cells.gradients(&self.geometry, u), shared)
-            }
-        };
+        let gradients = self.integrals.gradients(&self.geometry, u);
+        let shared = self.integrals.clusters(self.material.law(), u);
         let points = gradients.len() / self.cells.len();
         Points { material: &self.material, gradients, of_cell: points, shared }.quadrature_points()
     }

@@ -1,9 +1,10 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
 //! internal force along a series of displacements (paper A; docs/architecture.md).
 
+use super::Body;
 use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
-use super::{Assembly, Body};
+use super::integrals::ElementIntegrals;
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::{Monomials, Real};
@@ -23,26 +24,29 @@ impl Body {
         stride: usize,
         force: &mut [T],
     ) where
-        dyn LawKernels: SeriesKernels<T>,
+        dyn ElementIntegrals: SeriesIntegrals<T>,
     {
         force.fill(T::default());
         let along = Along { table, displacement, stride };
-        let Body { material, geometry, .. } = self;
-        match &*self.assembly {
-            Assembly::P1(cells) => cells.force_series(material, geometry, along, &[], force),
-            Assembly::P1MeanVolume(cells, clusters) => {
-                let mut volumes = cells.volume_series(material, geometry, along);
-                clusters.pressure_series(material, &cells.slots, table, &mut volumes);
-                cells.force_series(material, geometry, along, &volumes, force);
-            }
-            Assembly::P2(cells) => cells.force_series(material, geometry, along, &[], force),
-        }
+        self.integrals.add_force_series(&self.material, &self.geometry, along, force);
     }
 }
 
+/// The part of an element's integrals that is about series, of coefficients `T`.
+pub trait SeriesIntegrals<T> {
+    /// Adds the degree-p coefficients of the internal force.
+    fn add_force_series(
+        &self,
+        material: &Material,
+        geometry: &[Geometry],
+        along: Along<T>,
+        force: &mut [T],
+    );
+}
+
 /// A series of displacements.
-pub(super) struct Along<'a, T> {
-    table: &'static Monomials,
+pub struct Along<'a, T> {
+    pub table: &'static Monomials,
     displacement: &'a [T],
     stride: usize,
 }
@@ -87,7 +91,7 @@ impl<T: Real> Along<'_, T> {
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Adds the degree-p forces; `pressure` holds the series of an extra pressure in each cell, or nothing.
-    fn force_series<T: Real>(
+    pub fn force_series<T: Real>(
         &self,
         material: &Material,
         geometry: &[Geometry],
@@ -101,7 +105,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     }
 
     /// Series of the volume ratio of each cell.
-    fn volume_series<T: Real>(
+    pub fn volume_series<T: Real>(
         &self,
         material: &Material,
         geometry: &[Geometry],
@@ -201,7 +205,7 @@ where
 
 impl Clusters {
     /// From the series of each cell's volume ratio to those of the pressure its cluster adds, in place.
-    fn pressure_series<T: Real>(
+    pub fn pressure_series<T: Real>(
         &self,
         material: &Material,
         slots: &[Slot],

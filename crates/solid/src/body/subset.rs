@@ -2,8 +2,8 @@
 //!
 //! A unit is the least that has an energy to itself: a cell, or a cluster of cells that share their change of volume.
 
+use super::Body;
 use super::partition::Partition;
-use super::{Assembly, Body};
 use crate::element::Geometry;
 use std::collections::HashMap;
 
@@ -29,10 +29,7 @@ pub enum SharedNodes {
 impl Body {
     /// Number of units.
     pub fn n_sampling_units(&self) -> usize {
-        match &*self.assembly {
-            Assembly::P1(_) | Assembly::P2(_) => self.cells.len(),
-            Assembly::P1MeanVolume(_, clusters) => clusters.volume.len(),
-        }
+        self.integrals.n_units()
     }
 
     /// Some units, each of which counts `weights` times, a positive number.
@@ -41,7 +38,7 @@ impl Body {
         let (mut cells, mut geometry) = (Vec::new(), Vec::new());
         let (mut origin, mut unit_of) = (Vec::new(), Vec::new());
         for (number, (&unit, &weight)) in (0u32..).zip(units.iter().zip(weights)) {
-            for cell in self.cells_of(unit) {
+            for cell in self.integrals.cells_of(unit) {
                 cells.push(self.cells[cell].map(|node| corners.of(number, node)));
                 let whole = self.geometry[cell];
                 geometry.push(Geometry { volume: weight * whole.volume, ..whole });
@@ -59,15 +56,6 @@ impl Body {
             first.push(first[a as usize].max(first[b as usize]));
         }
         WeightedSubset { body, nodes, units: first }
-    }
-
-    fn cells_of(&self, unit: usize) -> Vec<usize> {
-        match &*self.assembly {
-            Assembly::P1(_) | Assembly::P2(_) => vec![unit],
-            Assembly::P1MeanVolume(_, clusters) => {
-                clusters.members.of(unit).iter().map(|member| member.cell as usize).collect()
-            }
-        }
     }
 
     /// The node in the middle of an edge.

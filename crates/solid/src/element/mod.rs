@@ -33,6 +33,11 @@ impl Element {
         }
     }
 
+    /// Whether its edges have nodes in their middle.
+    pub fn is_quadratic(self) -> bool {
+        self == Element::P2
+    }
+
     /// The element of a name.
     ///
     /// # Errors

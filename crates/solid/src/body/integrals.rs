@@ -1,0 +1,224 @@
+//! What an element is to a body: the integrals over all of its cells. One implementation serves every element whose cells
+//! have their energy to themselves (P1, P2), one the [linear cells that share](super::mean_volume) their change of volume.
+
+use super::blocks::{BlockPattern, SymmetricBlocks};
+use super::cells::{CellBatches, pairs_of};
+use super::clusters::{Around, SharedTangent};
+use super::mean_volume::MeanVolume;
+use super::outliers::Outlier;
+use super::partition::Partition;
+use super::quadrature_points::Cluster;
+use super::series::{Along, SeriesIntegrals};
+use super::tangent::Curvature;
+use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
+use crate::law::{LawKernels, Material, SeriesKernels};
+use crate::mesh;
+use crate::number::{Real, Wide};
+use crate::tensor::{Mat3, cofactor, determinant};
+use std::sync::Arc;
+
+/// The integrals over the cells of a body. Displacements `u` and forces are of all degrees of freedom; geometries come
+/// cell by cell.
+pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send + Sync {
+    /// Number of tasks that its loops make.
+    fn n_tasks(&self) -> usize;
+
+    /// `F` at the quadrature points, cell by cell.
+    fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>>;
+
+    /// The quadrature points whose volume ratio is not inside of a range.
+    fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier>;
+
+    /// Adds the nodal forces of a force in each cell that is the same all over it.
+    fn add_body_force(&self, of_cell: &dyn Fn(usize) -> [f64; 3], force: &mut [f64]);
+
+    /// Strain energy.
+    fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64;
+
+    /// Internal force, in place, and with it the energy, infinite where a volume ratio is out of a range.
+    fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64;
+
+    /// Internal force and tangent, in place.
+    fn force_and_tangent(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        force: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+    );
+
+    /// What cells share in the tangent at a displacement.
+    fn shared(&self, _law: &dyn LawKernels, _at: (&[f64], Curvature)) -> SharedTangent {
+        SharedTangent::default()
+    }
+
+    /// `y = K x`, with what is shared there.
+    fn tangent_times(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        shared: &SharedTangent,
+        x: &[f64],
+        y: &mut [f64],
+    );
+
+    /// The block of each node with itself.
+    fn tangent_diagonal(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        shared: &SharedTangent,
+    ) -> Vec<[f64; 9]>;
+
+    /// The cluster of each cell at a displacement; none where cells share nothing.
+    fn clusters(&self, _law: &dyn LawKernels, _u: &[f64]) -> Vec<Cluster> {
+        Vec::new()
+    }
+
+    /// Number of the least parts that have an energy to themselves.
+    fn n_units(&self) -> usize;
+
+    /// The cells of such a part.
+    fn cells_of(&self, unit: usize) -> Vec<usize> {
+        vec![unit]
+    }
+}
+
+/// `det F` at the quadrature points, cell by cell.
+pub(super) fn jacobians(
+    integrals: &dyn ElementIntegrals,
+    geometry: &[Geometry],
+    u: &[f64],
+) -> Vec<f64> {
+    let gradients = integrals.gradients(geometry, u);
+    gradients.iter().map(|f| determinant(f, &cofactor(f))).collect()
+}
+
+/// What integrals are made over: the corners of the cells, and the edges with nodes in their middle, which come after
+/// the corners.
+pub(super) struct Layout<'a> {
+    pub cells: &'a [[u32; 4]],
+    pub edges: &'a [[u32; 2]],
+    pub n_corners: usize,
+    pub geometry: &'a [Geometry],
+    pub material: &'a Material,
+}
+
+impl Layout<'_> {
+    /// The integrals of an element, and the pairs of nodes that its tangent has; `partition` puts cells in clusters where
+    /// the element wants some.
+    pub fn integrals(
+        &self,
+        element: Element,
+        partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
+    ) -> (BlockPattern, Arc<dyn ElementIntegrals>) {
+        let cells = self.cells;
+        match element {
+            Element::P1 => self.cell_by_cell::<Tet4, 4>(cells.to_vec()),
+            Element::P2 => {
+                let nodes = mesh::quadratic_cells(self.n_corners, cells, self.edges);
+                self.cell_by_cell::<Tet10, 10>(nodes)
+            }
+            Element::P1MeanVolume => {
+                let (pattern, integrals) = MeanVolume::new(self, &partition(cells, self.material));
+                (pattern, Arc::new(integrals))
+            }
+        }
+    }
+
+    /// Number of corners and midpoints.
+    pub fn n_nodes(&self) -> usize {
+        self.n_corners + self.edges.len()
+    }
+
+    fn cell_by_cell<E: Shape<N>, const N: usize>(
+        &self,
+        nodes: Vec<[u32; N]>,
+    ) -> (BlockPattern, Arc<dyn ElementIntegrals>) {
+        let n = self.n_nodes();
+        let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
+        let cells = CellBatches::<E, N>::new(nodes, self.geometry, self.material, &pattern, n);
+        (pattern, Arc::new(cells))
+    }
+}
+
+impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
+    fn n_tasks(&self) -> usize {
+        CellBatches::n_tasks(self)
+    }
+
+    fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
+        CellBatches::gradients(self, geometry, u)
+    }
+
+    fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
+        CellBatches::outliers(self, geometry, u, range)
+    }
+
+    fn add_body_force(&self, of_cell: &dyn Fn(usize) -> [f64; 3], force: &mut [f64]) {
+        for (cell, nodes) in self.nodes.iter().enumerate() {
+            let whole = of_cell(cell);
+            for (&node, part) in nodes.iter().zip(E::LOADS) {
+                (0..3).for_each(|i| force[3 * node as usize + i] += part * whole[i]);
+            }
+        }
+    }
+
+    fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64 {
+        CellBatches::energy(self, law, Around::default(), u)
+    }
+
+    fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64 {
+        CellBatches::force(self, law, Around::default(), at, force)
+    }
+
+    fn force_and_tangent(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        force: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+    ) {
+        let nothing = |_: usize, _: &mut [f64; 9]| ();
+        CellBatches::force_and_tangent(self, law, Around::default(), at, force, tangent, nothing);
+    }
+
+    fn tangent_times(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        _shared: &SharedTangent,
+        x: &[f64],
+        y: &mut [f64],
+    ) {
+        CellBatches::tangent_times(self, law, Around::default(), at, x, y);
+    }
+
+    fn tangent_diagonal(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], Curvature),
+        _shared: &SharedTangent,
+    ) -> Vec<[f64; 9]> {
+        CellBatches::tangent_diagonal(self, law, Around::default(), at)
+    }
+
+    fn n_units(&self) -> usize {
+        self.nodes.len()
+    }
+}
+
+impl<T: Real, E: Shape<N>, const N: usize> SeriesIntegrals<T> for CellBatches<E, N>
+where
+    dyn LawKernels: SeriesKernels<T>,
+{
+    fn add_force_series(
+        &self,
+        material: &Material,
+        geometry: &[Geometry],
+        along: Along<T>,
+        force: &mut [T],
+    ) {
+        self.force_series(material, geometry, along, &[], force);
+    }
+}
