@@ -13,4 +13,4 @@ pub use viscera_number::{self as number, simd, tensor};
 pub use viscera_pgd as pgd;
 pub use viscera_reduction as reduced;
 pub use viscera_series as series;
-pub use viscera_solid::{Error, body, contact, element, equilibrium, error};
+pub use viscera_solid::{Error, body, contact, element, equilibrium, error, settings};

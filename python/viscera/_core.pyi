@@ -5,7 +5,7 @@ Every function raises `ValueError` on bad input (one sentence: the place, the va
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,10 +255,27 @@ class Live:
     def describe(self) -> str: ...  # JSON
     def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
-Solver = tuple[str, float, int, bool, str]
-"""Method ("cholesky" or the preconditioner of conjugate gradients), tolerance, largest number of iterations, whether
-there is no matrix, where conjugate gradients run ("cpu" or "gpu")."""
+class Solver(TypedDict):
+    """A linear solver: "cholesky" or the preconditioner of conjugate gradients, their settings by name, and where they
+    run ("cpu" or "gpu")."""
 
+    name: str
+    settings: dict[str, float]
+    device: str
+
+class Setting(TypedDict):
+    """A setting of a solver."""
+
+    name: str
+    means: str
+    kind: str  # "fraction", "part", "whole" or "flag"
+    low: float
+    high: float
+    default: float
+
+def elements() -> list[tuple[str, str]]: ...  # name, what it is
+def preconditioners() -> list[str]: ...
+def solver_settings() -> dict[str, list[Setting]]: ...  # of "newton", "conjugate_gradients", "enrichment"
 def load_gpu(path: str) -> None:
     """Load the library of `gpu/`, if it is not loaded yet; raises `VisceraError`."""
 

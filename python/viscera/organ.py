@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from viscera.case import Case
     from viscera.registration import Registered
 
-ELEMENTS = ("P1", "P1 mean volume", "P2")
+ELEMENTS = tuple(name for name, _ in _core.elements())
 ROUNDING = 1e-9
 """Of Poisson's ratio, which a law computes from the parameters it keeps: 0.45 stays 0.45 for every Young's modulus."""
 STEPS = Whole(1, 10_000)

@@ -10,15 +10,42 @@ from viscera import _core, gpu
 from viscera.errors import VisceraError, did_you_mean
 from viscera.quantity import Choice, Flag, Number, Whole, refused
 
-NEWTON: dict[str, tuple[Number | Whole, str, str]] = {
-    "tolerance": (Number(above=0, below=1), "residual, relative to the norm of all nodal forces", "1e-9"),
-    "max_iterations": (Whole(1, 10_000), "iterations in one load step before it is halved", "30"),
-    "max_backtracks": (Whole(0, 1_000), "halvings of a step in the line search", "12"),
-    "smallest_step": (Number(above=0, high=1), "smallest fraction of the load before the solver gives up", "1/1024"),
-}
-"""Settings of Newton's iteration: what each must be, what it is, and the default (`Newton` in crates/solid)."""
+Rule: TypeAlias = Number | Whole | Flag
 
-PRECONDITIONERS = ("block_jacobi", "incomplete_cholesky", "lagged_cholesky", "multigrid")
+
+def _rule(row: _core.Setting) -> Rule:
+    """What a setting must be, by its row in the core."""
+    low, high = row["low"], row["high"]
+    match row["kind"]:
+        case "fraction":
+            return Number(above=low, below=high)
+        case "part":
+            return Number(above=low, high=high)
+        case "whole":
+            return Whole(int(low), int(high))
+        case _:
+            return Flag()
+
+
+def _text(value: float) -> str:
+    """A default as documentation says it: 30, 1e-9, 1/1024.
+
+    >>> _text(30.0), _text(1e-9), _text(1 / 1024)
+    ('30', '1e-9', '1/1024')
+    """
+    text = f"{value:g}".replace("e-0", "e-")
+    return text if float(text) == value else f"1/{1 / value:g}"
+
+
+_SETTINGS = _core.solver_settings()
+
+NEWTON: dict[str, tuple[Rule, str, str]] = {
+    row["name"]: (_rule(row), row["means"], _text(row["default"])) for row in _SETTINGS["newton"]
+}
+"""Settings of Newton's iteration: what each must be, what it is, and the default."""
+
+PRECONDITIONERS = tuple(_core.preconditioners())
+_CG = {row["name"]: row for row in _SETTINGS["conjugate_gradients"]}
 
 
 @dataclass(frozen=True)
@@ -34,11 +61,11 @@ class ConjugateGradients:
     """"block_jacobi" (paper B), "incomplete_cholesky" without fill, or "lagged_cholesky": the factor of an earlier
     frame in single precision, renewed when iterations grow; or "multigrid": a V-cycle on aggregates of nodes with their
     rigid-body modes, for large bodies."""
-    tolerance: float = 1e-3
+    tolerance: float = _CG["tolerance"]["default"]
     """Residual of the linear system to reach, relative to its right-hand side."""
-    max_iterations: int = 200
+    max_iterations: int = int(_CG["max_iterations"]["default"])
     """Iterations after which to stop with what there is."""
-    matrix_free: bool = False
+    matrix_free: bool = bool(_CG["matrix_free"]["default"])
     """Never assemble the tangent: cells multiply it with a vector, evaluated anew each time. Slower, and needs little
     more memory than the mesh; for "block_jacobi" only, since the others are made from the matrix."""
     device: str = "cpu"
@@ -49,9 +76,8 @@ class ConjugateGradients:
         if self.preconditioner not in PRECONDITIONERS:
             hint = did_you_mean(str(self.preconditioner), PRECONDITIONERS)
             raise VisceraError(f"no preconditioner is called {self.preconditioner!r}; {hint}")
-        Number(above=0, below=1)(self.tolerance, "the tolerance of conjugate gradients")
-        Whole(1, 1_000_000)(self.max_iterations, "max_iterations of conjugate gradients")
-        Flag()(self.matrix_free, "matrix_free")
+        for name, row in _CG.items():
+            _rule(row)(getattr(self, name), f"{name} of conjugate gradients")
         Choice(("cpu", "gpu"))(self.device, "the device")
         if self.device == "gpu" and (self.preconditioner != "block_jacobi" or self.matrix_free):
             raise VisceraError('the device "gpu" takes the preconditioner "block_jacobi" and an assembled matrix')
@@ -75,8 +101,8 @@ def core_solver(solver: Solver) -> _core.Solver:
     if isinstance(solver, ConjugateGradients):
         if solver.device == "gpu":
             gpu.load()
-        settings = solver.preconditioner, float(solver.tolerance), int(solver.max_iterations)
-        return *settings, bool(solver.matrix_free), solver.device
+        settings = {name: float(getattr(solver, name)) for name in _CG}
+        return {"name": solver.preconditioner, "settings": settings, "device": solver.device}
     if solver == "gpu":
         return core_solver(GPU)
     if solver == "cg":
@@ -84,7 +110,7 @@ def core_solver(solver: Solver) -> _core.Solver:
     if solver == "multigrid":
         return core_solver(ConjugateGradients("multigrid", tolerance=1e-8, max_iterations=2000))
     if solver == "cholesky":
-        return "cholesky", 0.0, 0, False, "cpu"
+        return {"name": "cholesky", "settings": {}, "device": "cpu"}
     hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid", "gpu"))
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
 

@@ -7,7 +7,8 @@ use crate::{
     law::Law,
     mesh::Patch,
     model::Model,
-    path, stepper,
+    path,
+    settings::{Solver, choose},
 };
 use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -15,7 +16,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
-use viscera_core::equilibrium::{Equilibrium, Method, Newton, PatchLoad, Problem};
+use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
 use viscera_core::reduced::{Batches, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -75,7 +76,7 @@ impl Body {
         start: Option<PyReadonlyArray2<f64>>,
         steps: usize,
         settings: BTreeMap<String, f64>,
-        solver: stepper::Solver,
+        solver: Solver,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let n = self.body.points().len();
@@ -106,7 +107,8 @@ impl Body {
             patches,
             start: start.map(|u| convert::dofs("start", &u, n)).transpose()?,
         };
-        let newton = newton_settings(steps, &settings, stepper::method(solver)?)?;
+        let mut newton = Newton { steps, method: solver.method()?, ..Newton::default() };
+        choose(&Newton::SETTINGS, &mut newton, "Newton's method", &settings)?;
         problem.check_grasp().map_err(convert::error)?;
         let mut contact = Contact::new(&self.body);
         let rest = problem.start.clone().unwrap_or_else(|| vec![0.0; 3 * n]);
@@ -253,28 +255,6 @@ impl Body {
     fn lumped_areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.surface.lumped_areas())
     }
-}
-
-fn newton_settings(
-    steps: usize,
-    settings: &BTreeMap<String, f64>,
-    method: Method,
-) -> PyResult<Newton> {
-    let mut newton = Newton { steps, method, ..Newton::default() };
-    for (name, &value) in settings {
-        match name.as_str() {
-            "tolerance" => newton.tolerance = value,
-            "max_iterations" => newton.max_iterations = value as usize,
-            "max_backtracks" => newton.max_backtracks = value as usize,
-            "smallest_step" => newton.smallest_step = value,
-            _ => {
-                return Err(VisceraError::new_err(format!(
-                    "no setting is called {name:?}; there are tolerance, max_iterations, max_backtracks, smallest_step"
-                )));
-            }
-        }
-    }
-    Ok(newton)
 }
 
 fn state_dict<'py>(

@@ -19,6 +19,7 @@ mod mesher;
 mod model;
 mod path;
 mod pgd;
+mod settings;
 mod stepper;
 mod touch;
 
@@ -38,6 +39,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(pgd::pgd, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::compress, m)?)?;
     m.add_function(wrap_pyfunction!(pgd::plain_newton, m)?)?;
+    m.add_function(wrap_pyfunction!(settings::elements, m)?)?;
+    m.add_function(wrap_pyfunction!(settings::preconditioners, m)?)?;
+    m.add_function(wrap_pyfunction!(settings::solver_settings, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::load_gpu, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::gpu, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::lose_gpu, m)?)?;

@@ -1,7 +1,8 @@
 //! Paper A's separated series.
 
 use crate::body::{Body, Watch};
-use crate::convert::{self, VisceraError};
+use crate::convert;
+use crate::settings::choose;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -28,7 +29,11 @@ pub fn pgd<'py>(
     let nodes = positions.as_array().to_vec();
     let loads = Loads::new(&body.surface, &nodes, &body.fixed, radius).map_err(convert::error)?;
     let route = match enrichment {
-        Some(settings) => Route::Greedy(enrichment_settings(&settings)?),
+        Some(settings) => {
+            let mut enrichment = Enrichment::default();
+            choose(&Enrichment::SETTINGS, &mut enrichment, "enrichment", &settings)?;
+            Route::Greedy(enrichment)
+        }
         None => Route::Direct,
     };
     let pgd = Pgd { order, load, route };
@@ -84,24 +89,6 @@ pub fn plain_newton<'py>(
     let reached =
         py.detach(|| newton.solve(&body.body, &body.fixed, &force)).map_err(convert::error)?;
     Ok((convert::field(py, reached.displacement)?, reached.increments, reached.iterations))
-}
-
-fn enrichment_settings(settings: &BTreeMap<String, f64>) -> PyResult<Enrichment> {
-    let mut enrichment = Enrichment::default();
-    for (name, &value) in settings {
-        match name.as_str() {
-            "tolerance" => enrichment.tolerance = value,
-            "max_terms" => enrichment.max_terms = value as usize,
-            "stagnation" => enrichment.stagnation = value,
-            "max_iterations" => enrichment.max_iterations = value as usize,
-            _ => {
-                return Err(VisceraError::new_err(format!(
-                    "no setting is called {name:?}; there are tolerance, max_terms, stagnation, max_iterations"
-                )));
-            }
-        }
-    }
-    Ok(enrichment)
 }
 
 fn order_dict(py: Python<'_>, order: Order) -> PyResult<Bound<'_, PyDict>> {

@@ -1,40 +1,11 @@
 //! Frames in real time, and the settings of solver, inertia and relaxation.
 
-use crate::{
-    body::Body,
-    contact,
-    convert::{self, VisceraError},
-    exclusive::Exclusive,
-    gpu,
-    mesh::Patch,
-};
+use crate::{body::Body, contact, convert, exclusive::Exclusive, mesh::Patch, settings::Solver};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use viscera_core::contact::Pose;
-use viscera_core::equilibrium::{
-    self, ConjugateGradients, Dynamics, Input, Integration, Mass, Method, Preconditioner, Prony,
-    StepperSettings,
-};
-
-/// Name of the method, tolerance, largest number of iterations, whether the tangent is never assembled, where it runs.
-pub type Solver = (String, f64, usize, bool, String);
-
-/// The core's name for a linear solver.
-pub fn method(solver: Solver) -> PyResult<Method> {
-    let (name, tolerance, max_iterations, is_matrix_free, device) = solver;
-    if name == "cholesky" {
-        return Ok(Method::Cholesky);
-    }
-    let known = Preconditioner::NAMES.into_iter().find(|(known, _)| *known == name);
-    let Some((_, preconditioner)) = known else {
-        return Err(VisceraError::new_err(format!("no solver is called {name:?}")));
-    };
-    let device = if device == "gpu" { Some(gpu::device()?) } else { None };
-    let settings =
-        ConjugateGradients { preconditioner, tolerance, max_iterations, is_matrix_free, device };
-    Ok(Method::ConjugateGradients(settings))
-}
+use viscera_core::equilibrium::{self, Dynamics, Input, Integration, Mass, Prony, StepperSettings};
 
 /// `beta` and `gamma` of Newmark's rule or none for backward Euler; whether the mass is lumped; Rayleigh's damping.
 type Inertia = (Option<(f64, f64)>, bool, [f64; 2]);
@@ -66,7 +37,7 @@ impl Stepper {
         let held = body.get();
         let n = held.body.points().len();
         let settings = StepperSettings {
-            method: method(solver)?,
+            method: solver.method()?,
             iterations,
             settled,
             budget,

@@ -8,6 +8,7 @@
 use super::separated::Separated;
 use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
+use crate::settings::{self, Setting, Values};
 use rayon::prelude::*;
 
 /// Rows per task.
@@ -56,20 +57,40 @@ struct Pair {
 }
 
 impl Enrichment {
+    /// What users may choose of it.
+    pub const SETTINGS: [Setting<Self>; 4] = [
+        Setting {
+            name: "tolerance",
+            means: "energy norm of a pair, relative to the largest of its order, that ends an order",
+            values: Values::Fraction,
+            get: |enrichment| enrichment.tolerance,
+            set: |enrichment, value| enrichment.tolerance = value,
+        },
+        Setting {
+            name: "max_terms",
+            means: "pairs of an order at most",
+            values: Values::Whole(1, 1_000_000),
+            get: |enrichment| enrichment.max_terms as f64,
+            set: |enrichment, value| enrichment.max_terms = value as usize,
+        },
+        Setting {
+            name: "stagnation",
+            means: "change of the direction along the positions below which a pair is found",
+            values: Values::Fraction,
+            get: |enrichment| enrichment.stagnation,
+            set: |enrichment, value| enrichment.stagnation = value,
+        },
+        Setting {
+            name: "max_iterations",
+            means: "iterations for a pair at most",
+            values: Values::Whole(1, 1_000_000),
+            get: |enrichment| enrichment.max_iterations as f64,
+            set: |enrichment, value| enrichment.max_iterations = value as usize,
+        },
+    ];
+
     pub(super) fn check(&self) -> Result<(), Error> {
-        for (name, value) in [("tolerance", self.tolerance), ("stagnation", self.stagnation)] {
-            if !(value > 0.0 && value < 1.0) {
-                return Err(Error::input(format!("{name} {value}; it must be between 0 and 1")));
-            }
-        }
-        for (name, value) in
-            [("max_terms", self.max_terms), ("max_iterations", self.max_iterations)]
-        {
-            if value == 0 {
-                return Err(Error::input(format!("{name} is 0; it must be at least 1")));
-            }
-        }
-        Ok(())
+        settings::check(&Self::SETTINGS, self, "enrichment")
     }
 
     /// Separates `K^-1 E`; `residual` holds a column of the free degrees of freedom for each position and is left

@@ -28,4 +28,4 @@ use viscera_number as number;
 use viscera_number::{tensor, unroll};
 #[cfg(test)]
 use viscera_solid::element;
-use viscera_solid::{body, equilibrium, error};
+use viscera_solid::{body, equilibrium, error, settings};

@@ -6,6 +6,7 @@ pub mod contact;
 pub mod element;
 pub mod equilibrium;
 pub mod error;
+pub mod settings;
 
 pub use error::Error;
 

@@ -20,17 +20,42 @@ pub enum Element {
     P2,
 }
 
+/// What is known of an element.
+pub struct Row {
+    /// Which it is.
+    pub element: Element,
+    /// Its name in case files and model files.
+    pub name: &'static str,
+    /// What it is.
+    pub means: &'static str,
+}
+
 impl Element {
     /// All of them.
     pub const ALL: [Element; 3] = [Element::P1, Element::P1MeanVolume, Element::P2];
 
-    /// `"P1"`, `"P1 mean volume"` or `"P2"`.
+    /// A row for each, in this order.
+    pub const ROWS: [Row; 3] = [
+        Row {
+            element: Element::P1,
+            name: "P1",
+            means: "linear displacement; locks where the law resists volume change",
+        },
+        Row {
+            element: Element::P1MeanVolume,
+            name: "P1 mean volume",
+            means: "linear displacement, the change of volume shared by clusters of cells",
+        },
+        Row {
+            element: Element::P2,
+            name: "P2",
+            means: "quadratic displacement, straight sides, four quadrature points",
+        },
+    ];
+
+    /// Its name: that of its row.
     pub fn name(self) -> &'static str {
-        match self {
-            Element::P1 => "P1",
-            Element::P1MeanVolume => "P1 mean volume",
-            Element::P2 => "P2",
-        }
+        Self::ROWS[self as usize].name
     }
 
     /// Whether its edges have nodes in their middle.
@@ -43,8 +68,9 @@ impl Element {
     /// # Errors
     /// An unknown name.
     pub fn named(name: &str) -> Result<Self, Error> {
-        Self::ALL.into_iter().find(|element| element.name() == name).ok_or_else(|| {
-            let known = Self::ALL.map(|element| format!("{:?}", element.name())).join(", ");
+        let row = Self::ROWS.into_iter().find(|row| row.name == name);
+        row.map(|row| row.element).ok_or_else(|| {
+            let known = Self::ROWS.map(|row| format!("{:?}", row.name)).join(", ");
             Error::input(format!("no element is called {name:?}; there are {known}"))
         })
     }

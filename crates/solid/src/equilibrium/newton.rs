@@ -20,6 +20,7 @@ use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
 use crate::error::Error;
+use crate::settings::{self, Setting, Values};
 
 /// Energy of a linear step over that which its tangent promises, beyond which it is no use as a prediction.
 const STRETCHED: f64 = 10.0;
@@ -60,6 +61,38 @@ impl Default for Newton {
 }
 
 impl Newton {
+    /// What users may choose of it.
+    pub const SETTINGS: [Setting<Self>; 4] = [
+        Setting {
+            name: "tolerance",
+            means: "residual, relative to the norm of all nodal forces",
+            values: Values::Fraction,
+            get: |newton| newton.tolerance,
+            set: |newton, value| newton.tolerance = value,
+        },
+        Setting {
+            name: "max_iterations",
+            means: "iterations in one load step before it is halved",
+            values: Values::Whole(1, 10_000),
+            get: |newton| newton.max_iterations as f64,
+            set: |newton, value| newton.max_iterations = value as usize,
+        },
+        Setting {
+            name: "max_backtracks",
+            means: "halvings of a step in the line search",
+            values: Values::Whole(0, 1_000),
+            get: |newton| newton.max_backtracks as f64,
+            set: |newton, value| newton.max_backtracks = value as usize,
+        },
+        Setting {
+            name: "smallest_step",
+            means: "smallest fraction of the load before the solver gives up",
+            values: Values::Part,
+            get: |newton| newton.smallest_step,
+            set: |newton, value| newton.smallest_step = value,
+        },
+    ];
+
     /// Solves a load case; `progress` receives the load fraction reached and may return false to
     /// stop.
     ///
@@ -119,13 +152,7 @@ impl Newton {
     }
 
     fn check(&self) -> Result<(), Error> {
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        if !positive(self.tolerance) || !positive(self.smallest_step) || self.max_iterations == 0 {
-            return Err(Error::input(format!(
-                "Newton settings: tolerance {}, smallest_step {}, max_iterations {}; all must be positive",
-                self.tolerance, self.smallest_step, self.max_iterations
-            )));
-        }
+        settings::check(&Self::SETTINGS, self, "Newton's method")?;
         self.method.check()
     }
 }

@@ -5,6 +5,7 @@
 //! hold may change at any time.
 
 mod border;
+mod conjugate_gradients;
 mod device;
 mod direct;
 mod factor;
@@ -21,7 +22,9 @@ use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::{FactorError, next_shift};
 use crate::mesh::Patch;
+use crate::settings;
 use border::Border;
+pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
 pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
 use direct::{Direct, Held};
 use factor::TangentFactor;
@@ -43,57 +46,6 @@ pub enum Method {
     ConjugateGradients(ConjugateGradients),
 }
 
-/// Settings of conjugate gradients.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ConjugateGradients {
-    /// What each residual goes through.
-    pub preconditioner: Preconditioner,
-    /// Residual to reach, relative to the right-hand side.
-    pub tolerance: f64,
-    /// Iterations after which to stop with what there is.
-    pub max_iterations: usize,
-    /// Whether the tangent multiplies cell by cell and is never assembled. Only block-Jacobi needs no more.
-    pub is_matrix_free: bool,
-    /// Where they run, if not on the processor; with block-Jacobi and a matrix only.
-    pub device: Option<OnDevice>,
-}
-
-impl Default for ConjugateGradients {
-    fn default() -> Self {
-        Self {
-            preconditioner: Preconditioner::LaggedCholesky,
-            tolerance: 1e-3,
-            max_iterations: 200,
-            is_matrix_free: false,
-            device: None,
-        }
-    }
-}
-
-/// Preconditioners of conjugate gradients.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preconditioner {
-    /// The inverse of each node's diagonal block (paper B).
-    BlockJacobi,
-    /// Incomplete Cholesky without fill, by node blocks.
-    IncompleteCholesky,
-    /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside the
-    /// frames where there is a second thread.
-    LaggedCholesky,
-    /// A V-cycle on aggregates of nodes with their rigid-body modes; made anew when iterations grow.
-    Multigrid,
-}
-
-impl Preconditioner {
-    /// Names, for messages and other languages.
-    pub const NAMES: [(&'static str, Preconditioner); 4] = [
-        ("block_jacobi", Preconditioner::BlockJacobi),
-        ("incomplete_cholesky", Preconditioner::IncompleteCholesky),
-        ("lagged_cholesky", Preconditioner::LaggedCholesky),
-        ("multigrid", Preconditioner::Multigrid),
-    ];
-}
-
 impl Method {
     /// # Errors
     /// A tolerance that is not between 0 and 1; no iterations; a preconditioner made from the matrix, and no matrix.
@@ -101,13 +53,7 @@ impl Method {
         let Method::ConjugateGradients(cg) = self else {
             return Ok(());
         };
-        if !(cg.tolerance > 0.0 && cg.tolerance < 1.0) || cg.max_iterations == 0 {
-            return Err(Error::input(format!(
-                "conjugate gradients: tolerance {} and {} iterations; give a tolerance between 0 and 1 and at \
-                 least one iteration",
-                cg.tolerance, cg.max_iterations
-            )));
-        }
+        settings::check(&ConjugateGradients::SETTINGS, cg, "conjugate gradients")?;
         if cg.is_matrix_free && cg.preconditioner != Preconditioner::BlockJacobi {
             return Err(Error::input(
                 "without a matrix there is nothing to make a factor from; choose the preconditioner \"block_jacobi\"",
