@@ -130,6 +130,7 @@ install-c: c-library ## header, libraries and pkg-config file of the C library i
 bench: $(extension) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
+	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) run --quiet --release --package viscera-linear --example fronts; }
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
 
 bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results

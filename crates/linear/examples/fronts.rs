@@ -1,0 +1,147 @@
+//! The project's own sparse fronts against faer's supernodal Cholesky, in one run and on one thread: numeric factorisation
+//! of the same matrices. `faer, same order` eliminates in the order of the fronts, `faer, its own` by minimum degree.
+//!
+//!     cargo run --release -p viscera-linear --example fronts
+
+use faer::Par;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::perm::Perm;
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use std::time::Instant;
+use viscera_linear::{Cholesky, Factorization, Pattern};
+
+const RUNS: usize = 7;
+
+/// Springs between the neighbours of a grid, diagonals included, on a soft ground: blocks of 3 x 3 as those of a body of
+/// tetrahedra.
+struct Springs {
+    pattern: Pattern,
+    values: Vec<f64>,
+}
+
+impl Springs {
+    fn new([nx, ny, nz]: [i32; 3]) -> Self {
+        let nodes = || (0..nx * ny * nz).map(|k| [k % nx, k / nx % ny, k / (nx * ny)]);
+        let number = |x: [i32; 3]| x[0] + nx * (x[1] + ny * x[2]);
+        let ways = || (0..27).map(|k| [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1]);
+        let is_inside = |x: [i32; 3]| (0..3).all(|i| (0..[nx, ny, nz][i]).contains(&x[i]));
+        let pull = |way: [i32; 3], i: usize, k: usize| {
+            let square = way.iter().map(|w| w * w).sum::<i32>().max(1);
+            let along = f64::from(way[i] * way[k]) / f64::from(square);
+            along + if i == k { 0.1 } else { 0.0 }
+        };
+        let (mut column_start, mut row, mut values) = (vec![0], Vec::new(), Vec::new());
+        for x in nodes() {
+            let neighbours: Vec<([i32; 3], i32)> = ways()
+                .map(|way| (way, std::array::from_fn(|i| x[i] + way[i])))
+                .filter(|&(_, there)| is_inside(there))
+                .map(|(way, there)| (way, number(there)))
+                .collect();
+            for k in 0..3 {
+                let own =
+                    |i: usize| neighbours.iter().map(|&(way, _)| pull(way, i, k)).sum::<f64>();
+                for &(way, there) in neighbours.iter().filter(|&&(_, there)| there <= number(x)) {
+                    for i in (0..3).filter(|&i| there < number(x) || i <= k) {
+                        row.push((3 * there) as u32 + i as u32);
+                        let is_own = there == number(x);
+                        values.push(if is_own { own(i) } else { -pull(way, i, k) });
+                    }
+                }
+                column_start.push(row.len() as u32);
+            }
+        }
+        let n = column_start.len() - 1;
+        Springs { pattern: Pattern { n, column_start, row }, values }
+    }
+
+    fn matrix(&self) -> SparseColMatRef<'_, u32, f64> {
+        let Pattern { n, column_start, row } = &self.pattern;
+        let symbolic = SymbolicSparseColMatRef::new_checked(*n, *n, column_start, None, row);
+        SparseColMatRef::new(symbolic, &self.values)
+    }
+}
+
+/// Milliseconds of each, the least of some runs in turns.
+fn least<const N: usize>(mut runs: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut least = [f64::INFINITY; N];
+    for _ in 0..RUNS {
+        for (run, least) in runs.iter_mut().zip(&mut least) {
+            let clock = Instant::now();
+            run();
+            *least = least.min(1e3 * clock.elapsed().as_secs_f64());
+        }
+    }
+    least
+}
+
+/// faer's factor of a matrix, and room to compute it anew.
+struct Faer {
+    symbolic: SymbolicCholesky<u32>,
+    factor: Vec<f64>,
+    memory: MemBuffer,
+}
+
+impl Faer {
+    fn new(matrix: SparseColMatRef<'_, u32, f64>, order: SymmetricOrdering<'_, u32>) -> Self {
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            ..Default::default()
+        };
+        let symbolic =
+            factorize_symbolic_cholesky(matrix.symbolic(), faer::Side::Upper, order, params)
+                .expect("memory for the pattern");
+        let request = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+        let factor = vec![0.0; symbolic.len_val()];
+        Faer { symbolic, factor, memory: MemBuffer::new(request) }
+    }
+
+    fn factorize(&mut self, matrix: SparseColMatRef<'_, u32, f64>) {
+        self.symbolic
+            .factorize_numeric_llt(
+                &mut self.factor,
+                matrix,
+                faer::Side::Upper,
+                Default::default(),
+                Par::Seq,
+                MemStack::new(&mut self.memory),
+                Default::default(),
+            )
+            .expect("a positive definite matrix");
+    }
+}
+
+fn main() {
+    println!(
+        "numeric factorisation [ms], the least of {RUNS} runs in turns; entries of the factor in millions"
+    );
+    println!(
+        "grid           rows  entries   fronts  faer, same order  faer, its own  same order / fronts"
+    );
+    for grid in [[8, 8, 8], [12, 12, 12], [16, 16, 16], [60, 8, 8], [40, 40, 3]] {
+        let springs = Springs::new(grid);
+        let matrix = springs.matrix();
+        let mut fronts: Cholesky = Cholesky::analyze(&springs.pattern).expect("a sound pattern");
+        let order = fronts.order().to_vec();
+        let mut inverse = vec![0; order.len()];
+        (0..).zip(&order).for_each(|(step, &row)| inverse[row as usize] = step);
+        let order = Perm::new_checked(order.into(), inverse.into(), springs.pattern.n);
+        let mut same = Faer::new(matrix, SymmetricOrdering::Custom(order.as_ref()));
+        let mut own = Faer::new(matrix, SymmetricOrdering::Amd);
+        let [by_fronts, by_same, by_own] = least([
+            &mut || fronts.factorize(&springs.values).expect("a positive definite matrix"),
+            &mut || same.factorize(matrix),
+            &mut || own.factorize(matrix),
+        ]);
+        let grid = grid.map(|n| n.to_string()).join(" x ");
+        println!(
+            "{grid:12}{:7}{:9.2}{by_fronts:9.2}{by_same:18.2}{by_own:15.2}{:21.2}",
+            springs.pattern.n,
+            1e-6 * fronts.fill() as f64,
+            by_same / by_fronts
+        );
+    }
+}
