@@ -2,8 +2,8 @@
 
 use super::origin::Origin;
 use super::panels::{BATCHES, Panel, Work, curvature_place, place};
+use super::reduced_energy::Reduced;
 use super::sample::{Batch, EDGES, Sample};
-use super::sampled::Reduced;
 use crate::law::{LawKernels, Shared, TangentBlocks};
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver};

@@ -21,6 +21,7 @@ mod newton;
 mod nnls;
 mod origin;
 mod panels;
+mod reduced_energy;
 mod sample;
 mod sampled;
 mod sketch;

@@ -8,7 +8,8 @@
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
 use super::forces::State;
-use super::sampled::{Reduced, Sampled};
+use super::reduced_energy::Reduced;
+use super::sampled::Sampled;
 use super::starts::Starts;
 use crate::clock::Instant;
 use crate::equilibrium::{Iteration, Limits, Stop, backtrack, iterate};

@@ -4,7 +4,7 @@
 //! With the modes `E` on its nodes, a row for each degree of freedom, force and tangent of `W(u_0 + E q)` are `E^T f` and
 //! `E^T K E`. The modes are held in single precision, as they are for [linear cells](super::panels).
 
-use super::sampled::Reduced;
+use super::reduced_energy::Reduced;
 use crate::body::{Body, SymmetricBlocks, WeightedSubset};
 use crate::linear::Precision;
 use crate::simd::{WideKernel, dispatch_wide};

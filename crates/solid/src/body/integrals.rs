@@ -1,21 +1,17 @@
 //! What an element is to a body: the integrals over all of its cells. One implementation serves every element whose cells
 //! have their energy to themselves (P1, P2), one the [linear cells that share](super::mean_volume) their change of volume.
 
-use super::blocks::{BlockPattern, SymmetricBlocks};
-use super::cells::{CellBatches, pairs_of};
+use super::blocks::SymmetricBlocks;
+use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
-use super::mean_volume::MeanVolume;
 use super::outliers::Outlier;
-use super::partition::Partition;
 use super::quadrature_points::Cluster;
 use super::series::{Along, SeriesIntegrals};
 use super::tangent::Curvature;
-use crate::element::{Element, Geometry, Shape, Tet4, Tet10};
+use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
-use crate::mesh;
 use crate::number::{Real, Wide};
 use crate::tensor::{Mat3, cofactor, determinant};
-use std::sync::Arc;
 
 /// The integrals over the cells of a body. Displacements `u` and forces are of all degrees of freedom; geometries come
 /// cell by cell.
@@ -92,54 +88,6 @@ pub(super) fn jacobians(
 ) -> Vec<f64> {
     let gradients = integrals.gradients(geometry, u);
     gradients.iter().map(|f| determinant(f, &cofactor(f))).collect()
-}
-
-/// What integrals are made over: the corners of the cells, and the edges with nodes in their middle, which come after
-/// the corners.
-pub(super) struct Layout<'a> {
-    pub cells: &'a [[u32; 4]],
-    pub edges: &'a [[u32; 2]],
-    pub n_corners: usize,
-    pub geometry: &'a [Geometry],
-    pub material: &'a Material,
-}
-
-impl Layout<'_> {
-    /// The integrals of an element, and the pairs of nodes that its tangent has; `partition` puts cells in clusters where
-    /// the element wants some.
-    pub fn integrals(
-        &self,
-        element: Element,
-        partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
-    ) -> (BlockPattern, Arc<dyn ElementIntegrals>) {
-        let cells = self.cells;
-        match element {
-            Element::P1 => self.cell_by_cell::<Tet4, 4>(cells.to_vec()),
-            Element::P2 => {
-                let nodes = mesh::quadratic_cells(self.n_corners, cells, self.edges);
-                self.cell_by_cell::<Tet10, 10>(nodes)
-            }
-            Element::P1MeanVolume => {
-                let (pattern, integrals) = MeanVolume::new(self, &partition(cells, self.material));
-                (pattern, Arc::new(integrals))
-            }
-        }
-    }
-
-    /// Number of corners and midpoints.
-    pub fn n_nodes(&self) -> usize {
-        self.n_corners + self.edges.len()
-    }
-
-    fn cell_by_cell<E: Shape<N>, const N: usize>(
-        &self,
-        nodes: Vec<[u32; N]>,
-    ) -> (BlockPattern, Arc<dyn ElementIntegrals>) {
-        let n = self.n_nodes();
-        let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
-        let cells = CellBatches::<E, N>::new(nodes, self.geometry, self.material, &pattern, n);
-        (pattern, Arc::new(cells))
-    }
 }
 
 impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {

@@ -3,7 +3,8 @@
 use super::blocks::{BlockPattern, SymmetricBlocks};
 use super::cells::CellBatches;
 use super::clusters::{Clusters, SharedTangent};
-use super::integrals::{ElementIntegrals, Layout};
+use super::integrals::ElementIntegrals;
+use super::layout::Layout;
 use super::outliers::Outlier;
 use super::partition::Partition;
 use super::quadrature_points::Cluster;

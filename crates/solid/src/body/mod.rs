@@ -10,8 +10,10 @@ mod cells;
 mod check;
 mod clusters;
 mod convex;
+mod elements;
 mod integrals;
 mod kernels;
+mod layout;
 mod mean_volume;
 mod outliers;
 mod partition;
@@ -35,10 +37,13 @@ use crate::element::{Element, Geometry};
 use crate::error::Error;
 use crate::law::Material;
 use crate::mesh;
+use crate::number::{Monomials, Real};
 use crate::simd;
 use crate::threads::share;
-use integrals::{ElementIntegrals, Layout, jacobians};
+use integrals::{ElementIntegrals, jacobians};
+use layout::Layout;
 use partition::Partition;
+use series::{Along, SeriesIntegrals};
 use std::sync::Arc;
 
 /// A hyperelastic body of tetrahedra, Total Lagrangian.
@@ -103,7 +108,7 @@ impl Body {
             geometry: &geometry,
             material: &material,
         };
-        let (pattern, integrals) = layout.integrals(element, partition);
+        let (pattern, integrals) = elements::integrals(element, &layout, partition);
         let points = mesh::with_midpoints(&points, &edges);
         let (material, pattern) = (Arc::new(material), Arc::new(pattern));
         Body { element, points, cells, edges, geometry, material, pattern, integrals }
@@ -264,6 +269,26 @@ impl Body {
         tangent: &mut SymmetricBlocks,
     ) {
         self.integrals.force_and_tangent(self.material.law(), (u, curvature), force, tangent);
+    }
+
+    /// Degree-p coefficients of the internal force, p being the order of `table`.
+    ///
+    /// `displacement` holds `stride >= table.len()` coefficients for each degree of freedom (the
+    /// displacement of the base state first); only those of degree below p are read, so that the
+    /// result is the nonlinear right-hand side with `u_p = 0`. `force` receives
+    /// `table.of_degree(p).len()` coefficients for each degree of freedom.
+    pub fn force_series<T: Real>(
+        &self,
+        table: &'static Monomials,
+        displacement: &[T],
+        stride: usize,
+        force: &mut [T],
+    ) where
+        dyn ElementIntegrals: SeriesIntegrals<T>,
+    {
+        force.fill(T::default());
+        let along = Along { table, displacement, stride };
+        self.integrals.add_force_series(&self.material, &self.geometry, along, force);
     }
 
     /// Which blocks its tangent has.

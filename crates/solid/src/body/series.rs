@@ -1,36 +1,12 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
 //! internal force along a series of displacements (paper A; docs/architecture.md).
 
-use super::Body;
 use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
-use super::integrals::ElementIntegrals;
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::{Monomials, Real};
 use crate::simd::{Kernel, dispatch_solver};
-
-impl Body {
-    /// Degree-p coefficients of the internal force, p being the order of `table`.
-    ///
-    /// `displacement` holds `stride >= table.len()` coefficients for each degree of freedom (the
-    /// displacement of the base state first); only those of degree below p are read, so that the
-    /// result is the nonlinear right-hand side with `u_p = 0`. `force` receives
-    /// `table.of_degree(p).len()` coefficients for each degree of freedom.
-    pub fn force_series<T: Real>(
-        &self,
-        table: &'static Monomials,
-        displacement: &[T],
-        stride: usize,
-        force: &mut [T],
-    ) where
-        dyn ElementIntegrals: SeriesIntegrals<T>,
-    {
-        force.fill(T::default());
-        let along = Along { table, displacement, stride };
-        self.integrals.add_force_series(&self.material, &self.geometry, along, force);
-    }
-}
 
 /// The part of an element's integrals that is about series, of coefficients `T`.
 pub trait SeriesIntegrals<T> {
@@ -47,8 +23,8 @@ pub trait SeriesIntegrals<T> {
 /// A series of displacements.
 pub struct Along<'a, T> {
     pub table: &'static Monomials,
-    displacement: &'a [T],
-    stride: usize,
+    pub displacement: &'a [T],
+    pub stride: usize,
 }
 
 impl<T> Clone for Along<'_, T> {
