@@ -7,6 +7,7 @@ use super::batch::{Batches, Nowhere};
 use super::measure::Measured;
 use super::positions::Positions;
 use super::preload;
+use super::refused::refused;
 use super::solve::{EDGE_ORDER, Expanded};
 use crate::body::Body;
 use crate::clock::Instant;
@@ -182,7 +183,7 @@ impl Reduction {
             parameter_cells: family.map_or(Vec::new(), |f| f.cells.clone()),
             ..assemble(body, surface, fixed, &members, solved)
         };
-        let mut model = ReducedModel::new(metadata, arrays)?;
+        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
         let mut measured = Measured::new(model.metadata().errors);
         self.measure_interpolation(&members, &mut model, &mut measured, progress)?;
         if let Some(family) = family {
@@ -201,9 +202,9 @@ impl Reduction {
         let Measured { errors, interpolation_shares, truncation_share } = measured;
         let metadata =
             Metadata { errors, interpolation_shares, truncation_share, seconds, ..metadata };
-        let mut model = ReducedModel::new(metadata, arrays)?;
+        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
         if let Some(family) = family {
-            model.set_parameter(family.parameter.value)?;
+            model.set_parameter(family.parameter.value).map_err(refused)?;
         }
         Ok(model)
     }

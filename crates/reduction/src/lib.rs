@@ -14,6 +14,7 @@ mod measure;
 mod positions;
 mod preload;
 mod recompress;
+mod refused;
 mod region;
 mod second_order;
 mod solve;
@@ -23,6 +24,7 @@ mod tests;
 pub use batch::Batches;
 pub use build::{Family, Member, Progress, Reduction};
 pub use recompress::recompressed;
+pub use refused::refused;
 pub use viscera_touch::{
     Answer, Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Trust, View,
     allowance,

@@ -3,6 +3,7 @@
 
 use super::attend::attend;
 use super::build::{Progress, Reduction};
+use super::refused::refused;
 use super::solve::{Expanded, sketch};
 use crate::error::Error;
 use crate::mesh::Patch;
@@ -60,7 +61,7 @@ impl Reduction {
         let nodes = model.metadata().parameter.as_ref().map(|p| p.nodes.clone());
         for (j, Expanded { expansion, .. }) in members.iter().enumerate() {
             if let Some(nodes) = &nodes {
-                model.set_parameter(nodes[j])?;
+                model.set_parameter(nodes[j]).map_err(refused)?;
             }
             let mut is_wanted = || progress(Progress { done: total, total, stage: "check" });
             let errors = attend(&mut is_wanted, |stop| {
@@ -114,7 +115,7 @@ impl Reduction {
         worst: &mut Errors,
         progress: &mut dyn FnMut(Progress) -> bool,
     ) -> Result<(), Error> {
-        model.set_parameter(value)?;
+        model.set_parameter(value).map_err(refused)?;
         let Expanded { positions, expansion } = unseen;
         let count = PARAMETER_CHECKS.min(positions.nodes.len());
         let places: Vec<usize> = (0..count).map(|k| k * positions.nodes.len() / count).collect();

@@ -4,6 +4,7 @@
 //! then its fields' coordinates in Q, and of them the fewest principal directions are kept, as
 //! off-line (`region.rs`). Forces, stiffness and their error estimate are kept as they are.
 
+use super::refused::refused;
 use super::region::{Amplitudes, Exact, Region, compress_again, decode};
 use crate::error::Error;
 use faer::{Col, Mat};
@@ -31,9 +32,9 @@ pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel
     metadata.tolerance = (metadata.tolerance + tolerance).min(1.0);
     metadata.errors.compression = worst_compression(answers(&metadata, &arrays).0);
     let parameter = metadata.parameter.as_ref().map(|parameter| parameter.value);
-    let mut model = ReducedModel::new(metadata, arrays)?;
+    let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
     if let Some(value) = parameter {
-        model.set_parameter(value)?;
+        model.set_parameter(value).map_err(refused)?;
     }
     Ok(model)
 }

@@ -47,15 +47,6 @@ impl From<FactorError> for Error {
     }
 }
 
-impl From<viscera_touch::Error> for Error {
-    fn from(error: viscera_touch::Error) -> Self {
-        match error {
-            viscera_touch::Error::Input(sentence) => Error::Input(sentence),
-            viscera_touch::Error::ModelFile(sentence) => Error::ModelFile(sentence),
-        }
-    }
-}
-
 impl From<viscera_law::Error> for Error {
     fn from(error: viscera_law::Error) -> Self {
         match error {
