@@ -8,7 +8,7 @@ use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use viscera_core::reduced::{Contact, ReducedModel, Trust, View, recompressed};
+use viscera_core::reduced::{Contact, ReducedModel, Trust, View, recompressed, refused};
 
 /// A loaded reduced model.
 #[pyclass(frozen, module = "viscera._core")]
@@ -20,12 +20,14 @@ pub struct Model {
 impl Model {
     #[staticmethod]
     fn from_bytes(py: Python<'_>, data: &[u8]) -> PyResult<Self> {
-        let model = py.detach(|| ReducedModel::from_bytes(data)).map_err(convert::error)?;
+        let model = py
+            .detach(|| ReducedModel::from_bytes(data).map_err(refused))
+            .map_err(convert::error)?;
         Ok(Model { model })
     }
 
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.model.to_bytes()).map_err(convert::error)?;
+        let bytes = py.detach(|| self.model.to_bytes().map_err(refused)).map_err(convert::error)?;
         Ok(PyBytes::new(py, &bytes))
     }
 
@@ -101,8 +103,8 @@ impl Model {
 
     fn at(&self, py: Python<'_>, value: f64, law_parameters: Vec<f64>) -> PyResult<Self> {
         let mut model = self.model.clone();
-        py.detach(|| model.set_parameter(value)).map_err(convert::error)?;
-        model.set_law_parameters(law_parameters).map_err(convert::error)?;
+        py.detach(|| model.set_parameter(value).map_err(refused)).map_err(convert::error)?;
+        model.set_law_parameters(law_parameters).map_err(refused).map_err(convert::error)?;
         Ok(Model { model })
     }
 
@@ -112,7 +114,9 @@ impl Model {
     }
 
     fn surface_alone(&self, py: Python<'_>, inside: Vec<u32>) -> PyResult<Self> {
-        let model = py.detach(|| self.model.surface_alone(&inside)).map_err(convert::error)?;
+        let model = py
+            .detach(|| self.model.surface_alone(&inside).map_err(refused))
+            .map_err(convert::error)?;
         Ok(Model { model })
     }
 
