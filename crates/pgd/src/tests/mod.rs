@@ -232,10 +232,10 @@ fn bad_settings_are_refused_by_name_and_value() {
         (Pgd { order: 16, ..good }, "order 16"),
         (Pgd { load: 0.0, ..good }, "load 0 N"),
         (Pgd { load: f64::NAN, ..good }, "load NaN N"),
-        (greedy(Enrichment { tolerance: 0.0, ..base }), "tolerance 0"),
-        (greedy(Enrichment { stagnation: 1.0, ..base }), "stagnation 1"),
-        (greedy(Enrichment { max_terms: 0, ..base }), "max_terms is 0"),
-        (greedy(Enrichment { max_iterations: 0, ..base }), "max_iterations is 0"),
+        (greedy(Enrichment { tolerance: 0.0, ..base }), "tolerance of enrichment is 0;"),
+        (greedy(Enrichment { stagnation: 1.0, ..base }), "stagnation of enrichment is 1;"),
+        (greedy(Enrichment { max_terms: 0, ..base }), "max_terms of enrichment is 0;"),
+        (greedy(Enrichment { max_iterations: 0, ..base }), "max_iterations of enrichment is 0;"),
     ];
     for (pgd, words) in cases {
         let error = pgd.run(&beam.body, &beam.fixed, &loads, &mut |_| true).unwrap_err();
