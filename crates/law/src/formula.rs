@@ -191,14 +191,12 @@ impl Bound<'_> {
         tape.evaluate(self.constants, x)
     }
 
-    /// `U(J), U'(J), U''(J)`.
+    /// The tape of `U(J), U'(J), U''(J)` there, which expressions with the trace of a power do not have.
     #[inline(always)]
-    fn dilatation<S: Scalar>(&self, j: &S) -> [S; 3] {
+    fn dilatation<S: Scalar>(&self, j: &S) -> Option<[S; 3]> {
         let zero = || j.constant(0.0);
-        match &self.tapes.volumetric {
-            Some(tape) => self.run(tape, [zero(), zero(), j.clone(), zero(), zero()]),
-            None => dual_dilatation(self, j),
-        }
+        let x = || [zero(), zero(), j.clone(), zero(), zero()];
+        self.tapes.volumetric.as_ref().map(|tape| self.run(tape, x()))
     }
 }
 
@@ -210,6 +208,15 @@ fn dual_dilatation<S: Scalar>(law: &Bound<'_>, j: &S) -> [S; 3] {
     let x = [c2.clone() * 3.0, c2.square() * 3.0, j, zero.clone(), zero];
     let [u] = law.run(&law.tapes.energy, x);
     [u.value.clone(), u.first[0].clone(), u.second(0, 0)]
+}
+
+/// `U'(J)` alone, also as a series: without second derivatives a quarter of the code.
+#[inline(never)]
+fn dual_slope<S: Scalar>(law: &Bound<'_>, j: &S) -> S {
+    let [j, _, _] = Gradient::variables([j.clone(), j.constant(0.0), j.constant(0.0)]);
+    let c2 = j.cbrt().square();
+    let [slope, _, _] = StrainEnergy::psi(law, c2.clone() * 3.0, c2.square() * 3.0, j).first;
+    slope
 }
 
 #[inline(never)]
@@ -256,20 +263,22 @@ impl StrainEnergy for Bound<'_> {
 
     #[inline(always)]
     fn volumetric<S: Scalar>(&self, J: S) -> S {
-        let [U, _, _] = self.dilatation(&J);
+        let [U, _, _] = self.dilatation(&J).unwrap_or_else(|| dual_dilatation(self, &J));
         U
     }
 
     #[inline(always)]
     fn volumetric_slopes<S: Scalar>(&self, J: &S) -> [S; 2] {
-        let [_, slope, curvature] = self.dilatation(J);
+        let [_, slope, curvature] = self.dilatation(J).unwrap_or_else(|| dual_dilatation(self, J));
         [slope, curvature]
     }
 
     #[inline(always)]
     fn volumetric_slope<S: Scalar>(&self, J: &S) -> S {
-        let [_, slope, _] = self.dilatation(J);
-        slope
+        match self.dilatation(J) {
+            Some([_, slope, _]) => slope,
+            None => dual_slope(self, J),
+        }
     }
 }
 
@@ -301,7 +310,7 @@ impl<'a> FibreEnergy for Bound<'a> {
 
     #[inline(always)]
     fn volumetric<S: Scalar>(&self, J: &S) -> [S; 3] {
-        self.dilatation(J)
+        self.dilatation(J).expect("no formula has traces")
     }
 }
 

@@ -6,7 +6,8 @@
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
 use super::expression::{Expression, Symbol};
-use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature, series};
+use super::series::{self, Uses};
+use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
@@ -92,12 +93,13 @@ impl<E: StrainEnergy> Law for E {
         q: &[T],
         out: &mut [T],
     ) {
-        series::stress_series(self, table, deformation, q, out);
+        let slopes = |invariants| self.gradient(invariants).first;
+        series::stress_series(Uses::of::<Self>(), &slopes, table, [deformation, q], out);
     }
 
     #[inline(always)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
-        series::volume_series::<Self, T>(table, deformation, out);
+        series::volume_series(Uses::of::<Self>(), table, deformation, out);
     }
 }
 

@@ -4,10 +4,33 @@
 //! given the lower ones of `F`. Geometry is done by hand on slices of coefficients, generic
 //! arithmetic on the three scalar series only; nothing is kept between orders,
 //! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
+//! A law gives its slopes alone, so all of this is compiled once, not once for each law.
 
 use super::StrainEnergy;
 use std::ops::Range;
+use viscera_number::simd::{Kernel, dispatch_solver};
 use viscera_number::{Jet, Monomials, Real};
+
+/// What the stress of a strain energy is made of.
+#[derive(Clone, Copy)]
+pub(super) struct Uses {
+    slopes_of_i1: bool,
+    i2: bool,
+    volume_is_trace: bool,
+}
+
+impl Uses {
+    pub fn of<E: StrainEnergy>() -> Self {
+        Uses {
+            slopes_of_i1: E::DERIVATIVES_USE_I1,
+            i2: E::USES_I2,
+            volume_is_trace: E::VOLUME_IS_TRACE,
+        }
+    }
+}
+
+/// `psi_1`, `psi_2` and `psi_J` as series of `I1`, `I2` and `J`; a series that is not used is zero.
+pub(super) type Slopes<'a, T> = &'a dyn Fn([Jet<T>; 3]) -> [Jet<T>; 3];
 
 /// `out[c] (+)= sum_k sign_k sum over pairs a_k[i] b_k[j]` for the monomials `c` of a range.
 ///
@@ -43,15 +66,36 @@ fn products<T: Real, const K: usize>(
 /// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each;
 /// `q` is one series or nothing,
 /// `out` receives nine runs of the degree-p coefficients.
-#[inline(always)]
-#[allow(non_snake_case)]
-pub(super) fn stress_series<E: StrainEnergy, T: Real>(
-    law: &E,
+pub(super) fn stress_series<T: Real>(
+    uses: Uses,
+    slopes: Slopes<'_, T>,
     table: &'static Monomials,
-    deformation: &[T],
-    q: &[T],
+    [deformation, q]: [&[T]; 2],
     out: &mut [T],
 ) {
+    dispatch_solver(Stress { uses, slopes, table, deformation, q, out });
+}
+
+struct Stress<'a, T> {
+    uses: Uses,
+    slopes: Slopes<'a, T>,
+    table: &'static Monomials,
+    deformation: &'a [T],
+    q: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Real> Kernel for Stress<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        add_stress(self);
+    }
+}
+
+#[inline(always)]
+#[allow(non_snake_case)]
+fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stress<'_, T>) {
     let (n, top) = (table.len(), table.of_degree(table.order()));
     let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
     let mut cofactors = vec![T::default(); 9 * n];
@@ -62,8 +106,8 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
 
     let mut J = vec![T::default(); n];
     products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))), &mut J);
-    let mut I1 = vec![T::default(); if E::DERIVATIVES_USE_I1 { n } else { 0 }];
-    if E::DERIVATIVES_USE_I1 {
+    let mut I1 = vec![T::default(); if uses.slopes_of_i1 { n } else { 0 }];
+    if uses.slopes_of_i1 {
         for i in 0..3 {
             products(
                 table,
@@ -73,18 +117,18 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
             );
         }
     }
-    let mut I2 = vec![T::default(); if E::USES_I2 { n } else { 0 }];
-    if E::USES_I2 {
+    let mut I2 = vec![T::default(); if uses.i2 { n } else { 0 }];
+    if uses.i2 {
         for i in 0..3 {
             let squares = std::array::from_fn::<_, 3, _>(|j| (1.0, Z(i, j), Z(i, j)));
             products(table, 0..n, squares, &mut I2);
         }
     }
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
-    let [psi1, psi2, psiJ] = law.gradient(invariants).first;
+    let [psi1, psi2, psiJ] = slopes(invariants);
     let (mut two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
     let mut psiJ = padded(&psiJ, n);
-    let volumetric = if E::VOLUME_IS_TRACE { &mut two_psi1 } else { &mut psiJ };
+    let volumetric = if uses.volume_is_trace { &mut two_psi1 } else { &mut psiJ };
     volumetric.iter_mut().zip(q).for_each(|(slope, &q)| *slope = *slope + q);
 
     for (entry, p) in out.chunks_exact_mut(top.len()).enumerate() {
@@ -92,7 +136,7 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
         let terms = [(1.0, &two_psi1[..], F(i, j)), (1.0, &psiJ[..], Z(i, j))];
         products(table, top.clone(), terms, p);
     }
-    if E::USES_I2 {
+    if uses.i2 {
         let mut weighted = vec![T::default(); 9 * n];
         for (entry, w) in weighted.chunks_exact_mut(n).enumerate() {
             let z = Z(entry / 3, entry % 3);
@@ -114,14 +158,34 @@ pub(super) fn stress_series<E: StrainEnergy, T: Real>(
 }
 
 /// All coefficients of the volume ratio: `det F`, for which a row of the cofactor suffices, or `(I1 - 1) / 2`.
-#[inline(always)]
-pub(super) fn volume_series<E: StrainEnergy, T: Real>(
+pub(super) fn volume_series<T: Real>(
+    uses: Uses,
     table: &'static Monomials,
     deformation: &[T],
     out: &mut [T],
 ) {
+    dispatch_solver(VolumeRatio { uses, table, deformation, out });
+}
+
+struct VolumeRatio<'a, T> {
+    uses: Uses,
+    table: &'static Monomials,
+    deformation: &'a [T],
+    out: &'a mut [T],
+}
+
+impl<T: Real> Kernel for VolumeRatio<'_, T> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        add_volume_ratio(self);
+    }
+}
+
+#[inline(always)]
+fn add_volume_ratio<T: Real>(VolumeRatio { uses, table, deformation, out }: VolumeRatio<'_, T>) {
     let n = table.len();
-    if E::VOLUME_IS_TRACE {
+    if uses.volume_is_trace {
         for f in deformation.chunks_exact(n) {
             products(table, 0..n, [(1.0, f, f)], out);
         }
