@@ -1,7 +1,8 @@
 //! The results of all regions, put in the order of positions and edges.
 
+use super::batch::Solved;
 use super::second_order::energies;
-use super::solve::{Expanded, Solved};
+use super::solve::Expanded;
 use crate::body::Body;
 use crate::mesh::Surface;
 use std::ops::Range;

@@ -1,8 +1,10 @@
 //! Regions that are solved, kept outside the core while the others are still being solved: a reduction that was
 //! interrupted or killed goes on from them.
 
-use super::solve::Solved;
+use super::region::Region;
+use super::second_order::Forms;
 use crate::error::Error;
+use serde::{Deserialize, Serialize};
 
 /// Where finished batches of positions are kept, each as bytes that mean something to the core alone.
 ///
@@ -26,6 +28,30 @@ impl Batches for Nowhere {
     fn keep(&mut self, _: &[u8]) -> bool {
         true
     }
+}
+
+/// What a region's task returns.
+#[derive(Deserialize, Serialize)]
+pub(super) struct Solved {
+    pub region: Region,
+    pub positions: Vec<u32>,
+    pub edges: Vec<u32>,
+    /// Of each member.
+    pub answers: Vec<Answered>,
+}
+
+/// What one member answers in a region, but for its fields.
+#[derive(Deserialize, Serialize)]
+pub(super) struct Answered {
+    pub force: Vec<Vec<[f64; 3]>>,
+    pub edge_force: Vec<Vec<[f64; 3]>>,
+    pub compliance: Vec<[f64; 9]>,
+    /// By edge.
+    pub cross_compliance: Vec<[f64; 9]>,
+    /// Empty where the orders are summed as a polynomial.
+    pub sketches: Vec<Vec<f32>>,
+    pub norms: Vec<Vec<f32>>,
+    pub forms: Forms,
 }
 
 impl Solved {

@@ -8,67 +8,13 @@ use super::measure::Measured;
 use super::positions::Positions;
 use super::preload;
 use super::refused::refused;
+use super::settings::{Family, Member, Progress, Reduction};
 use super::solve::{EDGE_ORDER, Expanded};
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::mesh::{Surface, diagonal};
-use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, Parameter, ReducedModel};
-
-/// Settings of a reduction.
-#[derive(Clone, Debug)]
-pub struct Reduction {
-    /// Nodes of the touchable surface.
-    pub touchable: Vec<u32>,
-    /// Radius of the contact patch [m].
-    pub radius: f64,
-    /// Largest displacement of the tool [m].
-    pub depth: f64,
-    /// Highest order of the series, 2 to 8.
-    pub order: usize,
-    /// Compression error of the field at full depth, relative to it, at the worst position, root
-    /// mean square over directions.
-    pub tolerance: f64,
-    /// Whether the orders are summed in their Padé form, from order 3 on, or as a polynomial.
-    pub pade: bool,
-    /// Displacement of the loaded equilibrium that touches start from, three values for each
-    /// node [m]; its dead load stays. Empty: touches start from rest.
-    pub preload: Vec<f64>,
-    /// Kept in the metadata.
-    pub user: serde_json::Value,
-}
-
-/// The organ and the radius of the contact patch at one value of a parameter.
-#[derive(Clone, Copy)]
-pub struct Member<'a> {
-    /// Mesh and law; the mesh is the same for all.
-    pub body: &'a Body,
-    /// Radius of the contact patch [m].
-    pub radius: f64,
-}
-
-/// A range of a parameter that one model is to cover.
-pub struct Family<'a> {
-    /// The parameter, its nodes, and the value of the organ that is reduced.
-    pub parameter: Parameter,
-    /// Cells whose law it changes; none for all.
-    pub cells: Vec<u32>,
-    /// At each node.
-    pub members: Vec<Member<'a>>,
-    /// At other values, where the model is measured.
-    pub unseen: Vec<(f64, Member<'a>)>,
-}
-
-/// How far a reduction has come.
-#[derive(Clone, Copy, Debug)]
-pub struct Progress {
-    /// Positions solved and compressed.
-    pub done: usize,
-    /// All positions.
-    pub total: usize,
-    /// What is being done.
-    pub stage: &'static str,
-}
+use viscera_touch::{Arrays, Errors, FORMAT_VERSION, Metadata, ReducedModel};
 
 impl Reduction {
     /// Builds the model; `progress` is called from this thread and may return false to stop.

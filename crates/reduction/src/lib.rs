@@ -17,14 +17,16 @@ mod recompress;
 mod refused;
 mod region;
 mod second_order;
+mod settings;
 mod solve;
 #[cfg(test)]
 mod tests;
 
 pub use batch::Batches;
-pub use build::{Family, Member, Progress, Reduction};
+
 pub use recompress::recompressed;
 pub use refused::refused;
+pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{
     Answer, Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Trust, View,
     allowance,

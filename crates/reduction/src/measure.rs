@@ -2,8 +2,8 @@
 //! of a parameter.
 
 use super::attend::attend;
-use super::build::{Progress, Reduction};
 use super::refused::refused;
+use super::settings::{Progress, Reduction};
 use super::solve::{Expanded, sketch};
 use crate::error::Error;
 use crate::mesh::Patch;

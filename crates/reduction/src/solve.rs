@@ -1,18 +1,17 @@
 //! All positions of a surface solved, region by region: series, forces, compliances, modes.
 
 use super::attend::attend;
-use super::batch::Batches;
-use super::build::{Progress, Reduction};
+use super::batch::{Answered, Batches, Solved};
 use super::positions::Positions;
-use super::region::{Exact, FIRST_ORDER, Region, compress};
+use super::region::{Exact, FIRST_ORDER, compress};
 use super::second_order::Forms;
+use super::settings::{Progress, Reduction};
 use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::Monomials;
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use viscera_touch::SKETCH;
@@ -24,30 +23,6 @@ pub(super) const EDGE_ORDER: usize = 3;
 pub(super) struct Expanded<'a> {
     pub positions: Positions,
     pub expansion: TouchExpansion<'a>,
-}
-
-/// What a region's task returns.
-#[derive(Deserialize, Serialize)]
-pub(super) struct Solved {
-    pub region: Region,
-    pub positions: Vec<u32>,
-    pub edges: Vec<u32>,
-    /// Of each member.
-    pub answers: Vec<Answered>,
-}
-
-/// What one member answers in a region, but for its fields.
-#[derive(Deserialize, Serialize)]
-pub(super) struct Answered {
-    pub force: Vec<Vec<[f64; 3]>>,
-    pub edge_force: Vec<Vec<[f64; 3]>>,
-    pub compliance: Vec<[f64; 9]>,
-    /// By edge.
-    pub cross_compliance: Vec<[f64; 9]>,
-    /// Empty where the orders are summed as a polynomial.
-    pub sketches: Vec<Vec<f32>>,
-    pub norms: Vec<Vec<f32>>,
-    pub forms: Forms,
 }
 
 impl Reduction {

@@ -1,10 +1,10 @@
 //! The checks that make a model safe to evaluate: every shape, index range and value.
 
-use super::family::check_family;
-use super::metadata::Metadata;
-use super::model::Arrays;
+use super::arrays::Arrays;
+use super::forms::{N_CUBIC, SECOND};
+use super::metadata::{Metadata, Parameter};
 use super::resummation::SKETCH;
-use super::second_order::{N_CUBIC, SECOND};
+
 use crate::Error;
 use viscera_number::Monomials;
 
@@ -22,14 +22,10 @@ pub(super) fn check(metadata: &Metadata, arrays: &Arrays) -> Result<Counts, Erro
     Ok(counts)
 }
 
-pub(super) fn bad(sentence: String) -> Error {
-    Error::ModelFile(sentence)
-}
-
 fn check_metadata(m: &Metadata) -> Result<(), Error> {
     m.check_version()?;
     if !(2..=8).contains(&m.order) || !(1..=m.order).contains(&m.edge_order) {
-        return Err(bad(format!(
+        return Err(Error::model_file(format!(
             "order {} with edge order {}; orders are 2 to 8, edge orders 1 to the order",
             m.order, m.edge_order
         )));
@@ -41,13 +37,15 @@ fn check_metadata(m: &Metadata) -> Result<(), Error> {
         ("diagonal", m.diagonal),
     ] {
         if !(value.is_finite() && value > 0.0) {
-            return Err(bad(format!("{name} = {value}; it must be positive")));
+            return Err(Error::model_file(format!("{name} = {value}; it must be positive")));
         }
     }
     let shares = m.interpolation_shares.into_iter().flatten().map(|s| ("interpolation_shares", s));
     let mut shares = shares.chain(m.truncation_share.map(|s| ("truncation_share", s)));
     match shares.find(|(_, share)| !(share.is_finite() && *share >= 0.0)) {
-        Some((name, share)) => Err(bad(format!("{name}: {share}; it must not be negative"))),
+        Some((name, share)) => {
+            Err(Error::model_file(format!("{name}: {share}; it must not be negative")))
+        }
         None => Ok(()),
     }
 }
@@ -90,17 +88,16 @@ impl Counts {
             ("mode_scale", counts.modes),
         ];
         match needed.iter().find(|(_, n)| *n == 0) {
-            Some((name, _)) => Err(bad(format!("array {name} is empty"))),
+            Some((name, _)) => Err(Error::model_file(format!("array {name} is empty"))),
             None => Ok(counts),
         }
     }
 }
 
 fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
-    let interior = n
-        .points
-        .checked_sub(n.surface)
-        .ok_or_else(|| bad(format!("{} surface nodes of {} points", n.surface, n.points)))?;
+    let interior = n.points.checked_sub(n.surface).ok_or_else(|| {
+        Error::model_file(format!("{} surface nodes of {} points", n.surface, n.points))
+    })?;
     // The second order is exact everywhere or nowhere; its fields are those of the edges.
     let is_exact = !a.answers.edge_energy.is_empty() && n.edge_terms >= SECOND.len();
     let exact = usize::from(is_exact);
@@ -139,7 +136,9 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
     ];
     for (name, found, expected) in lengths {
         if found != expected {
-            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
+            return Err(Error::model_file(format!(
+                "array {name} has {found} entries instead of {expected}"
+            )));
         }
     }
     Ok(())
@@ -161,7 +160,7 @@ fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
     ];
     for (name, values, limit) in ranges {
         if let Some(place) = values.iter().position(|&v| v as usize >= limit) {
-            return Err(bad(format!(
+            return Err(Error::model_file(format!(
                 "{name}[{place}] = {}; it must be below {limit}",
                 values[place]
             )));
@@ -169,14 +168,14 @@ fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
     }
     check_edges(a)?;
     if !a.surface_nodes.is_sorted_by(|x, y| x < y) {
-        return Err(bad("surface_nodes is not ascending".into()));
+        return Err(Error::model_file("surface_nodes is not ascending"));
     }
     for (name, starts, end) in [
         ("patch_start", &a.patch_start, a.patch_nodes.len()),
         ("region_start", &a.region_start, n.modes),
     ] {
         if starts[0] != 0 || !starts.is_sorted() || starts[starts.len() - 1] as usize != end {
-            return Err(bad(format!("{name} does not run from 0 to {end}")));
+            return Err(Error::model_file(format!("{name} does not run from 0 to {end}")));
         }
     }
     Ok(())
@@ -190,13 +189,35 @@ fn check_edges(a: &Arrays) -> Result<(), Error> {
             let ends = &a.edges[2 * edge..2 * edge + 2];
             let (p, q) = (corners[k], corners[(k + 1) % 3]);
             if ends != [p.min(q), p.max(q)] {
-                return Err(bad(format!("edge {edge} does not join corners of triangle {t}")));
+                return Err(Error::model_file(format!(
+                    "edge {edge} does not join corners of triangle {t}"
+                )));
             }
         }
     }
     for (edge, ends) in a.edges.chunks_exact(2).enumerate() {
         if ends.iter().all(|&p| a.position_region[p as usize] != a.edge_region[edge]) {
-            return Err(bad(format!("edge {edge} lies in a region of none of its ends")));
+            return Err(Error::model_file(format!(
+                "edge {edge} lies in a region of none of its ends"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Family and parameter are both there or neither is, and each member answers in full.
+fn check_family(parameter: Option<&Parameter>, a: &Arrays) -> Result<(), Error> {
+    let members = parameter.map_or(0, |p| p.nodes.len());
+    if let Some(parameter) = parameter {
+        parameter.check()?;
+        parameter.weights(parameter.value).map_err(|error| Error::model_file(error.to_string()))?;
+    }
+    for ((name, found), (_, one)) in a.family.lengths().into_iter().zip(a.answers.lengths()) {
+        let expected = members * one;
+        if found != expected {
+            return Err(Error::model_file(format!(
+                "array family_{name} has {found} entries instead of {expected}"
+            )));
         }
     }
     Ok(())
@@ -210,7 +231,9 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
     for (position, patch) in a.patch_start.windows(2).enumerate() {
         let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();
         if (sum - 1.0).abs() > 1e-9 {
-            return Err(bad(format!("patch_weights of position {position} sum to {sum}, not 1")));
+            return Err(Error::model_file(format!(
+                "patch_weights of position {position} sum to {sum}, not 1"
+            )));
         }
     }
     check_finite("", "mode_scale", &a.mode_scale)?;
@@ -233,7 +256,7 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
 
 fn check_finite<T: Copy + Into<f64>>(family: &str, name: &str, values: &[T]) -> Result<(), Error> {
     match values.iter().position(|&v| !v.into().is_finite()) {
-        Some(place) => Err(bad(format!(
+        Some(place) => Err(Error::model_file(format!(
             "{family}{name}[{place}] is {}; it must be finite",
             values[place].into()
         ))),
@@ -262,7 +285,9 @@ pub(super) fn offsets(a: &Arrays, n: &Counts) -> Result<(Vec<usize>, Vec<usize>)
         ("edge_coefficients", a.answers.edge_coefficients.len(), edges[n.edges]),
     ] {
         if found != expected {
-            return Err(bad(format!("array {name} has {found} entries instead of {expected}")));
+            return Err(Error::model_file(format!(
+                "array {name} has {found} entries instead of {expected}"
+            )));
         }
     }
     Ok((positions, edges))

@@ -4,7 +4,6 @@
 //!   {..., "array_crc32": {"cells": 1, ...}, "crc32": 2}
 //! `crc32` is that of all text before the comma that precedes it.
 
-use super::check::bad;
 use crate::Error;
 use safetensors::SafeTensors;
 use serde::Deserialize;
@@ -41,11 +40,12 @@ impl Checksums {
     pub fn read(metadata: &str) -> Result<Self, Error> {
         let (text, crc) = metadata
             .rsplit_once(LAST_ENTRY)
-            .ok_or_else(|| bad("its metadata are damaged: they have no checksum".into()))?;
+            .ok_or_else(|| Error::model_file("its metadata are damaged: they have no checksum"))?;
         if crc != format!("{}}}", crc32fast::hash(text.as_bytes())) {
             return Err(damaged("its metadata are"));
         }
-        serde_json::from_str(metadata).map_err(|e| bad(format!("metadata is damaged: {e}")))
+        serde_json::from_str(metadata)
+            .map_err(|e| Error::model_file(format!("metadata is damaged: {e}")))
     }
 
     /// Compares the arrays of a file with their checksums.
@@ -57,16 +57,16 @@ impl Checksums {
             match arrays.tensor(name) {
                 Ok(array) if crc32fast::hash(array.data()) == crc => (),
                 Ok(_) => return Err(damaged(&format!("array {name} is"))),
-                Err(_) => return Err(bad(format!("array {name} is missing"))),
+                Err(_) => return Err(Error::model_file(format!("array {name} is missing"))),
             }
         }
         match arrays.iter().find(|(name, _)| !self.array_crc32.contains_key(*name)) {
-            Some((name, _)) => Err(bad(format!("array {name} has no checksum"))),
+            Some((name, _)) => Err(Error::model_file(format!("array {name} has no checksum"))),
             None => Ok(()),
         }
     }
 }
 
 fn damaged(what: &str) -> Error {
-    bad(format!("{what} damaged: the checksum differs; get the file anew"))
+    Error::model_file(format!("{what} damaged: the checksum differs; get the file anew"))
 }

@@ -16,6 +16,11 @@ impl Error {
     pub fn input(sentence: impl Into<String>) -> Self {
         Error::Input(sentence.into())
     }
+
+    /// An [`Error::ModelFile`] with this sentence.
+    pub(crate) fn model_file(sentence: impl Into<String>) -> Self {
+        Error::ModelFile(sentence.into())
+    }
 }
 
 impl fmt::Display for Error {

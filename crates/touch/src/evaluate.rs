@@ -2,6 +2,7 @@
 //! lock, no system call. It knows nothing of finite elements.
 
 use super::combine::Combine;
+use super::contact::Contact;
 use super::interpolation::{Interpolation, MAX_TERMS, norm, weighted};
 use super::model::ReducedModel;
 use super::resummation::MAX_ORDER;
@@ -12,19 +13,6 @@ use viscera_number::tensor::Mat3;
 
 /// A mode that moves nothing by more than this part of the tool's displacement is left out.
 const NEGLIGIBLE: f64 = 1e-5;
-
-/// Where a tool touches.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
-    /// Touchable triangle.
-    pub triangle: usize,
-    /// Barycentric weights of its corners.
-    pub weights: [f64; 3],
-    /// Closest point of the touchable surface [m].
-    pub point: [f64; 3],
-    /// Distance to it [m].
-    pub distance: f64,
-}
 
 /// Whether a force, or a field, may be relied on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,9 +5,9 @@
 //!   a(v) = sum_j L_j(x(v)) a_j.
 //! A model is set to a value once; to answer a touch it needs to know of no parameter.
 
-use super::check::{bad, check_values};
+use super::check::check_values;
 use super::metadata::Parameter;
-use super::model::{Arrays, ReducedModel};
+use super::model::ReducedModel;
 use crate::Error;
 use viscera_mesh::Surface;
 
@@ -41,7 +41,7 @@ impl Parameter {
         Ok((0..n).map(|j| (0..n).filter(|&k| k != j).map(|k| factor(j, k)).product()).collect())
     }
 
-    fn check(&self) -> Result<(), Error> {
+    pub(super) fn check(&self) -> Result<(), Error> {
         let [low, high] = self.range;
         let is_within = |v: &f64| v.is_finite() && low <= *v && *v <= high;
         let ascend = self.nodes.is_sorted_by(|a, b| self.x(*a) < self.x(*b));
@@ -49,29 +49,11 @@ impl Parameter {
         if is_sound && low.is_finite() && high.is_finite() && (low > 0.0 || !self.is_logarithmic) {
             return Ok(());
         }
-        Err(bad(format!(
+        Err(Error::model_file(format!(
             "parameter {} of range {low} to {high} has nodes {:?}; there are two or more, ascending within the range",
             self.name, self.nodes
         )))
     }
-}
-
-/// Family and parameter are both there or neither is, and each member answers in full.
-pub(super) fn check_family(parameter: Option<&Parameter>, a: &Arrays) -> Result<(), Error> {
-    let members = parameter.map_or(0, |p| p.nodes.len());
-    if let Some(parameter) = parameter {
-        parameter.check()?;
-        parameter.weights(parameter.value).map_err(|error| bad(error.to_string()))?;
-    }
-    for ((name, found), (_, one)) in a.family.lengths().into_iter().zip(a.answers.lengths()) {
-        let expected = members * one;
-        if found != expected {
-            return Err(bad(format!(
-                "array family_{name} has {found} entries instead of {expected}"
-            )));
-        }
-    }
-    Ok(())
 }
 
 impl ReducedModel {
@@ -143,8 +125,9 @@ impl ReducedModel {
         (a.patch_start, a.patch_nodes, a.patch_weights) = (vec![0], Vec::new(), Vec::new());
         for &node in &a.positions {
             let patch = surface.patch_at_node(node, radius, &|n| is_fixed[n as usize]);
-            let patch =
-                patch.ok_or_else(|| bad(format!("there is no patch around point {node}")))?;
+            let patch = patch.ok_or_else(|| {
+                Error::model_file(format!("there is no patch around point {node}"))
+            })?;
             a.patch_nodes.extend(patch.nodes);
             a.patch_weights.extend(patch.weights);
             a.patch_start.push(a.patch_nodes.len() as u32);

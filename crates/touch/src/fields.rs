@@ -1,7 +1,7 @@
 //! The fields of a contact's series one by one: what a Galerkin model takes its basis from.
 
 use super::combine::Combine;
-use super::evaluate::Contact;
+use super::contact::Contact;
 use super::interpolation::Interpolation;
 use super::model::ReducedModel;
 use viscera_number::degree_of;

@@ -1,10 +1,11 @@
 //! Model file: safetensors bytes with the metadata as one JSON string (docs/model-file.md).
 
+use super::arrays::Arrays;
 use super::checksum::Checksums;
+use super::forms::N_CUBIC;
 use super::metadata::{FORMAT_VERSION, Metadata};
-use super::model::{Arrays, ReducedModel};
+use super::model::ReducedModel;
 use super::resummation::SKETCH;
-use super::second_order::N_CUBIC;
 use crate::Error;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 

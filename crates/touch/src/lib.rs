@@ -4,26 +4,30 @@
 //! touched. It takes memory that the caller owns and a fixed number of operations: no allocation, no lock, no system
 //! call, no panic. Nothing here knows of finite elements; how a model is made is `viscera_core::reduced`'s part.
 
+mod arrays;
 mod check;
 mod checksum;
 mod combine;
+mod contact;
 mod error;
 mod estimates;
 mod evaluate;
 mod family;
 mod fields;
 mod file;
+mod forms;
 mod interpolation;
 mod metadata;
 mod model;
 mod resummation;
-mod second_order;
 mod surface;
 
+pub use arrays::{Answers, Arrays};
+pub use contact::Contact;
 pub use error::Error;
-pub use evaluate::{Answer, Contact, Trust, allowance};
+pub use evaluate::{Answer, Trust, allowance};
 pub use file::{View, to_bytes};
+pub use forms::{Cubic, N_CUBIC, cubic_index};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
-pub use model::{Answers, Arrays, ReducedModel};
+pub use model::ReducedModel;
 pub use resummation::{MAX_ORDER, SKETCH, pade_weights};
-pub use second_order::{Cubic, N_CUBIC, cubic_index};

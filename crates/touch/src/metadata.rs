@@ -1,6 +1,5 @@
 //! What a model file says about itself, as one JSON object.
 
-use super::check::bad;
 use crate::Error;
 use serde::{Deserialize, Serialize};
 
@@ -69,7 +68,7 @@ impl Metadata {
     pub(super) fn check_version(&self) -> Result<(), Error> {
         match self.format_version {
             UNSEALED_FORMAT..=FORMAT_VERSION => Ok(()),
-            other => Err(bad(format!(
+            other => Err(Error::model_file(format!(
                 "format version {other}; this version reads {UNSEALED_FORMAT} to {FORMAT_VERSION}"
             ))),
         }

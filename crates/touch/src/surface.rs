@@ -1,7 +1,8 @@
 //! A model without what lies inside, or with some of it: half of the bytes, and all that shows.
 
+use super::arrays::{Answers, Arrays};
 use super::metadata::Metadata;
-use super::model::{Answers, Arrays, ReducedModel};
+use super::model::ReducedModel;
 use crate::Error;
 
 impl ReducedModel {

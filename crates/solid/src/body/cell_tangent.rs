@@ -1,7 +1,6 @@
 //! The tangent of a cell from that of its law: summed over quadrature points, or multiplied with a vector.
 
 use super::cells::{Batch, add_product};
-use super::tangent::StressTangent;
 use crate::element::Shape;
 use crate::law::TangentBlocks;
 use crate::number::{LANES, Lane};
@@ -9,6 +8,9 @@ use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::{array, tabulate};
 use std::marker::PhantomData;
+
+/// Stress and tangent of a law in the cells of a batch.
+pub(super) type StressTangent = (Mat3<Lane>, TangentBlocks<Lane>);
 
 /// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
 #[inline(never)]

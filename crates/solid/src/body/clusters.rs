@@ -10,9 +10,9 @@
 
 use super::blocks::{BlockPattern, Grouped};
 use super::cells::{CellBatches, Slot, tissues};
-use super::kernels::{RUN, TASK, tasks};
+use super::curvature::Curvature;
 use super::partition::Partition;
-use super::tangent::Curvature;
+use super::tasks::{RUN, TASK, tasks};
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{LawKernels, Material, Shared};
 use crate::number::{LANES, Lane, Lanes};

@@ -4,10 +4,10 @@
 use super::blocks::SymmetricBlocks;
 use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
+use super::curvature::Curvature;
 use super::outliers::Outlier;
 use super::quadrature_points::Cluster;
 use super::series::{Along, SeriesIntegrals};
-use super::tangent::Curvature;
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::{Real, Wide};

@@ -2,6 +2,7 @@
 
 use super::cells::{Batch, CellBatches, add_product};
 use super::clusters::Around;
+use super::tasks::{RUN, TASK, tasks};
 use crate::element::Shape;
 use crate::law::LawKernels;
 use crate::number::Lane;
@@ -10,27 +11,6 @@ use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
 use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
-
-/// Batches that go to the law together: what they need stays in the first level of cache.
-pub(super) const RUN: usize = 8;
-
-/// Batches per parallel task: large enough to hide the hand-over, fixed so that results do not
-/// depend on the number of threads.
-pub(super) const TASK: usize = 64;
-
-/// Number of tasks that so many batches make.
-pub(super) fn tasks(batches: usize) -> usize {
-    batches.div_ceil(TASK)
-}
-
-/// Runs every task, with its number, on what belongs to its batches.
-pub(super) fn for_tasks<T: Send>(of_batches: &mut [T], run: impl Fn(usize, &mut [T]) + Sync) {
-    if share(tasks(of_batches.len())) {
-        of_batches.par_chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
-    } else {
-        of_batches.chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
-    }
-}
 
 /// Volume ratios of cells that are the right way round.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];

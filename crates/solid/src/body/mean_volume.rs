@@ -3,13 +3,13 @@
 use super::blocks::{BlockPattern, SymmetricBlocks};
 use super::cells::CellBatches;
 use super::clusters::{Clusters, SharedTangent};
+use super::curvature::Curvature;
 use super::integrals::ElementIntegrals;
 use super::layout::Layout;
 use super::outliers::Outlier;
 use super::partition::Partition;
 use super::quadrature_points::Cluster;
 use super::series::{Along, SeriesIntegrals};
-use super::tangent::Curvature;
 use crate::element::{Geometry, Tet4};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::Real;

@@ -10,6 +10,7 @@ mod cells;
 mod check;
 mod clusters;
 mod convex;
+mod curvature;
 mod elements;
 mod integrals;
 mod kernels;
@@ -22,16 +23,17 @@ mod quadrature_points;
 mod series;
 mod subset;
 mod tangent;
+mod tasks;
 #[cfg(test)]
 mod tests;
 
 pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
+pub use curvature::Curvature;
 pub use kernels::UPRIGHT;
 pub use outliers::Outlier;
 pub use product::TangentProduct;
 pub use quadrature_points::QuadraturePoint;
 pub use subset::{SharedNodes, WeightedSubset};
-pub use tangent::Curvature;
 
 use crate::element::{Element, Geometry};
 use crate::error::Error;

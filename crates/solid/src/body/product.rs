@@ -6,9 +6,10 @@
 use super::blocks::BlockPattern;
 use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
+use super::curvature::Curvature;
 use super::integrals::ElementIntegrals;
-use super::kernels::for_tasks;
-use super::tangent::{Curvature, Purpose, TangentLoop};
+use super::tangent::{Purpose, TangentLoop};
+use super::tasks::for_tasks;
 use super::{Body, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::{LawKernels, Material};

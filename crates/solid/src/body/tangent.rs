@@ -1,13 +1,14 @@
 //! The tangent: stress and stiffness batch by batch, then the blocks of all cells added up.
 
 use super::blocks::SymmetricBlocks;
-use super::cell_tangent::{add, add_times};
+use super::cell_tangent::{StressTangent, add, add_times};
 use super::cells::{Batch, CellBatches, Destination, NOWHERE};
 use super::clusters::Around;
 use super::convex::make_convex;
-use super::kernels::TASK;
+use super::curvature::Curvature;
+use super::tasks::TASK;
 use crate::element::Shape;
-use crate::law::{LawKernels, TangentBlocks};
+use crate::law::LawKernels;
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
@@ -15,18 +16,6 @@ use crate::threads::share;
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::slice::{from_mut, from_ref};
-
-/// Which tangent is asked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Curvature {
-    /// The derivative of the force.
-    Exact,
-    /// Cells that are not positive semidefinite are made so.
-    Projected,
-}
-
-/// Stress and tangent of a law in the cells of a batch.
-pub(super) type StressTangent = (Mat3<Lane>, TangentBlocks<Lane>);
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Internal force and tangent, to each block of which `rest` adds.

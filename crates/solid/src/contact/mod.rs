@@ -6,6 +6,7 @@
 //! share a face, which its pattern has already: every solver serves contact, and no point ever has to be found free of
 //! penetration before a step may begin.
 
+mod distance;
 mod friction;
 mod layer;
 mod pose;
@@ -16,10 +17,11 @@ mod solid;
 mod tests;
 mod tool;
 
+pub use distance::Distance;
 pub use friction::Friction;
 pub use layer::STIFFNESS;
 pub use pose::Pose;
-pub use shape::{Distance, Shape};
+pub use shape::Shape;
 pub use solid::Solid;
 pub use tool::{Report, Tool};
 

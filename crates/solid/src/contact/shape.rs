@@ -1,8 +1,8 @@
 //! Shapes of tools by their signed distance, in axes of their own.
 
+use super::distance::Distance;
 use super::solid::Solid;
 use crate::error::Error;
-use crate::tensor::Mat3;
 use std::sync::Arc;
 
 /// A rigid shape.
@@ -20,17 +20,6 @@ pub enum Shape {
     HalfSpace,
     /// The inside of a closed surface.
     Solid(Arc<Solid>),
-}
-
-/// The distance of a point from a shape, negative inside.
-#[derive(Clone, Copy, Debug)]
-pub struct Distance {
-    /// The distance [m].
-    pub gap: f64,
-    /// Its gradient, of length 1.
-    pub normal: [f64; 3],
-    /// Its second derivative [1/m].
-    pub curvature: Mat3<f64>,
 }
 
 impl Shape {

@@ -1,7 +1,7 @@
 //! The signed distance of a closed surface: the closest point through a tree of boxes, the sign by the angle-weighted
 //! normal of the face, edge or corner it lies on (Baerentzen and Aanaes, IEEE TVCG 11, 2005).
 
-use super::shape::Distance;
+use super::distance::Distance;
 use crate::error::Error;
 use crate::mesh::{TriangleTree, cross, dot, norm, sub};
 use std::collections::BTreeMap;

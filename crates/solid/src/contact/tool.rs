@@ -1,10 +1,11 @@
 //! A rigid tool, and what of the surface it touches.
 
+use super::distance::Distance;
 use super::friction::{Friction, spring};
 use super::layer::STIFFNESS;
 use super::pose::Pose;
 use super::samples::Samples;
-use super::shape::{Distance, Shape};
+use super::shape::Shape;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;

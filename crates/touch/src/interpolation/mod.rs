@@ -6,10 +6,13 @@
 //! The second order is exact too, see `second_order`. Orders from there up to the edge order are interpolated
 //! quadratically through corners and edge midpoints, higher ones linearly.
 
-use super::evaluate::Contact;
+mod second_order;
+
+use super::contact::Contact;
+use super::forms::SECOND;
 use super::model::ReducedModel;
 use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
-use super::second_order::{SECOND, SecondOrder};
+use second_order::SecondOrder;
 use viscera_number::tensor::{Mat3, inverse, mul_vector};
 use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, degree_of, evaluate_monomials};

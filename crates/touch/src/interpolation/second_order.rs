@@ -9,42 +9,14 @@
 //! With g = C^-1 d the tool, which holds the mean of the patch, adds
 //!   F_2(d) = C^-1 dW/dg,   u_2(d) = V(g) + sum_a l_a G_a F_2.
 
-use super::interpolation::Interpolation;
+use super::Interpolation;
+use crate::forms::{
+    Cubic, N_CUBIC, QUADRATIC, SECOND, congruent, gradient, hessian, quadratic_slope,
+};
 use viscera_number::tensor::{Mat3, mul_vector};
-use viscera_number::unroll::tabulate;
-
-/// Monomials of degree 2: xx, xy, xz, yy, yz, zz.
-const QUADRATIC: [[usize; 2]; 6] = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];
-/// Monomials of degree 3, in the order of the series: xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz.
-const CUBIC: [[usize; 3]; N_CUBIC] = [
-    [0, 0, 0],
-    [0, 0, 1],
-    [0, 0, 2],
-    [0, 1, 1],
-    [0, 1, 2],
-    [0, 2, 2],
-    [1, 1, 1],
-    [1, 1, 2],
-    [1, 2, 2],
-    [2, 2, 2],
-];
-/// Numbers of a cubic form in three variables.
-pub const N_CUBIC: usize = 10;
-/// Where the terms of second order begin, and where they end.
-pub(super) const SECOND: std::ops::Range<usize> = 3..9;
-
-/// A cubic form in three variables: the factors of its monomials.
-pub type Cubic = [f64; N_CUBIC];
-
-/// The place of `x_i x_j x_k` in a cubic form.
-pub fn cubic_index(factors: [usize; 3]) -> usize {
-    let mut sorted = factors;
-    sorted.sort_unstable();
-    CUBIC.iter().position(|of| *of == sorted).unwrap_or(0)
-}
 
 /// What the second order adds under a displacement of the contact; quadratic in it, but for the stiffness.
-pub(super) struct SecondOrder {
+pub(crate) struct SecondOrder {
     /// `F_2` [N].
     pub force: [f64; 3],
     /// `dF_2/dd` [N/m].
@@ -57,7 +29,7 @@ pub(super) struct SecondOrder {
 
 impl Interpolation<'_> {
     /// The second order; none for models that do not know it exactly, or where the series is cut before it.
-    pub(super) fn second_order(&self, d: [f64; 3]) -> Option<SecondOrder> {
+    pub(crate) fn second_order(&self, d: [f64; 3]) -> Option<SecondOrder> {
         if !self.is_second_exact() {
             return None;
         }
@@ -92,7 +64,7 @@ impl Interpolation<'_> {
     }
 
     /// The field of one term of second order, `d_i d_j`, by polarisation of what is quadratic in d.
-    pub(super) fn second_order_term(&self, term: usize) -> Option<SecondOrder> {
+    pub(crate) fn second_order_term(&self, term: usize) -> Option<SecondOrder> {
         let [i, j] = QUADRATIC[term - SECOND.start];
         let unit = |i: usize| std::array::from_fn(|k| f64::from(u8::from(k == i)));
         if i == j {
@@ -111,7 +83,7 @@ impl Interpolation<'_> {
 
     /// The displacement that the linear rows of corner a are multiplied by, beside that of the first order:
     /// `C_a (l_a F_2 - N_a F_2a - sum_e N_e F_2e / 2)` over the two edges e of the corner.
-    pub(super) fn constraint_displacement(&self, a: usize, second: &SecondOrder) -> [f64; 3] {
+    pub(crate) fn constraint_displacement(&self, a: usize, second: &SecondOrder) -> [f64; 3] {
         let (next, last) = (3 + a, 3 + (a + 2) % 3);
         let force = std::array::from_fn(|i| {
             let edges = self.shape(next) * second.forces[next][i]
@@ -150,7 +122,7 @@ impl Interpolation<'_> {
     }
 
     /// Quadratic shape function of corner k, or of edge midpoint k - 3.
-    pub(super) fn shape(&self, k: usize) -> f64 {
+    pub(crate) fn shape(&self, k: usize) -> f64 {
         if k < 3 {
             self.weights[k] * (2.0 * self.weights[k] - 1.0)
         } else {
@@ -165,75 +137,4 @@ fn row(forms: &[f64], k: usize) -> &[f64] {
 
 fn subtract<const N: usize>(from: &mut [f64; N], what: &[f64; N]) {
     from.iter_mut().zip(what).for_each(|(x, y)| *x -= y);
-}
-
-fn gradient(form: &Cubic, x: [f64; 3]) -> [f64; 3] {
-    let mut out = [0.0; 3];
-    for (c, [i, j, k]) in form.iter().zip(CUBIC) {
-        out[i] += c * x[j] * x[k];
-        out[j] += c * x[i] * x[k];
-        out[k] += c * x[i] * x[j];
-    }
-    out
-}
-
-fn hessian(form: &Cubic, x: [f64; 3]) -> Mat3<f64> {
-    let mut out = tabulate!(|_, _| 0.0);
-    for (c, [i, j, k]) in form.iter().zip(CUBIC) {
-        for [p, q, r] in [[i, j, k], [i, k, j], [j, k, i]] {
-            out[p][q] += c * x[r];
-            out[q][p] += c * x[r];
-        }
-    }
-    out
-}
-
-/// Slope of a quadratic form with values in three dimensions.
-fn quadratic_slope(coefficients: &[f64], x: [f64; 3]) -> Mat3<f64> {
-    let mut out = tabulate!(|_, _| 0.0);
-    for (values, [p, q]) in coefficients.chunks_exact(3).zip(QUADRATIC) {
-        for i in 0..3 {
-            out[i][p] += values[i] * x[q];
-            out[i][q] += values[i] * x[p];
-        }
-    }
-    out
-}
-
-/// `S A S` of a symmetric S.
-fn congruent(s: &Mat3<f64>, a: &Mat3<f64>) -> Mat3<f64> {
-    let product = |x: &Mat3<f64>, y: &Mat3<f64>| -> Mat3<f64> {
-        tabulate!(|i, j| (0..3).map(|k| x[i][k] * y[k][j]).sum::<f64>())
-    };
-    product(&product(s, a), s)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn gradient_and_hessian_are_those_of_the_form() {
-        let form: Cubic = std::array::from_fn(|k| (1.3 * k as f64 + 0.4).sin());
-        let value = |x: [f64; 3]| -> f64 {
-            form.iter().zip(CUBIC).map(|(c, [i, j, k])| c * x[i] * x[j] * x[k]).sum()
-        };
-        let x = [0.3, -0.7, 0.5];
-        for i in 0..3 {
-            let moved = |step: f64| std::array::from_fn(|k| x[k] + if k == i { step } else { 0.0 });
-            let slope = (value(moved(1e-5)) - value(moved(-1e-5))) / 2e-5;
-            assert!((gradient(&form, x)[i] - slope).abs() < 1e-9);
-            let (plus, minus) = (gradient(&form, moved(1e-5)), gradient(&form, moved(-1e-5)));
-            for j in 0..3 {
-                assert!((hessian(&form, x)[i][j] - (plus[j] - minus[j]) / 2e-5).abs() < 1e-9);
-            }
-        }
-    }
-
-    #[test]
-    fn every_product_of_three_has_its_place() {
-        for (place, [i, j, k]) in CUBIC.into_iter().enumerate() {
-            assert!([[i, j, k], [k, j, i], [j, k, i]].iter().all(|f| cubic_index(*f) == place));
-        }
-    }
 }
