@@ -1,8 +1,7 @@
 //! Training in the background: a thread that trains a model while it is in use, in rounds, and then where the tools are.
 
 use super::contacts::ReducedContacts;
-use super::hyper_reduced::HyperReducedModel;
-use super::training::train;
+use super::trained::{Trained, train};
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::number::norm;
@@ -17,7 +16,7 @@ const MOVED: f64 = 0.01;
 /// What the thread reports.
 enum TrainingEvent {
     /// This one is better.
-    Better(Box<HyperReducedModel>),
+    Better(Box<Trained>),
     /// Nothing is asked of it any more, neither a round nor a place.
     Done,
 }
@@ -60,15 +59,15 @@ impl BackgroundTraining {
         Ok(BackgroundTraining { events, questions, asked: Vec::new(), is_busy: true, is_wanted })
     }
 
-    /// The best grasp that is ready and was not handed over before.
+    /// The best that is ready and was not handed over before.
     ///
     /// # Errors
     /// What ended the training.
-    pub fn newest(&mut self) -> Result<Option<HyperReducedModel>, Error> {
+    pub fn newest(&mut self) -> Result<Option<Trained>, Error> {
         let mut newest = None;
         loop {
             match self.events.try_recv() {
-                Ok(Ok(TrainingEvent::Better(grasp))) => newest = Some(*grasp),
+                Ok(Ok(TrainingEvent::Better(better))) => newest = Some(*better),
                 Ok(Ok(TrainingEvent::Done)) => self.is_busy = false,
                 Ok(Err(error)) => return Err(error),
                 Err(TryRecvError::Empty) => return Ok(newest),
@@ -117,7 +116,7 @@ fn train_in_background(
 ) -> Result<(), Error> {
     let is_wanted = || wanted.load(Ordering::Relaxed);
     let tell = |lesson| _ = say.send(Ok(lesson));
-    let hand_over = &mut |grasp| tell(TrainingEvent::Better(Box::new(grasp)));
+    let hand_over = &mut |better| tell(TrainingEvent::Better(Box::new(better)));
     let mut training = train(&mut contacts, since, &is_wanted, hand_over)?;
     tell(TrainingEvent::Done);
     for Question { contacts: asked, q, depth } in questions {
@@ -125,8 +124,8 @@ fn train_in_background(
         // What an older one answered is none of the present one's faults.
         let is_present = asked.n_modes() == contacts.n_modes();
         if is_present && training.correct(&mut contacts, &asked.subspace.basis.field(&q), depth)? {
-            let grasp = HyperReducedModel::new(contacts.clone(), training.clone(), since);
-            tell(TrainingEvent::Better(Box::new(grasp)));
+            let better = Trained::new(contacts.clone(), training.clone(), since);
+            tell(TrainingEvent::Better(Box::new(better)));
         }
         tell(TrainingEvent::Done);
     }

@@ -5,10 +5,10 @@
 //! `A` the means of the patches, is nearly what is missing: `|z| / |u|` is the error that is expected. A tangent that is
 //! not positive definite says that the organ would not stay there, however small the step.
 
-use super::hyper_reduced::Solution;
 use super::model::Galerkin;
 use super::newton::ReducedStatus;
 use super::snapshots::Step;
+use super::solution::Solution;
 use super::subspace::Subspace;
 use crate::error::Error;
 use crate::mesh::Patch;

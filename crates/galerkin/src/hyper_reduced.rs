@@ -2,51 +2,17 @@
 
 use super::background::BackgroundTraining;
 use super::contacts::ReducedContacts;
-use super::forces::{Forces, State, systematic};
-use super::newton::{ReducedNewton, ReducedStatus, Search};
-use super::nnls::{Columns, greedy};
-use super::origin::Origin;
-use super::sampled::Sampled;
-use super::subspace::Subspace;
+use super::model::Galerkin;
+use super::newton::{ReducedStatus, Search};
+use super::solution::Solution;
+use super::trained::{Trained, train};
 use super::training::Training;
 use crate::clock::Instant;
 use crate::error::Error;
 use crate::number::norm;
+use crate::reduced::Contact;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// States of training that show which units come into question.
-const FIRST_STATES: usize = 4;
-/// Sampling units that come into question.
-const CANDIDATES: usize = 2000;
-
-/// An equilibrium of the reduced energy, or how near it came.
-#[derive(Clone, Debug)]
-pub struct Solution {
-    /// Coordinates in the modes.
-    pub coordinates: Vec<f64>,
-    /// Force of each tool on the organ [N]; zero where the search broke off before there was one.
-    pub forces: Vec<[f64; 3]>,
-    /// Derivative of the forces by the displacements [N/m], rows and columns by contact and component; empty where it
-    /// was not asked for.
-    pub stiffness: Vec<f64>,
-    /// Reduced strain energy [J].
-    pub energy: f64,
-    /// Largest displacement of a contact [m].
-    pub depth: f64,
-    /// How it ended.
-    pub status: ReducedStatus,
-    /// Smallest volume ratio of a sampled cell.
-    pub smallest_jacobian: f64,
-    /// Newton steps.
-    pub iterations: usize,
-    /// Tangents among them.
-    pub tangents: usize,
-    /// Last step, relative to the coordinates.
-    pub residual: f64,
-    /// Time spent [s].
-    pub seconds: f64,
-}
 
 /// Where the last search has left the coordinates.
 #[derive(Clone, Copy, PartialEq)]
@@ -61,39 +27,26 @@ enum Place {
 
 /// Some contacts of an organ, ready to be displaced.
 pub struct HyperReducedModel {
-    contacts: Arc<ReducedContacts>,
-    solver: ReducedNewton,
-    training: Training,
-    seconds: f64,
+    now: Trained,
     place: Place,
     /// Where better ones come from, if it trains in the background.
     background: Option<BackgroundTraining>,
 }
 
 impl HyperReducedModel {
-    /// Trained by the states that are there so far.
-    pub(super) fn new(contacts: ReducedContacts, training: Training, since: Instant) -> Self {
-        let states = training.states(&contacts);
-        HyperReducedModel {
-            solver: solver(&contacts, &states, training.n_snapshots()),
-            contacts: Arc::new(contacts),
-            training,
-            seconds: since.elapsed().as_secs_f64(),
-            place: Place::Nowhere,
-            background: None,
-        }
+    /// Trained, and that is all.
+    fn new(now: Trained) -> Self {
+        HyperReducedModel { now, place: Place::Nowhere, background: None }
     }
 
     /// In the span of the series; snapshots follow while it is in use.
-    pub(super) fn in_training(
-        mut contacts: ReducedContacts,
-        since: Instant,
-    ) -> Result<Self, Error> {
+    fn in_training(mut contacts: ReducedContacts, since: Instant) -> Result<Self, Error> {
         let background = (contacts.owner.sampling.snapshots > 0)
             .then(|| BackgroundTraining::start(contacts.clone(), since))
             .transpose()?;
         let training = Training::new(&mut contacts, 0, &|| true)?;
-        Ok(HyperReducedModel { background, ..HyperReducedModel::new(contacts, training, since) })
+        let now = Trained::new(contacts, training, since);
+        Ok(HyperReducedModel { background, ..HyperReducedModel::new(now) })
     }
 
     /// Whether better ones are still to come; those that are ready have taken its place.
@@ -116,10 +69,10 @@ impl HyperReducedModel {
         }
         let (Place::At(depth), since) = (self.place, Instant::now()) else { return Ok(false) };
         let (mut contacts, mut training) =
-            (ReducedContacts::clone(&self.contacts), self.training.clone());
+            (ReducedContacts::clone(&self.now.contacts), self.now.training.clone());
         let is_wrong = training.correct(&mut contacts, &self.field(), depth)?;
         if is_wrong {
-            self.give_way(HyperReducedModel::new(contacts, training, since));
+            self.give_way(Trained::new(contacts, training, since));
         }
         Ok(is_wrong)
     }
@@ -137,57 +90,51 @@ impl HyperReducedModel {
 
     /// A better one takes its place, and goes on from its field: modes are only ever added, and what is there has nothing
     /// of the new ones. Its memory is given back elsewhere, for that may take longer than a tick.
-    fn give_way(&mut self, better: HyperReducedModel) {
-        let mut q = self.solver.q.clone();
+    fn give_way(&mut self, better: Trained) {
+        let mut q = self.now.solver.q.clone();
         q.resize(better.contacts.n_modes(), 0.0);
-        let (background, place) = (self.background.take(), self.place);
-        let old = std::mem::replace(self, HyperReducedModel { background, place, ..better });
-        if place != Place::Nowhere {
-            self.solver.start(|share| q.iter().map(|q| share * q).collect());
+        let old = std::mem::replace(&mut self.now, better);
+        if self.place != Place::Nowhere {
+            self.now.solver.start(|share| q.iter().map(|q| share * q).collect());
         }
         rayon::spawn(|| drop(old));
     }
 
     /// Displacement of all nodes.
     fn field(&self) -> Vec<f64> {
-        self.contacts.subspace.basis.field(&self.solver.q)
-    }
-
-    /// The search, to be asked what it lacks.
-    pub(super) fn solver(&self) -> &ReducedNewton {
-        &self.solver
+        self.now.contacts.subspace.basis.field(&self.now.solver.q)
     }
 
     /// What does not change from one solution to the next.
     pub fn contacts(&self) -> &Arc<ReducedContacts> {
-        &self.contacts
+        &self.now.contacts
     }
 
     /// Number of sampled cells.
     pub fn n_cells(&self) -> usize {
-        self.solver.n_cells()
+        self.now.solver.n_cells()
     }
 
     /// Number of states solved on the whole body, that the modes hold.
     pub fn n_snapshots(&self) -> usize {
-        self.training.n_snapshots()
+        self.now.training.n_snapshots()
     }
 
     /// Time from taking hold to the modes as they are, or that the last of them took [s].
     pub fn seconds(&self) -> f64 {
-        self.seconds
+        self.now.seconds
     }
 
     /// What it is trained with.
     #[cfg(test)]
     pub(super) fn training(&self) -> &Training {
-        &self.training
+        &self.now.training
     }
 
     /// What is solved.
     #[cfg(test)]
-    pub(super) fn solver_mut(&mut self) -> &mut ReducedNewton {
-        &mut self.solver
+    pub(super) fn solver_mut(&mut self) -> &mut super::newton::ReducedNewton {
+        &mut self.now.solver
     }
 
     /// Equilibrium with the mean of each patch displaced by its `displacements` [m].
@@ -221,15 +168,15 @@ impl HyperReducedModel {
         budget: Option<Duration>,
     ) -> Result<Solution, Error> {
         let clock = Instant::now();
-        self.contacts.check(displacements)?;
+        self.now.contacts.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
         if !from_last || self.place == Place::Nowhere {
-            self.solver.start_at(d, self.contacts.subspace.guess(d));
+            self.now.solver.start_at(d, self.now.contacts.subspace.guess(d));
         }
         let limit = budget.map(|budget| (clock, budget));
         let mut search = Search { limit, ..Search::default() };
-        let status = self.solver.solve(d, &mut search);
+        let status = self.now.solver.solve(d, &mut search);
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
         self.place = match status {
             ReducedStatus::Converged => Place::At(depth),
@@ -239,26 +186,26 @@ impl HyperReducedModel {
         let is_settled = status == ReducedStatus::Converged;
         let mut stiffness = Vec::new();
         if with_stiffness && is_settled {
-            stiffness = self.solver.stiffness(&mut search);
+            stiffness = self.now.solver.stiffness(&mut search);
         }
         if is_settled
-            && self.contacts.is_within(depth)
+            && self.now.contacts.is_within(depth)
             && let Some(background) = &mut self.background
         {
-            background.ask(&self.contacts, &self.solver.q, displacements);
+            background.ask(&self.now.contacts, &self.now.solver.q, displacements);
         }
         let force = |f: &[f64]| {
             let is_known = f.iter().all(|x| x.is_finite());
             if is_known { [f[0], f[1], f[2]] } else { [0.0; 3] }
         };
         Ok(Solution {
-            coordinates: self.solver.q.clone(),
-            forces: self.solver.forces.chunks_exact(3).map(force).collect(),
+            coordinates: self.now.solver.q.clone(),
+            forces: self.now.solver.forces.chunks_exact(3).map(force).collect(),
             stiffness,
-            energy: self.solver.reduced.energy,
+            energy: self.now.solver.reduced.energy,
             depth,
             status,
-            smallest_jacobian: self.solver.reduced.jacobian,
+            smallest_jacobian: self.now.solver.reduced.jacobian,
             iterations: search.iterations,
             tangents: search.tangents,
             residual: search.residual,
@@ -267,32 +214,65 @@ impl HyperReducedModel {
     }
 }
 
-/// The search for equilibrium in a span, on cells and weights that training finds; the first so many states of it are
-/// equilibria.
-fn solver(
-    ReducedContacts { owner, subspace, .. }: &ReducedContacts,
-    training: &[State],
-    known: usize,
-) -> ReducedNewton {
-    let sampled = sampled(&owner.origin, subspace, training, owner.sampling.tolerance);
-    let squares: f64 = training.iter().map(State::square).sum();
-    let unit = (squares / training.len() as f64).sqrt();
-    let constraints = subspace.constraints.clone();
-    ReducedNewton::new(sampled, subspace.len(), constraints, unit, &training[..known])
-}
+impl Galerkin {
+    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second without
+    /// snapshots, seconds with them.
+    ///
+    /// # Errors
+    /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
+    pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<HyperReducedModel, Error> {
+        self.grasp_while(points, &|| true)
+    }
 
-/// Sampling units and weights that give the forces of the whole body in training: those of all states together to the
-/// tolerance, and those of weighty states better than others.
-fn sampled(origin: &Origin, subspace: &Subspace, training: &[State], tolerance: f64) -> Sampled {
-    let all: Vec<usize> = (0..origin.body.n_sampling_units()).collect();
-    let sizes = Forces::new(origin, &all, subspace, &training[..FIRST_STATES]).sizes();
-    let candidates = systematic(&sizes, CANDIDATES);
-    let forces = Forces::new(origin, &candidates, subspace, training);
-    let columns = Columns { rows: forces.rows, values: &forces.units };
-    let weight = training.iter().map(|state| state.weight.powi(2)).sum::<f64>().sqrt();
-    let tolerance = tolerance * (training.len() as f64).sqrt() / weight;
-    let chosen = greedy(&columns, &forces.body, tolerance);
-    let (units, weights): (Vec<usize>, Vec<f64>) =
-        chosen.into_iter().map(|(place, weight)| (candidates[place], weight)).unzip();
-    Sampled::new(origin, &units, &weights, &subspace.basis.modes)
+    /// As [`Galerkin::grasp`], as long as it is wanted.
+    ///
+    /// # Errors
+    /// As [`Galerkin::grasp`]; [`Error::Cancelled`].
+    pub fn grasp_while(
+        self: &Arc<Self>,
+        points: &[[f64; 3]],
+        is_wanted: &(dyn Fn() -> bool + Sync),
+    ) -> Result<HyperReducedModel, Error> {
+        let (since, mut best) = (Instant::now(), None);
+        let hand_over = &mut |trained| best = Some(trained);
+        train(&mut self.contacts(points)?, since, is_wanted, hand_over)?;
+        Ok(HyperReducedModel::new(best.expect("training hands over a search or an error")))
+    }
+
+    /// Contacts take hold without snapshots, and are in use while a thread solves them: better grasps take the place of
+    /// the first as they are ready.
+    ///
+    /// # Errors
+    /// As [`Galerkin::grasp`]; no thread.
+    pub fn grasp_in_background(
+        self: &Arc<Self>,
+        points: &[[f64; 3]],
+    ) -> Result<HyperReducedModel, Error> {
+        let since = Instant::now();
+        HyperReducedModel::in_training(self.contacts(points)?, since)
+    }
+
+    fn contacts(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<ReducedContacts, Error> {
+        if points.is_empty() {
+            return Err(Error::input(
+                "no contact; give at least one point of the touchable surface",
+            ));
+        }
+        let contacts = points
+            .iter()
+            .enumerate()
+            .map(|(k, &point)| self.contact(k, point))
+            .collect::<Result<Vec<_>, _>>()?;
+        ReducedContacts::new(Arc::clone(self), contacts)
+    }
+
+    fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {
+        let found = self.model.locate(point).filter(|c| self.model.is_on_surface(c));
+        found.ok_or_else(|| {
+            Error::input(format!(
+                "contact {k} at {point:?} is more than {:.4} m off the touchable surface; move it there",
+                self.model.edge_length()
+            ))
+        })
+    }
 }

@@ -26,17 +26,21 @@ mod sample;
 mod sampled;
 mod sketch;
 mod snapshots;
+mod solution;
+mod solvers;
 mod starts;
 mod subspace;
 #[cfg(test)]
 mod tests;
+mod trained;
 mod training;
 mod units;
 
 pub use contacts::{Assessment, ReducedContacts, Trust};
-pub use hyper_reduced::{HyperReducedModel, Solution};
+pub use hyper_reduced::HyperReducedModel;
 pub use model::{Galerkin, Sampling};
 pub use newton::ReducedStatus;
+pub use solution::Solution;
 
 use viscera_law as law;
 use viscera_linear::{self as linear, clock, threads};

@@ -1,14 +1,9 @@
 //! The Galerkin model of an organ: its series model, and the body that it was reduced from.
 
-use super::contacts::ReducedContacts;
-use super::hyper_reduced::HyperReducedModel;
 use super::origin::Origin;
-use super::snapshots::Solvers;
-use super::training::train;
-use crate::clock::Instant;
+use super::solvers::Solvers;
 use crate::error::Error;
-use crate::reduced::{Contact, ReducedModel};
-use std::sync::Arc;
+use crate::reduced::ReducedModel;
 
 /// More is taken for a mistake: every one is a solution on the whole body, and may be a mode.
 pub(super) const MOST_SNAPSHOTS: usize = 200;
@@ -43,67 +38,6 @@ impl Galerkin {
         check(&model, &sampling)?;
         let origin = Origin::new(&model)?;
         Ok(Galerkin { model, origin, sampling, solvers: Solvers::default() })
-    }
-
-    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second without
-    /// snapshots, seconds with them.
-    ///
-    /// # Errors
-    /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
-    pub fn grasp(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<HyperReducedModel, Error> {
-        self.grasp_while(points, &|| true)
-    }
-
-    /// As [`Galerkin::grasp`], as long as it is wanted.
-    ///
-    /// # Errors
-    /// As [`Galerkin::grasp`]; [`Error::Cancelled`].
-    pub fn grasp_while(
-        self: &Arc<Self>,
-        points: &[[f64; 3]],
-        is_wanted: &(dyn Fn() -> bool + Sync),
-    ) -> Result<HyperReducedModel, Error> {
-        let (since, mut best) = (Instant::now(), None);
-        let go_on = &mut |grasp| best = Some(grasp);
-        train(&mut self.contacts(points)?, since, is_wanted, go_on)?;
-        Ok(best.expect("training hands over a grasp or an error"))
-    }
-
-    /// Contacts take hold without snapshots, and are in use while a thread solves them: better grasps take the place of
-    /// the first as they are ready.
-    ///
-    /// # Errors
-    /// As [`Galerkin::grasp`]; no thread.
-    pub fn grasp_in_background(
-        self: &Arc<Self>,
-        points: &[[f64; 3]],
-    ) -> Result<HyperReducedModel, Error> {
-        let since = Instant::now();
-        HyperReducedModel::in_training(self.contacts(points)?, since)
-    }
-
-    fn contacts(self: &Arc<Self>, points: &[[f64; 3]]) -> Result<ReducedContacts, Error> {
-        if points.is_empty() {
-            return Err(Error::input(
-                "no contact; give at least one point of the touchable surface",
-            ));
-        }
-        let contacts = points
-            .iter()
-            .enumerate()
-            .map(|(k, &point)| self.contact(k, point))
-            .collect::<Result<Vec<_>, _>>()?;
-        ReducedContacts::new(Arc::clone(self), contacts)
-    }
-
-    fn contact(&self, k: usize, point: [f64; 3]) -> Result<Contact, Error> {
-        let found = self.model.locate(point).filter(|c| self.model.is_on_surface(c));
-        found.ok_or_else(|| {
-            Error::input(format!(
-                "contact {k} at {point:?} is more than {:.4} m off the touchable surface; move it there",
-                self.model.edge_length()
-            ))
-        })
     }
 }
 

@@ -8,13 +8,10 @@
 use super::model::Galerkin;
 use super::origin::Origin;
 use crate::body::Curvature;
-use crate::equilibrium::{
-    ConstrainedSystem, Iteration, Limits, Method, Tangent, backtrack, iterate,
-};
+use crate::equilibrium::{ConstrainedSystem, Iteration, Limits, Tangent, backtrack, iterate};
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::norm;
-use std::sync::{Mutex, PoisonError};
 
 /// A step below this part of the field is the last one.
 const SMALLEST_STEP: f64 = 1e-3;
@@ -33,36 +30,6 @@ impl Patience {
     pub const OF_MANY: Self = Patience { tangents: 8, cuts: 5 };
     /// With the state that the tools are in.
     pub const OF_ONE: Self = Patience { tangents: 40, cuts: 11 };
-}
-
-/// Solvers for the tangents of one body, lent to one thread after the other: to analyse a pattern takes as long as to
-/// factorise several matrices.
-#[derive(Default)]
-pub(super) struct Solvers {
-    idle: Mutex<Vec<ConstrainedSystem>>,
-}
-
-impl Solvers {
-    fn lend<T>(
-        &self,
-        origin: &Origin,
-        patches: &[Patch],
-        work: impl FnOnce(&mut ConstrainedSystem) -> T,
-    ) -> Result<T, Error> {
-        let idle = || self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let waiting = idle().pop();
-        let mut solver = match waiting {
-            Some(solver) => solver,
-            None => {
-                let fixed = origin.fixed.iter().copied();
-                ConstrainedSystem::new(Method::Cholesky, &origin.body, fixed, Vec::new())?
-            }
-        };
-        solver.hold(&[], patches.to_vec());
-        let done = work(&mut solver);
-        idle().push(solver);
-        Ok(done)
-    }
 }
 
 impl Galerkin {

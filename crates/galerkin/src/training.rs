@@ -3,11 +3,9 @@
 use super::contacts::ReducedContacts;
 use super::forces::{State, with_forces};
 use super::guesses::{Guess, guesses};
-use super::hyper_reduced::HyperReducedModel;
 use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::newton::ReducedNewton;
 use super::snapshots::Patience;
-use crate::clock::Instant;
 use crate::error::Error;
 use crate::number::norm;
 use crate::reduced::allowance;
@@ -170,29 +168,8 @@ fn is_wrong(owner: &Galerkin, depth: f64, answer: &[f64], u: &[f64]) -> bool {
     norm(&gap) > allowed.max(OF_SAMPLING * owner.sampling.tolerance) * norm(u)
 }
 
-/// Rounds of training, until the model passes one: every grasp that they come to is better than the last, and handed
-/// over. What they were trained by.
-///
 /// # Errors
-/// No memory for a solver; [`Error::Cancelled`].
-pub(super) fn train(
-    contacts: &mut ReducedContacts,
-    since: Instant,
-    is_wanted: IsWanted<'_>,
-    hand_over: &mut (dyn FnMut(HyperReducedModel) + Send),
-) -> Result<Training, Error> {
-    let mut training = Training::new(contacts, contacts.owner.sampling.snapshots, is_wanted)?;
-    loop {
-        go_on(is_wanted)?;
-        let grasp = HyperReducedModel::new(contacts.clone(), training.clone(), since);
-        let model = grasp.solver().clone();
-        hand_over(grasp);
-        if training.is_complete() || training.examine(contacts, &model, is_wanted)? {
-            return Ok(training);
-        }
-    }
-}
-
-fn go_on(is_wanted: IsWanted<'_>) -> Result<(), Error> {
+/// [`Error::Cancelled`].
+pub(super) fn go_on(is_wanted: IsWanted<'_>) -> Result<(), Error> {
     if is_wanted() { Ok(()) } else { Err(Error::Cancelled) }
 }
