@@ -116,7 +116,7 @@ def rust_type(declaration: str) -> str:
 def test_the_header_declares_what_the_library_exports() -> None:
     header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
     rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))
-    rust = re.sub(r"\b(Status|Mode)\b", "i32", rust)
+    rust = re.sub(r"\b(viscera_status|Mode)\b", "i32", rust)
 
     declared = {
         name: ([rust_type(p) for p in parameters.split(",") if p != "void"], rust_type(result))
