@@ -1,7 +1,8 @@
 //! Several independent numbers side by side: cells of a batch, or load positions of a block.
 //!
-//! Plain arrays and element-wise loops; the compiler turns them into vector instructions inside
-//! the functions that are compiled for AVX2 (see `crate::simd`).
+//! Plain arrays, lane by lane without a loop; the compiler turns them into vector instructions inside the functions that
+//! are compiled for AVX2 (see `crate::simd`). A law's tangent has thousands of these operations, and as many loops would
+//! cost the compiler most of its time: it unrolls each of them in a walk through the whole function.
 
 use super::{Real, Scalar, elementary};
 use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
@@ -23,6 +24,22 @@ pub const WIDTH: usize = 8;
 /// One number per series.
 pub type Wide = Lanes<WIDTH>;
 
+/// `Lanes([f(0), ..., f(L - 1)])` of `lanes!(|lane| f(lane))`, for at most eight lanes.
+macro_rules! lanes {
+    (|$lane:pat_param| $f:expr) => {{
+        const { assert!(L <= 8) };
+        let mut out = const { [0.0; L] }; // without `const` this would be a loop, too
+        lanes!(@ out, $lane, $f; 0 1 2 3 4 5 6 7);
+        Lanes(out)
+    }};
+    (@ $out:ident, $lane:pat, $f:expr; $($n:literal)*) => {$(
+        if $n < L {
+            let $lane: usize = $n;
+            $out[$n] = $f;
+        }
+    )*};
+}
+
 impl<const L: usize> Default for Lanes<L> {
     fn default() -> Self {
         Lanes([0.0; L])
@@ -32,11 +49,7 @@ impl<const L: usize> Default for Lanes<L> {
 impl<const L: usize> Lanes<L> {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        let mut out = self;
-        for lane in 0..L {
-            out.0[lane] = f(self.0[lane]);
-        }
-        out
+        lanes!(|lane| f(self.0[lane]))
     }
 
     #[inline(always)]
@@ -66,18 +79,14 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                let mut out = self;
-                for lane in 0..L {
-                    out.0[lane] = self.0[lane].$method(other.0[lane]);
-                }
-                out
+                lanes!(|lane| self.0[lane].$method(other.0[lane]))
             }
         }
         impl<const L: usize> $trait<f64> for Lanes<L> {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: f64) -> Self {
-                self.map(|x| x.$method(other))
+                lanes!(|lane| self.0[lane].$method(other))
             }
         }
     };
@@ -90,14 +99,14 @@ impl<const L: usize> Neg for Lanes<L> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.map(|x| -x)
+        lanes!(|lane| -self.0[lane])
     }
 }
 
 impl<const L: usize> Scalar for Lanes<L> {
     #[inline(always)]
     fn constant(&self, value: f64) -> Self {
-        Lanes([value; L])
+        lanes!(|_| value)
     }
     #[inline(always)]
     fn recip(&self) -> Self {
@@ -135,6 +144,6 @@ impl<const L: usize> Scalar for Lanes<L> {
 impl<const L: usize> Real for Lanes<L> {
     #[inline(always)]
     fn splat(value: f64) -> Self {
-        Lanes([value; L])
+        lanes!(|_| value)
     }
 }
