@@ -279,6 +279,18 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
 
 def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     """The law that a [material] table describes, its tables naming what differs in a part of the mesh."""
+    others = {place: part for place, part in words.items() if schema.is_part(place, part) and "law" in part}
+    whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
+    if not others:
+        return whole
+    of_cell = np.zeros(len(mesh.cells), dtype=int)
+    for k, place in enumerate(others):
+        of_cell[mesh.cells_in(place)] = k + 1
+    return law.Several.of_cells((whole, *(_one_law(part, mesh) for part in others.values())), of_cell)
+
+
+def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
+    """A law whose parameters may differ from part to part."""
     parameters = {name: value for name, value in words.items() if not schema.is_part(name, value)}
     kind = law.named(parameters.pop("law"))
     if isinstance(parameters.get("fibres"), Mapping):

@@ -14,7 +14,7 @@ from viscera.atomic import replacing
 from viscera.case import NAMES, Case, read_case
 from viscera.errors import VisceraError
 from viscera.loads import by_place
-from viscera.mesh import Indices, Mesh, Where
+from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.select import FREE
 from viscera.vary import Vary
 
@@ -111,22 +111,32 @@ def _material(material: law.Law, places: _Places) -> dict[str, Any]:
         )
     owner = owner.ravel()
     own = int(np.argmax(counts))
-    whole = _parameters(law.from_core(material.name, rows[own]))
-    partial = material.names if isinstance(material, law.StrainEnergy) else schema.PARTIAL
-    words = {"law": type(material).__name__ if type(material).__name__ in law.LAWS else _class_of(material), **whole}
+    one = _one_law(material, rows[own])
+    whole = _parameters(one)
+    partial = one.names if isinstance(one, law.StrainEnergy) else schema.PARTIAL
+    words = {"law": _class_of(one), **whole}
     for k in range(len(rows)):
         if k == own:
             continue
-        part = _parameters(law.from_core(material.name, rows[k]))
+        other = _one_law(material, rows[k])
+        part = _parameters(other)
         changed = {name: value for name, value in part.items() if value != whole.get(name)}
-        if not set(changed) <= set(partial):
+        if other.name != one.name:
+            changed = {"law": _class_of(other), **part}
+        elif not set(changed) <= set(partial):
             raise VisceraError(f"a case file cannot say that {', '.join(sorted(changed))} differ from cell to cell")
         words[places.part(np.flatnonzero(owner == k).astype(np.uint32))] = changed
     return words
 
 
+def _one_law(material: law.Law, row: Floats) -> law.Law:
+    """The law with one row of parameters, where there are several the one that the row belongs to."""
+    one = law.from_core(material.name, row)
+    return one.laws[0] if isinstance(one, law.Several) else one
+
+
 def _class_of(material: law.Law) -> str:
-    """The law that a class of the user's is made from."""
+    """The name of a law, of that which a class of the user's is made from."""
     return next(each.__name__ for each in type(material).__mro__ if each.__name__ in law.LAWS)
 
 

@@ -21,7 +21,7 @@ from viscera.display import Pictured
 from viscera.dynamics import Integration, Prony
 from viscera.errors import NotConverged, VisceraError
 from viscera.frame import Frame
-from viscera.law import Law, StrainEnergy
+from viscera.law import Law, Several, StrainEnergy
 from viscera.loads import (
     Displacements,
     Forces,
@@ -74,7 +74,8 @@ Progress = Callable[[int, int, str], None]
 class Organ(Pictured):
     """A soft body at rest: a tetrahedral mesh, its law and its fixed nodes.
 
-    mesh: `viscera.Mesh`; law: one of `viscera.laws`.
+    mesh: `viscera.Mesh`; law: one of `viscera.laws`, or several by place, `{"liver": ..., "vein": ...}`, as in
+        `viscera.laws.Several`.
     fixed: a node set's name, a condition such as "x < 10%", indices or a predicate on points (n, 3): see `Mesh.nodes`.
     element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
         (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and
@@ -88,11 +89,13 @@ class Organ(Pictured):
     (True, 10.0)
     """
 
-    def __init__(self, mesh: Mesh, law: Law, fixed: Where, *, element: str | None = None) -> None:
+    def __init__(self, mesh: Mesh, law: Law | Mapping[Any, Law], fixed: Where, *, element: str | None = None) -> None:
         if not isinstance(mesh, Mesh):
             raise refused("the mesh", "a viscera.Mesh, as read(path) or mesh(points, cells) gives it", mesh)
+        if isinstance(law, Mapping):
+            law = Several(mesh, law)
         if not isinstance(law, Law):
-            raise VisceraError(f"the law must be one of viscera.laws, such as NeoHookean, got {law!r}")
+            raise refused("the law", "one of viscera.laws, such as NeoHookean, or a table of them by place", law)
         rows = len(law.parameters)
         if rows not in {1, len(mesh.cells)}:
             raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
@@ -114,7 +117,7 @@ class Organ(Pictured):
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
         return f"Organ({size}, {type(self.law).__name__}, {self.element}, {len(self.fixed)} fixed nodes)"
 
-    def with_law(self, law: Law) -> Organ:
+    def with_law(self, law: Law | Mapping[Any, Law]) -> Organ:
         """The same mesh, supports and element with another law.
 
         >>> import viscera as vs

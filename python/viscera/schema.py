@@ -237,31 +237,42 @@ class Material:
     """The table of a law's parameters, which holds one table for each part that differs."""
 
     def __call__(self, words: Any, what: str) -> None:
-        own = {name: value for name, value in known(words, words, "material") if not is_part(name, value)}
+        parts = {place: part for place, part in known(words, words, "material") if is_part(place, part)}
+        others = {place: part for place, part in parts.items() if "law" in part}
+        self._one_law({name: value for name, value in words.items() if name not in others}, "material")
+        for place, part in others.items():
+            table = f"material.{place}"
+            for name, value in part.items():
+                if is_part(name, value):
+                    raise VisceraError(
+                        f"[{table}] has a law of its own, and no parts; give [material.{name}] a law too"
+                    )
+            self._one_law(part, table)
+
+    def _one_law(self, words: Mapping[str, Any], table: str) -> None:
+        """One law, and the parts in which its parameters differ."""
+        own = {name: value for name, value in words.items() if not is_part(name, value)}
+        parts = {f"{table}.{place}": part for place, part in words.items() if is_part(place, part)}
         if own.get("law") == law.StrainEnergy.__name__:
-            return self._formula(words, own)
-        for _ in known(own, ("law", *PARAMETERS), "material"):
+            return self._formula({table: own, **parts})
+        for _ in known(own, ("law", *PARAMETERS), table):
             pass
         if "law" not in own:
             raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
         kind = own.pop("law")
-        Choice(law.LAWS)(kind, "law")
+        Choice(law.LAWS)(kind, f"law{_of(table)}" if table != "material" else "law")
         for name, value in own.items():
-            _parameter(kind, name)(value, f"{name} in [material]")
-        for place, part in words.items():
-            if is_part(place, part):
-                table = f"material.{place}"
-                for name, value in known(part, PARTIAL, table):
-                    _parameter(kind, name)(value, f"{name} in [{table}]")
+            _parameter(kind, name)(value, f"{name} in [{table}]")
+        for part_table, part in parts.items():
+            for name, value in known(part, PARTIAL, part_table):
+                _parameter(kind, name)(value, f"{name} in [{part_table}]")
 
-    def _formula(self, words: Any, own: dict[str, Any]) -> None:
+    def _formula(self, tables: dict[str, Any]) -> None:
         """A law of one's own, whose parameters are the names in the formula."""
+        whole, own = next(iter(tables.items()))
         if "energy" not in own:
             raise VisceraError('material StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
-        Formula()(own["energy"], "energy in [material]")
-        tables = {"material": own} | {
-            f"material.{place}": part for place, part in words.items() if is_part(place, part)
-        }
+        Formula()(own["energy"], f"energy in [{whole}]")
         for table, entries in tables.items():
             for name, value in known(entries, entries, table):
                 if name == "fibres":

@@ -159,7 +159,7 @@ def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law
             raise VisceraError(f"{type(law).__name__} is not made from a Poisson's ratio; vary its young")
         everywhere[inside] = type(law)(young=_of(changed, "young"), poisson=value).parameters
     else:
-        columns = np.array(law.stresses)
+        columns = np.array(changed.stresses)
         everywhere[np.ix_(inside, columns)] *= (value / _of(changed, "young"))[:, None]
     return from_core(law.name, everywhere)
 

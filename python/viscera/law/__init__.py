@@ -16,6 +16,7 @@ from viscera.law.formula import StrainEnergy
 from viscera.law.holzapfel_gasser_ogden import HolzapfelGasserOgden
 from viscera.law.isochoric import ArrudaBoyce, Fung, MooneyRivlin, Ogden, VerondaWestmann, Yeoh
 from viscera.law.of_row import OfRow
+from viscera.law.several import Several
 from viscera.law.two_moduli import Corotated, Linear, NeoHookean, SaintVenantKirchhoff, StableNeoHookean, TwoModuli
 from viscera.quantity import Choice
 
@@ -33,6 +34,7 @@ __all__ = [
     "OfRow",
     "Ogden",
     "SaintVenantKirchhoff",
+    "Several",
     "StableNeoHookean",
     "StrainEnergy",
     "TwoModuli",
@@ -79,8 +81,7 @@ def from_core(name: str, parameters: ArrayLike) -> Law:
     """
     table = np.atleast_2d(np.asarray(parameters, dtype=float)).T
     kind = next((law for law in LAWS.values() if name in law.core_names), None)
-    if name.startswith(StrainEnergy.prefix):
-        kind = StrainEnergy
+    kind = next((law for law in (StrainEnergy, Several) if name.startswith(law.prefix)), kind)
     if kind is None or len(table) != len(_core.law_parameters(name)):
         raise VisceraError(f"the model's law {name!r} with {len(table)} parameters is not known to this version")
     return kind._of_columns(name, table)

@@ -2,6 +2,7 @@
 #![allow(non_snake_case)]
 
 mod formulas;
+mod several;
 mod wrapped;
 
 use viscera_law::*;

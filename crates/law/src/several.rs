@@ -1,0 +1,127 @@
+//! Several laws in one organ: each cell says which of them is its own.
+//!
+//! All cells of a call share a row, so the law of a row is looked up once for many cells.
+
+#![allow(non_snake_case)]
+
+use super::TangentBlocks;
+use super::expression::Expression;
+use super::kernels::{LawKernels, SeriesKernels, Shared};
+use std::sync::Arc;
+use viscera_number::tensor::{Mat3, Vec3};
+use viscera_number::{Lane, Monomials};
+
+/// What the name of several laws begins with; their own names follow, with [`BETWEEN`] between them.
+pub const SEVERAL: &str = "laws ";
+
+/// What stands between the names of several laws; no formula has it.
+pub const BETWEEN: &str = "; ";
+
+/// Laws side by side. A row of parameters begins with the index of its law; that law's own parameters follow, and
+/// numbers that nobody reads where another law has more of them.
+pub(super) struct Several {
+    /// Each law, and how many parameters it has.
+    pub laws: Vec<(Arc<dyn LawKernels>, usize)>,
+}
+
+impl Several {
+    /// The law of a row, and its own part of the row.
+    fn of<'a>(&'a self, row: &'a [f64]) -> (&'a dyn LawKernels, &'a [f64]) {
+        (&*self.laws[row[0] as usize].0, &row[1..])
+    }
+}
+
+impl LawKernels for Several {
+    /// One that forbids it is enough: cells of the others are not turned inside out beside it either.
+    fn forbids_inversion(&self) -> bool {
+        self.laws.iter().any(|(law, _)| law.forbids_inversion())
+    }
+
+    fn prepare(&self, row: &[f64]) -> Vec<f64> {
+        let (law, n) = &self.laws[row[0] as usize];
+        [&row[..1], &law.prepare(&row[1..1 + n])].concat()
+    }
+
+    fn expression(&self, row: &[f64]) -> Option<Expression> {
+        let (law, row) = self.of(row);
+        law.expression(row)
+    }
+
+    fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {
+        let (law, row) = self.of(row);
+        law.energy(row, F, part, psi);
+    }
+
+    fn stress(
+        &self,
+        row: &[f64],
+        F: &[Mat3<Lane>],
+        shared: Shared<'_>,
+        psi: &mut [Lane],
+        P: &mut [Mat3<Lane>],
+    ) {
+        let (law, row) = self.of(row);
+        law.stress(row, F, shared, psi, P);
+    }
+
+    fn tangent(
+        &self,
+        row: &[f64],
+        F: &[Mat3<Lane>],
+        g: &[[Vec3<Lane>; 3]],
+        shared: Shared<'_>,
+        P: &mut [Mat3<Lane>],
+        A: &mut [TangentBlocks<Lane>],
+    ) {
+        let (law, row) = self.of(row);
+        law.tangent(row, F, g, shared, P, A);
+    }
+
+    fn volume_ratio(&self, row: &[f64], F: &[Mat3<Lane>], J: &mut [Lane], Z: &mut [Mat3<Lane>]) {
+        let (law, row) = self.of(row);
+        law.volume_ratio(row, F, J, Z);
+    }
+
+    fn dilatation(&self, row: &[f64], J: &[Lane], U: &mut [Lane]) {
+        let (law, row) = self.of(row);
+        law.dilatation(row, J, U);
+    }
+
+    fn pressure(&self, row: &[f64], J: &[Lane], out: &mut [[Lane; 2]]) {
+        let (law, row) = self.of(row);
+        law.pressure(row, J, out);
+    }
+}
+
+impl<T> SeriesKernels<T> for Several
+where
+    for<'a> dyn LawKernels + 'a: SeriesKernels<T>,
+{
+    fn stress_series(
+        &self,
+        row: &[f64],
+        table: &'static Monomials,
+        deformation: &[T],
+        q: &[T],
+        out: &mut [T],
+    ) {
+        let (law, row) = self.of(row);
+        law.stress_series(row, table, deformation, q, out);
+    }
+
+    fn volume_series(
+        &self,
+        row: &[f64],
+        table: &'static Monomials,
+        deformation: &[T],
+        out: &mut [T],
+    ) {
+        let (law, row) = self.of(row);
+        law.volume_series(row, table, deformation, out);
+    }
+
+    fn pressure_series(&self, row: &[f64], table: &'static Monomials, ratio: &[T], out: &mut [T]) {
+        let (law, row) = self.of(row);
+        law.pressure_series(row, table, ratio, out);
+    }
+}
