@@ -6,6 +6,8 @@ is chosen by it.
 
 Then the time of the script for one move of the pointer over a reduced model: what every order answers, the curve, the
 shape of the organ and the readings. Drawing is left out: that is the graphics processor's.
+
+    python benchmarks/page.py > benchmarks/results/page.txt
 """
 
 import json

@@ -33,7 +33,8 @@ A law takes `young` and `poisson`, or `mu` and `lam`. Give one of `kappa`, `pois
 """
 PARTS = """A table `[material.PLACE]` holds the parameters that differ in a part of the organ. The place is the name of
 a cell set, or a condition on the centroids of cells, such as `[material."x > 80%"]`. The table may hold any number of
-the law for which the whole organ has a value too. A table with a `law` has all parameters of that law.
+the law for which the whole organ has a value too. To give the part another law, the table
+holds `law` and all parameters of that law.
 """
 
 

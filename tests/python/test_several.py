@@ -116,6 +116,12 @@ def test_wrong_tables_are_refused(mesh: vs.Mesh, laws: dict[str, Any], words: st
     assert words in str(error.value)
 
 
+@pytest.mark.parametrize("index", [-1.0, 0.5, 2.0])
+def test_a_row_of_no_law_is_refused(index: float) -> None:
+    with pytest.raises(vs.VisceraError, match="row 0 has law"):
+        vs.laws.from_core("laws neo_hookean; neo_hookean", [[index, 1e3, 1e3]])
+
+
 def test_two_fingers_take_it(mesh: vs.Mesh) -> None:
     """Hyper-reduction samples cells of either law."""
     found = []

@@ -38,6 +38,7 @@ mod kernels;
 mod linear;
 mod material;
 mod mooney_rivlin;
+mod named;
 mod neo_hookean;
 mod ogden;
 mod rows;

@@ -1,9 +1,9 @@
 //! A law given to the cells of a body.
 
-use super::formula::{FORMULA, Formula};
+use super::formula::FORMULA;
 use super::kernels::LawKernels;
-use super::rows::{ROWS, Row};
-use super::several::{BETWEEN, SEVERAL, Several};
+use super::named::NamedLaw;
+use super::several::SEVERAL;
 use crate::error::Error;
 use std::fmt;
 use std::sync::Arc;
@@ -24,22 +24,19 @@ pub struct Material {
 }
 
 impl Material {
-    /// A law by its name in [`ROWS`], a [`Formula`] after the word [`FORMULA`], or some of both after [`SEVERAL`], with
-    /// [`BETWEEN`] between them; one row of parameters or one row per cell. A row of several laws begins with the index of
+    /// A law by its name in [`ROWS`](super::ROWS), a [`Formula`](super::Formula) after the word [`FORMULA`], or some of both
+    /// after [`SEVERAL`], with [`BETWEEN`](super::BETWEEN) between them; one row of parameters or one row per cell. A row of several laws begins with the index of
     /// its law, and may end in numbers that the law has no use for.
     ///
     /// # Errors
     /// An unknown name or a formula that is none; a row of the wrong length; a value that is not finite or not
     /// admissible.
     pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
-        let laws = single_laws(name)?;
-        let of_row = laws_of_rows(name, laws.len(), &parameters)?;
-        let material =
-            Self::of_kernels(name, names(name, &laws), kernels(name, &laws), parameters)?;
-        let first = usize::from(is_several(name));
+        let law = NamedLaw::new(name)?;
+        let of_row = law.of_rows(&parameters)?;
+        let material = Self::of_kernels(name, law.parameter_names(), law.kernels(), parameters)?;
         for (row, values) in material.parameters.iter().enumerate() {
-            let law = &laws[of_row[row]];
-            law.check(row, &values[first..first + law.names.len()])?;
+            law.check(of_row[row], row, values)?;
         }
         Ok(material)
     }
@@ -49,7 +46,7 @@ impl Material {
     /// # Errors
     /// An unknown name.
     pub fn parameter_names(name: &str) -> Result<Vec<String>, Error> {
-        Ok(names(name, &single_laws(name)?))
+        Ok(NamedLaw::new(name)?.parameter_names())
     }
 
     /// A law that has no row: its name, those of its parameters, and its kernels.
@@ -134,7 +131,7 @@ impl Material {
     /// several laws, whose parameters may be anything.
     pub fn scale(&self, cell: usize) -> f64 {
         let row = self.of_cell(cell);
-        if self.name.starts_with(FORMULA) || is_several(&self.name) {
+        if self.name.starts_with(FORMULA) || self.name.starts_with(SEVERAL) {
             return self.moduli(row).iter().sum();
         }
         row.iter().fold(0.0, |max, p| p.abs().max(max))
@@ -190,109 +187,4 @@ impl fmt::Debug for Material {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {:?} {:?}", self.name, self.names, self.parameters)
     }
-}
-
-fn find(name: &str) -> Result<&'static Row, Error> {
-    ROWS.iter().find(|row| row.name == name).ok_or_else(|| Error::UnknownLaw {
-        name: name.to_string(),
-        known: ROWS.iter().map(|row| row.name).collect::<Vec<_>>().join(", "),
-    })
-}
-
-/// A law of one kind.
-struct SingleLaw<'a> {
-    name: &'a str,
-    names: Vec<String>,
-    kernels: Arc<dyn LawKernels>,
-    /// None for a formula.
-    row: Option<&'static Row>,
-}
-
-fn is_several(name: &str) -> bool {
-    name.starts_with(SEVERAL)
-}
-
-/// The laws in a name.
-fn single_laws(name: &str) -> Result<Vec<SingleLaw<'_>>, Error> {
-    let names = name.strip_prefix(SEVERAL).unwrap_or(name);
-    let one = |name| match str::strip_prefix(name, FORMULA) {
-        Some(text) => {
-            let formula = Formula::new(text)?;
-            let (names, kernels) = (formula.names().to_vec(), formula.kernels());
-            Ok(SingleLaw { name, names, kernels, row: None })
-        }
-        None => {
-            let row = find(name)?;
-            let names = row.parameters.iter().map(|p| p.name.to_string()).collect();
-            Ok(SingleLaw { name, names, kernels: (row.kernels)(), row: Some(row) })
-        }
-    };
-    if is_several(name) { names.split(BETWEEN).map(one).collect() } else { Ok(vec![one(names)?]) }
-}
-
-/// Names of the parameters of a law, or of several side by side.
-fn names(name: &str, laws: &[SingleLaw<'_>]) -> Vec<String> {
-    if !is_several(name) {
-        return laws[0].names.clone();
-    }
-    let longest = laws.iter().map(|law| law.names.len()).fold(0, usize::max);
-    let numbered = (1..=longest).map(|k| format!("parameter {k}"));
-    std::iter::once("law".to_string()).chain(numbered).collect()
-}
-
-/// Kernels of a law, or of several side by side.
-fn kernels(name: &str, laws: &[SingleLaw<'_>]) -> Arc<dyn LawKernels> {
-    if !is_several(name) {
-        return laws[0].kernels.clone();
-    }
-    let laws = laws.iter().map(|law| (law.kernels.clone(), law.names.len())).collect();
-    Arc::new(Several { laws })
-}
-
-/// Index of the law of each row.
-fn laws_of_rows(name: &str, count: usize, rows: &[Vec<f64>]) -> Result<Vec<usize>, Error> {
-    if !is_several(name) {
-        return Ok(vec![0; rows.len()]);
-    }
-    let of_row = |(row, values): (usize, &Vec<f64>)| {
-        let index = values.first().copied().unwrap_or(f64::NAN);
-        (0..count).find(|&k| k as f64 == index).ok_or_else(|| {
-            Error::input(format!("row {row} has law {index} of {count}, counted from 0"))
-        })
-    };
-    rows.iter().enumerate().map(of_row).collect()
-}
-
-impl SingleLaw<'_> {
-    /// What the law asks of a row of parameters.
-    fn check(&self, row: usize, values: &[f64]) -> Result<(), Error> {
-        if let Some(law) = self.row {
-            return check(law, row, values);
-        }
-        let (names, kernels) = (self.names.clone(), self.kernels.clone());
-        let alone = Material::of_kernels(self.name, names, kernels, vec![values.to_vec()])?;
-        super::formula::check(&alone, values)
-    }
-}
-
-/// What a law's row asks of a row of parameters.
-fn check(law: &Row, row: usize, values: &[f64]) -> Result<(), Error> {
-    let name = law.name;
-    for (parameter, &value) in law.parameters.iter().zip(values) {
-        if !parameter.bounds.allow(value) {
-            let (key, words) = (parameter.name, parameter.bounds.words());
-            return Err(Error::input(format!(
-                "law {name}: {key} = {value} in row {row}; it {words}"
-            )));
-        }
-    }
-    for (words, of) in law.conditions {
-        let value = of(values);
-        if !(value > 0.0) {
-            return Err(Error::input(format!(
-                "law {name}: {words} is {value} in row {row}; it must be positive"
-            )));
-        }
-    }
-    Ok(())
 }

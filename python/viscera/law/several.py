@@ -94,6 +94,7 @@ class Several(Law):
     def _of_columns(cls, name: str, columns: Floats) -> Law:
         from viscera.law import from_core
 
+        _core.Law(name, np.ascontiguousarray(columns.T))  # refuses the index of a law that is not there
         names = name.removeprefix(cls.prefix).split(cls.between)
         used, of_cell = np.unique(columns[0].astype(int), return_inverse=True)
         laws = []
