@@ -2,7 +2,6 @@
 
 use super::formula::FORMULA;
 use super::kernels::LawKernels;
-use super::named::NamedLaw;
 use super::several::SEVERAL;
 use crate::error::Error;
 use std::fmt;
@@ -24,31 +23,6 @@ pub struct Material {
 }
 
 impl Material {
-    /// A law by its name in [`ROWS`](super::ROWS), a [`Formula`](super::Formula) after the word [`FORMULA`], or some of both
-    /// after [`SEVERAL`], with [`BETWEEN`](super::BETWEEN) between them; one row of parameters or one row per cell. A row of several laws begins with the index of
-    /// its law, and may end in numbers that the law has no use for.
-    ///
-    /// # Errors
-    /// An unknown name or a formula that is none; a row of the wrong length; a value that is not finite or not
-    /// admissible.
-    pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
-        let law = NamedLaw::new(name)?;
-        let of_row = law.of_rows(&parameters)?;
-        let material = Self::of_kernels(name, law.parameter_names(), law.kernels(), parameters)?;
-        for (row, values) in material.parameters.iter().enumerate() {
-            law.check(of_row[row], row, values)?;
-        }
-        Ok(material)
-    }
-
-    /// Names of a law's parameters, in the order of a row.
-    ///
-    /// # Errors
-    /// An unknown name.
-    pub fn parameter_names(name: &str) -> Result<Vec<String>, Error> {
-        Ok(NamedLaw::new(name)?.parameter_names())
-    }
-
     /// A law that has no row: its name, those of its parameters, and its kernels.
     ///
     /// # Errors

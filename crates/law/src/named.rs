@@ -1,4 +1,4 @@
-//! Laws by name: what a name stands for, and what it asks of rows of parameters.
+//! Materials by the name of their law: what a name stands for, and what it asks of rows of parameters.
 
 use super::error::Error;
 use super::formula::{self, FORMULA, Formula};
@@ -8,14 +8,41 @@ use super::rows::{ROWS, Row};
 use super::several::{BETWEEN, SEVERAL, Several};
 use std::sync::Arc;
 
+impl Material {
+    /// A law by its name in [`ROWS`], a [`Formula`] after the word [`FORMULA`], or some of both after [`SEVERAL`], with
+    /// [`BETWEEN`] between them; one row of parameters or one row per cell. A row of several laws begins with the index
+    /// of its law, and may end in numbers that the law has no use for.
+    ///
+    /// # Errors
+    /// An unknown name or a formula that is none; a row of the wrong length; a value that is not finite or not
+    /// admissible.
+    pub fn new(name: &str, parameters: Vec<Vec<f64>>) -> Result<Self, Error> {
+        let law = NamedLaw::new(name)?;
+        let of_row = law.of_rows(&parameters)?;
+        let material = Self::of_kernels(name, law.parameter_names(), law.kernels(), parameters)?;
+        for (row, values) in material.parameters().iter().enumerate() {
+            law.check(of_row[row], row, values)?;
+        }
+        Ok(material)
+    }
+
+    /// Names of a law's parameters, in the order of a row.
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn parameter_names(name: &str) -> Result<Vec<String>, Error> {
+        Ok(NamedLaw::new(name)?.parameter_names())
+    }
+}
+
 /// A law, or several side by side.
-pub(super) enum NamedLaw<'a> {
+enum NamedLaw<'a> {
     One(SingleLaw<'a>),
     Several(Vec<SingleLaw<'a>>),
 }
 
 /// A law of [`ROWS`], or a formula.
-pub(super) struct SingleLaw<'a> {
+struct SingleLaw<'a> {
     name: &'a str,
     names: Vec<String>,
     kernels: Arc<dyn LawKernels>,
@@ -24,7 +51,7 @@ pub(super) struct SingleLaw<'a> {
 }
 
 impl<'a> NamedLaw<'a> {
-    pub fn new(name: &'a str) -> Result<Self, Error> {
+    fn new(name: &'a str) -> Result<Self, Error> {
         match name.strip_prefix(SEVERAL) {
             None => Ok(NamedLaw::One(SingleLaw::new(name)?)),
             Some(names) => {
@@ -35,7 +62,7 @@ impl<'a> NamedLaw<'a> {
     }
 
     /// Names of the parameters, in the order of a row.
-    pub fn parameter_names(&self) -> Vec<String> {
+    fn parameter_names(&self) -> Vec<String> {
         match self {
             NamedLaw::One(law) => law.names.clone(),
             NamedLaw::Several(laws) => {
@@ -46,7 +73,7 @@ impl<'a> NamedLaw<'a> {
         }
     }
 
-    pub fn kernels(&self) -> Arc<dyn LawKernels> {
+    fn kernels(&self) -> Arc<dyn LawKernels> {
         match self {
             NamedLaw::One(law) => law.kernels.clone(),
             NamedLaw::Several(laws) => {
@@ -57,7 +84,7 @@ impl<'a> NamedLaw<'a> {
     }
 
     /// Index of the law of each row.
-    pub fn of_rows(&self, rows: &[Vec<f64>]) -> Result<Vec<usize>, Error> {
+    fn of_rows(&self, rows: &[Vec<f64>]) -> Result<Vec<usize>, Error> {
         let NamedLaw::Several(laws) = self else { return Ok(vec![0; rows.len()]) };
         let of_row = |(row, values): (usize, &Vec<f64>)| {
             let (count, index) = (laws.len(), values.first().copied().unwrap_or(f64::NAN));
@@ -69,7 +96,7 @@ impl<'a> NamedLaw<'a> {
     }
 
     /// What the law with this index asks of a row.
-    pub fn check(&self, index: usize, row: usize, values: &[f64]) -> Result<(), Error> {
+    fn check(&self, index: usize, row: usize, values: &[f64]) -> Result<(), Error> {
         match self {
             NamedLaw::One(law) => law.check(row, values),
             NamedLaw::Several(laws) => {
