@@ -28,7 +28,7 @@ from viscera.check import Full, allowed_error, surface_points, unit_vectors
 from viscera.galerkin import GalerkinAnswer, HyperReducedModel
 from viscera.mesh import Floats
 
-ORDER, TOLERANCE, STEPS, LESSONS = 4, 0.01, 30, 3
+ORDER, TOLERANCE, STEPS, TRIES = 4, 0.01, 30, 3
 
 Answer = tuple[Floats, Floats, bool]
 """Field, force and trust."""
@@ -53,7 +53,7 @@ def main(touches: int, snapshots: int, first: int) -> None:
     others: list[tuple[int, float, bool, float, float, float]] = []
     holds: list[tuple[float, int, int, int]] = []
     ticks: list[float] = []
-    lessons: list[float] = []
+    tries: list[float] = []
 
     def follow(grasp: HyperReducedModel, k: int, ticks: list[float]) -> Iterator[tuple[float, GalerkinAnswer]]:
         """The answers at the depths, on the way of a finger."""
@@ -76,11 +76,11 @@ def main(touches: int, snapshots: int, first: int) -> None:
 
     def stay(grasp: HyperReducedModel, there: Floats, held: GalerkinAnswer) -> Answer:
         """What it answers when it has learned where the finger is."""
-        for _ in range(LESSONS):
+        for _ in range(TRIES):
             began = perf_counter()
             if not grasp.add_snapshot():
                 break
-            lessons.append(perf_counter() - began)
+            tries.append(perf_counter() - began)
             held = grasp.solve([there], from_last=True, stiffness=False)
         return _answer(held)
 
@@ -106,7 +106,7 @@ def main(touches: int, snapshots: int, first: int) -> None:
     print(f"Galerkin with up to {snapshots} snapshots              median      90 %      99 %     worst")
     names = ("taking hold [s]", "modes", f"sampled cells of {len(liver.cells)}", "snapshots")
     measured = [*zip(names, np.transpose(holds), strict=True), ("a step of half a per cent [ms]", ticks)]
-    for name, values in measured + [(f"a lesson [s], {len(lessons)} of them", lessons)] * bool(lessons):
+    for name, values in measured + [(f"adding a snapshot [s], {len(tries)} tries", tries)] * bool(tries):
         print(f"      {name:40s}" + "".join(f"{np.quantile(values, q):10.2f}" for q in (0.5, 0.9, 0.99, 1.0)))
     print("depth                    touches    field median / 90 % / worst     force median / 90 % / worst")
     for share in DEPTHS:

@@ -246,7 +246,7 @@ def hand(touch: vs.Touch, random: np.random.Generator) -> Iterator[Array]:
 
 
 def learning(fingers: Galerkin, cases: list[Case]) -> None:
-    """Hands that do not wait for snapshots: first answer, end of the lessons, and the ticks meanwhile."""
+    """Hands that do not wait for snapshots: first answer, end of training, and the ticks meanwhile."""
     random, first, over, ticks = np.random.default_rng(5), [], [], []
     for case in cases:
         began = perf_counter()
@@ -261,7 +261,7 @@ def learning(fingers: Galerkin, cases: list[Case]) -> None:
     print(f"\nwithout waiting for snapshots: {len(cases)} hands of one tick a millisecond; ms")
     print(f"{'':48s}      p50      p99    worst   within 1 ms")
     report("from taking hold to the first answer", first)
-    report("from taking hold to the last lesson", over)
+    report("from taking hold to the end of training", over)
     report("a tick meanwhile, forces", ticks)
 
 
