@@ -17,24 +17,25 @@ HEAD = """# The case file
 
 <!-- written by scripts/case_page.py from python/viscera/schema.py -->
 
-A case file is [TOML](https://toml.io). This page lists every table, key and possible value. Anything else in a file is
-refused when it is read, before any work begins. [The command line](cli.md#a-case-file) has an example.
+A case file is a [TOML](https://toml.io) file that describes an organ, its loads and its reduction. This page lists
+every table, key and possible value. A file with anything else in it is refused when it is read, before any work begins.
+[The command line](cli.md#a-case-file) has an example.
 
-- Units are SI throughout, except that `units` is the unit of the mesh file.
+- All quantities are in SI units, except the coordinates in the mesh file, whose unit is given by `units`.
 - A number is written without quotes. `true`, `false` and words in quotes are never numbers, and `2.0` is not a whole
   number.
-- A place is the name of a set, indices such as `"3, 14, 15"`, or conditions such as `"x < 10%"`, `"20% < y < 30 mm"` or
-  `"within 8 mm of (100, 50, 80) mm"`, joined by `and`;
-  [all of them](units-and-conventions.md#places-points-and-lengths-in-words).
-- `organ.to_case(path)` writes a case from Python, `vs.case(path)` reads it.
+- A place is the name of a set, a list of indices such as `"3, 14, 15"`, or one or more conditions joined by `and`, such
+  as `"x < 10%"`, `"20% < y < 30 mm"` or `"within 8 mm of (100, 50, 80) mm"`.
+  [Units and conventions](units-and-conventions.md#places-points-and-lengths-in-words) lists all forms.
+- In Python, `organ.to_case(path)` writes a case file, and `vs.case(path)` reads one.
 """
 PAIRS = """
-A law takes `young` and `poisson`, or `mu` and `lam`. Give one of `kappa`, `poisson` and `alpha`.
+A law that lists `young` takes either `young` and `poisson`, or `mu` and `lam`. Any other built-in law takes exactly one
+of those that it lists of `kappa`, `poisson` and the penalty `alpha`.
 """
 PARTS = """A table `[material.PLACE]` holds the parameters that differ in a part of the organ. The place is the name of
-a cell set, or a condition on the centroids of cells, such as `[material."x > 80%"]`. The table may hold any number of
-the law for which the whole organ has a value too. To give the part another law, the table
-holds `law` and all parameters of that law.
+a cell set, or a condition on the centroids of cells, such as `[material."x > 80%"]`. The table may change any number
+that `[material]` gives for the whole organ. To give the part another law, write `law` and all its parameters there.
 """
 
 
@@ -68,7 +69,7 @@ def _material() -> Iterator[str]:
     yield PAIRS
     yield from _rows(schema.PARAMETERS)
     for kind, keys in schema.OTHERS.items():
-        yield f"In `{kind}` two of them have another meaning:\n"
+        yield f"In `{kind}`, two of these parameters have another meaning:\n"
         yield from _rows(keys)
     yield PARTS
     yield from _table(schema.HELICAL)

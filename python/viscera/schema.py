@@ -21,11 +21,11 @@ from viscera.select import FREE, METRIC, length, point
 from viscera.solver import NEWTON
 
 STARTS = ("rest", "loads", "scan")
-"""Of the touches of a reduced model."""
+"""States that the touches of a reduced model may start from."""
 
 
 class Text:
-    """Words that are not empty."""
+    """A text that is not empty."""
 
     def __call__(self, value: Any, what: str) -> None:
         if not isinstance(value, str) or not value:
@@ -36,7 +36,7 @@ class Text:
 
 
 class Units:
-    """Of a mesh file."""
+    """The unit of a mesh file."""
 
     def __call__(self, value: Any, what: str) -> None:
         if isinstance(value, str):
@@ -80,7 +80,7 @@ class Length:
 
 
 UNIT = SimpleNamespace(bounding_box=np.array([[0.0] * 3, [1.0] * 3]), diagonal=1.0)
-"""Stands for the mesh, which is not there yet."""
+"""Stands in for the mesh, which has not been read yet."""
 
 
 class Point:
@@ -111,7 +111,7 @@ class Components:
 
 @dataclass(frozen=True)
 class PerCell:
-    """A number; from Python also an array over the cells, which law and loads check against the mesh."""
+    """A number; in Python also one per cell as an array, which law and loads check against the mesh."""
 
     number: Number
 
@@ -125,7 +125,7 @@ class PerCell:
 
 @dataclass(frozen=True)
 class Terms:
-    """Numbers for the terms of a sum."""
+    """One number for each term of a sum."""
 
     term: Number
 
@@ -146,7 +146,7 @@ class Key:
     value: Check
     means: str
     default: str = ""
-    """What holds where it is left out."""
+    """What applies if the key is left out."""
     is_required: bool = False
 
 
@@ -171,7 +171,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Places:
-    """A table of places, each with what happens there."""
+    """A table of places, each with its load."""
 
     name: str
     load: Check
@@ -186,7 +186,7 @@ class Places:
 
 
 class Fibres:
-    """Directions of fibres, given or wound round an axis."""
+    """Directions of fibres: given, or winding round an axis."""
 
     def __call__(self, value: Any, what: str) -> None:
         if isinstance(value, Mapping):
@@ -234,7 +234,7 @@ class Varied:
 
 
 class Material:
-    """The table of a law's parameters, which holds one table for each part that differs."""
+    """The table of a law's parameters, with a table inside for each part that differs."""
 
     def __call__(self, words: Any, what: str) -> None:
         parts = {place: part for place, part in known(words, words, "material") if is_part(place, part)}
@@ -250,7 +250,7 @@ class Material:
             self._one_law(part, table)
 
     def _one_law(self, words: Mapping[str, Any], table: str) -> None:
-        """One law, and the parts in which its parameters differ."""
+        """Checks one law, and the parts in which its parameters differ."""
         own = {name: value for name, value in words.items() if not is_part(name, value)}
         parts = {f"{table}.{place}": part for place, part in words.items() if is_part(place, part)}
         if own.get("law") == law.StrainEnergy.__name__:
@@ -268,7 +268,7 @@ class Material:
                 _parameter(kind, name)(value, f"{name} in [{part_table}]")
 
     def _formula(self, tables: dict[str, Any]) -> None:
-        """A law of one's own, whose parameters are the names in the formula."""
+        """Checks a law given as a formula, whose parameters are the names in it."""
         whole, own = next(iter(tables.items()))
         if "energy" not in own:
             raise VisceraError('material StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
@@ -285,12 +285,12 @@ class Material:
 
 
 def is_part(name: str, value: Any) -> bool:
-    """Whether an entry of [material] is a table about a part of the mesh."""
+    """Whether an entry of [material] is a table for a part of the mesh."""
     return isinstance(value, Mapping) and name != "fibres"
 
 
 def known(words: Any, keys: Collection[str], table: str) -> Iterator[tuple[str, Any]]:
-    """The entries of a table, whose keys are those that are known."""
+    """The entries of a table. A key that is not among `keys` is an error."""
     if not isinstance(words, Mapping):
         raise VisceraError(f"{table!r} is a table, written as [{table}], got {brief(words)}")
     for name, value in words.items():
@@ -300,7 +300,7 @@ def known(words: Any, keys: Collection[str], table: str) -> Iterator[tuple[str, 
 
 
 def taken_by(kind: str) -> tuple[str, ...]:
-    """The parameters of a law, by its name."""
+    """The parameters that a law takes."""
     return tuple(name for name in signature(law.LAWS[kind]).parameters if name in PARAMETERS)
 
 
@@ -344,9 +344,11 @@ PARAMETERS = {
     "volumetric": Key(Choice(law.MooneyRivlin.bulk_moduli_per_alpha), "form of the volumetric energy", '"J^2-1"'),
     "bear_compression": Key(Flag(), "whether the fibres bear compression as well", "false"),
     "fibres": Key(Fibres(), "two families of fibres"),
-    "energy": Key(Formula(), "of [a law of your own](laws.md#a-law-of-your-own), whose other keys are the names in it"),
+    "energy": Key(
+        Formula(), "strain energy of [a law of your own](laws.md#a-law-of-your-own); its parameters are further keys"
+    ),
 }
-"""Of all the laws, from their rows in the core; which of them a law takes says its class."""
+"""Parameters of all laws, from their rows in the core. `taken_by` says which of them a law takes."""
 OTHERS = {
     "Ogden": {
         "mu": Key(Terms(Number("Pa")), "moduli of the terms"),
@@ -356,13 +358,13 @@ OTHERS = {
 }
 """Parameters that mean something else in some laws."""
 PARTIAL = tuple(name for name in PARAMETERS if name not in {"volumetric", "bear_compression", "fibres", "energy"})
-"""Parameters that may differ in a part."""
+"""Parameters that may differ in a part of the organ."""
 
 HELICAL = Table(
     "material.fibres",
-    "Two families of fibres that wind round an axis, at plus and minus the angle.",
+    "Two families of fibres that wind round an axis, one at plus and one at minus the angle.",
     {
-        "angle": Key(Number(low=-360, high=360), "angle from the circumference, in degrees", is_required=True),
+        "angle": Key(Number(low=-360, high=360), "angle to the circumference, in degrees", is_required=True),
         "axis": Key(Vector(""), "axis of the vessel", "[0, 0, 1]"),
         "through": Key(Point(), "a point of the axis", "[0, 0, 0]"),
     },
@@ -374,10 +376,10 @@ GRAVITY = Key(Vector("m/s^2"), "acceleration; needs the density", "none")
 def _loads(table: str) -> dict[str, Key]:
     return {
         "force": Key(Places(f"{table}.force", Vector("N")), "total force over the surface of the place", "none"),
-        "traction": Key(Places(f"{table}.traction", Vector("Pa")), "dead load per area at rest", "none"),
+        "traction": Key(Places(f"{table}.traction", Vector("Pa")), "dead load per area of the shape at rest", "none"),
         "pressure": Key(
             Places(f"{table}.pressure", Number("Pa")),
-            "pressure against the outward normal of the deformed surface",
+            "pressure on the deformed surface, against its outward normal",
             "none",
         ),
         "gravity": GRAVITY,
@@ -396,7 +398,7 @@ LOADS = Table(
 SCAN = Table(
     "scan",
     "Loads under which the mesh was acquired. `viscera solve` removes them first, and counts displacements from the "
-    "scan. Without a density here, that of `[loads]` is taken.",
+    "scan. If no density is given here, that of `[loads]` applies.",
     _loads("scan"),
 )
 SETTINGS = Table(
@@ -427,7 +429,7 @@ VARY = Table(
 )
 REDUCE = Table(
     "reduce",
-    "The reduced model, for `viscera reduce`.",
+    "The reduced model that `viscera reduce` makes.",
     {
         "touchable": Key(
             Place("node"),
@@ -439,7 +441,7 @@ REDUCE = Table(
         "order": Key(organ.ORDER, "order of the series", str(defaults.ORDER)),
         "tolerance": Key(organ.TOLERANCE, "relative compression error of the stored field", f"{defaults.TOLERANCE:g}"),
         "pade": Key(Flag(), "sum the series in its Padé form", "true"),
-        "start": Key(Choice(STARTS), "equilibrium that touches start from", '"rest"; required with a `[scan]`'),
+        "start": Key(Choice(STARTS), "state that touches start from", '"rest"; required if there is a `[scan]`'),
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },
 )
@@ -447,13 +449,15 @@ CASE = Table(
     "",
     "One organ, with its loads, settings and reduction.",
     {
-        "mesh": Key(Text(), 'a mesh file, relative to the case file; or "organ:liver"', is_required=True),
+        "mesh": Key(
+            Text(), 'path of a mesh file, from the folder of the case; or an organ: "organ:liver"', is_required=True
+        ),
         "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
         "fixed": Key(Place("node"), "fixed nodes", is_required=True),
         "element": Key(Choice(organ.ELEMENTS), "element of the mesh", "chosen for the material"),
         "material": Key(Material(), "law and parameters", is_required=True),
         "loads": Key(LOADS, "loads", "no load"),
-        "scan": Key(SCAN, "loads of the scan", "the mesh is at rest"),
+        "scan": Key(SCAN, "loads under which the mesh was acquired", "the mesh is at rest"),
         "settings": Key(SETTINGS, "settings of the solver"),
         "reduce": Key(REDUCE, "reduced model"),
     },
