@@ -1,4 +1,4 @@
-"""The answer of a reduced model to one touch: force, stiffness, field, estimate, trust."""
+"""The answer of a reduced model to one touch: force, stiffness, field, error estimates, and whether it is trusted."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ class Answer(Deformed):
     def __init__(self, model: Touch, point: Floats, displacement: Floats, result: dict[str, Any]) -> None:
         self._model, self._touch = model, (point, displacement)
         self.force: Floats = result["force"]
-        """Contact force (3,) [N] by which the tool holds the organ."""
+        """Force (3,) [N] of the tool on the organ."""
         self.stiffness: Floats = result["stiffness"]
-        """Derivative of the force by the contact displacement (3, 3) [N/m]."""
+        """Derivative (3, 3) [N/m] of the force with respect to the contact displacement."""
         self.error_estimate: float = result["error_estimate"]
         """Estimated error of the force, relative to its norm; at most 1."""
         self.is_trusted: bool = result["is_trusted"]
         """Whether force and stiffness may be relied on."""
         self.reason: str = result["reason"]
-        """Why they are not to be trusted; empty where they are."""
+        """Why force and stiffness are not trusted; empty if they are."""
         self.shape_error_estimate: float = result["shape_error_estimate"]
         """Estimated error of the displacement field, relative to its norm; at most 1.
 
-        It is that of the force and what the compression of the field loses, which the force does not.
+        It is at least the error of the force, and includes the loss by compression, which does not affect the force.
         """
         self.is_shape_trusted: bool = result["is_shape_trusted"]
         """Whether the displacement may be relied on."""
         self.shape_reason: str = result["shape_reason"]
-        """Why it is not to be trusted; empty where it is."""
+        """Why the displacement is not trusted; empty if it is."""
         self.contact_point: Floats = result["contact_point"]
         """The point (3,) [m] of the touchable surface that is touched."""
 
     @cached_property
     def displacement(self) -> Floats:
-        """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs the force alone."""
+        """Displacement of all nodes (n, 3) [m], evaluated on first access: a haptic loop needs only the force."""
         return np.asarray(self._model._model.evaluate(*self._touch, True)["displacement"])
 
     def _seen(self) -> tuple[Mesh, Floats]:
@@ -65,9 +65,10 @@ class Answer(Deformed):
         return self._model._whole(self.displacement)
 
     def target(self, where: Where) -> Target:
-        """How far a place within the organ moves: a cell set by name, such as a tumour, or any cells as in `cells_in`.
+        """How far a part of the organ moves: a cell set by name, such as a tumour, or any cells as in `Mesh.cells_in`.
 
-        Its mean displacement with a band that holds the full solution's in 95 of 100 touches; see `Target`.
+        It is the mean displacement of these cells, with a band that contains that of the full solution in 95 of 100
+        touches; see `Target`.
 
         >>> import viscera as vs
         >>> mesh = vs.organs.beam().with_cell_sets(core="x > 70% and x < 80%")

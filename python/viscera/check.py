@@ -1,9 +1,9 @@
-"""The reduced model against Newton, at random touches it was not built from.
+"""The reduced model compared with full solutions by Newton's method, at random touches that it was not built from.
 
 Contact points are drawn uniformly over the touchable surface (between nodes too), displacement directions uniformly
 over the sphere (pulls included), and each touch is compared at every depth. The full solution prescribes the same
-patch mean as the model, and continues from the model's preload where it has one, whose dead load stays. Errors are
-relative to the norm of the displacement and of the force that the touch adds.
+patch mean as the model. If the model has a preload, the full solution continues from there, with the dead load acting.
+Errors are relative to the norm of the displacement and of the force that the touch adds.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from viscera.touch import Touch
 
 @dataclass(frozen=True)
 class Row:
-    """One touch at one depth; the errors are None where Newton itself did not converge."""
+    """One touch at one depth; the errors are None if the full solution did not converge."""
 
     point: list[float]
     """Contact point (3,) on the untouched surface [m]."""
@@ -44,17 +44,17 @@ class Row:
     force_error: float | None
     """|F - F_full| / |F_full|."""
     estimate: float
-    """The error the model itself expects, of the field or of the force, whichever is larger."""
+    """The model's error estimate of the field or of the force, whichever is larger."""
     is_trusted: bool
-    """Whether both may be relied on."""
+    """Whether the model trusts both."""
     is_converged: bool
-    """Whether the full solution converged, so that there is a truth to compare with."""
+    """Whether the full solution converged, so that there is something to compare with."""
     status: str
     """Status of the full solution."""
 
     @property
     def is_within_limits(self) -> bool:
-        """False only where a trusted answer is further from the truth than its depth allows."""
+        """False only if the error of a trusted answer is larger than allowed at its depth."""
         if not self.is_trusted or self.displacement_error is None or self.force_error is None:
             return True
         return max(self.displacement_error, self.force_error) <= allowed_error(self.depth_fraction)
@@ -68,9 +68,9 @@ class Summary:
     """None for all depths together."""
     touches: int
     converged: int
-    """Touches whose full solution converged: those the errors speak of."""
+    """Touches whose full solution converged. The errors below are of these."""
     trusted: int
-    """Of these, the ones whose answer the model trusts."""
+    """Those among them whose answer the model trusts."""
     worst: dict[str, float | None]
     median: dict[str, float | None]
     worst_trusted: dict[str, float | None]
@@ -136,8 +136,9 @@ class Check(Tabled):
 
 
 PATIENCE = {"smallest_step": 1 / 4, "max_iterations": 25, "tolerance": 1e-6}
-"""For Newton: residuals two orders below the errors to be measured, since local instabilities converge slowly; and
-where it needs smaller load steps the organ is collapsing, and a truth is dear and doubtful."""
+"""Settings of Newton's method. A residual two orders below the errors to be measured is enough, since iterations near
+local instabilities converge slowly. If smaller load steps are needed the organ is collapsing, and a full solution is
+expensive and doubtful."""
 
 MEASURES = ("displacement_error", "force_error", "estimate")
 
@@ -154,10 +155,10 @@ def check(
 ) -> Check:
     """Compare the model with full solutions at `touches` random contacts, each at all `depths`.
 
-    depths [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default "5%" and "10%", cut at the
-        depth that the model was built for.
+    depths [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default "5%" and "10%", but at most
+        the depth that the model was built for.
     seed: of the random contacts; the same seed gives the same touches.
-    executor: a `concurrent.futures.Executor` whose workers solve; threads of this process without one.
+    executor: a `concurrent.futures.Executor` whose workers solve; by default threads of this process.
     """
     if touches < 1:
         raise VisceraError(f"a check needs at least one touch, got {touches}")
@@ -193,7 +194,7 @@ def check(
 
 
 class Full:
-    """The full organ of a model under the model's preload: the reference to compare with."""
+    """The full organ of a model, under the model's preload: the reference of a comparison."""
 
     def __init__(self, touch: Touch) -> None:
         self.organ = touch.organ()
@@ -238,7 +239,7 @@ def unit_vectors(count: int, random: np.random.Generator) -> Floats:
 
 
 def allowed_error(depth_fraction: float) -> float:
-    """The relative error a trusted answer may have at a depth."""
+    """The relative error that a trusted answer may have at a depth."""
     limits = sorted(defaults.ALLOWED_ERROR.items())
     return next((limit for depth, limit in limits if depth_fraction <= depth * (1 + 1e-9)), limits[-1][1])
 
@@ -252,7 +253,7 @@ class _Asked:
         self._stop = Event()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As pickle has it: a worker makes the full organ itself."""
+        """For pickle: a worker makes the full organ itself."""
         return _Asked, (self.touch, self.depths)
 
     def on_threads(self, contacts: list[tuple[Floats, Floats]], report: Callable[[list[Row]], None]) -> None:

@@ -1,6 +1,6 @@
-"""The models of surgical simulation on one case: what linearisation, corotation and the choice of an energy change.
+"""The models of surgical simulation on one case: the effects of linearisation, corotation and the choice of an energy.
 
-All models have the same moduli at small strain, so what differs is the geometry they keep and the energy they assume.
+All models have the same moduli at small strain. They differ in their treatment of geometry and in their energy.
 Paper B: linear, corotated, geometrically nonlinear (Saint Venant-Kirchhoff) and Mooney-Rivlin on an artery.
 """
 
@@ -33,8 +33,8 @@ REFERENCE = "SaintVenantKirchhoff"
 """Paper B compares with its geometrically nonlinear model."""
 
 CLEAR = 0.05
-"""A component counts in a relative difference where it is at least this part of the largest displacement: the smallest
-one that paper B tabulates."""
+"""A component counts in a relative difference if it is at least this part of the largest displacement, as the smallest
+that paper B tabulates."""
 
 STAGES = ("factorization", "solve")
 
@@ -49,14 +49,14 @@ class Times:
     generation: float
     """Internal force and assembled tangent."""
     factorization: float
-    """Sparse Cholesky, the analysis of the pattern done before."""
+    """Sparse Cholesky factorisation, without the analysis of the pattern."""
     substitution: float
     """Solution with the factor."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far a displacement field lies from the reference's; all parts are relative, 0.01 being one per cent."""
+    """How far a displacement field is from that of the reference. All numbers are relative: 0.01 is one per cent."""
 
     field: float
     """|u - u_ref| / |u_ref| over all nodes."""
@@ -67,13 +67,13 @@ class Difference:
     """|u_i - u_i,ref| / |u_i,ref| of single components that are free and clearly different from zero: mean."""
     component_max: float
     axis_mean: tuple[float, float, float]
-    """The same for x, y and z; not a number where an axis has no such component."""
+    """The same for x, y and z; NaN for an axis without such a component."""
     axis_max: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Run:
-    """One model: its law, its equilibrium, its times, and its difference from the reference where both converged."""
+    """One model: its law, its equilibrium, its times, and its difference from the reference if both converged."""
 
     law: Law
     state: State
@@ -100,7 +100,7 @@ class Comparison(Pictured, Tabled):
     def ratios(self, name: str) -> Times:
         """The times of a model in units of the corotated model's generation, as paper B's Table V gives them.
 
-        Where the corotated model was left out, in units of the reference's generation.
+        If the corotated model was left out, they are in units of the reference's generation.
         """
         unit = self.runs["Corotated" if "Corotated" in self.runs else self.reference].times.generation
         times = self.runs[name].times
@@ -129,7 +129,7 @@ class Comparison(Pictured, Tabled):
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Everything the table says and more, for machines; what does not exist is None."""
+        """All data of the table and more, for machines; a number that does not exist is None."""
         return {
             "reference": self.reference,
             "element": self.element,
@@ -168,7 +168,7 @@ class Comparison(Pictured, Tabled):
                     rows.writerow([node, word, int(self.free[node, axis]), base[node, axis], *gaps])
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Every model's deformed organ over the rest shape's wireframe, side by side; a PNG where a path is given."""
+        """Draw the deformed organ of every model over the wireframe at rest. `path`: write a PNG file there."""
         from viscera.picture import draw_side_by_side
 
         fields = {name: run.state.displacement for name, run in self.runs.items()}
@@ -199,7 +199,7 @@ def models(law: Law) -> dict[str, Law]:
 def moduli(law: Law) -> tuple[Floats, Floats]:
     """Lamé constants mu and lam (rows,) [Pa] of a law at small strain, read from its tangent at rest.
 
-    Raises `VisceraError` where that tangent is not isotropic.
+    Raises `VisceraError` if that tangent is not isotropic.
     """
     rest = np.eye(3)[None]
     tangents = np.array([law.tangent(rest, cell)[0] for cell in range(len(law.parameters))])
@@ -298,9 +298,9 @@ def _max(values: Floats) -> float:
 
 
 def _times(organs: Mapping[str, Organ], displacement: Mapping[Any, Any]) -> dict[str, Times]:
-    """One Newton iteration at rest with the case's supports: the work is that of any other, and it never fails.
+    """Times of one Newton iteration at rest with the case's supports: as much work as any other, and it never fails.
 
-    The models take turns, so that what else the machine does falls on all of them.
+    The models take turns, so that other work of the machine affects all of them alike.
     """
     held = {where: _unmoved(target) for where, target in displacement.items()}
     quickest = {name: np.full(3, np.inf) for name in organs}
@@ -315,7 +315,7 @@ def _times(organs: Mapping[str, Organ], displacement: Mapping[Any, Any]) -> dict
 
 
 def _unmoved(target: Any) -> Any:
-    """The same components prescribed, at rest."""
+    """The same components, prescribed to stay at rest."""
     if isinstance(target, np.ndarray) and target.ndim == 2:
         return np.zeros_like(target)
     return [None if component is None else 0.0 for component in target]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BONDED = "bonded"
 STIFFNESS = 30.0
-"""Of the layer between tool and organ, as in `crates/solid/src/contact/layer.rs`."""
+"""Stiffness factor of the layer between tool and organ, as in `crates/solid/src/contact/layer.rs`."""
 UNTURNED = np.eye(3)
 
 
@@ -84,7 +84,7 @@ class Box:
 
 
 class HalfSpace:
-    """All below z = 0 in the axes of the tool: a table, or the flat face of a large plate.
+    """Everything below z = 0 in the axes of the tool: a table, or the flat face of a large plate.
 
     >>> import viscera as vs
     >>> plate = vs.Tool(vs.HalfSpace(), position=(0, 0, 0.2), rotation=(3.141592653589793, 0, 0))  # all above z = 0.2
@@ -101,7 +101,7 @@ class Shape:
     """The inside of a closed surface, by its signed distance (Baerentzen and Aanaes 2005), built once.
 
     surface: a `Mesh`, of which the surface is taken, or points (n, 3) [m] and triangles (t, 3) seen anticlockwise from
-    outside. Raises `VisceraError` where the surface is open, inside out or turned in part.
+    outside. Raises `VisceraError` if the surface is open or inside out, or if some triangles are turned.
 
     >>> import viscera as vs
     >>> vs.Shape(vs.organs.beam())
@@ -135,16 +135,18 @@ SHAPES = (Sphere, Capsule, Box, HalfSpace, Shape)
 
 
 class Tool:
-    """A rigid tool: a shape with a pose, and what it does along the surface of an organ.
+    """A rigid tool: a shape with a pose, friction and a motion.
 
     shape: `Sphere`, `Capsule`, `Box`, `HalfSpace` or `Shape`.
     position: (3,) [m] of the shape's origin; rotation: a matrix (3, 3) from the shape's axes to the world's, or a
         rotation vector (3,) [rad].
-    friction: Coulomb's coefficient, 0 for none, or "bonded": what has touched stays, also when pulled.
-    way: (3,) [m], turn: a rotation vector (3,) [rad] about its origin: how far `Organ.solve` moves it from there.
-    stiffness: of the layer between tool and organ, in units of the plane strain modulus of the cell behind over its
-        height h, at most 1.5 % of the organ's diagonal: a pressure p presses the tool p h (1 - nu^2) / (E stiffness)
-        into the surface. More is closer to a tool that cannot enter, and takes more iterations.
+    friction: Coulomb's coefficient, 0 for none, or "bonded": tissue that has touched the tool sticks to it, also under
+        tension.
+    way: displacement (3,) [m], turn: a rotation vector (3,) [rad] about its origin. `Organ.solve` moves it by these.
+    stiffness: of the layer between tool and organ, in units of E / (1 - nu^2) / h, with the moduli and the height h of
+        the cell behind, at most 1.5 % of the organ's diagonal. A pressure p presses the tool by about
+        p h (1 - nu^2) / (E stiffness) into the surface. A higher stiffness lets the tool enter less, and takes more
+        iterations.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -179,7 +181,7 @@ class Tool:
         return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
 
     def arrived(self) -> Tool:
-        """The tool where its way ends, for a solve that goes on from there.
+        """The tool at the end of its way, for a solve that continues from there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -204,7 +206,7 @@ class Tool:
 
 @dataclass(frozen=True)
 class Contact:
-    """What a tool does to the organ.
+    """Forces between a tool and the organ, and the state of the contact.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -222,16 +224,16 @@ class Contact:
     area: float
     """Area of contact [m^2], of the surface at rest."""
     gap: float
-    """Smallest distance from the surface [m]; negative where the tool is that deep in the layer. Infinite
-    where a bonded tool holds all of the surface."""
+    """Smallest distance [m] of the tool from the surface; negative if the tool has entered the layer. Infinite if a
+    bonded tool holds the whole surface."""
     energy: float
-    """Energy of the layer, and of what friction has stretched [J]."""
+    """Energy [J] stored in the layer and in the springs of friction."""
     dissipation: float
-    """What friction has taken in the last step [J]."""
+    """Energy [J] dissipated by friction in the last step."""
     touching: int
-    """Samples of the surface that touch."""
+    """Number of samples of the surface that touch the tool."""
     sliding: int
-    """Those of them that slide."""
+    """Number of these that slide."""
     pressures: Floats
     """Pressure (n,) at nodes [Pa], per area at rest: the mean of the samples around that touch; negative only where
     bonded."""
@@ -260,7 +262,7 @@ class Instrument:
         """Rotation matrix for the next frame (3, 3)."""
 
     def place(self, position: ArrayLike | None = None, rotation: ArrayLike | None = None) -> None:
-        """Put it elsewhere with the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
+        """Set the pose for the next frame: a position (3,) [m], a rotation matrix (3, 3) or vector (3,) [rad].
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -305,7 +307,7 @@ class Instrument:
         self.place(rotation=rotation_matrix(vector(by, "the turn of a tool", "")) @ self.rotation)
 
     def remove(self) -> None:
-        """Take it away with the next frame.
+        """Remove the tool with the next frame.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -321,7 +323,7 @@ class Instrument:
 
 
 def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
-    """The tools of a solve; a shape alone is a tool at the origin without friction."""
+    """The tools of a solve. A shape alone becomes a tool at the origin, without friction."""
     if contact is None:
         return []
     if isinstance(contact, Tool | AnyShape) or not isinstance(contact, Sequence):
@@ -333,7 +335,7 @@ def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
 
 
 def contacts(reports: list[dict[str, Any]]) -> list[Contact]:
-    """What the core says of its tools."""
+    """The contacts of all tools, from the core's result."""
     return [Contact(**report) for report in reports]
 
 

@@ -1,4 +1,4 @@
-"""What every shape of an organ can tell, solved or reduced: stress, strain, what is at a place, files, image grids."""
+"""What every deformed shape of an organ offers, solved or reduced: stress, strain, values at points, files, grids."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Deformed:
         raise NotImplementedError
 
     def _from_rest(self) -> tuple[Organ, Floats]:
-        """The organ and its displacement (n, 3) [m] from the shape free of load, which strain counts from."""
+        """The organ and its displacement (n, 3) [m] from the unloaded shape, from which strain is counted."""
         raise NotImplementedError
 
     @cached_property
@@ -57,13 +57,13 @@ class Deformed:
     def stress(self, measure: str = "cauchy", at: str = "cells") -> Floats:
         """Stress (m, 3, 3) [Pa]: "cauchy" sigma = P F^T / J, "pk1" P = d psi / dF, or "pk2" S = F^-1 P.
 
-        at: "cells" (m, 3, 3), their mean over the cell at rest; "points" (m, q, 3, 3), the quadrature points, one in a
-            linear cell and four in a quadratic one; "nodes" (n, 3, 3), the mean over the cells around each node,
-            weighted by volume; in quadratic cells the linear function through the points, but for the pressure, of
-            which the cell has one, its mean.
+        at: "cells" gives the mean over each cell at rest (m, 3, 3); "points" the values at the quadrature points
+            (m, q, 3, 3), one in a linear cell and four in a quadratic one; "nodes" the mean over the cells around each
+            node, weighted by volume (n, 3, 3). In a quadratic cell the linear function through its four points is
+            taken to the nodes, except for the pressure, which is the mean of the cell.
         The stress is the one that the element balances: with "P1 mean volume" its pressure is that of the cluster.
-        The law `Linear` has one stress for all three. Nodes between two tissues get the mean of both sides, though
-        stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1".
+        With the law `Linear` all three are the same. Nodes between two tissues get the mean of both sides, although
+        the stress may jump there. Raises `VisceraError` if a cell is inverted, except for "pk1".
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -102,7 +102,7 @@ class Deformed:
         return pressure(self.stress("cauchy", at))
 
     def von_mises(self, at: str = "cells") -> Floats:
-        """Von Mises stress (m,) [Pa] of the Cauchy stress, at nodes of the mean stress there; at: as in `stress`.
+        """Von Mises stress (m,) [Pa] of the Cauchy stress; at nodes that of the mean stress. at: as in `stress`.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -146,9 +146,9 @@ class Deformed:
         return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
 
     def at(self, points: ArrayLike) -> Probe:
-        """Displacement, stress and strain at places (k, 3) [m], given in the mesh before the displacement.
+        """Displacement, stress and strain at points (k, 3) [m] of the undeformed mesh.
 
-        One place may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a place outside all cells.
+        A single point may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a point outside all cells.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -222,7 +222,7 @@ class Moved(Deformed):
 
 @dataclass(frozen=True)
 class Probe:
-    """Displacement, stress and strain at k places of a deformed organ.
+    """Displacement, stress and strain at k points of a deformed organ.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -233,16 +233,16 @@ class Probe:
     """
 
     places: Floats
-    """Where they are without the displacement (k, 3) [m]."""
+    """The points (k, 3) [m] in the undeformed mesh."""
     displacement: Floats
     """Displacement (k, 3) [m], with the shape functions of the element."""
     cells: NDArray[np.int64]
-    """The cell (k,) that holds each."""
+    """The cell (k,) that contains each point."""
     _weights: Floats
     _of: Deformed
 
     def stress(self, measure: str = "cauchy") -> Floats:
-        """Stress (k, 3, 3) [Pa] as in `State.stress`: of the cell, linear within a quadratic one but for pressure.
+        """Stress (k, 3, 3) [Pa] of the cell, as in `State.stress`; linear in a quadratic cell, except for the pressure.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -253,7 +253,7 @@ class Probe:
         return self._within(self._of._response.even().stress(Choice(STRESSES)(measure, "the stress")))
 
     def strain(self, measure: str = "green") -> Floats:
-        """Strain (k, 3, 3) as in `State.strain`, likewise.
+        """Strain (k, 3, 3) of the cell, as in `State.strain`; linear in a quadratic cell.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -268,7 +268,7 @@ class Probe:
 
 
 def _interpolated(mesh: Mesh, field: Floats, cells: NDArray[np.int64], weights: Floats) -> Floats:
-    """A nodal field (n, 3) at places (k, 3) with the shape functions of the element."""
+    """A nodal field (n, 3) at points (k, 3), by the shape functions of the element."""
     if not len(mesh.edges):
         return np.asarray(np.einsum("ka,kai->ki", weights, field[mesh.cells[cells]]))
     nodes = _core.quadratic(mesh.n_corners, mesh.cells)[1][cells]

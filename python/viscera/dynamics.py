@@ -1,4 +1,4 @@
-"""Time: rules of integration, and tissue that relaxes."""
+"""Dynamics: rules of time integration, and viscoelasticity."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ class BackwardEuler:
 
 
 Integration: TypeAlias = str | Newmark | BackwardEuler
-""""newmark", "backward_euler", or a rule with settings of its own."""
+""""newmark", "backward_euler", or a rule with its settings."""
 
 
 @dataclass(frozen=True)
 class Prony:
-    """Viscoelasticity: the law is the instantaneous response, and parts g_i of its stress fade with times tau_i.
+    """Viscoelasticity: the law is the instantaneous response; parts g_i of its stress decay with times tau_i.
 
     S(t) = integral of G(t - s) dS_law(s), G(t) = 1 - sum_i g_i (1 - exp(-t / tau_i)), S the whole second
     Piola-Kirchhoff stress. Simo and Hughes, Computational Inelasticity (1998), chapter 10.

@@ -38,31 +38,32 @@ class Frame(Deformed, Pictured):
     displacement: Floats
     """Displacement (n, 3) [m]."""
     residual: float
-    """Out-of-balance force that the frame left, relative to all nodal forces."""
+    """Residual: out-of-balance force at the end of the frame, relative to all nodal forces."""
     is_settled: bool
-    """Whether its forces can be relied on: the residual is at most the stepper's `settled`, hands are where they are to
-    be, and no cell is at a bound."""
+    """Whether its forces can be relied on: the residual is at most the stepper's `settled`, the hands are where they
+    were told to be, and no cell is at a bound."""
     steps: int
     """Newton iterations done."""
     cells_at_bound: int
-    """Cells next to a bound of the volume ratio, 0.05 and 4, which no frame passes: not the law alone holds them."""
+    """Cells next to a bound of the volume ratio, 0.05 or 4, which no frame passes. The force of a barrier acts on them
+    beside that of the law."""
     taken: float
-    """Part of the step taken: below 1 where a cell would have been crushed or torn; hands then moved only so far."""
+    """Part of the step that was taken: below 1 if a cell would have been crushed or torn. Hands moved only so far."""
     is_unstable: bool
-    """Whether the organ was about to buckle, so that the tangent was not positive definite."""
+    """Whether the tangent was not positive definite, as in an organ that is about to buckle."""
     iterations: int
     """Iterations of conjugate gradients; 0 with a direct solver."""
     is_solved: bool
     """Whether conjugate gradients reached their tolerance."""
     floor: float
-    """Residual that single precision alone may leave of the linear systems, relative to their right-hand sides: the
-    rounding of `|K| |s|`. What is left above the tolerance is solved for again. 0 without a graphics processor."""
+    """Residual of the linear systems, relative to their right-hand sides, that rounding to single precision may leave:
+    that of `|K| |s|`. The solver corrects what is above its tolerance. 0 without a graphics processor."""
     within_budget: bool
     """Whether the frame took no longer than its budget."""
     seconds: float
     """Wall time [s]."""
     energy: float
-    """Strain energy [J], of the law without its relaxation."""
+    """Strain energy [J] of the law, without relaxation."""
     kinetic_energy: float
     """Kinetic energy [J]; 0 without inertia."""
     _reactions: Floats
@@ -112,7 +113,7 @@ class Frame(Deformed, Pictured):
         return self._organ.mesh.points + self.displacement
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The organ in this frame over its rest shape, coloured by displacement; a PNG where a path is given.
+        """Draw the organ over its rest shape, coloured by displacement. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

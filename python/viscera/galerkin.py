@@ -23,32 +23,35 @@ if TYPE_CHECKING:
     from viscera.touch import Touch
 
 Touches = Sequence[tuple[ArrayLike, ArrayLike]]
-"""Contact point (3,) at rest [m] and displacement (3,) [m] of each."""
+"""For each touch its contact point (3,) at rest [m] and its displacement (3,) [m]."""
 
 
 class GalerkinAnswer(Deformed):
-    """The answer of a hyper-reduced model. Field and assessment are computed on first access; a loop needs neither."""
+    """The answer of a hyper-reduced model.
+
+    The displacement field and the error estimate are computed on first access, since a haptic loop needs neither.
+    """
 
     def __init__(self, held: _core.GalerkinAnswer, touch: Touch) -> None:
         self._held, self._touch = held, touch
         facts = held.facts
         self.force: Floats = facts["force"]
-        """Force (k, 3) [N] by which each tool holds the organ."""
+        """Force (k, 3) [N] of each tool on the organ."""
         self.stiffness: Floats | None = facts.get("stiffness")
-        """Derivative (3 k, 3 k) [N/m] of the forces by the displacements; None where it was not asked for."""
+        """Derivative (3 k, 3 k) [N/m] of the forces with respect to the displacements; None with `stiffness=False`."""
         self.energy: float = facts["energy"]
         """Reduced strain energy [J]."""
         self.status: str = facts["status"]
-        """How the search for equilibrium ended."""
+        """How the search for equilibrium ended: "converged", "step too small", "too many iterations", "out of time"."""
         self.is_converged: bool = facts["is_converged"]
         self.smallest_jacobian: float = facts["smallest_jacobian"]
         """Smallest volume ratio of a sampled cell; below zero the cell is inverted."""
         self.iterations: int = facts["iterations"]
-        """Newton steps."""
+        """Number of Newton steps."""
         self.tangents: int = facts["tangents"]
-        """Tangents among them."""
+        """Number of tangents that were evaluated for them."""
         self.seconds: float = facts["seconds"]
-        """Time of the solution itself [s]."""
+        """Time of the search [s]."""
 
     @cached_property
     def displacement(self) -> Floats:
@@ -63,17 +66,18 @@ class GalerkinAnswer(Deformed):
 
     @property
     def error_estimate(self) -> float:
-        """Expected error of the field relative to its norm: the step that the whole organ would take from here."""
+        """Estimated error of the field, relative to its norm: the next Newton step of the full-order model."""
         return self._assessment[0]
 
     @property
     def is_trusted(self) -> bool:
-        """Whether it converged, no deeper than in training, without inverted cells, and is expected to be accurate."""
+        """Whether the answer has converged within the depth of training, without an inverted cell, is stable, and its
+        estimated error is within the allowance."""
         return not self.reason
 
     @property
     def reason(self) -> str:
-        """Why the answer is not trusted; empty where it is."""
+        """Why the answer is not trusted; empty if it is."""
         return self._assessment[1]
 
     @cached_property
@@ -86,7 +90,7 @@ class GalerkinAnswer(Deformed):
 
 
 class HyperReducedModel:
-    """Contacts that hold an organ at some points, to be displaced at 1 kHz. Made by `Galerkin.grasp`."""
+    """Contacts that hold an organ at some points and move it at 1 kHz. Made by `Galerkin.grasp`."""
 
     def __init__(self, grasp: _core.HyperReducedModel, points: Floats, touch: Touch) -> None:
         self._grasp, self._touch = grasp, touch
@@ -100,12 +104,12 @@ class HyperReducedModel:
 
     @property
     def cells(self) -> int:
-        """Number of cells the energy is summed over."""
+        """Number of sampled cells, over which the energy is summed."""
         return self._grasp.cells
 
     @property
     def snapshots(self) -> int:
-        """Number of states solved on the whole organ, which the modes hold."""
+        """Number of states solved on the whole organ that the modes contain."""
         return self._grasp.snapshots
 
     @property
@@ -115,20 +119,20 @@ class HyperReducedModel:
 
     @property
     def is_training(self) -> bool:
-        """Whether snapshots are still being solved in the background; finished ones are in use already."""
+        """Whether snapshots are still being solved in the background. Those that are ready are already in use."""
         return self._grasp.is_training()
 
     def wait(self) -> None:
-        """Wait until nothing is solved in the background any more."""
+        """Wait until training in the background has ended."""
         while self.is_training:
             sleep(0.02)
 
     def add_snapshot(self) -> bool:
         """Compare the last answer with the nearest equilibrium of the whole organ; add a snapshot if they differ.
 
-        Returns whether a snapshot was added; if so, solve again. The tolerance is that of training. Returns False
-        as well if no such equilibrium is found; `is_trusted` tells. A grasp made with `wait=False` does this by
-        itself, wherever the tools are.
+        Returns whether a snapshot was added; if so, solve again. The tolerance is that of training. The result is also
+        False if no such equilibrium is found; `is_trusted` of the answer says whether it can be relied on. A grasp
+        made with `wait=False` does this by itself, at the present position of the tools.
         """
         return self._grasp.add_snapshot()
 
@@ -142,23 +146,25 @@ class HyperReducedModel:
     ) -> GalerkinAnswer:
         """Equilibrium with the mean of each patch displaced: minimise W(q) under A q = d.
 
-        displacements (k, 3) [m]. from_last: start from the last solution, as a moving hand does, instead of the
-        superposed series: quicker, but where there is more than one equilibrium the answer depends on the path.
-        stiffness: costs one more tangent. budget: time for the search [s], for loops that must not be late. When it is
-        over the status is "out of time", and the next search `from_last` goes on from there; one step is always taken,
-        with its tangent where it needs one.
+        displacements: (k, 3) [m].
+        from_last: start from the last solution instead of the superposed series, for a moving hand. This is faster,
+            but if there is more than one equilibrium, the answer depends on the path.
+        stiffness: whether to compute the stiffness, which takes one more tangent.
+        budget: time for the search [s], for loops that must not be late. When it is over, the status is "out of time",
+            and the next search with `from_last` continues. At least one step is always taken, with a new tangent if it
+            needs one.
         """
         return GalerkinAnswer(
             self._grasp.solve(self._displacements(displacements), from_last, stiffness, budget), self._touch
         )
 
     def superposed(self, displacements: ArrayLike) -> Floats:
-        """Displacement (n, 3) [m] by the superposed series with their coupling, the first guess of `solve`."""
+        """Displacement (n, 3) [m] by the superposed series with coupling, from which `solve` may start."""
         return self._grasp.superposed(self._displacements(displacements))
 
     @property
     def patches(self) -> list[_core.Patch]:
-        """The contact patches: what a full solution prescribes to be comparable."""
+        """The contact patches. A full solution that prescribes their means can be compared with the model."""
         return self._grasp.patches()
 
     def __repr__(self) -> str:
@@ -176,9 +182,9 @@ class HyperReducedModel:
 class Galerkin:
     """The model of several touches at once. Made by `Touch.galerkin`.
 
-    `grasp` makes a basis from the fields of some contacts and samples a few weighted cells. That takes less than a
+    `grasp` makes a basis from the fields of some contacts and chooses a few weighted cells. That takes less than a
     second without snapshots and some seconds with them. `HyperReducedModel.solve` then answers any displacement of
-    the contacts, a thousand times a second. Sampling after Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
+    the contacts, a thousand times a second. Sampling follows Farhat, Avery, Chapman and Cortial, IJNME 98 (2014) 625.
     """
 
     def __init__(self, touch: Touch, core: _core.Galerkin) -> None:
@@ -188,11 +194,11 @@ class Galerkin:
         self._last: HyperReducedModel | None = None
 
     def grasp(self, points: ArrayLike, *, wait: bool = True) -> HyperReducedModel:
-        """Take hold at some points (k, 3) [m] of the touchable surface, at rest; coordinates also in words.
+        """Take hold at some points (k, 3) [m] of the touchable surface at rest; coordinates may be given in words.
 
-        wait: for the snapshots. With `wait=False` the grasp answers at once in the fields of the series, and improves
-        while it is in use: snapshots are solved in the background, on all processors but one, in rounds and then
-        where the tools are.
+        wait: whether to wait for the snapshots. With `wait=False` the grasp answers at once, by the fields of the
+        series, and improves while it is in use: snapshots are solved in the background, on all processors but one,
+        first in rounds and then at the position of the tools.
         """
         shape = np.shape(points)
         if shape[-1:] != (3,) or len(shape) > 2:
@@ -202,7 +208,7 @@ class Galerkin:
         return HyperReducedModel(self._core.grasp(rows, wait), rows, self.touch)
 
     def solve(self, touches: Touches, *, stiffness: bool = True) -> GalerkinAnswer:
-        """Answer to touches `[(point, displacement), ...]` [m]; the grasp is kept while the points are the same."""
+        """Answer to touches `[(point, displacement), ...]` [m]. The grasp is kept while the points are the same."""
         if not touches:
             raise VisceraError("no touch; give at least one (point, displacement)")
         points = np.array([point_of(point, self.touch.mesh, "contact point") for point, _ in touches])
@@ -221,7 +227,7 @@ def galerkin(touch: Touch, order: int, tolerance: float, depth: float | None, sn
     if not isinstance(order, int | np.integer):
         raise VisceraError(f"order must be a whole number, got {order!r}")
     if not isinstance(snapshots, int | np.integer) or snapshots < 0:
-        raise VisceraError(f"snapshots must be a whole number, not below 0, got {snapshots!r}")
+        raise VisceraError(f"snapshots must be a whole number of at least 0, got {snapshots!r}")
     core = _core.Galerkin(
         touch._model,
         order=int(order),

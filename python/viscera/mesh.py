@@ -1,4 +1,4 @@
-"""A tetrahedral mesh with named node sets: made from arrays or files, checked once, immutable after.
+"""A tetrahedral mesh with named node sets: made from arrays or files, checked once, immutable afterwards.
 
 The files themselves are read and written by `meshfile`; topology and quality come from the compiled core.
 """
@@ -58,28 +58,28 @@ class Mesh(Pictured):
     sets: Mapping[str, Indices] = field(default_factory=dict)
     """Named node sets, ascending indices."""
     messages: tuple[str, ...] = ()
-    """What was repaired, dropped or doubtful on the way in."""
+    """What was repaired, dropped or doubtful when the mesh was read."""
     edges: Indices = field(default_factory=lambda: np.empty((0, 2), dtype=np.uint32))
     """Ends (k, 2) of the edges whose midpoints are the last k points; none in a linear mesh."""
     cell_sets: Mapping[str, Indices] = field(default_factory=dict)
-    """Named sets of cells, ascending indices: parts of another tissue."""
+    """Named sets of cells, ascending indices, such as a tumour."""
     axes: str = ""
-    """World axes of the scan that it comes from, "RAS" or "LPS"; empty where nobody said."""
+    """World axes of the scan that the mesh comes from, "RAS" or "LPS"; empty if unknown."""
 
     def __post_init__(self) -> None:
-        """Check arrays as `mesh` does where they are not ours: those of a mesh that was checked are read-only."""
+        """Check the arrays as `mesh` does, unless they are read-only: those of a checked mesh are."""
         if not (_is_ours(self.points, np.float64) and _is_ours(self.cells, np.uint32)):
             checked = mesh(self.points, self.cells, self.sets, self.cell_sets)
             for name in ("points", "cells", "sets", "messages", "cell_sets"):
                 object.__setattr__(self, name, getattr(checked, name))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As pickle and copy have it: what was checked is not checked again."""
+        """For pickle and copy: a checked mesh is not checked again."""
         return _again, (self.points, self.cells, self.sets, self.messages, self.edges, self.cell_sets)
 
     @cached_property
     def surface(self) -> Indices:
-        """Boundary triangles (t, 3), oriented outward; each face of a quadratic cell is four, its middle one last."""
+        """Boundary triangles (t, 3), oriented outward. A face of a quadratic cell is four, with the middle one last."""
         boundary = _core.quadratic_surface if len(self.edges) else _core.surface
         return _read_only(boundary(self.points, self.cells))
 
@@ -124,9 +124,9 @@ class Mesh(Pictured):
 
         where: a set's name; conditions, as `viscera.select` reads them; node indices; or a predicate on points
             (n, 3) -> bool (n,).
-        Raises `VisceraError` for an unknown name (naming the nearest known one), an index that is no node of the
-        mesh, and a set without nodes. In a quadratic mesh, corners given by index or by a condition bring the midpoint
-        of every edge that they hold both ends of.
+        Raises `VisceraError` for an unknown name (with the most similar known one), an index that is no node of the
+        mesh, and a set without nodes. In a quadratic mesh, corners given by index or by a condition also select the
+        midpoint of every edge whose ends are both among them.
 
         >>> import viscera as vs
         >>> len(vs.organs.beam().nodes("x < 1% and z > 12 cm"))
@@ -154,9 +154,9 @@ class Mesh(Pictured):
         return members(where, self.cell_sets, self.centroids, self.bounding_box, "cell")
 
     def per_cell(self, value: float, elsewhere: Mapping[Any, float]) -> Floats:
-        """One value per cell (m,) for a law's parameter: `value`, but others where `{where: value}` says so.
+        """One value per cell (m,) for a law's parameter: `value`, except in the places of `{where: value}`.
 
-        Places as in `cells_in`; where two overlap, the later one counts.
+        Places are as in `cells_in`; if two overlap, the later one counts.
 
         >>> import viscera as vs
         >>> liver = vs.organs.liver()
@@ -170,7 +170,7 @@ class Mesh(Pictured):
         return values
 
     def near(self, point: Lengths, radius: float | str) -> Indices:
-        """Surface nodes within `radius` [m] of a point (3,) [m], both also in words.
+        """Surface nodes within `radius` [m] of a point (3,) [m]; both may be given in words.
 
         >>> import viscera as vs
         >>> vs.organs.beam().near("(100%, 50%, 100%)", "6 cm").tolist()
@@ -255,7 +255,7 @@ class Mesh(Pictured):
         meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The mesh, its cell sets as wireframes within; a PNG where a path is given.
+        """Draw the mesh, with its cell sets as wireframes. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> figure = vs.organs.beam().plot("beam.png")
@@ -278,9 +278,9 @@ def mesh(
 ) -> Mesh:
     """A mesh from arrays: points (n, 3) [m], cells (m, 4) node indices from 0, sets of nodes and of cells by name.
 
-    Inverted cells are turned, with a message. Raises `VisceraError`, with the first places, for coordinates that are
-    not finite, indices out of range, cells of zero volume or given twice, cells that overlap their neighbours, points
-    that lie on a face without being a corner of it, and points without a cell.
+    Inverted cells are turned, with a message. Raises `VisceraError`, which names the first faulty points or cells, for
+    coordinates that are not finite, indices out of range, cells of zero volume or given twice, cells that overlap their
+    neighbours, points that lie on a face without being a corner of it, and points without a cell.
 
     >>> import viscera as vs
     >>> corner = vs.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2, 3]], sets={"floor": [0, 1, 2]})
@@ -353,7 +353,7 @@ def _without_loose_points(raw: RawMesh) -> RawMesh:
 
 
 def _with_midpoints(nodes: Indices, edges: Indices, n_corners: int) -> Indices:
-    """The nodes, and the midpoint of every edge (k, 2) that they hold both ends of."""
+    """The nodes, and the midpoint of every edge (k, 2) whose ends are both among them."""
     inside = np.isin(edges, nodes).all(axis=1)
     midpoints = n_corners + np.flatnonzero(inside)
     return np.union1d(nodes, midpoints).astype(np.uint32)

@@ -1,5 +1,5 @@
-"""Mesh files in and out, through meshio, FEBio through `febio`, Gmsh's first version through `gmsh1`. Nothing is judged
-here: that is `mesh`'s part.
+"""Reading and writing mesh files: by meshio, FEBio files by `febio`, the first version of Gmsh files by `gmsh1`. The
+meshes are not checked here; `mesh` does that.
 
 Node sets are found where each format keeps them; sets without a name in the file are called after where they were
 found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and left out where they hold every point.
@@ -40,14 +40,14 @@ SET_PREFIX = "set:"
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 """Local ends of the edges whose midpoints are nodes 4 to 9 of a ten-node tetrahedron."""
 STRAIGHT = 1e-3
-"""How far a midpoint may be off the middle of its edge, in edge lengths: what single precision leaves."""
+"""How far a midpoint may be off the middle of its edge, in edge lengths: the rounding of single precision."""
 # An integer array with more values than this numbers things; it does not name sets.
 MAX_SETS_PER_ARRAY = 64
 
 
 @dataclass(frozen=True)
 class RawMesh:
-    """What a file says, unchecked: points (n, 3) [m], cells (m, 4), sets of nodes and of cells by name."""
+    """The contents of a file, unchecked: points (n, 3) [m], cells (m, 4), sets of nodes and of cells by name."""
 
     points: NDArray[Any]
     cells: NDArray[Any]
@@ -55,11 +55,11 @@ class RawMesh:
     cell_sets: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
     axes: str = ""
-    """World axes, "RAS" or "LPS", where the file states them."""
+    """World axes, "RAS" or "LPS", if the file states them."""
 
 
 def read(path: Path, units: str | float = "m") -> RawMesh:
-    """Reads a file as it is, in metres. Raises `VisceraError` when it is missing, of no known format or damaged."""
+    """Reads a file unchecked, in metres. Raises `VisceraError` if it is missing, of no known format or damaged."""
     scale = metres_per_unit(units)
     if path.is_dir() or not path.exists():
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
@@ -124,7 +124,7 @@ def write(
 
 
 def _state_axes(path: Path, axes: str) -> None:
-    """Puts the world axes into a comment, which every reader passes over, as not all do with a text in field data."""
+    """Puts the world axes into a comment, which every reader ignores; not every reader ignores a text in field data."""
     head, tag, rest = path.read_bytes().partition(b"<UnstructuredGrid>")
     path.write_bytes(head + f"<!-- axes: {axes}, metres -->\n".encode() + tag + rest)
 
@@ -172,7 +172,7 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-    """The tetrahedra, of 4 or 10 nodes; surfaces, edges and vertices are passed over, other solids are refused."""
+    """The tetrahedra, of 4 or 10 nodes. Surfaces, edges and vertices are ignored; other solid cells are refused."""
     flat = ("vertex", "line", "triangle", "quad", "polygon")
     found = [kind for kind in blocks if kind in ("tetra", "tetra10")]
     solids = [kind for kind in blocks if kind not in found and not kind.startswith(flat)]
@@ -188,7 +188,7 @@ def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
 
 
 def _without_midpoints(raw: RawMesh) -> RawMesh:
-    """Ten-node tetrahedra as the four-node ones they are when their edges are straight; others are refused."""
+    """Ten-node tetrahedra with straight edges as four-node ones; curved cells are refused."""
     points, cells = raw.points, raw.cells
     if cells.ndim != 2 or cells.shape[1] != 10:
         return raw
@@ -238,7 +238,7 @@ def _sets_of_array(name: str, values: NDArray[Any]) -> Arrays:
 
 
 def _informative(sets: Arrays, count: int) -> Arrays:
-    """Without the sets that have no name of their own and hold everything."""
+    """The sets, without those that have no name of their own and contain everything."""
     return {name: members for name, members in sets.items() if ":" not in name or len(members) < count}
 
 

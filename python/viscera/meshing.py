@@ -27,23 +27,23 @@ from viscera.select import length
 Progress = Callable[[int, int, str], None]
 SURFACES = (".stl", ".obj", ".ply")
 VOXELS_PER_EDGE = 4
-"""Of the grid on which a surface's inside is found."""
+"""Voxels along an edge, in the grid that separates the inside of a surface from the outside."""
 TURNED = "turned the surface round: its triangles looked inward"
 MOST_VOXELS = 2e8
 MOST_CELLS = 5e7
 MIDDLE_EDGE = 0.911
-"""Mean edge of the lattice, whose cells have a twelfth of the cube of its spacing, in spacings."""
+"""Mean edge of the lattice in units of its spacing; the volume of a cell is a twelfth of the spacing cubed."""
 DIRECTIONS = {
     "RAS": (("right", "left"), ("anterior", "posterior"), ("superior", "inferior")),
     "LPS": (("left", "right"), ("posterior", "anterior"), ("superior", "inferior")),
     "": (("+x", "-x"), ("+y", "-y"), ("+z", "-z")),
 }
-"""Where the world axes point to, and come from."""
+"""The patient's directions that the world axes point to, and those that they point from."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A part of a mesh: its name and the labels that belong to it."""
+    """A part of a mesh: its name and its labels."""
 
     name: str
     numbers: tuple[int, ...]
@@ -93,10 +93,10 @@ def mesh_surface(
 ) -> Mesh:
     """Tetrahedra inside a nearly closed surface: a file (STL, OBJ, PLY), or points (n, 3) and triangles (t, 3).
 
-    Inside is where the generalised winding number exceeds a half (Jacobson, Kavan and Sorkine-Hornung 2013), on a grid
-    of four voxels an edge: holes are closed, overlapping parts joined, and `messages` says so. A sound surface keeps
-    its volume; what is finer than a voxel is rounded. edge: as in `Scan.mesh`; units of the file or the points. Raises
-    `VisceraError` where nothing is inside.
+    A point is inside if the generalised winding number exceeds a half (Jacobson, Kavan and Sorkine-Hornung 2013),
+    evaluated on a grid of four voxels per edge. Holes are closed and overlapping parts joined, and `messages` says so.
+    A sound surface keeps its volume; details finer than a voxel are rounded.
+    edge: as in `Scan.mesh`; units: of the file or of the points. Raises `VisceraError` if nothing is inside.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
@@ -229,7 +229,7 @@ def _read_surface(path: Path) -> tuple[NDArray[Any], NDArray[Any], str]:
 
 
 def _mended(points: Floats, triangles: Indices) -> tuple[Floats, Indices, list[str]]:
-    """Equal points joined, triangles turned outward; and what is wrong with the surface."""
+    """The surface with equal points joined and triangles turned outward, and a list of its faults."""
     messages = []
     places, number = np.unique(points, axis=0, return_inverse=True)
     triangles = number.reshape(-1)[triangles].astype(np.uint32)

@@ -1,7 +1,7 @@
-"""From a scan to another posture: the shape an organ has without loads, found from the shape it was scanned in.
+"""From a scan to another posture: finds the shape of an organ without loads from the shape in which it was scanned.
 
-A patient lies on the table while the mesh is acquired, so the mesh hangs in gravity already. Here X are the unknown
-unloaded positions, x the scanned ones, and x = X + u(X) where u is the equilibrium under the loads of the scan.
+A patient lies on the table while the mesh is acquired, so the mesh is already deformed by gravity. Here X are the
+unknown unloaded positions and x the scanned ones: x = X + u(X), where u is the equilibrium under the loads of the scan.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ class Unloaded:
     message: str
     """What went wrong; empty if nothing did."""
     load: float
-    """Fraction of the scan's loads for which an unloaded shape was found, 1 where converged."""
+    """Fraction of the scan's loads for which an unloaded shape was found; 1 if converged."""
     errors: list[float] = field(repr=False)
-    """Largest distance of a node from its scanned place in units of the diagonal, after each iteration."""
+    """Largest distance of a node from its scanned position after each iteration, in units of the diagonal."""
     seconds: float = 0.0
     """Wall time."""
 
     @property
     def error(self) -> float:
-        """Largest distance of a cell's corner between the scan and the organ under its loads again, in diagonals."""
+        """Largest distance of a corner of a cell between the scan and the organ loaded again, in diagonals."""
         gap = (self.organ.mesh.points + self.state.displacement - self.scan.points)[: self.scan.n_corners]
         return float(np.linalg.norm(gap, axis=1).max() / self.scan.diagonal)
 
@@ -88,7 +88,7 @@ def unloaded(
 ) -> Unloaded:
     """Search for X with X + u(X) = x by the fixed point X <- X + (x - X - u(X)) with Anderson's acceleration.
 
-    Sellier, C. R. Mécanique 339 (2011) 103. The whole load is tried first; where that fails it is approached in steps.
+    Sellier, C. R. Mécanique 339 (2011) 103. The whole load is tried first; if that fails, it is applied in steps.
     """
     _require_loads(loads)
     tolerance = Number(above=0, below=1)(tolerance, "tolerance")
@@ -119,7 +119,7 @@ def unloaded(
 
 
 class _Search:
-    """The iteration; `organ` and `state` always belong to the last load whose unloaded shape was found."""
+    """The iteration. `organ` and `state` always belong to the last load for which an unloaded shape was found."""
 
     def __init__(self, organ: Organ, loads: dict[str, Any], tolerance: float, max_iterations: int) -> None:
         self.scanned, self.loads = organ, loads
@@ -128,13 +128,13 @@ class _Search:
         self.errors: list[float] = []
 
     def at(self, corners: Floats) -> Organ:
-        """The organ with the corners of its cells elsewhere; edges are straight without loads."""
+        """The organ with other corners of its cells; without loads its edges are straight."""
         fresh = np.array(corners)
         fresh.flags.writeable = False
         return self.scanned.with_mesh(replace(self.scanned.mesh.linear(), points=fresh))
 
     def to(self, load: float) -> str:
-        """Iterate at a fraction of the loads; what went wrong in words, or nothing."""
+        """Iterate at a fraction of the loads; returns what went wrong in words, or nothing."""
         loads = _scaled(self.loads, load)
         n, size = self.scanned.mesh.n_corners, self.scanned.mesh.diagonal
         x, X, state = self.scanned.mesh.points[:n], self.organ.mesh.points[:n], self.state
@@ -166,7 +166,7 @@ class _Search:
 
 
 def _next(history: list[tuple[Floats, Floats]]) -> Floats:
-    """The next X from earlier ones and their gaps: the combination that would close the gap if it were linear in X."""
+    """The next X from earlier ones and their errors x - X - u(X): it would have no error if that were linear in X."""
     X, gap = history[-1]
     if len(history) == 1:
         return X + gap
@@ -195,7 +195,7 @@ def _scaled(loads: Mapping[str, Any], share: float) -> dict[str, Any]:
 
 
 def _require_loads(loads: Mapping[str, Any]) -> None:
-    """Raise `VisceraError` where a scan has no load: its mesh is unloaded already."""
+    """Raise `VisceraError` if a scan has no load, since its mesh is unloaded already."""
     given = [load for name, load in loads.items() if name != "density" and load is not None]
     if not any(len(load) if isinstance(load, Mapping) else True for load in given):
         raise VisceraError("the scan has no load to remove; give its gravity with the density, or its forces")

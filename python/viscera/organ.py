@@ -1,4 +1,4 @@
-"""An organ: a mesh, a law and what holds it. From here to equilibrium (`solve`, `path`) and to touch (`reduce`)."""
+"""An organ: a mesh, a law and supports. `solve` and `path` find its equilibria, `reduce` makes its reduced model."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 
 ELEMENTS = tuple(name for name, _ in _core.elements())
 ROUNDING = 1e-9
-"""Of Poisson's ratio, which a law computes from the parameters it keeps: 0.45 stays 0.45 for every Young's modulus."""
+"""Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
 STEPS = Whole(1, 10_000)
 ORDER = Whole(2, 8)
 TOLERANCE = Number(above=0, below=1)
@@ -68,7 +68,7 @@ TOLERANCE = Number(above=0, below=1)
 NOTHING_ACTS = "nothing acts on the organ: no load, no prescribed displacement other than zero"
 
 Progress = Callable[[int, int, str], None]
-"""Called with steps done, steps in all, and the name of the stage; what it raises stops the work."""
+"""Called with the steps done, the total of steps, and the name of the stage. An exception that it raises stops all."""
 
 
 class Organ(Pictured):
@@ -77,10 +77,10 @@ class Organ(Pictured):
     mesh: `viscera.Mesh`; law: one of `viscera.laws`, or several by place, `{"liver": ..., "vein": ...}`, as in
         `viscera.laws.Several`.
     fixed: a node set's name, a condition such as "x < 10%", indices or a predicate on points (n, 3): see `Mesh.nodes`.
-    element: "P1" (linear cells), "P1 mean volume" (linear cells of which a few share one change of volume) or "P2"
-        (quadratic cells); by default "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks, and
-        "P1" below (docs/elements.md). With "P2" the organ's own `mesh` has the midpoints of edges as further points.
-    Raises `VisceraError` where nothing is fixed, or a disconnected part is not.
+    element: "P1" (linear cells), "P1 mean volume" (linear cells in clusters that share one change of volume) or "P2"
+        (quadratic cells). By default it is "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks,
+        and "P1" below (docs/elements.md). With "P2" the organ's own `mesh` also has the midpoints of edges as points.
+    Raises `VisceraError` if nothing is fixed, or if a disconnected part of the mesh has no fixed nodes.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -110,7 +110,7 @@ class Organ(Pictured):
         self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As pickle and copy have it: the compiled body is made anew."""
+        """For pickle and copy: the compiled body is made again."""
         return _again, (self.mesh, self.law, self.fixed, self.element)
 
     def __repr__(self) -> str:
@@ -128,7 +128,7 @@ class Organ(Pictured):
         return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
 
     def with_mesh(self, mesh: Mesh) -> Organ:
-        """The same law, fixed nodes and element on another mesh of as many nodes and cells.
+        """The same law, fixed nodes and element on another mesh with the same numbers of nodes and cells.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -158,23 +158,24 @@ class Organ(Pictured):
     ) -> State:
         """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
 
-        displacement: `{where: (x, y, z)}` [m] or in words such as "-10 mm", None or "free" leaving a component free; an
-            array (k, 3) moves each node of a set on its own; for a contact patch (`Organ.patch`) the weighted mean is
+        displacement: `{where: (x, y, z)}` [m] or in words such as "-10 mm"; None or "free" leaves a component free. An
+            array (k, 3) moves each node of a set on its own. For a contact patch (`Organ.patch`) the weighted mean is
             prescribed.
-        force: `{where: (x, y, z)}`, the total [N], spread as a uniform traction over the surface of the set (equal
-            shares where it has none), or an array (n, 3) of nodal forces.
+        force: `{where: (x, y, z)}`, the total [N]. It is spread as a uniform traction over the surface of the set, or
+            in equal shares over its nodes if it has no surface. An array (n, 3) gives nodal forces.
         traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
-        pressure: `{where: p}` [Pa] on the same triangles, pushing against the outward normal as they deform: positive
-            on a `lumen` inflates a vessel.
-        gravity: acceleration (3,) [m/s^2], with `density` [kg/m^3], one or per cell.
-        contact: rigid tools, `[Tool(Sphere(0.01), position=..., way=...)]`, which go their way with the load; they must
-            start outside the organ. `State.contact(tool)` says what they do. Friction remembers load steps, so take
-            several where a tool turns back.
-        steps: at least this many load steps; more are taken where needed.
-        start: a state or a frame to continue from, or its displacement (n, 3) [m]; rest otherwise.
-        settings: of the Newton iteration, by the names of `crates/solid/src/equilibrium/newton.rs`.
+        pressure: `{where: p}` [Pa] on the same triangles. It pushes against their outward normal as they deform, so a
+            positive pressure on a `lumen` inflates a vessel.
+        gravity: acceleration (3,) [m/s^2]; it needs `density` [kg/m^3], one number or one per cell.
+        contact: rigid tools, `[Tool(Sphere(0.01), position=..., way=...)]`, which move by their `way` in proportion to
+            the load. They must start outside the organ. `State.contact(tool)` gives their forces. Friction is
+            integrated from load step to load step; if a tool reverses its direction, solve each direction separately.
+        steps: initial number of load steps; more are taken where needed.
+        start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
+        settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
+            `[settings.newton]` of a case file (docs/case-file.md).
         solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`.
-        throw: raise `NotConverged` instead of returning the state with its status.
+        throw: raise `NotConverged` if the solve fails, instead of returning the state with its status.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -238,17 +239,17 @@ class Organ(Pictured):
         damping: tuple[float, float] = (0.0, 0.0),
         relaxation: Prony | None = None,
     ) -> Stepper:
-        """The organ in real time: one Newton iteration a frame from the last state, quasi-static or with inertia.
+        """The organ in real time: each frame continues from the last by Newton's method, quasi-static or with inertia.
 
-        grasped: `{where: (x, y, z)}` as in `solve`, what the hands hold at first; every frame may change it.
-        start: a state or a frame to start from, or its displacement (n, 3) [m]; rest otherwise.
+        grasped: `{where: (x, y, z)}` as in `solve`: what the hands hold at first. Every frame may change it.
+        start: a state or a frame to start from, or its displacement (n, 3) [m]; by default rest.
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid", "gpu" or a
             `ConjugateGradients`.
-        iterations: largest number of Newton iterations in a frame; it ends earlier at a residual of `settled`.
+        iterations: largest number of Newton iterations in a frame. A frame ends earlier at a residual of `settled`.
         budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
-        density [kg/m^3], one or per cell: for gravity and inertia.
-        time_step [s] between frames: for inertia and relaxation.
-        dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static where None.
+        density [kg/m^3], one number or one per cell: needed for gravity and inertia.
+        time_step [s] between frames: needed for inertia and relaxation.
+        dynamics: "newmark", "backward_euler", a `Newmark` or a `BackwardEuler`; quasi-static if None.
         mass: "lumped" or "consistent"; damping: Rayleigh's alpha [1/s] and beta [s], C = alpha M + beta K.
         relaxation: `Prony` viscoelasticity.
 
@@ -288,9 +289,9 @@ class Organ(Pictured):
     ) -> Path:
         """The equilibrium path under `until` times a load, by the asymptotic numerical method.
 
-        u(a) = sum_p a^p u_p, all orders sharing one tangent; continued from the end of each expansion's range. The
-        parameter a is the "load" or the "arc length", which passes limit points.
-        force, traction, pressure: as in `solve`, at load 1; the pressure follows the surface.
+        Each expansion is u(a) = sum_p a^p u_p, where all orders share one tangent. The next one begins at the end of
+        its range. The parameter a is the "load", or the "arc length", which passes limit points.
+        force, traction, pressure: as in `solve`, at load 1. A pressure follows the surface.
         Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
 
         >>> import viscera as vs
@@ -321,7 +322,7 @@ class Organ(Pictured):
         return Path([Expansion(**expansion) for expansion in expansions], self)
 
     def moved(self, displacement: State | Frame | ArrayLike) -> Moved:
-        """The organ moved by any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files, probes.
+        """The organ under any displacement (n, 3) [m] from rest, such as one of a `path`: stress, files and probes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -347,17 +348,17 @@ class Organ(Pictured):
         throw: bool = False,
         progress: Progress | None = None,
     ) -> Unloaded:
-        """The organ without the loads it was scanned under: its mesh is taken as the loaded equilibrium.
+        """The organ free of the loads under which it was scanned: its mesh is taken as the loaded equilibrium.
 
-        gravity, density, force, traction, pressure: of the scan, as in `solve`; densities [kg/m^3], areas of tractions
-            and fibres are those of the unloaded organ.
-        tolerance: largest distance of a node between the scan and the organ put back under these loads, in units of the
-            bounding-box diagonal.
-        max_iterations: for one load step.
+        gravity, density, force, traction, pressure: loads during the scan, as in `solve`. Densities [kg/m^3], areas of
+            tractions and fibres are those of the unloaded organ.
+        tolerance: largest distance of a node between the scan and the unloaded organ under these loads again, in units
+            of the bounding-box diagonal.
+        max_iterations: iterations for one load step.
         throw: raise `VisceraError` if no unloaded shape is found, instead of returning the last one found.
 
-        From there to another posture: `rest.organ.solve(..., start=rest.state)`; `rest.from_scan` counts its
-        displacement from the scan.
+        For another posture, call `rest.organ.solve(..., start=rest.state)` on the result `rest`. `rest.from_scan` then
+        counts the displacement from the scan.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -389,21 +390,22 @@ class Organ(Pictured):
         start: ArrayLike | None = None,
         progress: Progress | None = None,
     ) -> Registered:
-        """The organ fitted to what is seen of it: rigid motion and deformation under forces that nobody knows.
+        """The organ fitted to measured points of it: a rigid motion, and a deformation under unknown forces.
 
-        surface: points (k, 3) [m] on a part of the organ's surface, outliers among them; weights (k,), 1 by default.
-        landmarks: `{name: (x, y, z)}` [m], where the mean of a node set of the mesh was found.
-        points: places (l, 3) of the organ at rest and their displacements (l, 3) [m], both in metres.
-        noise: standard deviation [m] of the surface points along each axis, landmark_noise that of landmarks and
-            points (that of the surface by default); both also in words, "2 mm".
-        visible: the part of the surface that the cloud may lie on, loaded: the part on which forces may act; all of it
-            by default.
-        start: a matrix (4, 4) that takes the organ about to where it is. Without it, and without three landmarks, turns
-            of up to 60 degrees are searched for.
+        surface: measured points (k, 3) [m] on a part of the organ's surface, which may contain outliers.
+        weights: of these points (k,); by default 1.
+        landmarks: `{name: (x, y, z)}` [m]: measured position of the mean of a node set of the mesh.
+        points: points (l, 3) [m] of the organ at rest, and their measured displacements (l, 3) [m].
+        noise: standard deviation [m] of the surface points along each axis, also in words: "2 mm".
+        landmark_noise: the same of `landmarks` and `points`; by default that of the surface.
+        visible: the part of the surface that the measured points may lie on; by default all of it.
+        loaded: the part of the surface on which forces may act; by default all of it.
+        start: a matrix (4, 4), the approximate rigid motion from the mesh to the measured points. Without it, and
+            without three landmarks, rotations of up to 60 degrees are tried.
 
-        The fixed nodes move as one rigid body, with whatever reactions they need. Elsewhere smooth forces on the
-        surface and a uniform one in the volume deform the organ: docs/navigation.md. Raises `VisceraError` for data
-        that are not finite, in another unit or too few, and for landmarks that the mesh does not have.
+        The fixed nodes move as one rigid body; their reactions are free. Elsewhere, smooth forces on the surface and a
+        uniform force in the volume deform the organ: docs/navigation.md. Raises `VisceraError` for data that are not
+        finite, in another unit or too few, and for landmarks that are no node sets of the mesh.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -435,8 +437,9 @@ class Organ(Pictured):
     def patch(self, point: Lengths, radius: float | str) -> _core.Patch:
         """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
 
-        Both also in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
-        It is a place for `solve`: prescribe its mean displacement, or spread a force over it.
+        Both may be given in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
+        In `solve` a patch can take the place of a node set: to prescribe its mean displacement, or to spread a force
+        over it.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -448,7 +451,7 @@ class Organ(Pictured):
         return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
 
     def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
-        """The free surface nodes of a place; by default, all those farther than `radius` [m] from fixed nodes.
+        """The free surface nodes of a place; by default all that are farther than `radius` [m] from fixed nodes.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -485,22 +488,23 @@ class Organ(Pictured):
     ) -> Touch:
         """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
 
-        touchable: where the organ may be touched, its free surface nodes being taken; by default all surface nodes
-            farther than `radius` from fixed ones.
-        radius [m] of the contact patch and largest `depth` [m] of a touch, or in words such as "12 mm" or "5%" of the
-            bounding-box diagonal; by default a tenth of it each.
+        touchable: a place whose free surface nodes may be touched; by default all surface nodes farther than `radius`
+            from fixed nodes.
+        radius: of the contact patch [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default
+            a tenth of the diagonal.
+        depth: largest displacement [m] of a touch, given in the same way; by default a tenth of the diagonal.
         order: total order of the series in the three components of the contact displacement d, 2 to 8.
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
-        pade: sum the orders in their vector Padé form, which reaches deeper, instead of as a polynomial.
-        start: a stable equilibrium under dead loads, which stay; rest otherwise. Contact points, patches and lengths
-            are then of the loaded shape, displacements and forces what the touch adds.
-        vary: a parameter that the model is to cover for a range of values; `Touch.at` sets it.
-        checkpoint: a file that keeps finished batches of positions until the model is complete: a reduction that was
-            interrupted or killed goes on from there when the same call is made again. Of another case it starts anew,
-            with a warning.
+        pade: sum the orders in their vector Padé form, which reaches deeper than the polynomial.
+        start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
+            patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
+        vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
+        checkpoint: a file that keeps finished batches of positions until the model is complete. After an interruption,
+            the same call continues from there. If the file belongs to another case, the work starts again, with a
+            warning.
         executor: a `concurrent.futures.Executor` whose workers solve the batches: processes, Dask or MPI
-            (docs/cluster.md). The model is the same, bit by bit, for any number of workers of one kind of processor.
+            (docs/cluster.md). On one kind of processor, the model is the same bit by bit for any number of workers.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -518,8 +522,8 @@ class Organ(Pictured):
         if not self.law.is_analytic:
             if isinstance(self.law, StrainEnergy):
                 raise VisceraError(
-                    "max, min and step have no power series where they turn over, so a reduced model of this formula "
-                    "could be wrong; write it without them, or use solve"
+                    "max, min and step have no power series at the point where they switch, so a reduced model of this "
+                    "formula could be wrong; write it without them, or use solve"
                 )
             raise VisceraError(
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
@@ -563,7 +567,7 @@ class Organ(Pictured):
         numbers: dict[str, Any],
         family: dict[str, Any] | None,
     ) -> AbstractContextManager[Batches]:
-        """The batches kept of this reduction."""
+        """The kept batches of this reduction."""
         keeper = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
         words = {"law": self.law.name, "element": self.element, **numbers}
         if family is not None:
@@ -585,9 +589,10 @@ class Organ(Pictured):
         """Write the organ as a case file (docs/case-file.md), its mesh beside it as NAME_mesh.vtu, and read it back.
 
         loads, scan: as `solve` and `unloaded` take them, such as `{"gravity": (0, 0, -9.81), "density": 1060}`.
-        settings: "steps", and "newton" with a table. reduction: as `reduce` takes it, but "start" is "rest", "loads" or
-        "scan". `viscera.case(path)` reads it. Raises `VisceraError` for what a case cannot express: contact patches,
-        forces node by node, parameters that are a field over the cells, fibres that turn from cell to cell.
+        settings: "steps", and "newton" with a table of its settings.
+        reduction: as `reduce` takes it, but "start" is "rest", "loads" or "scan".
+        `viscera.case(path)` reads the file. Raises `VisceraError` for what a case cannot express: contact patches,
+        nodal forces, parameters with a value for each cell, fibres whose direction varies from cell to cell.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -600,7 +605,7 @@ class Organ(Pictured):
         return casefile.write(self, path, loads=loads, scan=scan, settings=settings, reduction=reduction)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
-        """The organ at rest, fixed nodes as dots, cell sets as wireframes within; a PNG where a path is given.
+        """Draw the organ at rest, with fixed nodes as dots and cell sets as wireframes. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -628,12 +633,15 @@ class Organ(Pictured):
     ) -> Pgd:
         """Paper A's model: a load normal to the surface at any node of a place, u = sum a^p sum_i F_i^p(x) G_i^p(s).
 
-        load [N] at a = 1, pushing in where positive; on single nodes as in the paper, or spread over a contact patch
-        of `radius` [m], which separates better and does not depend on the mesh. order: 1 to 15.
-        tolerance: an order is done when the energy norm of a pair falls below this part of the largest of its order;
-            None solves every position exactly instead, to compare with. max_terms: pairs of an order at most.
-        stagnation, max_iterations: of the alternating directions; a pair is found when the unit vector along its G
-            turns by less.
+        load: force [N] at a = 1; positive pushes in.
+        radius: 0 puts the load on single nodes, as in the paper. A positive radius [m] spreads it over a contact patch,
+            which separates better and does not depend on the mesh.
+        order: 1 to 15.
+        tolerance: an order is complete when the energy norm of a pair falls below this fraction of the largest norm in
+            its order. None solves every position exactly instead, for comparison.
+        max_terms: largest number of pairs in an order.
+        stagnation, max_iterations: of the alternating directions. A pair is found when the unit vector along its G
+            changes by less than `stagnation`.
         Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
 
         >>> import viscera as vs
@@ -670,7 +678,7 @@ class Organ(Pictured):
 
 
 def _element(name: str | None, law: Law) -> str:
-    """The element asked for, or the one that is right for the law."""
+    """The element of this name; without a name, the one that suits the law."""
     if name is None:
         locks = law.poisson.max() > defaults.LOCKING_POISSON * (1.0 + ROUNDING)
         return defaults.LOCKING_FREE_ELEMENT if locks else defaults.ELEMENT
@@ -682,7 +690,7 @@ def _again(mesh: Mesh, law: Law, fixed: Indices, element: str) -> Organ:
 
 
 def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:
-    """The displacement (n, 3) [m] of what to start from; None at rest."""
+    """The displacement (n, 3) [m] of a state to start from; None for rest."""
     if start is None:
         return None
     given = numbers_of(start.displacement if isinstance(start, State | Frame) else start)
@@ -691,7 +699,7 @@ def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floa
     if given.shape != mesh.points.shape:
         raise VisceraError(
             f"the state to start from belongs to another mesh: its displacement has shape {given.shape}, "
-            f"this mesh asks for {mesh.points.shape}"
+            f"this mesh needs {mesh.points.shape}"
         )
     return given
 

@@ -1,4 +1,4 @@
-"""An equilibrium path as a chain of power series, evaluated in the rational form that reaches beyond their radius."""
+"""An equilibrium path as a chain of power series, summed in a Padé form, which reaches beyond their radius."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Expansion:
-    """One stretch of a path: u(a) = sum_p a^p u_p and the load alike, for 0 <= a <= range."""
+    """One section of a path: u(a) = sum_p a^p u_p, and a series of the load, for 0 <= a <= range."""
 
     displacement: Floats
     """u_p (order + 1, n, 3) [m]; u_0 is the equilibrium the expansion starts from."""
@@ -58,7 +58,7 @@ class Path:
     def write(self, path: str | os.PathLike[str], samples: int = 10) -> list[pathlib.Path]:
         """Writes the shapes of `curve` as a series, see `viscera.write_series`; all paths written.
 
-        The time of a shape is its load factor, or its number where the load does not rise all along the path.
+        The time of a shape is its load factor, or its number if the load does not rise all along the path.
         """
         from viscera.series import write_series
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int, str], None]
 Place = int | np.integer[Any] | ArrayLike
-"""Where the load acts: a node among the positions, or a point (3,) [m] of the surface they span."""
+"""Where the load acts: a node among the positions, or a point (3,) [m] of the surface that the positions span."""
 
 
 @dataclass(frozen=True)
@@ -40,11 +40,11 @@ class Order:
     G: Floats
     """Modes over the load position (k, m) [m]."""
     sizes: Floats = field(default_factory=lambda: np.empty(0))
-    """Energy norm of each pair [J^1/2], as the enrichment found them; empty where it did not."""
+    """Energy norm [J^1/2] of each pair, from the enrichment; empty without one."""
     iterations: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, dtype=np.uint32))
-    """Fixed-point iterations of each pair; empty where there were none."""
+    """Fixed-point iterations of each pair; empty without an enrichment."""
     is_cut: bool = False
-    """Whether the largest number of pairs ended the enrichment before its tolerance did."""
+    """Whether the enrichment ended at the largest number of pairs, before its tolerance was reached."""
     seconds_rhs: float = 0.0
     """Off-line time for the right-hand sides of all positions [s]."""
     seconds_solve: float = 0.0
@@ -65,9 +65,9 @@ class Pgd:
 
     mesh: Mesh
     load: float
-    """The load at a = 1 [N], along the inward normal where positive."""
+    """The load [N] at a = 1; positive along the inward normal."""
     radius: float
-    """Of the patch that the load is spread over [m]; 0 for loads on single nodes."""
+    """Radius [m] of the patch that the load is spread over; 0 for loads on single nodes."""
     positions: Indices
     """The nodes (m,) where the load may act, ascending."""
     weights: Floats
@@ -84,7 +84,7 @@ class Pgd:
         return [len(order.F) for order in self.orders]
 
     def displacement(self, s: Place, a: float = 1.0, *, order: int | None = None, pade: bool = False) -> Floats:
-        """Displacement (n, 3) [m] under a times the load at s, to an order; `pade` sums the vector Padé form instead.
+        """Displacement (n, 3) [m] under a times the load at s, summed to an order, or in the vector Padé form (`pade`).
 
         Between positions the modes G are interpolated linearly over the surface triangle.
         """
@@ -158,14 +158,14 @@ class Pgd:
         return write_series(Path(folder) / "modes.pvd", self.mesh, frames)
 
     def write_path(self, folder: str | Path, path: Sequence[Place], a: float = 1.0) -> list[Path]:
-        """Write the organ under a load that moves along a path of places: `path.pvd` and one VTU file per place."""
+        """Write the organ under a load that moves along a path of points: `path.pvd` and one VTU file per point."""
         from viscera.paraview import write_series
 
         frames = [(float(k), {"displacement": self.displacement(s, a)}) for k, s in enumerate(path)]
         return write_series(Path(folder) / "path.pvd", self.mesh, frames)
 
     def over_nodes(self, G: Floats) -> Floats:
-        """A function of the position (m,) at all nodes (n,), 0 where no load may act."""
+        """A function of the position (m,) at all nodes (n,); it is 0 at nodes where no load may act."""
         values = np.zeros(len(self.mesh.points))
         values[self.positions] = G
         return values
@@ -275,7 +275,7 @@ def separate(
 
 
 class Model(Protocol):
-    """What an error analysis compares: anything that gives the displacement of a load."""
+    """What an error analysis can compare: anything that gives the displacement under a load."""
 
     def displacement(self, s: Place, a: float = 1.0) -> Floats:
         """Displacement (n, 3) [m] under a times the load at s."""
@@ -283,7 +283,7 @@ class Model(Protocol):
 
 @dataclass(frozen=True)
 class Newton:
-    """The full model in the shape of a reduced one: each displacement is a solve. Raises `NotConverged`."""
+    """The full-order model with the interface of a reduced one: each displacement is a solve. Raises `NotConverged`."""
 
     organ: Organ
     model: Pgd

@@ -1,4 +1,4 @@
-"""Real time: one Newton iteration a frame, while hands hold, pull and let go, and the organ is turned."""
+"""Real time: one or a few Newton iterations per frame, while hands hold, pull and let go, and gravity turns."""
 
 from __future__ import annotations
 
@@ -114,10 +114,10 @@ class Stepper:
         *,
         friction: float | str = 0.0,
     ) -> Instrument:
-        """Bring a rigid tool, as `viscera.Tool` takes it; with the next frame the organ gives way to it.
+        """Add a rigid tool, with the arguments of `viscera.Tool`; it acts from the next frame on.
 
-        It must start outside the organ. What it is told for a frame, it does: organs can be asked for what they cannot
-        give, so drive it through a coupling that bounds its force.
+        It must start outside the organ. It goes where it is told, however large its force becomes; to limit the force,
+        drive it through a coupling, such as a spring.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -134,7 +134,7 @@ class Stepper:
         return made
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
-        """The organ below a notebook's cell, stepped in the kernel by up to two hands on the page, or from Python.
+        """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
         Needs `pip install viscera[notebook]`. `widget.touch(point, displacement)` [m] holds the patch around a surface
         point and steps until it has settled; `widget.release()` lets go. `widget.point`, `widget.displacement`,
@@ -165,10 +165,10 @@ class Stepper:
     ) -> Frame:
         """One frame: the hands move, the organ follows.
 
-        displacement: `{where: (x, y, z)}` [m] from rest, None leaving a component free. What is named is held; what
-            is no longer named is let go. Without this argument, the last displacements stay.
-        force [N], traction [Pa], pressure [Pa]: as in `solve`, the first two dead, the last following the surface. All
-            may change with every frame; a load that is not given no longer acts.
+        displacement: `{where: (x, y, z)}` [m] from rest; None leaves a component free. Places that are named are held;
+            places that are no longer named are let go. Without this argument, the last displacements stay.
+        force [N], traction [Pa], pressure [Pa]: as in `solve`. Forces and tractions are dead loads; a pressure follows
+            the surface. All may change with every frame; a load that is not given no longer acts.
         gravity: acceleration (3,) [m/s^2], with the stepper's `density` or one given here.
 
         >>> import viscera as vs
@@ -237,7 +237,7 @@ class Stepper:
         gravity: ArrayLike | None,
         density: ArrayLike | None,
     ) -> tuple[Floats | None, tuple[float, float, float]]:
-        """Nodal forces and the gravity that the core turns into more of them."""
+        """Nodal forces, and the gravity from which the core computes further ones."""
         organ = self._organ
         applied = None if force is None else nodal_forces(organ.mesh, organ.fixed, force)
         if traction:
@@ -270,7 +270,7 @@ def settings_of(
     damping: tuple[float, float],
     relaxation: Prony | None,
 ) -> dict[str, Any]:
-    """A stepper's settings as the core knows them; raises `VisceraError` where one is wrong or another is missing."""
+    """A stepper's settings as the core takes them; raises `VisceraError` if one is wrong or missing."""
     iterations = Whole(1, 1_000)(iterations, "iterations")
     settled = Number(above=0, below=1)(settled, "settled, a relative residual,")
     if time_step is not None:

@@ -39,7 +39,7 @@ class Response:
     energy: Floats
     """Strain energy density (m, q) [J/m^3] of the rest volume."""
     is_linear: bool
-    """Whether the law is linear, so that its stress knows no difference between the shape at rest and deformed."""
+    """Whether the law is linear, so that its stress is the same in the shape at rest and in the deformed shape."""
 
     def stress(self, measure: str) -> Floats:
         """Stress (m, q, 3, 3) [Pa]."""

@@ -1,4 +1,4 @@
-"""A reduced model on-line: where it is touched and by how much, in; the force, its stiffness and the field, out."""
+"""A reduced model on-line: from a contact point and its displacement to force, stiffness and displacement field."""
 
 from __future__ import annotations
 
@@ -60,20 +60,21 @@ class Touch(Pictured):
         self.metadata: dict[str, Any] = json.loads(model.metadata)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As pickle and copy have it: the bytes of its model file."""
+        """For pickle and copy: the bytes of the model file."""
         return load_bytes, (self._model.to_bytes(),)
 
     def __call__(self, point: Lengths, displacement: Lengths) -> Answer:
-        """The organ's answer to a touch; raises `VisceraError` where the point is more than an edge off the surface.
+        """The organ's answer to a touch.
 
         point (3,): contact point on the untouched surface [m]; displacement (3,): mean displacement of the patch [m].
-        Both also in words: `touch("(100, 50, 80) mm", [0, 0, "-10 mm"])`.
+        Both may be given in words: `touch("(100, 50, 80) mm", [0, 0, "-10 mm"])`. Raises `VisceraError` if the point is
+        farther from the touchable surface than the mean length of its edges.
         """
         at, push = self._point(point), self._push(displacement)
         return Answer(self, at, push, self._asked(self._model.evaluate, at, push, False))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model file (safetensors, see docs/model-file.md): as a whole or not at all.
+        """Write the model file (safetensors, see docs/model-file.md). If writing fails, no partial file is left.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -110,10 +111,10 @@ class Touch(Pictured):
     def compressed(self, tolerance: float) -> Touch:
         """The model with fewer modes: a smaller file and faster fields; forces and their trust stay the same.
 
-        tolerance: of the field at full depth, relative to it, at the worst position, root mean square over directions;
-        between 0 and 1. What is lost is added to the estimated error of the shape (`Answer.shape_error_estimate`).
-        The fewest principal directions are kept, as off-line: region by region, of the stored fields, each order
-        weighted by the depth to its degree.
+        tolerance: relative error of the field at full depth, at the worst position, root mean square over directions;
+        between 0 and 1. The loss is added to the estimated error of the shape (`Answer.shape_error_estimate`). As
+        off-line, the fewest principal directions of the stored fields of each region are kept, with each order weighted
+        by the depth to the power of its degree.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -154,11 +155,12 @@ class Touch(Pictured):
     ) -> Galerkin:
         """The model of several touches at once; see `viscera.galerkin`.
 
-        order: of the series fields in its basis, at most that of this model. tolerance: error of the forces of the
-        sampled cells in training, relative to those of all. depth: largest displacement of a contact [m], or in words
-        such as "5%" of the diagonal; by default this model's. snapshots: states solved on the whole organ when contacts
-        take hold, at most, for the basis to hold what the series miss: two dozen spread evenly, then more in rounds,
-        until the answers of a round are right to a tenth of what a trusted one may be wrong.
+        order: highest order of the series fields in its basis, at most the order of this model.
+        tolerance: error of the forces of the sampled cells in training, relative to the forces of all cells.
+        depth: largest displacement of a contact [m], or in words such as "5%" of the diagonal; by default this model's.
+        snapshots: largest number of states that are solved on the whole organ when contacts take hold. They add to the
+            basis what the series do not contain. Two dozen are spread evenly; more follow in rounds, until the errors
+            of all answers in a round are below a tenth of the allowance.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -174,7 +176,7 @@ class Touch(Pictured):
         return galerkin(self, order, tolerance, depth, snapshots)
 
     def organ(self) -> Organ:
-        """The full organ this model was reduced from: mesh, law and supports are in the file.
+        """The full organ that this model was reduced from. Its mesh, law and supports are in the model file.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -192,13 +194,13 @@ class Touch(Pictured):
         return self.organ()
 
     def _whole(self, displacement: Floats) -> tuple[Organ, Floats]:
-        """The full organ, and its displacement from rest where a touch adds this to the preload."""
+        """The full organ, and its displacement from rest when a touch adds `displacement` to the preload."""
         return self._full, displacement if self.preload is None else self.preload + displacement
 
     def surface_displacement(self, point: Lengths, displacement: Lengths, order: int | None = None) -> Floats:
         """Displacement (k, 3) [m] of the surface nodes alone, in the order of `surface_nodes`.
 
-        order: the series cut after it; 1 is linear elasticity. By default the model's own.
+        order: the order after which the series is cut; 1 is linear elasticity. By default the model's own.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -239,7 +241,7 @@ class Touch(Pictured):
     def plot(
         self, point: Lengths, displacement: Lengths, path: str | os.PathLike[str] | None = None, title: str = ""
     ) -> Figure:
-        """The touched organ over its rest shape, with the contact force; a PNG where a path is given.
+        """Draw the touched organ over its rest shape, with the contact force. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -260,13 +262,13 @@ class Touch(Pictured):
         return draw_rest(mesh.points, mesh.surface, fixed=none, parts={"touchable": self.touchable_triangles})
 
     def view(self, name: str = "Organ", height: int = 560) -> Any:
-        """The touchable organ below a notebook's cell (`pip install viscera[notebook]`); elsewhere, use `viscera view`.
+        """Show the touchable organ in a notebook (`pip install viscera[notebook]`); elsewhere, use `viscera view`.
 
-        name: shown above the organ; height: of the view, in pixels.
+        name: text above the organ; height: of the view, in pixels.
 
         The widget works both ways. `widget.touch(point, displacement)` [m] moves the organ in the notebook, and
         `widget.release()` lets go. `widget.point`, `widget.displacement`, `widget.force` and `widget.is_trusted` follow
-        every touch, made by Python or by a hand, and are None if nobody touches; `widget.observe(handler, "force")`
+        every touch, made from Python or on the page, and are None without a touch. `widget.observe(handler, "force")`
         calls a handler at each change. A saved notebook keeps a picture.
 
         >>> import viscera as vs
@@ -284,7 +286,8 @@ class Touch(Pictured):
     def summary(self) -> dict[str, Any]:
         """The model in numbers: positions, terms of the series, modes, and the errors measured off-line.
 
-        `errors` are relative to the norm of the field at the worst place tried; `worst_error` is the largest of them.
+        `errors` are relative to the norm of the field, at the worst of the points that were tried; `worst_error` is the
+        largest of them.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -304,7 +307,7 @@ class Touch(Pictured):
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The mesh in the shape before a touch, with its cell sets; with midpoints where the element has them."""
+        """The mesh in the shape before a touch, with its cell sets, and with midpoints if the element has them."""
         if self.preload is None:
             return self.rest
         points = self._model.array("points")
@@ -322,13 +325,13 @@ class Touch(Pictured):
 
     @property
     def _notes(self) -> dict[str, Any]:
-        """What writers have added to the metadata."""
+        """What the writer of the file has added to the metadata."""
         user = self.metadata.get("user")
         return user if isinstance(user, dict) else {}
 
     @cached_property
     def preload(self) -> Floats | None:
-        """Displacement (n, 3) [m] from rest by the dead load under which the organ is touched; None without one."""
+        """Displacement (n, 3) [m] from rest under the dead load that acts during the touches; None without one."""
         displacement: Floats = self._model.array("preload")
         return displacement if len(displacement) else None
 
@@ -354,7 +357,7 @@ class Touch(Pictured):
 
     @property
     def value(self) -> float | None:
-        """The value of the parameter that the model is set to; None where it has no parameter."""
+        """The value that the model's parameter is set to; None for a model without a parameter."""
         parameter = self.metadata.get("parameter")
         return None if parameter is None else float(parameter["value"])
 
@@ -365,7 +368,7 @@ class Touch(Pictured):
 
     @property
     def depth(self) -> float:
-        """Largest contact displacement the model was built for [m]."""
+        """Largest contact displacement [m] that the model was built for."""
         return float(self.metadata["depth"])
 
     @property
@@ -374,7 +377,7 @@ class Touch(Pictured):
         return int(self.metadata["order"])
 
     def _asked(self, question: Callable[..., T], at: Floats, *more: Any) -> T:
-        """What the core answers about a point of the surface, or where to touch instead."""
+        """The core's answer for a point of the surface; its errors also name the nearest touchable point."""
         try:
             return question(at, *more)
         except ValueError as error:
@@ -382,7 +385,7 @@ class Touch(Pictured):
             raise VisceraError(f"{error}; the nearest touchable point is ({nearest}) mm") from None
 
     def _point(self, point: Lengths) -> Floats:
-        # The mesh is asked for where it is needed alone: a haptic loop gives numbers.
+        # The mesh is made only when words need it: a haptic loop gives numbers.
         return point_of(point, self.mesh, "contact point") if has_words(point) else vector(point, "contact point", "m")
 
     def _push(self, displacement: Lengths) -> Floats:
@@ -396,9 +399,9 @@ class Touch(Pictured):
 
 
 def load(path: str | os.PathLike[str]) -> Touch:
-    """Read a model file written by `Touch.save`; raises `VisceraError` where it is damaged or inconsistent.
+    """Read a model file written by `Touch.save`; raises `VisceraError` if it is damaged or inconsistent.
 
-    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning is given.
+    Files of format version 1 have no checksums, so damage to them may go unnoticed; a warning says so.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -420,5 +423,5 @@ def load(path: str | os.PathLike[str]) -> Touch:
 
 
 def load_bytes(data: bytes) -> Touch:
-    """Read the bytes of a model file; raises `VisceraError` where they are damaged or inconsistent."""
+    """Read the bytes of a model file; raises `VisceraError` if they are damaged or inconsistent."""
     return Touch(_core.Model.from_bytes(data))

@@ -1,8 +1,8 @@
 /* viscera.h: evaluates reduced models of soft organs in microseconds, for haptic loops in C and C++.
  *
- * A touch is a contact point on the organ's surface at rest, and the displacement of the tool from there. The answer is
- * the force of the tool on the organ (the hand feels its negative), the stiffness, which is the derivative of that force,
- * and an estimate of its error.
+ * A touch is a contact point on the organ's surface at rest, and the displacement of the tool from there. The answer
+ * is the force of the tool on the organ (the hand feels its negative), the stiffness, which is the derivative of that
+ * force, and an estimate of its error.
  *
  * Lengths and forces are metres and newtons in the frame of the mesh unless viscera_set_frame says otherwise. Vectors
  * are three doubles, matrices nine row by row. A null pointer is reported, never followed.
@@ -22,7 +22,7 @@
 extern "C" {
 #endif
 
-/* Compare this with viscera_abi_version() once at the start: they differ if header and library do not belong together. */
+/* Compare with viscera_abi_version() once at the start: the two differ if header and library do not belong together. */
 #define VISCERA_ABI_VERSION 3
 
 /* Status of a call. The first three come with an answer; only the answer of the first is trusted. */
@@ -68,8 +68,8 @@ typedef struct viscera_frame {
     double translation[3];   /* [m] */
 } viscera_frame;
 
-/* Limits the force that is sent to a device. The caller owns it; viscera_guard_init sets it up. The state may be read at
- * any time. Write only the four settings and, through viscera_guard_keep_passive, energy_limit and damping. */
+/* Limits the force that is sent to a device. The caller owns it; viscera_guard_init sets it up. The state may be read
+ * at any time. Write only the four settings and, through viscera_guard_keep_passive, energy_limit and damping. */
 typedef struct viscera_guard {
     double force_limit;  /* setting: largest output force */
     double rate_limit;   /* setting: largest change of the output force per second */
@@ -100,9 +100,9 @@ uint32_t viscera_abi_version(void);
 /* Text of a status. It is never null; do not free it. */
 const char *viscera_status_text(int32_t status);
 
-/* Reads a model from the bytes of a *.viscera file (they are copied) or from the file itself. On failure *model is null
- * and `message`, which may be null, says why in one sentence. Damaged files are refused. After VISCERA_OK the message is
- * empty, or warns that a file of format version 1 has no checksums that would show damage. */
+/* Reads a model from the bytes of a *.viscera file (they are copied) or from the file itself. On failure *model is
+ * null and `message`, which may be null, says why in one sentence. Damaged files are refused. After VISCERA_OK the
+ * message is empty, or warns that a file of format version 1 has no checksums that would show damage. */
 int32_t viscera_load(const uint8_t *bytes, size_t len, viscera_model **model, char *message, size_t message_len);
 int32_t viscera_load_file(const char *path, viscera_model **model, char *message, size_t message_len);
 
@@ -115,16 +115,16 @@ int32_t viscera_info(const viscera_model *model, viscera_info_t *info);
 /* Writes the default frame, which is that of the mesh in SI units. Change what differs, then set it. */
 void viscera_frame_identity(viscera_frame *frame);
 
-/* Sets the frame of all inputs and outputs. With VISCERA_BAD_SETTING the old frame stays. No other call may use the model
- * meanwhile. */
+/* Sets the frame of all inputs and outputs. With VISCERA_BAD_SETTING the old frame stays. No other call may use the
+ * model meanwhile. */
 int32_t viscera_set_frame(viscera_model *model, const viscera_frame *frame);
 
 /* REAL TIME. The touchable point at rest closest to `point`, and its distance; either output may be null. */
 int32_t viscera_locate(const viscera_model *model, const double point[3], double contact_point[3], double *distance);
 
 /* REAL TIME. The answer to a touch. With VISCERA_OK the force is trusted. With VISCERA_BEYOND_DEPTH and
- * VISCERA_ERROR_TOO_LARGE there is a force, but it is not trusted. With any other status force and stiffness are zero, and
- * the error estimates are 1. */
+ * VISCERA_ERROR_TOO_LARGE there is a force, but it is not trusted. With any other status force and stiffness are zero,
+ * and the error estimates are 1. */
 int32_t viscera_evaluate(const viscera_model *model, const double point[3], const double displacement[3],
                          viscera_answer *answer);
 
@@ -134,13 +134,13 @@ size_t viscera_workspace_size(const viscera_model *model);
 /* REAL TIME. Writes the positions of the deformed surface nodes, three floats each; `positions` has room for at least
  * 3 * surface_nodes floats. The status is that of the shape, whose estimated error differs from that of the force: a
  * compressed model may give a trusted force and an untrusted shape. If there is no answer, the positions are those at
- * rest. With VISCERA_NULL_POINTER and VISCERA_SHORT_BUFFER nothing is written. Workspace and positions must not overlap.
- * Lengths count floats. */
+ * rest. With VISCERA_NULL_POINTER and VISCERA_SHORT_BUFFER nothing is written. Workspace and positions must not
+ * overlap. Lengths count floats. */
 int32_t viscera_surface(const viscera_model *model, const double point[3], const double displacement[3],
                         float *workspace, size_t workspace_len, float *positions, size_t positions_len);
 
-/* Writes the triangles of the surface, and the mesh node of each row of viscera_surface. The corners of the triangles are
- * such rows, counter-clockwise seen from outside in the caller's frame. Either output may be null; lengths count
+/* Writes the triangles of the surface, and the mesh node of each row of viscera_surface. The corners of the triangles
+ * are such rows, counter-clockwise seen from outside in the caller's frame. Either output may be null; lengths count
  * integers. */
 int32_t viscera_surface_topology(const viscera_model *model, uint32_t *triangles, size_t triangles_len,
                                  uint32_t *nodes, size_t nodes_len);
@@ -156,7 +156,7 @@ int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate
  *   pull.
  * - VISCERA_OFF_SURFACE: the tool is free of the organ, and the force goes to zero within the rate limit.
  * - VISCERA_STALE: there is no new answer. The force stays for the time of the watchdog, then fades linearly to zero.
- * - Any other status, a force that is null or not finite, or a `dt` longer than the watchdog: the force fades at once. */
+ * - Any other status, a force that is null or not finite, a `dt` longer than the watchdog: the force fades at once. */
 int32_t viscera_guard_step(viscera_guard *guard, const double force_in[3], int32_t status, double dt,
                            double force_out[3]);
 

@@ -1,4 +1,4 @@
-"""What every law has: energy, stress and tangent, moduli at rest, curves; and what the core knows of each."""
+"""What every law offers: energy, stress, tangent, moduli at rest and curves; and the core's description of each law."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class Law:
     ) -> Figure:
         """Nominal stress in uniaxial, equibiaxial and planar tension and in simple shear, beside that of other laws.
 
-        stretch: range of stretches, 1 within; cell: whose parameters; a PNG where a path is given.
+        stretch: range of stretches, which includes 1; cell: whose parameters to take; path: write a PNG file there.
 
         >>> import viscera as vs
 

@@ -19,12 +19,12 @@ from viscera.quantity import refused
 log = logging.getLogger("viscera")
 
 COMPONENTS = tuple(f"a{family}{axis}" for family in range(2) for axis in "xyz")
-"""Columns of the directions of fibres."""
+"""Names of the columns with the directions of fibres."""
 _STRAINED = np.eye(3) + 0.05 * np.sin(np.arange(27.0)).reshape(3, 3, 3)
 
 
 class StrainEnergy(Law):
-    """A strain energy of your own, as a formula: no compiler, and all that the other laws can.
+    """A strain energy of your own, as a formula. It needs no compiler and can be used like every other law.
 
     energy [J/m^3]: text in `I1`, `I2`, `J`, the isochoric `I1bar` = I1 J^(-2/3) and `I2bar` = I2 J^(-4/3), and with
     fibres `I4` and `I6`, |F a|^2 along the first and second direction; `+ - * / **`, `exp`, `log`, `sqrt`, `max`,
@@ -32,9 +32,9 @@ class StrainEnergy(Law):
     over cells. fibres: two directions (2, 3), or (2, m, 3) over cells.
 
     Stress, tangent and power series are derived from the formula exactly. The stress at rest must vanish. `young` and
-    `poisson` are those at small strain. Raises `VisceraError` for text that is no formula, with the place in it; for a
-    parameter without a value; for a stress at rest; for moduli that are not positive. Warns in the log where the energy
-    stays bounded as J -> 0, since strong pressure then crushes cells.
+    `poisson` are those at small strain. Raises `VisceraError` for text that is not a formula (the error shows where),
+    for a parameter without a value, for a stress at rest, and for moduli that are not positive. A warning is logged if
+    the energy stays bounded as J -> 0, since strong pressure then crushes cells.
 
     >>> law = StrainEnergy("mu/2*(I1 - 3) - mu*log(J) + lam/2*log(J)**2", mu=1e3, lam=4e3)
     >>> law
@@ -82,7 +82,7 @@ class StrainEnergy(Law):
 
     @property
     def words(self) -> dict[str, Any]:
-        """What makes the law of a single set of parameters, as a case file gives it."""
+        """The arguments that make the law from a single set of parameters, as in a case file."""
         row = self.parameters[0].tolist()
         values = {"energy": self.formula, **dict(zip(self.names, row, strict=False))}
         components = row[len(self.names) :]
@@ -102,7 +102,7 @@ class StrainEnergy(Law):
 
     @property
     def stresses(self) -> tuple[int, ...]:
-        """The parameters that the energy is proportional to together; raises `VisceraError` where there are none."""
+        """The parameters to which, together, the energy is proportional; raises `VisceraError` if there are none."""
         rows, F = self.parameters[:1], _STRAINED
         energy = _core.Law(self.name, rows).energy(F)
 
@@ -127,7 +127,7 @@ class StrainEnergy(Law):
 
     @property
     def is_analytic(self) -> bool:
-        """Whether the formula has no switch (`max`, `min`, `step`), which might turn over at rest."""
+        """Whether the formula is without `max`, `min` and `step`, which might switch at rest."""
         return not any(f"{word}(" in self.formula.replace(" ", "") for word in ("max", "min", "step"))
 
     def __repr__(self) -> str:

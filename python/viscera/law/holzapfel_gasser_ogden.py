@@ -19,10 +19,10 @@ class HolzapfelGasserOgden(Law):
     c: shear modulus of the ground substance [Pa]; k1 [Pa] and k2: stiffness of the fibres and how fast they stiffen;
     fibres: the directions a_i (2, 3), or (2, m, 3) over cells, of any length (`helical_fibres` makes them);
     dispersion d from 0 (parallel) to 1/3 (isotropic); kappa (the bulk modulus) [Pa], or poisson, Poisson's ratio of the
-    ground substance. Fibres bear no compression: a family counts where E_i >= 0, which a power series decides by its
-    base state. So the law serves statics; a reduced model about rest needs the analytic variant bear_compression=True.
+    ground substance. Fibres bear no compression: a family counts only where E_i >= 0. A power series cannot follow this
+    switch, so a reduced model about rest needs the analytic variant bear_compression=True; statics needs no variant.
     Holzapfel, Gasser and Ogden, J. Elasticity 61 (2000) 1; Gasser, Ogden and Holzapfel, J. R. Soc. Interface 3 (2006)
-    15. Raises `VisceraError` for moduli that are not positive, a dispersion outside 0..1/3, a fibre of no length.
+    15. Raises `VisceraError` for moduli that are not positive, a dispersion outside 0..1/3, and a fibre of length 0.
 
     >>> HolzapfelGasserOgden(3e3, 2.4e3, 0.84, fibres=[(1, 0, 1), (1, 0, -1)], kappa=1e5)
     HolzapfelGasserOgden(c=3000, k1=2400, k2=0.84, dispersion=0, kappa=100000)

@@ -1,4 +1,4 @@
-"""Laws whose class says no more than their row in the core."""
+"""Laws that are fully described by their row in the core."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from viscera.parameters import bulk_modulus, columns, compressibility, require, 
 
 
 class OfRow(Law):
-    """The laws whose parameters are those of their row in the core, or `poisson` in the place of `kappa`."""
+    """Base of the laws whose parameters are those of their row in the core, or `poisson` instead of `kappa`."""
 
     __signature__: ClassVar[Signature]
 

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Several(Law):
-    """Several laws in one organ: a vessel of one in a liver of another.
+    """Several laws in one organ, such as a vessel in a liver.
 
     laws: the law of each part by its place, a cell set's name, a condition on centroids, indices or a predicate, as in
     `Mesh.cells_in`; where two places overlap, the later one counts. A law may have one value of each parameter or one
-    per cell of the mesh. `Organ(mesh, {"liver": ..., "vein": ...})` makes it by itself.
+    per cell of the mesh. `Organ(mesh, {"liver": ..., "vein": ...})` makes this law by itself.
 
-    Where one of the laws forbids cells turned inside out, all do. Raises `VisceraError` for a cell without a law, and
-    for `Linear` beside another law: its stress is one of small strains.
+    If one of the laws forbids inverted cells, all do. Raises `VisceraError` for a cell without a law, and for `Linear`
+    beside another law, because its stress holds for small strains only.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
@@ -107,7 +107,7 @@ class Several(Law):
 
     @property
     def stresses(self) -> tuple[int, ...]:
-        """Of the law that all cells have in common; raises `VisceraError` where they have several."""
+        """Those of the law that all cells have in common; raises `VisceraError` if they have several."""
         used = np.unique(self.of_cell)
         if len(used) > 1:
             raise VisceraError(

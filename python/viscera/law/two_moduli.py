@@ -13,7 +13,7 @@ from viscera.quantity import brief
 
 
 class TwoModuli(Law):
-    """The laws with two moduli: Young's modulus and Poisson's ratio, or the Lamé constants."""
+    """Base of the laws with two moduli: Young's modulus and Poisson's ratio, or the Lamé constants."""
 
     def __init__(
         self,
@@ -116,8 +116,8 @@ class StableNeoHookean(TwoModuli):
     """psi = m / 2 (I1 - 3) + l / 2 (J - a)^2 - m / 2 ln(I1 + 1) - psi(rest), with a = 1 + 3 m / (4 l).
 
     m = 4 mu / 3 and l = lam + 5 mu / 6 make mu and lam, or young and poisson, those of Hooke's law at small strain.
-    J <= 0 is allowed: the energy of a cell turned inside out is finite and smooth, and the cell recovers; in exchange
-    nothing keeps a cell from being crushed. Smith, de Goes and Kim, ACM Trans. Graph. 37 (2018) 12, equation 14.
+    J <= 0 is allowed: the energy of an inverted cell is finite and smooth, and the cell recovers. In exchange, nothing
+    keeps a cell from being crushed. Smith, de Goes and Kim, ACM Trans. Graph. 37 (2018) 12, equation 14.
 
     >>> StableNeoHookean(young=3e3, poisson=0.45)
     StableNeoHookean(mu=1034.48, lam=9310.34)

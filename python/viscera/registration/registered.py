@@ -1,4 +1,4 @@
-"""What a registration gives back."""
+"""The result of a registration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from viscera.state import State
 
 MODEL = 0.3
-"""Share of a node's deformation, standard deviation along an axis, that law, mesh and linearisation may get wrong."""
+"""Error by law, mesh and linearisation: standard deviation along an axis, as a share of a node's deformation."""
 
 
 class Registered(Deformed, Pictured):
@@ -61,33 +61,33 @@ class Registered(Deformed, Pictured):
         """The equilibrium before the rigid motion, in the organ's own axes, under `nodal_force`."""
         self.mesh: Mesh = organ.mesh
         self.rotation: Floats = motion.rotation
-        """(3, 3): x -> rotation x + translation takes the deformed organ to where it was seen."""
+        """(3, 3): x -> rotation x + translation takes the deformed organ to the measured points."""
         self.translation: Floats = motion.translation
         """(3,) [m]"""
         self.displacement: Floats = motion(self.mesh.points + state.displacement) - self.mesh.points
-        """Displacement (n, 3) [m] from the mesh to where the organ is now, rigid motion included."""
+        """Displacement (n, 3) [m] from the mesh to the present position of the organ, rigid motion included."""
         self.residual = residual
         """Distance (k,) [m] of each surface point from the organ, positive outside."""
         self.is_inlier = inliers
-        """(k,) whether a surface point is taken for the organ's."""
+        """(k,) whether a surface point belongs to the organ."""
         self.pair_residual = pair_residual
-        """Distance [m] left at each landmark, and at each point as "point 0", "point 1", ..."""
+        """Remaining distance [m] at each landmark, and at each point under the names "point 0", "point 1", ..."""
         self.covariance = covariance
-        """Covariance (n, 3, 3) [m^2] of each node's place, linearised, of the noise and the unknown forces."""
+        """Covariance (n, 3, 3) [m^2] of the position of each node by noise and unknown forces, linearised."""
         self.band = band
-        """Radius (n,) [m] within which a node lies of its place with a probability of 95 %."""
+        """Radius (n,) [m] around each position within which the true one lies with a probability of 95 %."""
         self.is_observed = observed
-        """(n,) whether the data say where a node is: they leave less than a quarter of the variance it had without."""
+        """(n,) whether the data observe a node: they leave less than a quarter of its variance without data."""
         self.coverage = coverage
-        """Share of the surface that the cloud lies on."""
+        """Share of the surface that the measured points lie on."""
         self.nodal_force = nodal_force
-        """Nodal forces (n, 3) [N] of the fit, in the organ's axes; proportional to the stiffness that the law has."""
+        """Nodal forces (n, 3) [N] of the fit, in the organ's axes, proportional to the stiffness of the law."""
         self.iterations = iterations
         self.is_converged: bool = is_settled and state.is_converged
         self.seconds = seconds
         """Wall time."""
         self.message = message or self._unseen()
-        """What went wrong, or what was not observed; empty where all is well."""
+        """What went wrong, or what was not observed; empty if neither."""
 
     @property
     def status(self) -> str:
@@ -108,7 +108,7 @@ class Registered(Deformed, Pictured):
         )
 
     def band_at(self, points: ArrayLike) -> Floats:
-        """The band (k,) [m] at places (k, 3) [m] of the mesh; infinite where a place is not observed.
+        """The band (k,) [m] at points (k, 3) [m] of the mesh; infinite at points that are not observed.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -149,7 +149,7 @@ class Registered(Deformed, Pictured):
         return self.organ, self.displacement
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The organ where it was found, coloured by its band; a PNG where a path is given.
+        """Draw the organ where it was found, coloured by its band. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
