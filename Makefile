@@ -18,6 +18,8 @@ gpu_name     := $(if $(filter Darwin,$(shell uname)),libviscera_gpu.dylib,libvis
 gpu_library  := python/viscera/$(gpu_name)
 gpu_sources  := gpu/Cargo.toml gpu/Cargo.lock $(shell find gpu/src crates/device -type f)
 cargo_gpu    := --release --quiet --manifest-path gpu/Cargo.toml
+# The package, and what tests and documents it.
+development  := $(extension) $(VENV)/development
 vulkan       := /usr/share/vulkan/icd.d/*.json /etc/vulkan/icd.d/*.json
 
 # What is watched runs fast enough with little optimisation, and instrumented dependencies compile for ever with more.
@@ -34,7 +36,9 @@ page         := python/viscera/viewer/static/viewer.js
 page_sources := $(shell find viewer/src viewer/public -type f) viewer/package-lock.json viewer/vite.config.ts viewer/tsconfig.json
 evaluator    := viewer/wasm/evaluator.wasm
 stepper      := viewer/wasm/stepper.wasm
+page_stepper := $(dir $(page))stepper.wasm
 node_page    := $(if $(shell command -v npm),$(page))
+node_viewer  := $(if $(shell command -v npm),$(page_stepper))
 
 debian       := sh -c 'root=$$(test $$(id -u) = 0 || echo sudo); $$root apt-get update -q && $$root apt-get install -qy --no-install-recommends "$$@"' install
 
@@ -44,7 +48,7 @@ stages = @times=; for stage in $(1); do \
 	times="$$times$$(printf '%-13s %5d s' $$stage $$(($$(date +%s) - began)))\n"; done; printf "$$times"
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
+.PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust study-contact study-registration pages check-pages pictures clean
 .PHONY: reduced-liver build-times
 
@@ -52,11 +56,15 @@ help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 # Side by side: most of the time either compiler is busy with one crate, on one core.
-setup: ## make .venv and build the package into it, with GPU=1 the solver "gpu"; quick when nothing changed
-	$(MAKE) --jobs=2 $(extension) $(node_page) $(if $(GPU),$(gpu_library))
+setup: ## make .venv with everything in it, with GPU=1 the solver "gpu"; quick when nothing changed
+	$(MAKE) --jobs=2 $(development) $(node_viewer) $(if $(GPU),$(gpu_library))
+
+# No tools of development, and no solvers in the page.
+package: ## make .venv and build into it what the demo and the viewer of its model need
+	$(MAKE) --jobs=2 $(extension) $(node_page)
 
 demo: ## reduce the built-in liver, check it against Newton, draw it; results in out/
-	$(call stages,setup reduced-liver)
+	$(call stages,package reduced-liver)
 
 reduced-liver: $(extension)
 	$(BIN)/viscera demo --no-view --output out
@@ -64,7 +72,7 @@ reduced-liver: $(extension)
 test: ## everything that must be green
 	$(call stages,setup lint docs test-core test-c test-python test-web test-gpu-if-any)
 
-lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
+lint: $(development) $(VENV)/rust-tools ## formatting, clippy and ruff without warnings, types
 	$(CARGO) fmt --all --check
 	$(CARGO) fmt --manifest-path gpu/Cargo.toml --check
 	$(CARGO) clippy --target-dir target/lint --workspace --all-targets -- -D warnings
@@ -72,7 +80,7 @@ lint: $(extension) $(VENV)/rust-tools ## formatting, clippy and ruff without war
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-format: $(VENV)/installed $(VENV)/rust-tools ## put every file in its standard form
+format: $(VENV)/development $(VENV)/rust-tools ## put every file in its standard form
 	$(CARGO) fmt --all
 	$(CARGO) fmt --manifest-path gpu/Cargo.toml
 	$(BIN)/ruff check --fix
@@ -81,19 +89,19 @@ format: $(VENV)/installed $(VENV)/rust-tools ## put every file in its standard f
 test-core: ## the Rust tests
 	$(CARGO) test --release --workspace --quiet
 
-test-c: $(extension) c-library ## the C library: programs in C and C++ against Python
+test-c: $(development) c-library ## the C library: programs in C and C++ against Python
 	$(BIN)/pytest $(c_tests)
 
-test-python: $(extension) $(node_page) ## the Python tests and doctests
+test-python: $(development) $(node_viewer) ## the Python tests and doctests
 	$(BIN)/pytest --numprocesses=$(WORKERS) --dist=loadfile --ignore=$(c_tests) --ignore=tests/web
 
-test-web: $(extension) $(page) $(VENV)/chromium ## the viewer in a real browser, against Python
+test-web: $(development) $(page_stepper) $(VENV)/chromium ## the viewer in a real browser, against Python
 	$(BIN)/pytest tests/web
 
-viewer: $(page) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
+viewer: $(page_stepper) ## the viewer's page: evaluator to WebAssembly, TypeScript to one module
 
 # Mesa's drivers make a Vulkan device of the processor: no measure of speed, and the same answers.
-test-gpu: $(VENV)/vulkan $(extension) $(gpu_library) ## kernels and solver on this machine's graphics processor, or on software in its place
+test-gpu: $(VENV)/vulkan $(development) $(gpu_library) ## kernels and solver on this machine's graphics processor, or on software in its place
 	$(CARGO) clippy $(cargo_gpu) --target-dir target/lint --all-targets -- -D warnings
 	VISCERA_GPU=required $(CARGO) test $(cargo_gpu) --target-dir target
 	VISCERA_GPU=required $(BIN)/pytest tests/gpu
@@ -105,7 +113,7 @@ test-gpu-if-any:
 bench-gpu: ## kernels of the graphics processor against docs/gpu.md; results are kept from real devices alone
 	$(CARGO) run $(cargo_gpu) --target-dir target --example bench
 
-sanitize: $(extension) c-library ## the C programs under address, undefined behaviour and thread sanitizers
+sanitize: $(development) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
 
 fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_SECONDS for each target; needs nightly Rust
@@ -127,7 +135,7 @@ install-c: c-library ## header, libraries and pkg-config file of the C library i
 		test ! -f target/release/libviscera.$$library || install -m 644 target/release/libviscera.$$library $(PREFIX)/lib; done
 	install -m 644 target/release/viscera.pc $(PREFIX)/lib/pkgconfig
 
-bench: $(extension) out/liver.viscera ## the benchmarks
+bench: $(development) out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) run --quiet --release --package viscera-linear --example fronts; }
@@ -140,46 +148,43 @@ bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated hapti
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
 		exit $$status
 
-build-times: $(extension) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
+build-times: $(development) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
 	$(BIN)/python scripts/build_times.py | tee benchmarks/results/build.txt
 
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
 
-studies: $(extension) ## the full studies of the papers; their tables go where the pages quote them
+studies: $(development) ## the full studies of the papers; their tables go where the pages quote them
 	for name in beam liver; do \
 		mkdir -p benchmarks/results/$$name && \
 		$(BIN)/python benchmarks/machine.py > benchmarks/results/$$name/printed.txt && \
 		$(BIN)/viscera study $$name -o out/$$name && cp out/$$name/*.csv benchmarks/results/$$name/ || exit; done
 
-docs: $(extension) ## the documentation site, in out/site; a warning is an error
+docs: $(development) ## the documentation site, in out/site; a warning is an error
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
 
-study-trust: $(extension) ## what trust is worth: 5,000 touches of ten bodies under all laws; kept in benchmarks/results
+study-trust: $(development) ## what trust is worth: 5,000 touches of ten bodies under all laws; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
 
-study-contact: $(extension) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
+study-contact: $(development) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
 	for name in hertz contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
 
-study-registration: $(extension) ## how well a liver is found again, over twenty truths; goes on where it was interrupted; kept in benchmarks/results
+study-registration: $(development) ## how well a liver is found again, over twenty truths; goes on where it was interrupted; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/registration.py > out/registration.txt && mv out/registration.txt benchmarks/results/registration.txt
 
-pages: $(extension) ## run the marked programs of README and docs/, and write their real output there
+pages: $(development) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py
 	$(BIN)/python scripts/pages.py
 
-check-docs: $(extension) ## the documentation site, in out/site; a warning is an error
-	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
-
-check-pages: $(extension) ## compare what README and docs/ show with what their programs print, the long ones too
+check-pages: $(development) ## compare what README and docs/ show with what their programs print, the long ones too
 	$(BIN)/python scripts/pages.py --check
 
-gallery: $(extension) ## run the examples and keep their pictures for docs/
+gallery: $(development) ## run the examples and keep their pictures for docs/
 	$(BIN)/python scripts/gallery.py
 
-pictures: $(extension) $(page) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
+pictures: $(development) $(page_stepper) $(VENV)/chromium out/liver.viscera ## photograph the viewer for docs/
 	$(BIN)/python scripts/viewer_pictures.py out/liver.viscera
 	$(BIN)/python scripts/moving_picture.py out/liver.viscera
 
@@ -195,15 +200,18 @@ $(evaluator) $(stepper):
 
 $(stepper): $(evaluator)
 
-$(page): $(evaluator) $(stepper) $(page_sources) viewer/node_modules/.package-lock.json
+$(page): $(evaluator) $(page_sources) viewer/node_modules/.package-lock.json
 	npm --prefix viewer run build
-	install -m 644 $(stepper) $(dir $(page))stepper.wasm
+
+# Vite empties the folder of the page.
+$(page_stepper): $(stepper) $(page)
+	install -m 644 $(stepper) $@
 
 viewer/node_modules/.package-lock.json: viewer/package-lock.json
 	npm --prefix viewer ci --no-audit --no-fund
 	touch $@
 
-$(VENV)/chromium: | $(VENV)/installed
+$(VENV)/chromium: | $(VENV)/development
 	command -v chromium chromium-browser google-chrome || $(debian) chromium
 	touch $@
 
@@ -215,6 +223,11 @@ clean: ## forget .venv, build products and results
 $(VENV)/installed: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip 'maturin>=1.9.4,<2'
+	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release
+	touch $@
+
+# Nothing is compiled again.
+$(VENV)/development: pyproject.toml | $(extension)
 	VIRTUAL_ENV=$(CURDIR)/$(VENV) $(BIN)/maturin develop --release --extras cluster,dev,docs,scan
 	touch $@
 
@@ -226,11 +239,11 @@ $(gpu_library): $(gpu_sources)
 	$(CARGO) build $(cargo_gpu) --target-dir target --lib
 	install -m 755 target/release/$(gpu_name) $@
 
-$(VENV)/vulkan: | $(VENV)/installed
+$(VENV)/vulkan: | $(VENV)/development
 	ls $(vulkan) 2>/dev/null | grep -q json || $(debian) mesa-vulkan-drivers
 	touch $@
 
-$(VENV)/rust-tools: $(VENV)/installed
+$(VENV)/rust-tools: $(VENV)/development
 	$(CARGO) fmt --version || rustup component add rustfmt
 	$(CARGO) clippy --version || rustup component add clippy
 	touch $@

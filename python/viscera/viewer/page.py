@@ -38,17 +38,22 @@ def live_files() -> dict[str, bytes]:
 
 def stepping_files() -> dict[str, bytes]:
     """The same for the page of a case that it steps itself, its case left out."""
-    return {**_built(), "page.js": _script("openCase", CASE)}
+    return {**_stepping(), "page.js": _script("openCase", CASE)}
 
 
 def hybrid_files(model: bytes, case: bytes) -> dict[str, bytes]:
     """All files of the page that steps the organ of a model by itself until the model has arrived."""
-    return {**_built(), "page.js": _script("openHybrid", CASE, MODEL), CASE: case, MODEL: model}
+    return {**_stepping(), "page.js": _script("openHybrid", CASE, MODEL), CASE: case, MODEL: model}
+
+
+def can_step() -> bool:
+    """Whether what steps a case in a page was built."""
+    return _built().keys() >= set(STEPPER)
 
 
 def stepping_bytes() -> int:
     """Of what steps a case in a page, the case left out."""
-    return sum(len(_built()[name]) for name in STEPPER)
+    return sum(len(_stepping()[name]) for name in STEPPER)
 
 
 def single(files: Mapping[str, bytes], part: str) -> bytes:
@@ -101,6 +106,12 @@ def _opening(function: str, *addresses: str) -> str:
 def _built() -> dict[str, bytes]:
     folder = resources.files("viscera.viewer") / "static"
     found = {entry.name: entry.read_bytes() for entry in folder.iterdir()} if folder.is_dir() else {}
-    if not {"viewer.js", *STEPPER} <= found.keys():
+    if "viewer.js" not in found:
         raise VisceraError("this package was built without its viewer: install Node.js, then run 'make viewer'")
     return found
+
+
+def _stepping() -> dict[str, bytes]:
+    if not can_step():
+        raise VisceraError("this package was built without what steps a case in the page: run 'make viewer'")
+    return _built()

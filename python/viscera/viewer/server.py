@@ -200,10 +200,11 @@ def _response(status: HTTPStatus, body: bytes, content_type: str = "text/plain; 
 def serve_live(case: Case, name: str = "Organ", port: int = 0, *, in_page: bool | None = None) -> Server:
     """A server with the page on which a case is stepped in real time.
 
-    in_page: whether the page steps it, or this machine; by default the page where the organ is small enough.
+    in_page: whether the page steps it, or this machine; by default the page, where it is built for that and the organ
+        is small enough.
     """
     live = live_case(case, name)
-    if live.fits_a_page if in_page is None else in_page:
+    if live.fits_a_page and page.can_step() if in_page is None else in_page:
         return Server({**page.stepping_files(), page.CASE: live.data}, port)
     return Server(page.live_files(), port, converse(live))
 
