@@ -419,7 +419,7 @@ impl<L: Law, T: Real> Kernel for PressureSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let pressure = self.law.pressure(&Jet::new(self.table, self.ratio.to_vec()));
+        let pressure = self.law.pressure(&Jet::new(self.table, self.ratio));
         self.out.iter_mut().zip(pressure.coefficients()).for_each(|(out, &p)| *out = p);
     }
 }

@@ -226,7 +226,7 @@ pub trait Law: Copy + Send + Sync {
         let F = jets(table, deformation);
         let mut P = self.stress(&F);
         if !q.is_empty() {
-            let (q, (_, Z)) = (Jet::new(table, q.to_vec()), self.volume_ratio(&F));
+            let (q, (_, Z)) = (Jet::new(table, q), self.volume_ratio(&F));
             P = tabulate!(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
         }
         for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
@@ -265,5 +265,5 @@ fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlo
 #[inline(always)]
 fn jets<T: Real>(table: &'static Monomials, runs: &[T]) -> Mat3<Jet<T>> {
     let n = table.len();
-    tabulate!(|i, j| Jet::new(table, runs[(3 * i + j) * n..(3 * i + j + 1) * n].to_vec()))
+    tabulate!(|i, j| Jet::new(table, &runs[(3 * i + j) * n..(3 * i + j + 1) * n]))
 }

@@ -7,6 +7,7 @@
 //! in one variable it is the recursion of paper A (eqs. 48-51), to any order.
 
 use super::monomials::{Monomials, degree_of};
+use super::run::Run;
 use super::{Real, Scalar};
 use crate::simd::{Kernel, dispatch_solver};
 use std::fmt;
@@ -15,18 +16,18 @@ use std::ops::{Add, Mul, Neg, Sub};
 /// A truncated power series `sum_c coefficients[c] x^c`.
 ///
 /// Only the coefficients up to the highest degree present are stored (none for zero, one for a
-/// constant), so arithmetic with constants costs nothing. Operations allocate and loop: they are never inlined, or the
+/// constant), so arithmetic with constants costs nothing. Operations take memory and loop: they are never inlined, or the
 /// tensors that laws write out entry by entry would take minutes to compile.
 #[derive(Clone)]
-pub struct Jet<T> {
+pub struct Jet<T: Real> {
     table: &'static Monomials,
-    coefficients: Vec<T>,
+    coefficients: Run<T>,
 }
 
 impl<T: Real> Jet<T> {
     /// The jet with the given coefficients: a whole number of degrees of `table`.
-    pub fn new(table: &'static Monomials, coefficients: Vec<T>) -> Self {
-        Jet { table, coefficients }
+    pub fn new(table: &'static Monomials, coefficients: impl Into<Run<T>>) -> Self {
+        Jet { table, coefficients: coefficients.into() }
     }
 
     /// Its table of monomials.
@@ -54,8 +55,8 @@ impl<T: Real> Jet<T> {
     #[inline(always)]
     fn zip(mut self, other: Self, f: impl Fn(T, T) -> T) -> Self {
         let n = self.coefficients.len().max(other.coefficients.len());
-        self.coefficients.resize(n, T::default());
-        for (a, &b) in self.coefficients.iter_mut().zip(&other.coefficients) {
+        self.coefficients.resize(n);
+        for (a, &b) in self.coefficients.iter_mut().zip(other.coefficients.iter()) {
             *a = f(*a, b);
         }
         self
@@ -63,7 +64,7 @@ impl<T: Real> Jet<T> {
 
     #[inline(always)]
     fn map(mut self, f: impl Fn(T) -> T) -> Self {
-        for c in &mut self.coefficients {
+        for c in self.coefficients.iter_mut() {
             *c = f(*c);
         }
         self
@@ -72,7 +73,7 @@ impl<T: Real> Jet<T> {
     #[inline(always)]
     fn shift(mut self, value: f64) -> Self {
         if self.coefficients.is_empty() {
-            self.coefficients.push(T::default());
+            self.coefficients.resize(1);
         }
         self.coefficients[0] = self.coefficients[0] + value;
         self
@@ -82,19 +83,33 @@ impl<T: Real> Jet<T> {
     ///
     /// `step(out, d)` must add to `out` of degree `d`, which starts at zero.
     #[inline(always)]
-    fn by_degree(&self, constant: T, mut step: impl FnMut(&mut [T], usize)) -> Self {
-        let mut out = vec![T::default(); self.table.len()];
+    fn by_degree(&self, constant: T, step: impl FnMut(&mut [T], usize)) -> Self {
+        let mut out = Run::zeros(self.table.len());
         out[0] = constant;
-        for degree in 1..=self.table.order() {
-            step(&mut out, degree);
-        }
+        dispatch_solver(ByDegree { order: self.table.order(), out: &mut out, step });
         Jet { table: self.table, coefficients: out }
     }
 }
 
-impl<T: fmt::Debug> fmt::Debug for Jet<T> {
+struct ByDegree<'a, T, F> {
+    order: usize,
+    out: &'a mut [T],
+    step: F,
+}
+
+impl<T: Real, F: FnMut(&mut [T], usize)> Kernel for ByDegree<'_, T, F> {
+    type Output = ();
+    #[inline(always)]
+    fn run(mut self) {
+        for degree in 1..=self.order {
+            (self.step)(self.out, degree);
+        }
+    }
+}
+
+impl<T: Real + fmt::Debug> fmt::Debug for Jet<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_list().entries(&self.coefficients).finish()
+        f.debug_list().entries(self.coefficients.iter()).finish()
     }
 }
 
@@ -151,7 +166,7 @@ impl<T: Real> Mul for Jet<T> {
     #[inline(never)]
     fn mul(self, other: Self) -> Self {
         let (Some(da), Some(db)) = (self.degree(), other.degree()) else {
-            return Jet { table: self.table, coefficients: Vec::new() };
+            return Jet { table: self.table, coefficients: Run::default() };
         };
         if db == 0 {
             let b = other.coefficients[0];
@@ -162,7 +177,7 @@ impl<T: Real> Mul for Jet<T> {
             return other.map(|b| a * b);
         }
         let degree = (da + db).min(self.table.order());
-        let mut out = vec![T::default(); self.table.up_to(degree)];
+        let mut out = Run::zeros(self.table.up_to(degree));
         let (a, b) = (&self.coefficients, &other.coefficients);
         dispatch_solver(Products { pairs: self.table.pairs(0..degree + 1), a, b, out: &mut out });
         Jet { table: self.table, coefficients: out }
@@ -191,8 +206,8 @@ impl<T: Real> Kernel for Products<'_, T> {
 impl<T: Real> Scalar for Jet<T> {
     #[inline(never)]
     fn constant(&self, value: f64) -> Self {
-        let coefficients = if value == 0.0 { Vec::new() } else { vec![T::splat(value)] };
-        Jet { table: self.table, coefficients }
+        let constant = [T::splat(value)];
+        Jet::new(self.table, if value == 0.0 { &[] } else { &constant[..] })
     }
 
     /// `g f = 1`: `f_c = -(1/g_0) sum_{b /= 0} g_b f_{c-b}`.
@@ -249,7 +264,7 @@ impl<T: Real> Scalar for Jet<T> {
 
     #[inline(never)]
     fn heaviside(&self) -> Self {
-        Jet { table: self.table, coefficients: vec![self.coefficient(0).heaviside()] }
+        Jet::new(self.table, &[self.coefficient(0).heaviside()][..])
     }
 
     /// `g D f = r f D g`.
@@ -279,7 +294,7 @@ mod tests {
 
     fn sample(table: &'static Monomials) -> Jet<f64> {
         let c = (0..table.len()).map(|i| if i == 0 { 1.7 } else { (i as f64 * 0.7).sin() * 0.3 });
-        Jet::new(table, c.collect())
+        Jet::new(table, c.collect::<Vec<_>>())
     }
 
     fn close(a: &Jet<f64>, b: &Jet<f64>) {

@@ -4,7 +4,7 @@
 //! are compiled for AVX2 (see `crate::simd`). A law's tangent has thousands of these operations, and as many loops would
 //! cost the compiler most of its time: it unrolls each of them in a walk through the whole function.
 
-use super::{Real, Scalar, elementary};
+use super::{Pooled, Real, Scalar, elementary};
 use std::ops::{Add, Index, IndexMut, Mul, Neg, Sub};
 
 /// `L` numbers that go through the same arithmetic.
@@ -141,7 +141,10 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
 }
 
-impl<const L: usize> Real for Lanes<L> {
+impl<const L: usize> Real for Lanes<L>
+where
+    Lanes<L>: Pooled,
+{
     #[inline(always)]
     fn splat(value: f64) -> Self {
         lanes!(|_| value)

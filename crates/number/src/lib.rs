@@ -15,6 +15,7 @@ mod lanes;
 mod monomials;
 pub mod pade;
 mod power;
+mod run;
 pub mod simd;
 pub mod tensor;
 pub mod unroll;
@@ -25,6 +26,7 @@ pub use jet::Jet;
 pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub use monomials::{Monomials, degree_of, evaluate_monomials};
 pub use pade::Pade;
+pub use run::{Pooled, Run};
 pub use vector::{dot, norm};
 
 use std::fmt::Debug;
@@ -81,7 +83,7 @@ pub trait Scalar:
 }
 
 /// A scalar that is plain data: what jets and duals are built over, and what kernels loop on.
-pub trait Real: Scalar + Copy + Send + Sync + Default + 'static {
+pub trait Real: Scalar + Pooled + Send + Sync {
     /// All lanes equal to `value`.
     fn splat(value: f64) -> Self;
     /// `self += a * b`.

@@ -10,6 +10,7 @@ use crate::equilibrium::patch_mean;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::Monomials;
+use crate::number::simd::{Kernel, dispatch_solver};
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -143,21 +144,48 @@ fn cross_compliance(series: &TouchSeries, patch: &Patch) -> [f64; 9] {
 
 /// Sums of a field with random signs, the same for all fields: the angles between fields in few numbers.
 pub(super) fn sketch(series: &TouchSeries) -> Vec<f32> {
-    let mut sketch = Vec::with_capacity(SKETCH * series.displacement.len());
-    for field in &series.displacement {
-        let mut sums = [0.0; SKETCH];
-        for (dof, u) in field.iter().enumerate() {
-            let bits = random(dof as u64);
-            for (s, sum) in sums.iter_mut().enumerate() {
-                *sum += if bits >> s & 1 == 1 { *u } else { -u };
+    let sums = dispatch_solver(Sketch { fields: &series.displacement });
+    sums.as_flattened().iter().map(|sum| (sum / (SKETCH as f64).sqrt()) as f32).collect()
+}
+
+/// The sums of [`sketch`], field by field.
+struct Sketch<'a> {
+    fields: &'a [Vec<f64>],
+}
+
+impl Kernel for Sketch<'_> {
+    type Output = Vec<[f64; SKETCH]>;
+
+    /// Block by block of the degrees of freedom: the signs are made once for all fields, and stay in the cache.
+    #[inline(always)]
+    fn run(self) -> Vec<[f64; SKETCH]> {
+        const BLOCK: usize = 16;
+        let mut sums = vec![[0.0; SKETCH]; self.fields.len()];
+        let dofs = self.fields.first().map_or(0, Vec::len);
+        for first in (0..dofs).step_by(BLOCK) {
+            let block = first..dofs.min(first + BLOCK);
+            let signs: [[f64; SKETCH]; BLOCK] = std::array::from_fn(|k| signs((first + k) as u64));
+            for (field, sums) in self.fields.iter().zip(&mut sums) {
+                for (u, signs) in field[block.clone()].iter().zip(&signs) {
+                    for (sum, sign) in sums.iter_mut().zip(signs) {
+                        *sum += u * sign;
+                    }
+                }
             }
         }
-        sketch.extend(sums.map(|sum| (sum / (SKETCH as f64).sqrt()) as f32));
+        sums
     }
-    sketch
+}
+
+/// One or minus one for each sum, from the bits of a random number.
+#[inline(always)]
+fn signs(dof: u64) -> [f64; SKETCH] {
+    let bits = random(dof);
+    std::array::from_fn(|s| if bits >> s & 1 == 1 { 1.0 } else { -1.0 })
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood, 2014).
+#[inline(always)]
 fn random(seed: u64) -> u64 {
     let mut z = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);

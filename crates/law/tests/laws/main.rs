@@ -220,7 +220,7 @@ fn series_agree_with_generic_jets(law: impl Law) {
         compare(&series, &generic);
         // With a pressure on top.
         let (J, Z) = law.volume_ratio(&deformation);
-        let q = Jet::new(table, (0..n).map(|k| 0.3 * (1.0 + k as f64).cos()).collect());
+        let q = Jet::new(table, (0..n).map(|k| 0.3 * (1.0 + k as f64).cos()).collect::<Vec<_>>());
         let loaded = tabulate!(|i, j| generic[i][j].clone() + q.clone() * Z[i][j].clone());
         series.fill(0.0);
         law.stress_series(table, &path, q.coefficients(), &mut series);
