@@ -1,52 +1,10 @@
 //! Nodes in aggregates, each a node and its neighbours: the unknowns of the next level (Vaněk, Mandel and Brezina,
 //! Computing 56, 1996, 179, algorithm 5.1).
 
-use super::blocks::Upper;
+use crate::neighbours::Neighbours;
 
 /// In no aggregate yet.
 const FREE: u32 = u32::MAX;
-
-/// Neighbours of every node, from both triangles, without the node itself.
-pub(super) struct Neighbours {
-    start: Vec<u32>,
-    node: Vec<u32>,
-}
-
-impl Neighbours {
-    pub fn of_pattern(pattern: &Upper) -> Self {
-        let n = pattern.n();
-        let mut start = vec![0u32; n + 1];
-        let off_diagonal = |column: usize| &pattern.rows(column)[..pattern.rows(column).len() - 1];
-        for column in 0..n {
-            for &row in off_diagonal(column) {
-                start[row as usize + 1] += 1;
-                start[column + 1] += 1;
-            }
-        }
-        (0..n).for_each(|i| start[i + 1] += start[i]);
-        let (mut next, mut node) = (start.clone(), vec![0u32; start[n] as usize]);
-        let mut append = |of: usize, other: usize| {
-            node[next[of] as usize] = other as u32;
-            next[of] += 1;
-        };
-        for column in 0..n {
-            for &row in off_diagonal(column) {
-                append(column, row as usize);
-                append(row as usize, column);
-            }
-        }
-        Neighbours { start, node }
-    }
-
-    /// Number of nodes.
-    pub fn n(&self) -> usize {
-        self.start.len() - 1
-    }
-
-    pub fn of(&self, node: usize) -> &[u32] {
-        &self.node[self.start[node] as usize..self.start[node + 1] as usize]
-    }
-}
 
 /// Which nodes belong together.
 pub(super) struct Aggregates {

@@ -58,6 +58,12 @@ impl Upper {
         self.row.len()
     }
 
+    /// Row and column of every block.
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + Clone + '_ {
+        (0..self.n())
+            .flat_map(|column| self.rows(column).iter().map(move |&row| (row, column as u32)))
+    }
+
     /// Places of a column's blocks; the last is the diagonal.
     #[inline(always)]
     pub fn column(&self, column: usize) -> std::ops::Range<usize> {

@@ -1,8 +1,8 @@
 //! The matrix of the next level, `Pᵀ A P`, in double precision.
 
-use super::aggregates::Neighbours;
 use super::blocks::Upper;
 use super::prolongation::{MODES, Prolongation};
+use crate::neighbours::Neighbours;
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Values of a block of the next level.

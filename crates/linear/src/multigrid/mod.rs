@@ -14,8 +14,9 @@ mod prolongation;
 #[cfg(test)]
 mod tests;
 
+use super::neighbours::Neighbours;
 use super::{Cholesky, FactorError, Factorization, Pattern, conjugate_gradients as cg};
-use aggregates::{Aggregates, Neighbours};
+use aggregates::Aggregates;
 use blocks::{Smoother, Upper};
 use galerkin::SQUARE;
 use prolongation::{MODES, Part, Prolongation, rigid_modes};
@@ -213,7 +214,7 @@ impl Multigrid {
 impl<const B: usize, const W: usize> Level<B, W> {
     /// With what is below it.
     fn new(upper: Upper) -> (Self, Upper) {
-        let neighbours = Neighbours::of_pattern(&upper);
+        let neighbours = Neighbours::new(upper.n(), upper.pairs());
         let aggregates = Aggregates::new(&neighbours);
         let prolongation = Prolongation::new(&aggregates, &neighbours);
         let coarse = galerkin::pattern(&prolongation, &neighbours);

@@ -1,7 +1,8 @@
 //! From a level to the next finer one: the modes of each aggregate, smoothed.
 
-use super::aggregates::{Aggregates, Neighbours};
+use super::aggregates::Aggregates;
 use super::blocks::{Smoother, Upper};
+use crate::neighbours::Neighbours;
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Rigid-body modes, and so unknowns of an aggregate.

@@ -1,6 +1,6 @@
 //! The tangent as symmetric 3x3 node blocks, its pattern, and its restriction to free degrees of freedom.
 
-use crate::linear::Pattern;
+use crate::linear::{Numbering, Pattern};
 use crate::simd::{Kernel, dispatch};
 use std::sync::Arc;
 
@@ -59,6 +59,26 @@ impl SymmetricBlocks {
         self.values.copy_from_slice(&other.values);
     }
 
+    /// The zero matrix with the nodes in another order, and where each of its blocks comes from.
+    pub fn renumbered(pattern: &BlockPattern, numbering: &Numbering) -> (Self, Vec<Source>) {
+        let (pattern, sources) = pattern.renumbered(numbering);
+        (SymmetricBlocks::zeros(&Arc::new(pattern)), sources)
+    }
+
+    /// Takes the values of a matrix in the order of the body.
+    pub fn copy_renumbered(&mut self, other: &SymmetricBlocks, sources: &[Source]) {
+        let (given, _) = other.values.as_chunks::<9>();
+        let (own, _) = self.values.as_chunks_mut::<9>();
+        for (own, source) in own.iter_mut().zip(sources) {
+            let given = &given[source.block as usize];
+            *own = if source.transposed {
+                std::array::from_fn(|entry| given[3 * (entry % 3) + entry / 3])
+            } else {
+                *given
+            };
+        }
+    }
+
     /// The block of each node with itself, entries `[i][k]`.
     pub fn diagonal(&self) -> impl Iterator<Item = &[f64; 9]> {
         let (blocks, _) = self.values.as_chunks::<9>();
@@ -85,6 +105,13 @@ impl SymmetricBlocks {
     }
 }
 
+/// Where a block of a renumbered matrix comes from, and whether it comes transposed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Source {
+    block: u32,
+    transposed: bool,
+}
+
 /// Which blocks a symmetric matrix has, upper triangle, in compressed columns.
 #[derive(Clone)]
 pub struct BlockPattern {
@@ -105,10 +132,35 @@ impl BlockPattern {
     }
 
     /// Row and column node of every block, row <= column, in the order of [`SymmetricBlocks::values`].
-    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+    pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> + Clone + '_ {
         let columns =
             (0..self.n()).flat_map(|column| self.column(column).map(move |_| column as u32));
         self.row.iter().copied().zip(columns)
+    }
+
+    /// The same blocks with the nodes in another order, and where each comes from.
+    fn renumbered(&self, numbering: &Numbering) -> (BlockPattern, Vec<Source>) {
+        let mut start = vec![0u32; self.n() + 1];
+        let place = |node: u32| numbering.place()[node as usize];
+        let ends = |row: u32, column: u32| (place(row), place(column));
+        for (row, column) in self.pairs() {
+            let (a, b) = ends(row, column);
+            start[a.max(b) as usize + 1] += 1;
+        }
+        (0..self.n()).for_each(|column| start[column + 1] += start[column]);
+        let mut next = start.clone();
+        let mut blocks = vec![(0, Source { block: 0, transposed: false }); self.len()];
+        for ((row, column), block) in self.pairs().zip(0..) {
+            let (a, b) = ends(row, column);
+            let next = &mut next[a.max(b) as usize];
+            blocks[*next as usize] = (a.min(b), Source { block, transposed: a > b });
+            *next += 1;
+        }
+        for range in start.windows(2) {
+            blocks[range[0] as usize..range[1] as usize].sort_unstable_by_key(|&(row, _)| row);
+        }
+        let (row, sources) = blocks.into_iter().unzip();
+        (BlockPattern { column_start: start, row }, sources)
     }
 
     /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for

@@ -2,6 +2,7 @@
 //! results node by node and block by block.
 
 use super::blocks::{BlockPattern, Grouped};
+use super::cell_order::cell_order;
 
 use crate::element::{Geometry, Shape};
 use crate::law::Material;
@@ -73,8 +74,14 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         let mut batches = Vec::with_capacity(nodes.len() / LANES + 1);
         let mut slots = vec![Slot { batch: 0, lane: 0 }; nodes.len()];
         let mut rows = Vec::new();
-        for (tissue, group) in (0u32..).zip(tissues(nodes.len(), material)) {
+        let mut place = vec![0; nodes.len()];
+        let order = cell_order(&nodes, pattern, n_points);
+        for (at, &cell) in (0u32..).zip(order.iter().flatten()) {
+            place[cell as usize] = at;
+        }
+        for (tissue, mut group) in (0u32..).zip(tissues(nodes.len(), material)) {
             rows.push(material.row(group[0]).to_vec());
+            group.sort_by_key(|&cell| place[cell]);
             for members in group.chunks(LANES) {
                 for (lane, &cell) in members.iter().enumerate() {
                     slots[cell] = Slot { batch: batches.len() as u32, lane: lane as u8 };
@@ -82,9 +89,12 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                 batches.push(batch(members, &nodes, geometry, tissue));
             }
         }
-        let at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
+        let mut at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
             .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
             .collect();
+        if order.is_some() {
+            at_nodes.sort_by_key(|(_, (slot, _))| (slot.batch, slot.lane));
+        }
         let nowhere = Destination { block: NOWHERE, transposed: false };
         let mut destinations = vec![nowhere; LANES * batches.len() * Self::PAIRS];
         for (nodes, &slot) in nodes.iter().zip(&slots) {

@@ -5,6 +5,7 @@
 //! come out the same whatever the number of threads.
 
 mod blocks;
+mod cell_order;
 mod cell_tangent;
 mod cells;
 mod check;
@@ -27,7 +28,7 @@ mod tasks;
 #[cfg(test)]
 mod tests;
 
-pub use blocks::{BlockPattern, SymmetricBlocks, add_block_product};
+pub use blocks::{BlockPattern, Source, SymmetricBlocks, add_block_product};
 pub use curvature::Curvature;
 pub use kernels::UPRIGHT;
 pub use outliers::Outlier;

@@ -15,7 +15,7 @@ use crate::equilibrium::Tangent;
 use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
-use crate::linear::{BlockMatrix, FactorError, Multigrid};
+use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
 use crate::number::{dot, norm};
 
 /// A right-hand side that falls to this part of itself once the tools carry their share is none.
@@ -63,17 +63,20 @@ pub(super) struct Iterative {
 }
 
 impl Iterative {
+    /// In an order of its own where there is a `numbering`; all of its vectors are in that.
     pub fn new(
         settings: ConjugateGradients,
         body: &Body,
         free: &[u32],
+        numbering: Option<&Numbering>,
     ) -> Result<Self, FactorError> {
         let n_dofs = body.n_dofs();
-        let operand = Operand::new(body, settings.is_matrix_free);
+        let operand = Operand::new(body, settings.is_matrix_free, numbering);
+        let pattern = operand.pattern().unwrap_or(body.pattern());
         let inverse = match settings.preconditioner {
             Preconditioner::BlockJacobi => Inverse::BlockJacobi(BlockJacobi::new(n_dofs / 3)),
             Preconditioner::IncompleteCholesky => {
-                let matrix = BlockMatrix::new(n_dofs / 3, body.pattern().pairs());
+                let matrix = BlockMatrix::new(n_dofs / 3, pattern.pairs());
                 let factor = IncompleteCholesky::new(&matrix);
                 Inverse::IncompleteCholesky(Box::new(Incomplete { matrix, factor }))
             }
@@ -81,8 +84,11 @@ impl Iterative {
                 Inverse::Lagged(Lagged::new(body.pattern(), free, n_dofs)?)
             }
             Preconditioner::Multigrid => {
-                let multigrid = Multigrid::new(body.points(), body.pattern().pairs())?;
-                Inverse::Multigrid(Box::new(multigrid))
+                let points = |numbering: &Numbering| -> Vec<[f64; 3]> {
+                    numbering.order().iter().map(|&node| body.points()[node as usize]).collect()
+                };
+                let points = numbering.map_or_else(|| body.points().to_vec(), points);
+                Inverse::Multigrid(Box::new(Multigrid::new(&points, pattern.pairs())?))
             }
         };
         Ok(Iterative {
@@ -120,14 +126,14 @@ impl Iterative {
         let renewed = match &mut self.inverse {
             Inverse::BlockJacobi(inverse) => self.operand.factorize(inverse).map(|()| true),
             Inverse::IncompleteCholesky(incomplete) if is_stale => {
-                incomplete.matrix.fill(tangent.blocks()?.values(), shift);
+                incomplete.matrix.fill(self.operand.values()?, shift);
                 incomplete.factor.factorize(&incomplete.matrix).map(|()| true)
             }
             Inverse::Multigrid(multigrid) if is_stale => {
-                multigrid.factorize(tangent.blocks()?.values(), shift).map(|()| true)
+                multigrid.factorize(self.operand.values()?, shift).map(|()| true)
             }
             Inverse::IncompleteCholesky(_) | Inverse::Multigrid(_) => Ok(false),
-            Inverse::Lagged(inverse) => inverse.renew(tangent.blocks()?.values(), shift, is_stale),
+            Inverse::Lagged(inverse) => inverse.renew(self.operand.values()?, shift, is_stale),
         };
         self.remote.renew();
         self.is_stale = is_stale && renewed.is_err();
@@ -137,16 +143,14 @@ impl Iterative {
         renewed
     }
 
-    /// Makes the preconditioner of the tangent with another shift, where it has none with its own; none where its kind
+    /// Makes the preconditioner of the last tangent with another shift, where it has none with its own; none where its kind
     /// does not take one.
-    pub fn lift(&mut self, tangent: &Tangent, shift: f64) -> Option<Result<bool, FactorError>> {
-        let blocks = tangent.blocks().ok()?;
-        let shift = absolute(shift, || blocks.mean_diagonal());
+    pub fn lift(&mut self, shift: f64) -> Option<Result<bool, FactorError>> {
+        let values = self.operand.values().ok()?;
+        let shift = absolute(shift, || self.operand.mean_diagonal());
         let renewed = match &mut self.inverse {
-            Inverse::Lagged(inverse) => inverse.renew(blocks.values(), shift, true),
-            Inverse::Multigrid(multigrid) => {
-                multigrid.factorize(blocks.values(), shift).map(|()| true)
-            }
+            Inverse::Lagged(inverse) => inverse.renew(values, shift, true),
+            Inverse::Multigrid(multigrid) => multigrid.factorize(values, shift).map(|()| true),
             Inverse::BlockJacobi(_) | Inverse::IncompleteCholesky(_) => return None,
         };
         self.is_stale &= renewed.is_err();

@@ -12,6 +12,7 @@ mod factor;
 mod indefinite;
 mod iterative;
 mod lagged;
+mod numbered;
 mod operand;
 #[cfg(test)]
 mod tests;
@@ -20,7 +21,7 @@ use super::tangent::Tangent;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::error::Error;
-use crate::linear::{FactorError, next_shift};
+use crate::linear::FactorError;
 use crate::mesh::Patch;
 use crate::settings;
 use border::Border;
@@ -29,7 +30,7 @@ pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
 use direct::{Direct, Held};
 use factor::TangentFactor;
 use indefinite::Indefinite;
-use iterative::Iterative;
+use numbered::Numbered;
 
 /// First shift of a tangent that is not positive definite, over its mean diagonal, to make a preconditioner of it.
 const FIRST_SHIFT: f64 = 1e-4;
@@ -101,15 +102,13 @@ pub struct ConstrainedSystem {
     rows: Vec<Option<u32>>,
     is_held: Vec<bool>,
     border: Border,
-    /// The border has not met the preconditioner yet.
-    is_border_new: bool,
     solver: Solver,
 }
 
 enum Solver {
     Direct(Box<Direct>),
     Indefinite(Box<Indefinite>),
-    Iterative(Box<Iterative>),
+    Iterative(Box<Numbered>),
 }
 
 impl ConstrainedSystem {
@@ -136,12 +135,11 @@ impl ConstrainedSystem {
             }
             Method::Ldlt => Solver::Indefinite(Box::new(Indefinite::new(body.pattern(), &free)?)),
             Method::ConjugateGradients(settings) => {
-                Solver::Iterative(Box::new(Iterative::new(settings, body, &free)?))
+                Solver::Iterative(Box::new(Numbered::new(settings, body, &free)?))
             }
         };
         let border = Border::new(Vec::new(), &is_held);
-        let mut system =
-            ConstrainedSystem { free, rows, is_held, border, is_border_new: true, solver };
+        let mut system = ConstrainedSystem { free, rows, is_held, border, solver };
         system.hold(&[], patches);
         Ok(system)
     }
@@ -162,12 +160,11 @@ impl ConstrainedSystem {
     pub fn hold(&mut self, dofs: &[u32], patches: Vec<Patch>) {
         self.is_held.iter_mut().zip(&self.rows).for_each(|(held, row)| *held = row.is_none());
         dofs.iter().for_each(|&dof| self.is_held[dof as usize] = true);
-        self.border = Border::new(patches, &self.is_held);
-        self.is_border_new = true;
+        self.border = Border::new(patches.clone(), &self.is_held);
         match &mut self.solver {
             Solver::Direct(direct) => direct.hold(&self.is_held),
             Solver::Indefinite(_) => {}
-            Solver::Iterative(iterative) => iterative.hold(&self.is_held),
+            Solver::Iterative(iterative) => iterative.hold(&self.is_held, patches),
         }
     }
 
@@ -216,27 +213,7 @@ impl ConstrainedSystem {
                 factor.factorize(tangent.values(), shift, is_held)?;
                 border.influence(|b, x| factor.solve(free, b, x))
             }
-            Solver::Iterative(iterative) => {
-                let mut renewed = iterative.prepare(tangent, shift);
-                // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
-                // preconditioner that knows nothing of the border.
-                let mut lift = 0.0;
-                while let Err(error) = &renewed
-                    && error.is_of_a_pivot()
-                    && !border.is_empty()
-                    && let Some(next) = next_shift(lift, FIRST_SHIFT.max(shift))
-                    && let Some(lifted) = iterative.lift(tangent, next)
-                {
-                    (renewed, lift) = (lifted, next);
-                }
-                if renewed? || std::mem::take(&mut self.is_border_new) {
-                    border.influence(|b, x| {
-                        iterative.precondition(b, x);
-                        Ok(())
-                    })?;
-                }
-                Ok(())
-            }
+            Solver::Iterative(iterative) => iterative.prepare(tangent, shift),
         }
     }
 
@@ -262,9 +239,7 @@ impl ConstrainedSystem {
         let solved = match &mut self.solver {
             Solver::Direct(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
             Solver::Indefinite(factor) => factor.solve(&self.free, b, step).map(|()| direct)?,
-            Solver::Iterative(iterative) => {
-                iterative.solve(&self.border, b, c, step, forces, deadline)?
-            }
+            Solver::Iterative(iterative) => iterative.solve(b, c, step, forces, deadline)?,
         };
         if !matches!(self.solver, Solver::Iterative(_)) {
             self.border.close(step, c, forces);

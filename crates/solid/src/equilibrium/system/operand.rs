@@ -3,11 +3,11 @@
 //! single precision.
 
 use super::absolute;
-use crate::body::{Body, SymmetricBlocks};
+use crate::body::{BlockPattern, Body, Source, SymmetricBlocks};
 use crate::equilibrium::Tangent;
 use crate::equilibrium::tangent::{Product, ProductOperator};
-use crate::linear::FactorError;
 use crate::linear::conjugate_gradients::{BlockJacobi, Operator};
+use crate::linear::{FactorError, Numbering};
 
 /// Largest relative error of a number in single precision.
 const UNIT: f64 = 0.5 * f32::EPSILON as f64;
@@ -21,13 +21,18 @@ pub(super) struct Operand {
 
 enum Kind {
     Matrix(SymmetricBlocks),
+    /// In another order than the body's, and where its blocks are in that.
+    Renumbered(SymmetricBlocks, Vec<Source>),
     Product(ProductOperator),
 }
 
 impl Operand {
-    pub fn new(body: &Body, is_matrix_free: bool) -> Self {
+    pub fn new(body: &Body, is_matrix_free: bool, numbering: Option<&Numbering>) -> Self {
         let kind = if is_matrix_free {
             Kind::Product(Product::new(body).operator())
+        } else if let Some(numbering) = numbering {
+            let (matrix, sources) = SymmetricBlocks::renumbered(body.pattern(), numbering);
+            Kind::Renumbered(matrix, sources)
         } else {
             Kind::Matrix(body.zero_tangent())
         };
@@ -44,15 +49,40 @@ impl Operand {
             (Kind::Product(operator), Tangent::Product(product)) => *operator = product.operator(),
             (Kind::Product(_), Tangent::Matrix(_)) => return Err(FactorError::NotFactorized),
             (Kind::Matrix(matrix), tangent) => matrix.copy_from(tangent.blocks()?),
+            (Kind::Renumbered(matrix, sources), tangent) => {
+                matrix.copy_renumbered(tangent.blocks()?, sources);
+            }
         }
-        self.shift = absolute(shift, || mean(&self.diagonal()));
+        self.shift = absolute(shift, || self.mean_diagonal());
         Ok(self.shift)
     }
 
     /// Values of the assembled matrix and the shift, where it is assembled.
     pub fn matrix(&self) -> Option<(&[f64], f64)> {
+        self.blocks().map(|matrix| (matrix.values(), self.shift))
+    }
+
+    /// Values of the assembled matrix.
+    ///
+    /// # Errors
+    /// [`FactorError::NotFactorized`]: there is none.
+    pub fn values(&self) -> Result<&[f64], FactorError> {
+        self.blocks().map(SymmetricBlocks::values).ok_or(FactorError::NotFactorized)
+    }
+
+    /// Mean of the diagonal entries, without the shift.
+    pub fn mean_diagonal(&self) -> f64 {
+        mean(&self.diagonal())
+    }
+
+    /// The blocks that it has, where it is assembled.
+    pub fn pattern(&self) -> Option<&BlockPattern> {
+        self.blocks().map(SymmetricBlocks::pattern)
+    }
+
+    fn blocks(&self) -> Option<&SymmetricBlocks> {
         match &self.kind {
-            Kind::Matrix(matrix) => Some((matrix.values(), self.shift)),
+            Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => Some(matrix),
             Kind::Product(_) => None,
         }
     }
@@ -60,7 +90,7 @@ impl Operand {
     /// What rounding matrix and vector to single precision may add to `K x`: `u | |K| |x| |`, `u` half the spacing of
     /// numbers (Higham 2002, eq. 3.12). Zero without a matrix.
     pub fn rounding(&self, x: &[f64]) -> f64 {
-        let Kind::Matrix(matrix) = &self.kind else { return 0.0 };
+        let Some(matrix) = self.blocks() else { return 0.0 };
         let mut sums = vec![0.0; x.len()];
         for ((row, column), block) in
             matrix.pattern().pairs().zip(matrix.values().as_chunks::<9>().0)
@@ -81,7 +111,9 @@ impl Operand {
     /// The block of each node with itself, without the shift.
     fn diagonal(&self) -> Vec<[f64; 9]> {
         match &self.kind {
-            Kind::Matrix(matrix) => matrix.diagonal().copied().collect(),
+            Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => {
+                matrix.diagonal().copied().collect()
+            }
             Kind::Product(operator) => operator.diagonal(),
         }
     }
@@ -112,7 +144,7 @@ impl Operator for Operand {
 
     fn apply(&self, x: &[f64], y: &mut [f64]) {
         match &self.kind {
-            Kind::Matrix(matrix) => matrix.multiply(x, y),
+            Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => matrix.multiply(x, y),
             Kind::Product(operator) => operator.multiply(x, y),
         }
         for ((y, x), &held) in y.iter_mut().zip(x).zip(&self.is_held) {

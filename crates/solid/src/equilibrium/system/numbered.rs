@@ -1,0 +1,144 @@
+//! Conjugate gradients in an order of nodes of their own, behind an interface in that of the body: what goes in is
+//! gathered, what comes out scattered, once for a solution.
+
+use super::border::Border;
+use super::iterative::Iterative;
+use super::{ConjugateGradients, FIRST_SHIFT, Preconditioner, Solved};
+use crate::body::Body;
+use crate::clock::Instant;
+use crate::equilibrium::Tangent;
+use crate::linear::{FactorError, Numbering, next_shift};
+use crate::mesh::Patch;
+
+/// How much farther apart neighbours may be than they need before products are better made in another order.
+const DISORDERED: f64 = 2.0;
+
+/// Conjugate gradients with the patches and the order that they know.
+pub(super) struct Numbered {
+    iterative: Iterative,
+    /// In the same order.
+    border: Border,
+    /// The border has not met the preconditioner yet.
+    is_border_new: bool,
+    /// None where it is that of the body.
+    numbering: Option<Numbering>,
+    load: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl Numbered {
+    pub fn new(
+        settings: ConjugateGradients,
+        body: &Body,
+        free: &[u32],
+    ) -> Result<Self, FactorError> {
+        let numbering = numbering(&settings, body);
+        let n = body.n_dofs();
+        Ok(Numbered {
+            iterative: Iterative::new(settings, body, free, numbering.as_ref())?,
+            border: Border::new(Vec::new(), &vec![false; n]),
+            is_border_new: true,
+            numbering,
+            load: vec![0.0; n],
+            step: vec![0.0; n],
+        })
+    }
+
+    /// Holds what is said of all degrees of freedom, and the means of `patches`, until the next call.
+    pub fn hold(&mut self, is_held: &[bool], mut patches: Vec<Patch>) {
+        let mut held = is_held.to_vec();
+        if let Some(numbering) = &self.numbering {
+            numbering.gather(is_held, &mut held);
+            let nodes = patches.iter_mut().flat_map(|patch| &mut patch.nodes);
+            nodes.for_each(|node| *node = numbering.place()[*node as usize]);
+        }
+        self.border = Border::new(patches, &held);
+        self.is_border_new = true;
+        self.iterative.hold(&held);
+    }
+
+    /// Why the device that was asked for takes no part, if it does not.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.iterative.device_fault()
+    }
+
+    /// Makes ready to solve with a new tangent; `shift` is over its mean diagonal.
+    pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
+        self.prepare_ordered(tangent, shift).map_err(|error| self.in_dofs(error))
+    }
+
+    fn prepare_ordered(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
+        let Numbered { iterative, border, .. } = self;
+        let mut renewed = iterative.prepare(tangent, shift);
+        // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
+        // preconditioner that knows nothing of the border.
+        let mut lift = 0.0;
+        while let Err(error) = &renewed
+            && error.is_of_a_pivot()
+            && !border.is_empty()
+            && let Some(next) = next_shift(lift, FIRST_SHIFT.max(shift))
+            && let Some(lifted) = iterative.lift(next)
+        {
+            (renewed, lift) = (lifted, next);
+        }
+        if renewed? || std::mem::take(&mut self.is_border_new) {
+            border.influence(|b, x| {
+                iterative.precondition(b, x);
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Solves for the step that `b` asks for and the patch forces that take the means by `c`.
+    pub fn solve(
+        &mut self,
+        b: &[f64],
+        c: &[f64],
+        step: &mut [f64],
+        forces: &mut Vec<f64>,
+        deadline: Option<Instant>,
+    ) -> Result<Solved, FactorError> {
+        let Numbered { iterative, border, numbering, load, step: own, .. } = self;
+        let Some(numbering) = numbering else {
+            return iterative.solve(border, b, c, step, forces, deadline);
+        };
+        numbering.gather(b, load);
+        own.fill(0.0);
+        let mut solved = iterative.solve(border, load, c, own, forces, deadline)?;
+        numbering.scatter(own, step);
+        solved.indefinite = solved.indefinite.map(|dof| self.dof(dof));
+        Ok(solved)
+    }
+
+    /// The body's degree of freedom of a row.
+    fn dof(&self, row: usize) -> usize {
+        let node = |place: usize| self.numbering.as_ref().map(|known| known.order()[place]);
+        node(row / 3).map_or(row, |node| 3 * node as usize + row % 3)
+    }
+
+    fn in_dofs(&self, error: FactorError) -> FactorError {
+        match error {
+            FactorError::NotPositiveDefinite { row } => {
+                FactorError::NotPositiveDefinite { row: self.dof(row) }
+            }
+            FactorError::Singular { row } => FactorError::Singular { row: self.dof(row) },
+            other => other,
+        }
+    }
+}
+
+/// The order that serves a preconditioner: an incomplete factor is better in a good one, products are faster in one where
+/// the body's is bad; a factor has its own, and so has a device.
+fn numbering(settings: &ConjugateGradients, body: &Body) -> Option<Numbering> {
+    let is_apart = settings.is_matrix_free || settings.device.is_some();
+    if is_apart || settings.preconditioner == Preconditioner::LaggedCholesky {
+        return None;
+    }
+    let pairs = || body.pattern().pairs();
+    let numbering = Numbering::reverse_cuthill_mckee(body.points().len(), pairs());
+    let [given, ordered] = numbering.distances(pairs());
+    let is_worth_it = settings.preconditioner == Preconditioner::IncompleteCholesky
+        || given > DISORDERED * ordered;
+    is_worth_it.then_some(numbering)
+}
