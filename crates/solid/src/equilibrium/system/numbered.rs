@@ -10,6 +10,9 @@ use crate::equilibrium::Tangent;
 use crate::linear::{FactorError, Numbering, next_shift};
 use crate::mesh::Patch;
 
+/// Nodes up to which vectors stay in the cache, whatever the order.
+const CACHED: usize = 10_000;
+
 /// How much farther apart neighbours may be than they need before products are better made in another order.
 const DISORDERED: f64 = 2.0;
 
@@ -128,17 +131,19 @@ impl Numbered {
     }
 }
 
-/// The order that serves a preconditioner: an incomplete factor is better in a good one, products are faster in one where
-/// the body's is bad; a factor has its own, and so has a device.
+/// The order that serves a preconditioner: an incomplete factor is better in a good one, products with a large matrix are
+/// faster in one where the body's is bad; a factor has its own, and so has a device.
 fn numbering(settings: &ConjugateGradients, body: &Body) -> Option<Numbering> {
-    let is_apart = settings.is_matrix_free || settings.device.is_some();
-    if is_apart || settings.preconditioner == Preconditioner::LaggedCholesky {
+    let is_incomplete = settings.preconditioner == Preconditioner::IncompleteCholesky;
+    let has_own = settings.preconditioner == Preconditioner::LaggedCholesky
+        || settings.is_matrix_free
+        || settings.device.is_some();
+    let n = body.points().len();
+    if has_own || !is_incomplete && n <= CACHED {
         return None;
     }
     let pairs = || body.pattern().pairs();
-    let numbering = Numbering::reverse_cuthill_mckee(body.points().len(), pairs());
+    let numbering = Numbering::reverse_cuthill_mckee(n, pairs());
     let [given, ordered] = numbering.distances(pairs());
-    let is_worth_it = settings.preconditioner == Preconditioner::IncompleteCholesky
-        || given > DISORDERED * ordered;
-    is_worth_it.then_some(numbering)
+    (is_incomplete || given > DISORDERED * ordered).then_some(numbering)
 }
