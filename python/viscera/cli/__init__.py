@@ -1,4 +1,4 @@
-"""The `viscera` command: one file per verb here, each a thin reading of the Python API.
+"""The `viscera` program: one file here for each command, each a thin layer over the Python API.
 
 Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input, one sentence on standard error; 130 interrupted.
 """
@@ -37,7 +37,7 @@ NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
 class _Parser(argparse.ArgumentParser):
-    """Like its parent, but a wrong command line is one sentence."""
+    """Like its parent, but the error of a wrong command line is one sentence."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
@@ -74,10 +74,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def command_line() -> argparse.ArgumentParser:
-    """The parser of all verbs."""
+    """The parser of all commands."""
     parser = _Parser(prog="viscera", description="Organs you can touch: hyperelastic soft tissue, reduced off-line.")
     parser.add_argument("--version", action="version", version=f"viscera {_core.__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    verbs = parser.add_subparsers(dest="verb", metavar="COMMAND", required=True)
     for verb in VERBS:
         name = verb.__name__.rpartition(".")[2]
         summary = (verb.__doc__ or "").strip().partition("\n")[0]

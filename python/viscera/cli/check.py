@@ -1,7 +1,7 @@
-"""The reduced model against Newton at random unseen touches: errors by depth, and the model's own estimate beside them.
+"""Compare a reduced model with full solutions at random unseen touches: errors by depth, beside the model's estimates.
 
-Fails (exit 1) where a trusted answer is more than 1 % off at depths to 5 % of the diagonal, or 5 % beyond; and where
-nothing could be checked: no trusted answer was compared, or most full solutions did not converge.
+Fails (exit 1) if a trusted answer is off by more than 1 % at depths up to 5 % of the diagonal, or by more than 5 %
+beyond. Also fails if nothing could be checked: no trusted answer was compared, or most full solutions did not converge.
 """
 
 from __future__ import annotations

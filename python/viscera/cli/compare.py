@@ -1,7 +1,7 @@
-"""The models of paper B on one case: linear, corotated, Saint Venant-Kirchhoff, neo-Hookean and Mooney-Rivlin.
+"""Compare the models of paper B on one case: linear, corotated, Saint Venant-Kirchhoff, neo-Hookean, Mooney-Rivlin.
 
 Writes compare.png and, for every node and component, compare.csv into the output folder. All models have the moduli
-of the case's material at small strain. Fails (exit 1) where a model does not reach the full load.
+of the case's material at small strain. Fails (exit 1) if a model does not reach the full load.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Completion of verbs, options and files in the shell: prints what the shell has to read. For instance
+"""Print a script with which the shell completes commands, options and files. For instance
 
 viscera completion bash > ~/.local/share/bash-completion/completions/viscera
 viscera completion zsh > ~/.zfunc/_viscera

@@ -1,12 +1,12 @@
-"""The main job on the built-in liver: reduce it, check it against Newton, draw it, show it.
+"""Reduce the built-in liver, check the model against full solutions, draw it and show it in the browser.
 
 The tissue is as soft as elastography measures it in healthy people: E = 4.1 kPa, the mean of 530 volunteers, with a
-range of 2.3 to 5.9 kPa (Fung et al., PLoS ONE 8 (2013) e85067, doi 10.1371/journal.pone.0085067). It may be
-touched within 7 cm of the middle of its front, to a depth of 2 cm. `--paper` takes the liver of paper A in its place:
-0.17 MPa, linear cells, which lock, and all of the front to a tenth of the diagonal. `viscera study liver` has the
-paper's figures.
+range of 2.3 to 5.9 kPa (Fung et al., PLoS ONE 8 (2013) e85067, doi 10.1371/journal.pone.0085067). The liver can be
+touched within 7 cm of the middle of its front, to a depth of 2 cm. `--paper` takes the liver of paper A instead:
+0.17 MPa, in linear cells, which lock, touchable on all of its front to a tenth of the diagonal. `viscera study liver`
+has the paper's figures.
 
-Writes liver.viscera and liver.png into the output folder; at a terminal the viewer opens, until Ctrl-C.
+Writes liver.viscera and liver.png into the output folder. At a terminal the viewer then opens, until Ctrl-C.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Tissue:
     """What the liver is made of, where it may be touched, and how it is reduced."""
 
     young: float
-    """[Pa]."""
+    """Young's modulus [Pa]."""
     poisson: float
     element: str | None
     touchable: str
     reduction: dict[str, Any]
     depths: list[str] | None
-    """Those of the check; None for its own."""
+    """Depths of the check; None for its defaults."""
 
 
 MEASURED = Tissue(

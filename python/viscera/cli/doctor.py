@@ -1,6 +1,6 @@
-"""What this installation has: versions, threads, vector units, graphics, extras; what is missing, and how to get it.
+"""Show what this installation has: versions, threads, vector units, graphics, extras; what is missing, how to get it.
 
-Fails (exit 1) where something that every user needs is missing or does not work.
+Fails (exit 1) if something that every user needs is missing or does not work.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A law from material tests: the nearest of a family, or of all, with intervals, error and stability.
+"""Fit laws to material tests: the parameters of one law, or of all laws ranked, with intervals, error and stability.
 
 A curve is a CSV file with a line of names: columns `stretch` and `stress` [Pa], or `displacement` [m] and `force` [N]
 with the specimen's --length and --area or --diameter. A name may end in a unit: `displacement_mm`, `stress_kPa`.
-Fails (exit 1) where the best law is not stable over the range fitted.
+Fails (exit 1) if the best law is not stable over the fitted range.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a mesh file holds, good or bad: sizes, bounding box, volume, quality, problems and node sets.
+"""Show what a mesh file contains: sizes, bounding box, volume, quality, problems and node sets.
 
-Fails (exit 1) where it finds a problem, after all that could be found is printed.
+Prints everything it can find, then fails (exit 1) if there is a problem.
 """
 
 from __future__ import annotations

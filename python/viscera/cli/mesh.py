@@ -1,8 +1,8 @@
-"""Tetrahedra from a scan's labels, or from the surface of an organ.
+"""Make tetrahedra from a scan's labels, or from the surface of an organ.
 
-A label map (NIfTI, NRRD, MetaImage, DICOM segmentation) gives a cell set for each label, which share their nodes where
-they meet. A closed or nearly closed surface (STL, OBJ, PLY) gives one. The mesh is in metres, in the world axes of the
-scan.
+A label map (NIfTI, NRRD, MetaImage, DICOM segmentation) gives a cell set for each label; the sets share nodes where
+they meet. A closed or nearly closed surface (STL, OBJ, PLY) gives one set. The mesh is in metres, in the world axes of
+the scan.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Options that verbs share: lengths, and an organ described on the command line instead of in a case file."""
+"""Options that commands share: lengths, and an organ described on the command line instead of in a case file."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def case_of(args: argparse.Namespace) -> Case:
     }
     if Path(args.case).suffix == ".toml":
         if given:
-            raise VisceraError(f"{args.case} describes the organ; change it there instead of by --{next(iter(given))}")
+            raise VisceraError(f"{args.case} describes the organ; change it there, and leave out --{next(iter(given))}")
         case = read_case(args.case)
         return _with_reduction(case, reduction)
     for name in ("fixed", "young", "poisson"):

@@ -1,4 +1,4 @@
-"""What a verb says: text for people, JSON for machines, and an exit code."""
+"""The output of a command: text for people, JSON for machines, and an exit code."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a verb ended: a word, the exit code, and the facts of its JSON."""
+    """How a command ended: a word, the exit code, and the facts of its JSON."""
 
     status: str
     code: int = DONE

@@ -1,6 +1,6 @@
-"""Nonlinear statics of one case: displacements, reactions, energy and volume change.
+"""Solve the nonlinear statics of one case: displacements, reactions, energy and volume change.
 
-A mesh with a [scan] was acquired under load: that load is taken off first, and displacements count from the scan.
+If the case has a [scan], its loads are removed first, and displacements count from the scan.
 """
 
 from __future__ import annotations

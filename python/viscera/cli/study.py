@@ -1,4 +1,4 @@
-"""The studies behind the two papers and a measured beam: one HTML report, figures as PNG and tables as CSV.
+"""Run a study: the figures and tables of two papers, or a measured beam; one HTML report with PNG and CSV files.
 
 viscera study liver -o out/liver
 viscera study liver kidney.vtu --units mm --fixed "z < 15%" -o out/kidney

@@ -1,4 +1,4 @@
-"""One on-line evaluation: a contact point and its displacement give the force and its stiffness.
+"""Answer one touch: a contact point and its displacement give the force and its stiffness.
 
 viscera touch out/liver.viscera --at -15mm -59mm 49mm --push 0 5mm -3mm
 """

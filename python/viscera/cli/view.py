@@ -1,4 +1,4 @@
-"""The viewer: touch a reduced model in the browser, step a case in real time, or export the page for any web server.
+"""Touch a reduced model in the browser, step a case in real time, or export the page for any web server.
 
 viscera view liver.viscera
 viscera view liver.viscera --export site/

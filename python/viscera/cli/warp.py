@@ -1,7 +1,7 @@
-"""A scan after the organ has moved: an image or a label map, deformed by a solution.
+"""Deform a scan, an image or a label map, by a solution, as if it had been taken after the organ moved.
 
 viscera warp scan.nii.gz --with solved.vtu -o moved.nii.gz
-The organ takes its voxels along; what it has left gets the background, all else stays as it is.
+The voxels of the organ move with it. Voxels that it has left get the background value; all others stay unchanged.
 """
 
 from __future__ import annotations
