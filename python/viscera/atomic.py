@@ -1,6 +1,6 @@
-"""Files that appear whole or not at all: written beside their place under another name, then renamed.
+"""Files that appear whole or not at all: written under another name in the same folder, then renamed.
 
-What is no regular file (a device, a pipe) is written in place, in one piece; a symbolic link is followed.
+Anything but a regular file (a device, a pipe) is written in place, in one piece; a symbolic link is followed.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from time import time
 from viscera.errors import VisceraError
 
 SCRATCH = re.compile(r"\.viscera-[0-9a-f]{16}\.part(\..*)?")
-"""Names of scratch files: random, since a process number is that of another process in the next container."""
+"""Names of scratch files. They are random, since processes in two containers may have the same number."""
 STALE = 3600.0
 """Seconds since its last change after which a scratch file belongs to a program that was killed."""
 
 
 def writable(path: str | os.PathLike[str]) -> Path:
-    """The path, or an error where no file can be put: worth asking before long work."""
+    """The path. It is an error if no file can be written there; call this before long work."""
     target = Path(path)
     try:
         mode = os.stat(target).st_mode
@@ -92,7 +92,7 @@ def _pour(scratch: Path, target: Path) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Removes what programs that were killed have left behind."""
+    """Removes scratch files that killed programs have left."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if SCRATCH.fullmatch(entry.name):

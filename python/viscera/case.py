@@ -70,7 +70,7 @@ else:
     import tomli as tomllib
 
 NAMES = {"reduce": "reduction"}
-"""What the attribute of a case is called where it is not the word of the file."""
+"""Attributes of a case whose name differs from the key in the file."""
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
@@ -97,7 +97,7 @@ class Case:
     folder: Path = Path()
 
     def __post_init__(self) -> None:
-        """Raise `VisceraError` naming the first word that is none of a case."""
+        """Raise `VisceraError` naming the first key that a case does not have."""
         words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
 
@@ -151,7 +151,7 @@ class Case:
         return organ.solve(**self.loading(), progress=progress)
 
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
-        """The organ without the loads of its [scan]; without a density there, that of [loads] is taken.
+        """The organ free of the loads of its [scan]; if that has no density, the density of [loads] is taken.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -223,7 +223,9 @@ class Case:
     def _touched(self, organ: Organ, start: Any, progress: Progress | None) -> tuple[Organ, State | None]:
         """The organ free of load, and the equilibrium that its touches start from; None at rest."""
         if start is None and self.scan:
-            raise VisceraError('a [scan] leaves open what is touched: start = "scan", "loads" or "rest" in [reduce]')
+            raise VisceraError(
+                'a case with a [scan] must say what is touched: start = "scan", "loads" or "rest" in [reduce]'
+            )
         if start == "scan" and not self.scan:
             raise VisceraError('start = "scan" in [reduce] needs the loads of the scan in a table [scan]')
         scanned = None
@@ -278,7 +280,7 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
 
 
 def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
-    """The law that a [material] table describes, its tables naming what differs in a part of the mesh."""
+    """The law that a [material] table describes; its inner tables hold what differs in a part of the mesh."""
     others = {place: part for place, part in words.items() if schema.is_part(place, part) and "law" in part}
     whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
     if not others:
@@ -310,7 +312,7 @@ def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
 
 
 def _in_part(whole: Any, cells: Indices, value: Any, mesh: Mesh, name: str) -> Any:
-    """A parameter per cell: `value` in the given cells, what it was in the others; lists (of terms) entry by entry."""
+    """A parameter per cell: `value` in the given cells, unchanged in the others; lists (of terms) entry by entry."""
     if isinstance(whole, list):
         if not isinstance(value, list) or len(value) != len(whole):
             raise VisceraError(f"material: {name} must be a list of {len(whole)} numbers, as elsewhere, got {value!r}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PLACED = ("displacement", "force", "traction", "pressure")
 """Loads that act at a place."""
 MOST_PARTS = 64
-"""Parts of a material that a case is written with: beyond, its parameters are a field."""
+"""Largest number of parts of a material in a case file. With more, its parameters count as a field over the cells."""
 
 
 def write(
@@ -64,21 +64,21 @@ def write(
 
 
 class _Places:
-    """The words of a case for places, and the linear mesh with the sets that they name."""
+    """The names of places in a case, and the linear mesh with the sets that they name."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._own = mesh
         self.mesh = mesh.linear()
 
     def of(self, where: Where, name: str) -> str:
-        """Words stay; for other nodes those of a set."""
+        """Words are kept; other nodes get the name of a set."""
         if isinstance(where, _core.Patch):
             raise VisceraError("a case file has no word for a contact patch; load a set, or give its nodes")
         nodes = self._own.nodes(where)
         return where if isinstance(where, str) else self.word(nodes, name)
 
     def word(self, nodes: Indices, name: str) -> str:
-        """The name of a set with these nodes, which may be a new one; indices where no set of corners says it."""
+        """The name of a set with these nodes, which may be a new one; indices if no set of corners gives them."""
         for known, members in self._own.sets.items():
             if np.array_equal(members, nodes):
                 return known
@@ -103,7 +103,7 @@ class _Places:
 
 
 def _material(material: law.Law, places: _Places) -> dict[str, Any]:
-    """The law: the parameters of most cells, and in a table for each part what differs there."""
+    """The law: the parameters of most cells, and a table for each part with those that differ."""
     rows, owner, counts = np.unique(material.parameters, axis=0, return_inverse=True, return_counts=True)
     if len(rows) > MOST_PARTS:
         raise VisceraError(
@@ -130,18 +130,18 @@ def _material(material: law.Law, places: _Places) -> dict[str, Any]:
 
 
 def _one_law(material: law.Law, row: Floats) -> law.Law:
-    """The law with one row of parameters, where there are several the one that the row belongs to."""
+    """The law with one row of parameters; of several laws, the one that the row belongs to."""
     one = law.from_core(material.name, row)
     return one.laws[0] if isinstance(one, law.Several) else one
 
 
 def _class_of(material: law.Law) -> str:
-    """The name of a law, of that which a class of the user's is made from."""
+    """The name of a law; for a class of the user's, that of the law it derives from."""
     return next(each.__name__ for each in type(material).__mro__ if each.__name__ in law.LAWS)
 
 
 def _parameters(material: law.Law) -> dict[str, Any]:
-    """The parameters of one cell, as a case gives them."""
+    """The parameters of one cell, in the form of a case."""
     (row,) = material.parameters.tolist()
     if isinstance(material, law.TwoModuli):
         return dict(zip(("mu", "lam"), row, strict=True))
@@ -187,13 +187,13 @@ def _reduction(reduction: Mapping[str, Any], places: _Places) -> dict[str, Any]:
 
 
 def _unused(name: str, sets: Mapping[str, Any]) -> str:
-    """The name, with a number where it is taken."""
+    """The name, with a number if it is taken."""
     candidates = (name, *(f"{name} {k}" for k in range(2, len(sets) + 3)))
     return next(each for each in candidates if each not in sets)
 
 
 def _plain(value: Any) -> Any:
-    """NumPy values as TOML knows them."""
+    """NumPy values as TOML values."""
     if isinstance(value, Mapping):
         return {name: _plain(each) for name, each in value.items()}
     if isinstance(value, np.ndarray | list | tuple):

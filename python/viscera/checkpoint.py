@@ -1,4 +1,4 @@
-"""Finished batches of a reduction, kept in a file beside the output: what was interrupted or killed goes on from there.
+"""Finished batches of a reduction, kept in a file beside the output, from which interrupted or killed work continues.
 
 The file holds a line that names the case, then one record for each batch: length and CRC-32, both as 8 bytes, little-
 endian, and the batch as the core wrote it. Records are appended and synchronised with the disk, so only the batches in
@@ -29,9 +29,9 @@ SUFFIX = ".batches"
 
 
 class Checkpoint:
-    """Where a reduction keeps its finished batches: a file that is there while the work is not complete.
+    """Where a reduction keeps its finished batches: a file that exists until the work is complete.
 
-    say: receives a sentence where batches of an earlier run are used, or belong to another case and are left out.
+    say: receives a sentence if batches of an earlier run are used, or are ignored because they belong to another case.
     """
 
     def __init__(self, path: str | os.PathLike[str], say: Callable[[str], None] = warnings.warn) -> None:
@@ -42,7 +42,7 @@ class Checkpoint:
     def batches(self, case: str) -> Iterator[Batches]:
         """The batches of a case, by its fingerprint; the file goes where the block ends well or nothing was finished.
 
-        Raises `VisceraError` where the file cannot be written, is no file of batches, or is in use.
+        Raises `VisceraError` if the file cannot be written, is no file of batches, or is in use.
         """
         try:
             file = self.path.open("a+b")
@@ -128,7 +128,7 @@ class Batches:
 
 
 def fingerprint(arrays: Iterable[Any], settings: dict[str, Any]) -> str:
-    """What identifies a reduction: all that its batches depend on, and the version of the core."""
+    """A hash of all that the batches of a reduction depend on, and of the version of the core."""
     digest = hashlib.sha256(json.dumps([_core.__version__, settings], sort_keys=True).encode())
     for array in arrays:
         values = np.ascontiguousarray(array)

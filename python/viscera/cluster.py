@@ -31,10 +31,10 @@ Result = TypeVar("Result")
 EVERY = 0.1
 """Seconds between two calls of a progress callback, which may stop the work."""
 KEPT = 2
-"""What a worker keeps of other work, in numbers: memory is bounded, two studies may take turns."""
+"""Number of shared objects that a worker keeps: memory is bounded, and two studies may take turns."""
 
 _is_fork = False
-"""Whether this process is a copy of another, without the threads of the core, for which it would wait without end."""
+"""Whether this process is a fork of another: it lacks the threads of the core, and would wait for them for ever."""
 
 
 def _mark_fork() -> None:
@@ -55,7 +55,7 @@ class Reply:
 
     worker: str
     is_done: bool
-    """False where the worker lacks what the tasks share."""
+    """False if the worker lacks what the tasks share."""
     result: Any = None
 
 
@@ -94,7 +94,7 @@ def spread(
     executor: Executor,
     attend: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[int, Result]]:
-    """Number and result of each task as soon as it is done; `attend` is called several times a second and may raise."""
+    """Number and result of each task when it is done; `attend` is called several times a second and may raise."""
     if not isinstance(executor, Executor):
         raise VisceraError(f"the executor must be a concurrent.futures.Executor, got {executor!r}")
     with _at_hand(shared) as name:

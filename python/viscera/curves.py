@@ -1,7 +1,7 @@
-"""A law in the testing machine: nominal stress over stretch in homogeneous deformations, computed and drawn.
+"""Nominal stress of a law over stretch in homogeneous deformations, as in a testing machine; computed and drawn.
 
-Axis 1 is pulled. Components of F are given or free; where free, the stress P_ij is zero. F is upper triangular, which
-takes out rotations.
+Axis 1 is pulled. Components of F are given or free; the stress P_ij of a free component is zero. F is upper triangular,
+which excludes rotations.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _march(law: Law, kind: Mode, parameters: Floats, cell: int) -> list[float]:
 
 
 def equilibrium(law: Law, F: Floats, free: Sequence[tuple[int, int]], cell: int) -> Floats | None:
-    """F with no stress in its free components, by Newton's method; none where it does not converge."""
+    """F with no stress in its free components, by Newton's method; none if it does not converge."""
     if not free:
         return F
     rows, columns = map(list, zip(*free, strict=True))

@@ -1,4 +1,4 @@
-"""What a notebook shows of an object by itself: a picture of what has a shape, a table of what has rows."""
+"""What a notebook shows of an object by itself: a picture of an object with a shape, a table of one with rows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Pictured:
     """Draws the picture."""
 
     def _picture(self) -> Figure:
-        """What is shown without being asked for more."""
+        """The picture that is shown by default."""
         return self.plot()
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:

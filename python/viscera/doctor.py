@@ -22,8 +22,8 @@ def examine() -> dict[str, Any]:
     """version, python, platform, processor, cores, threads, vector_units, gpus, gpu, gpu_fault, packages, extras,
     beside, problems.
 
-    gpu: what `solver="gpu"` computes on; None where it cannot, for the reason `gpu_fault`.
-    packages: `{name: version}` of what Viscera needs, None where it is missing; extras: the same for each extra.
+    gpu: what `solver="gpu"` computes on; None if it cannot, for the reason `gpu_fault`.
+    packages: `{name: version}` of what Viscera needs, None if it is missing; extras: the same for each extra.
     problems: sentences, each with what to do.
     """
     needed, extras = requirements()

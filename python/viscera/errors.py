@@ -1,7 +1,7 @@
-"""What can go wrong, in one clear sentence: the place, the value, what to do.
+"""Errors, each in one clear sentence: the place, the value, what to do.
 
-Bad input raises `VisceraError` before any work begins. Failure to converge is a status in the result;
-it becomes the exception `NotConverged` only where the caller asks for it.
+Bad input raises `VisceraError` before any work begins. Failure to converge is a status in the result.
+It becomes the exception `NotConverged` only if the caller asks for it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class NotConverged(VisceraError):
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The closing words of an error about an unknown name: the nearest known one, and all of them.
+    """The end of an error about an unknown name: the most similar known one, and all of them.
 
     >>> did_you_mean("hillum", ["anterior", "hilum"])
     "did you mean 'hilum'? (known: 'anterior', 'hilum')"

@@ -16,7 +16,7 @@ LIBRARY = Path(__file__).with_name(NAMES.get(sys.platform, "libviscera_gpu.so"))
 
 
 def load() -> None:
-    """Load the library, once; raises `VisceraError` where there is none, or one of another version."""
+    """Load the library, once; raises `VisceraError` if there is none, or one of another version."""
     if not LIBRARY.exists():
         raise VisceraError(
             "this build of viscera has no library for graphics processors; "
@@ -26,7 +26,7 @@ def load() -> None:
 
 
 def describe() -> str:
-    """The graphics processor in words; raises `VisceraError` where there is none to compute on."""
+    """The graphics processor in words; raises `VisceraError` if there is none to compute on."""
     load()
     name, driver, interface, is_software = _core.gpu()
     about = f"{name} ({', '.join(word for word in (interface, driver) if word)})"

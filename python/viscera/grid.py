@@ -1,7 +1,7 @@
 """A displacement on the grid of an image, and images moved by it: NIfTI, NRRD, MetaImage (`pip install viscera[scan]`).
 
-World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS): the same but for the sign of x and y.
-A mesh is in metres in either; files of images are read and written through SimpleITK, which speaks LPS and millimetres.
+World axes are right, anterior, superior (RAS) or left, posterior, superior (LPS); they differ in the sign of x and y.
+A mesh is in metres in either. Files of images are read and written by SimpleITK, which uses LPS and millimetres.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Choice, Number
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
-"""Sign by which coordinates become those of LPS, and back."""
+"""Signs that turn coordinates into LPS and back."""
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".mha")
 INTERPOLATIONS = ("linear", "nearest")
 MM = 1e-3
@@ -29,11 +29,11 @@ CHUNK = 1 << 20
 """Voxels looked up at once."""
 EIGHT = np.array([[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3], [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8],
                   [4, 9, 8, 5]])  # fmt: skip
-"""The linear cells that stand for a quadratic one."""
+"""The eight linear cells that replace a quadratic one."""
 
 
 def sitk() -> Any:
-    """The library of images; raises `VisceraError` where it is not installed."""
+    """The library of images; raises `VisceraError` if it is not installed."""
     try:
         import SimpleITK
     except ImportError:
@@ -99,11 +99,11 @@ class Field:
     """A displacement at the voxels of a part of an image: the box around the organ."""
 
     grid: Grid
-    """Of the box."""
+    """The grid of the box."""
     first: NDArray[np.int64]
     """Index (3,) of its first voxel in the image."""
     displacement: Floats
-    """At voxels (i, j, k, 3) [m]; zero where nothing is known."""
+    """Displacement (i, j, k, 3) [m] at voxels; zero where it is not known."""
     inside: NDArray[np.bool_]
     """Whether a voxel's centre (i, j, k) is in the organ."""
     is_known: NDArray[np.bool_]
@@ -125,11 +125,11 @@ def on_grid(
     """The displacement of an organ at the voxels of a grid, linear between its nodes.
 
     Forward, at a voxel X of the organ before it moves: x = X + u(X). With `inverse`, at a voxel x of the moved organ:
-    X = x + v(x), which is what resampling an image asks for.
-    margin: distance [m] from the surface up to which a voxel outside moves with the nearest point of the surface; by
-        default the diagonal of a voxel, so that images whose edge is not quite that of the mesh move whole, and whoever
-        interpolates the field between voxels finds a displacement on both sides of the surface.
-    Raises `VisceraError` where no voxel lies in the organ.
+    X = x + v(x), which is needed to resample an image.
+    margin: distance [m] from the surface up to which a voxel outside moves with the nearest point of the surface. By
+        default it is the diagonal of a voxel, so that an organ whose edge in the image differs a little from the mesh
+        moves as a whole, and interpolation of the field finds a displacement on both sides of the surface.
+    Raises `VisceraError` if no voxel lies in the organ.
     """
     reach = float(np.linalg.norm(grid.spacing)) if margin is None else Number("m", low=0)(margin, "the margin")
     moved = mesh.points + displacement
@@ -225,8 +225,8 @@ def warp(
     """An image (SimpleITK) of the moved organ: a voxel x of it takes the value that was at X = x + v(x).
 
     interpolation: "linear", or "nearest" for label maps. Voxels that the organ has left take `background`, by default
-    the smallest value of the image; all others stay as they are, for what surrounds the organ is not known to move.
-    Raises `VisceraError` where the image has several values at a voxel.
+    the smallest value of the image. All others keep their values, since the motion around the organ is not known.
+    Raises `VisceraError` if the image has several values at a voxel.
     """
     Choice(INTERPOLATIONS)(interpolation, "the interpolation")
     if image.GetNumberOfComponentsPerPixel() > 1:
@@ -278,7 +278,7 @@ def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: flo
 
 
 def read(path: str | os.PathLike[str]) -> Any:
-    """A volume image as SimpleITK holds it; raises `VisceraError` where the file is missing, damaged or no volume."""
+    """A volume image as SimpleITK holds it; raises `VisceraError` if the file is missing, damaged or no volume."""
     name = os.fspath(path)
     _ending(name)
     if not Path(name).is_file():
@@ -306,7 +306,7 @@ def write(path: str | os.PathLike[str], image: Any) -> None:
 
 
 def checked(path: str | os.PathLike[str]) -> Path:
-    """The path, or an error where its format or its folder cannot take an image: asked before the work."""
+    """The path. It is an error if its format or its folder cannot take an image; call this before long work."""
     _ending(os.fspath(path))
     return writable(path)
 

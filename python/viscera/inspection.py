@@ -1,4 +1,4 @@
-"""What is wrong with a mesh, in sentences: nothing is repaired here, and nothing refused."""
+"""The faults of a mesh, in sentences. Nothing is repaired here, and nothing refused."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def problems_of(points: Floats, facts: dict[str, Any]) -> list[str]:
 
 
 def faults(facts: dict[str, Any]) -> list[str]:
-    """What no reader can repair."""
+    """Faults that no reader can repair."""
     found = []
     if len(facts["degenerate"]):
         found.append(f"{listed('cell', facts['degenerate'])} of zero volume; remove or remesh them")
@@ -124,7 +124,7 @@ def listed(noun: str, indices: Indices) -> str:
 
 
 def arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
-    """Points and cells as the core wants them (a copy), or the sentence that says why they are none."""
+    """Points and cells in the form of the core (a copy), or a sentence that says why they are not valid."""
     try:
         points = np.array(raw.points, dtype=np.float64, order="C")
     except (TypeError, ValueError):

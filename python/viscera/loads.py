@@ -1,4 +1,4 @@
-"""From a user's words to the core's arrays: prescribed displacements, forces, tractions, pressures and gravity."""
+"""From loads as a user gives them to the core's arrays: displacements, forces, tractions, pressures and gravity."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Prescribed:
 
 
 def by_place(given: Any, what: str) -> dict[Any, Any]:
-    """`{where: value}` of a mapping or of pairs, indices as tuples; raises `VisceraError` where it is neither."""
+    """`{where: value}` of a mapping or of pairs, indices as tuples; raises `VisceraError` if it is neither."""
     pairs = list(given.items()) if isinstance(given, Mapping) else given
     if not are_pairs(pairs):
         raise refused(what, "{where: value}, or pairs [(where, value)]", given)
@@ -64,7 +64,7 @@ def by_place(given: Any, what: str) -> dict[Any, Any]:
 
 
 def prescribed(mesh: Mesh, fixed: Indices, displacement: Displacements) -> Prescribed:
-    """Resolve `{where: (x, y, z)}`, `None` leaving a component free; refuses places that contradict each other."""
+    """Resolve `{where: (x, y, z)}`; `None` leaves a component free. Places that contradict each other are refused."""
     values = np.zeros((len(mesh.points), 3))
     owner = np.full(values.shape, -1)  # which entry prescribes a component; 0 is the fixed set
     owner[fixed] = 0
@@ -104,7 +104,7 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
         if given is None:
             raise refused("force", "{where: (x, y, z)} [N], or an array (n, 3) of nodal forces", force)
         if given.shape != mesh.points.shape:
-            raise VisceraError(f"nodal forces have shape {given.shape}; the mesh asks for {mesh.points.shape}")
+            raise VisceraError(f"nodal forces have shape {given.shape}; the mesh needs {mesh.points.shape}")
         wrong = np.argwhere(~(np.abs(given) <= LARGEST["N"]))
         if len(wrong):
             node = wrong[0][0]
@@ -132,9 +132,9 @@ def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
 def pressed_faces(
     mesh: Mesh, fixed: Indices, pressure: Pressures, known: dict[Any, Indices] | None = None
 ) -> tuple[Indices, Floats]:
-    """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; where places overlap they add.
+    """Faces (t, 3), in a quadratic mesh (t, 6), and the pressure on each (t,) [Pa]; overlapping places add up.
 
-    known: the faces of places that were asked for before; those that are new join them.
+    known: faces of places from earlier calls; new ones are added to it.
     """
     known = {} if known is None else known
     faces, values = [np.empty((0, 6 if len(mesh.edges) else 3), dtype=np.uint32)], [np.empty(0)]
@@ -171,7 +171,7 @@ def _warn_of(density: float) -> None:
 
 
 def name_of(where: Where) -> str:
-    """A place as errors name it."""
+    """The name of a place in errors."""
     if isinstance(where, str):
         return repr(where)
     if isinstance(where, _core.Patch):
@@ -185,7 +185,7 @@ def are_pairs(given: Any) -> bool:
 
 
 def _components(target: Any, mesh: Mesh, count: int, name: str) -> list[Floats | None]:
-    """The three components of a displacement: None where free, else one value for the set or one per node."""
+    """The three components of a displacement: None if free, else one value for the set or one per node."""
     if isinstance(target, np.ndarray) and target.ndim == 2:
         rows = numbers_of(target)
         if rows is None or rows.shape != (count, 3) or not (np.abs(rows) <= LARGEST["m"]).all():

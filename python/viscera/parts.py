@@ -1,4 +1,4 @@
-"""Named parts within an organ, a tumour or its vessels: kept in the model file, and how far a touch moves them."""
+"""Named parts within an organ, such as a tumour or vessels: kept in the model file; how far a touch moves them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from viscera.mesh import Floats, Indices, Mesh
 
 @dataclass(frozen=True)
 class Target:
-    """How far a touch moves a place within the organ."""
+    """How far a touch moves a part of the organ."""
 
     displacement: Floats
-    """Mean displacement (3,) [m] of the place's surface, weighted by its area at rest."""
+    """Mean displacement (3,) [m] of the surface of the part, weighted by area at rest."""
     band: float
     """Half width [m] of the band around it: in 95 of 100 touches the full solution lies within.
 
@@ -28,7 +28,7 @@ class Target:
     as elsewhere: E is relative to the whole field. benchmarks/targets.py checks how often it holds.
     """
     is_trusted: bool
-    """Whether the model trusts the shape; elsewhere the band says nothing."""
+    """Whether the model trusts the shape; if not, the band says nothing."""
 
     @property
     def distance(self) -> float:

@@ -258,7 +258,7 @@ def _wireframe(shape: Floats, surface: Indices, width: float, alpha: float) -> L
 
 
 def _arrow(plot: Axes, tip: Floats, force: Floats, axes: Floats, reach: float) -> None:
-    """The force by which the tool holds the organ: towards the surface where it pushes, away where it pulls."""
+    """The force of the tool on the organ: towards the surface if it pushes, away from it if it pulls."""
     size = float(np.linalg.norm(force))
     if size == 0.0:
         return

@@ -1,7 +1,7 @@
-"""The loaded equilibrium that touches start from: an organ hangs in gravity before anything touches it.
+"""The loaded equilibrium that touches start from, such as an organ that hangs in gravity before it is touched.
 
-The load stays as it is while the organ is touched, so it has to be dead: its nodal forces are the internal forces of
-the state, and nothing else of it needs to be known.
+The load does not change while the organ is touched, so it has to be a dead load. Its nodal forces are the internal
+forces of the state; nothing else about it needs to be known.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
 
 SAME = 1e-6
-"""Part of the largest nodal force by which two organs may differ and still be the same."""
+"""Part of the largest nodal force by which two organs may differ and still count as the same."""
 
 HELD = 1e-4
-"""Part of the largest nodal force that a node may lack before something else must be holding it."""
+"""Part of the largest nodal force. A node with a larger residual must be held by something else."""
 
 
 def preload_of(organ: Organ, state: State) -> Floats:
     """The displacement (n, 3) [m] of a state about which the organ can be reduced.
 
-    Raises `VisceraError` where the state did not converge, belongs to another organ, is loaded by a pressure, which
+    Raises `VisceraError` if the state did not converge, belongs to another organ, is loaded by a pressure, which
     follows the surface, or is held anywhere but at the organ's fixed nodes.
     """
     if state.displacement.shape != organ.mesh.points.shape:

@@ -29,7 +29,7 @@ class PrescribedMotion:
         self._mesh = mesh
         self._fixed = fixed
         self._places = _places(displacement)
-        # Where each component of each place is among the values; none where places share nodes.
+        # Where each component of each place is among the values; none if places share nodes.
         self._slots: list[tuple[Any, int, Any]] = []
         for where, _, free in self._places:
             if isinstance(where, _core.Patch):

@@ -1,7 +1,7 @@
-"""How far long work is, for whoever watches: a bar on a terminal or in a notebook, else a line every ten seconds.
+"""Progress of long work: a bar on a terminal or in a notebook, otherwise a line every ten seconds.
 
-All of them are consumers of the events `(done, total, stage)` that long work sends. They tell at a pace of their own,
-so work that sends nothing for a while is not silent.
+All of them consume the events `(done, total, stage)` that long work sends. They write at their own pace, so work that
+sends nothing for a while is not silent.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Work = ParamSpec("Work")
 Result = TypeVar("Result")
 
 LINE_EVERY = 10.0
-"""Pause between the lines that nobody watches on a terminal [s]."""
+"""Pause between lines without a terminal [s]."""
 PATIENCE = 2.0
 """Work that takes no longer shows no bar in a notebook [s]."""
 REDRAW_EVERY = 0.5
@@ -44,7 +44,7 @@ def bar(is_quiet: bool = False) -> Iterator[Show]:
 
 
 def shown(work: Callable[Work, Result]) -> Callable[Work, Result]:
-    """Work that shows a bar by itself in a notebook, unless a `progress` of the caller's or work around it does so."""
+    """Decorator: the work shows a bar in a notebook, unless the caller's `progress` or work around it shows one."""
 
     @functools.wraps(work)
     def watched(*arguments: Work.args, **words: Work.kwargs) -> Result:

@@ -1,8 +1,8 @@
-"""What a value must be where it enters: kind, range and unit, the same in Python and in case files.
+"""Checks of input values: kind, range and unit, the same in Python and in case files.
 
-Each is called with a value and the words for it, and gives the value back or raises `VisceraError`; as text it is what
-the value must be, in errors and in the reference of case files. A boolean or a string is never a number. They are plain
-classes, since each dataclass would cost the import of the package a millisecond.
+A check is called with a value and its name. It returns the value or raises `VisceraError`. Its text says what the value
+must be, in errors and in the reference of case files. A boolean or a string is never a number. Checks are plain
+classes, since each dataclass would add a millisecond to the import of the package.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from viscera.errors import VisceraError, did_you_mean
 
 LARGEST = {"": 1e15, "m": 1e3, "N": 1e9, "Pa": 1e15, "m/s^2": 1e6, "kg/m^3": 1e6, "s": 1e6, "1/s": 1e9}
-"""By unit, the largest size that is no slip of the pen: beyond it products of numbers are soon not finite."""
+"""For each unit the largest magnitude that is accepted. Beyond it, a number is a mistake, and products overflow."""
 
 Check = Callable[[Any, str], Any]
 
@@ -141,7 +141,7 @@ def vector(value: Any, what: str, unit: str) -> NDArray[np.float64]:
 
 
 def numbers_of(value: Any) -> NDArray[np.float64] | None:
-    """A fresh array of what is numbers throughout, or None: of booleans and strings NumPy makes numbers as well."""
+    """A new array of numbers, or None if some are not: NumPy would turn booleans and strings into numbers."""
     if _hides_boolean(value):
         return None
     try:
@@ -152,12 +152,12 @@ def numbers_of(value: Any) -> NDArray[np.float64] | None:
 
 
 def refused(what: str, kind: object, value: Any) -> VisceraError:
-    """The error about a value that is not of its kind."""
+    """The error for a value that is not what it must be."""
     return VisceraError(f"{what} must be {kind}, got {brief(value)}")
 
 
 def brief(value: Any) -> str:
-    """A value as errors show it: on one line, the end of a long one left out."""
+    """A value as errors show it: on one line, and shortened if it is long."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 80 else f"{text[:77]}..."
 

@@ -44,7 +44,7 @@ def stand_in(positions: list[int]) -> bytes:
 
 
 def positions_of(batch: bytes) -> list[int]:
-    """The positions of a batch; empty where its bytes are none."""
+    """The positions of a batch; empty if its bytes are none."""
     try:
         return _Batch(batch).positions()
     except IndexError:

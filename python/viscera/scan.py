@@ -1,7 +1,7 @@
-"""Labelled images of scans: where each voxel is in the patient, and whose it is (`pip install viscera[scan]`).
+"""Label maps of scans: the position of each voxel in the patient, and its label (`pip install viscera[scan]`).
 
 World axes are right, anterior, superior (RAS, NIfTI) or left, posterior, superior (LPS, NRRD and DICOM). They are kept:
-a mesh has those of its scan, in metres.
+a mesh has the axes of its scan, in metres.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from viscera.select import length
 
 AXES = ("RAS", "LPS")
 NEAR = 0.75
-"""A node within this many voxels of a label touches it: smoothing moves boundaries by fractions of a voxel."""
+"""A node at most this many voxels from a label touches it, since smoothing moves boundaries by fractions of a voxel."""
 LISTED = 12
-"""Most labels that an error lists."""
+"""Largest number of labels that an error lists."""
 MOST_VOXELS = 1e9
-"""Of a label map that is made from a mesh."""
+"""Largest number of voxels of a label map that is made from a mesh."""
 
 Labels = int | str | Sequence[int | str] | Mapping[str, int | Sequence[int]]
-"""A label's number, several, or numbers by name; a part of several numbers is their union."""
+"""A label's number, several numbers, or numbers by name; a part with several numbers is their union."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,11 +49,11 @@ class Scan:
     values: NDArray[Any]
     """Label of each voxel (i, j, k); 0 is none."""
     affine: Floats
-    """Place of voxel (i, j, k) [m]: `affine[:3] @ (i, j, k, 1)`, shape (3, 4) or (4, 4)."""
+    """Affine map (3, 4) or (4, 4) [m] to the position of voxel (i, j, k): `affine[:3] @ (i, j, k, 1)`."""
     axes: str = "RAS"
     """World axes, "RAS" or "LPS"."""
     names: Mapping[int, str] | None = None
-    """Names of labels, where the file has them."""
+    """Names of labels, if the file has them."""
 
     def __post_init__(self) -> None:
         """Check what a file or a caller gives."""
@@ -71,7 +71,7 @@ class Scan:
 
     @cached_property
     def labels(self) -> dict[int, int]:
-        """Labels of the image and how many voxels each has; 0 is none."""
+        """Labels of the image, each with its number of voxels; 0 is no label."""
         values, counts = np.unique(self.values, return_counts=True)
         return {int(v): int(n) for v, n in zip(values, counts, strict=True) if v != 0}
 
@@ -176,7 +176,7 @@ class Scan:
         return f"the labels {', '.join(listed)}{f' and {more} smaller ones' if more else ''}"
 
     def _place(self, where: str) -> Callable[[Mesh], Indices]:
-        """What finds the nodes of a support in the mesh; bad words raise `VisceraError` here, before the work."""
+        """A function that finds the nodes of a support in the mesh; bad words raise `VisceraError` before the work."""
         if where.startswith("label:"):
             number = self._number(where.removeprefix("label:"))
             return lambda mesh: self.touching(mesh, number)
@@ -192,8 +192,8 @@ class Scan:
         return lambda mesh: np.flatnonzero(painted.near(mesh.points, numbers)).astype(np.uint32)
 
     def touching(self, mesh: Mesh, label: int) -> Indices:
-        """Nodes where a mesh of this scan touches a label: those shared with the label's cells where these are meshed,
-        else those of the surface at most 0.75 voxels from the label's voxels.
+        """Nodes where a mesh of this scan touches a label: those shared with the label's cells if these are meshed,
+        otherwise those of the surface at most 0.75 voxels from the label's voxels.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -213,7 +213,7 @@ class Scan:
         return mesh.surface_nodes[self.near(mesh.points[mesh.surface_nodes], [label])]
 
     def index(self, places: ArrayLike) -> Floats:
-        """Voxel indices (k, 3), fractions and those outside included, of places (k, 3) [m].
+        """Voxel indices (k, 3) of points (k, 3) [m]; they may be fractions, and lie outside the image.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -227,7 +227,7 @@ class Scan:
         return np.asarray((np.asarray(places) - self.affine[:, 3]) @ np.linalg.inv(self.affine[:, :3]).T)
 
     def at(self, places: ArrayLike) -> NDArray[Any]:
-        """Labels (k,) at places (k, 3) [m]; 0 outside the image.
+        """Labels (k,) at points (k, 3) [m]; 0 outside the image.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -244,7 +244,7 @@ class Scan:
         return np.where(is_inside, self.values[tuple(voxel.T)], 0)
 
     def near(self, places: ArrayLike, labels: Sequence[int], reach: float = NEAR) -> NDArray[np.bool_]:
-        """Whether places (k, 3) [m] are at most `reach` <= 1 voxels from a voxel that has one of the labels.
+        """Whether points (k, 3) [m] are at most `reach` <= 1 voxels from a voxel with one of the labels.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -267,7 +267,7 @@ class Scan:
         return found
 
     def in_axes(self, axes: str) -> Scan:
-        """The same scan in other world axes: x and y change their sign between RAS and LPS.
+        """The same scan in other world axes: x and y change sign between RAS and LPS.
 
         >>> import numpy as np
         >>> import viscera as vs
@@ -363,7 +363,7 @@ def image_fibres(mesh: Mesh, *images: str | os.PathLike[str] | tuple[ArrayLike, 
 
     images: files, or pairs of vectors (i, j, k, 3) and affine map (3, 4) [m]. Their components are along the world axes
     and are turned to those of the mesh. At a centroid the direction is the principal one of `sum w v v^T` over the
-    eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` where a cell
+    eight voxels around it, w being trilinear weights: v and -v are the same fibre. Raises `VisceraError` if a cell
     lies outside the image, or where no direction is given around it.
 
     >>> import numpy as np

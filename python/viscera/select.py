@@ -1,10 +1,10 @@
 """Places, points and lengths in words: the same in Python, case files and on the command line.
 
-A place is a set's name, indices such as "3, 14, 15", or conditions joined by `and`. A condition compares an axis with a
-bound, or puts it between two: `z > 3 cm`, `20% < y < 30 mm`; is a sphere: `within 8 mm of (100, 50, 80) mm`; or is a
-set's name again: `capsule and z > 3 cm`. A length has its unit (m, cm, mm, um or inch), but for zero. A percentage of a
-coordinate counts along the mesh's bounding box from its low end, of any other length along the diagonal of that box.
-Numbers that are no words are metres.
+A place is a set's name, indices such as "3, 14, 15", or conditions joined by `and`. A condition bounds a coordinate on
+one side or on both, `z > 3 cm` or `20% < y < 30 mm`; or it is a sphere, `within 8 mm of (100, 50, 80) mm`; or the name
+of a set, `capsule and z > 3 cm`. Every length but zero has a unit (m, cm, mm, um or inch) or is a percentage. A
+percentage of a coordinate counts along the mesh's bounding box from its low end; of any other length, it is of the
+diagonal of that box. Numbers outside of words are metres.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from viscera.quantity import Number, brief, refused, vector
 
 Floats = NDArray[np.float64]
 Lengths: TypeAlias = ArrayLike | Sequence[float | str]
-"""Three of them: numbers [m], words, or words as a whole."""
+"""Three lengths: numbers [m], words, or one text for all."""
 AXES = "xyz"
 FREE = "free"
 """A component of a displacement that nothing prescribes."""
@@ -45,7 +45,7 @@ INDICES = re.compile(r"\d+(?:[\s,]+\d+)*")
 
 
 class Sized(Protocol):
-    """What percentages count along: a mesh."""
+    """What percentages refer to: a mesh."""
 
     @property
     def bounding_box(self) -> Floats:
@@ -57,12 +57,12 @@ class Sized(Protocol):
 
 
 def is_condition(words: str) -> bool:
-    """Whether words that are no set's name are conditions."""
+    """Whether words that are not the name of a set are conditions."""
     return "<" in words or ">" in words or words.lstrip().startswith("within ") or " and " in words
 
 
 def indices(words: str) -> NDArray[np.int64] | None:
-    """The indices that words list, or None where they list none.
+    """The indices that words list, or None if they list none.
 
     >>> indices("3, 14, 15").tolist()
     [3, 14, 15]
@@ -75,9 +75,9 @@ def indices(words: str) -> NDArray[np.int64] | None:
 def conditional(
     places: Floats, words: str, box: Floats, sets: Mapping[str, Any] | None = None, noun: str = "node"
 ) -> NDArray[np.bool_]:
-    """Which of the places (k, 3) [m] meet all conditions, in a bounding box (2, 3) [m]; it may be none.
+    """Which of the points (k, 3) [m] meet all conditions, in a bounding box (2, 3) [m]; it may be none.
 
-    sets: indices of places by name.
+    sets: indices of points by name.
 
     >>> conditional(np.eye(3), "x < 10% and z >= 50 cm", np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])).tolist()
     [False, False, True]

@@ -42,7 +42,7 @@ _SETTINGS = _core.solver_settings()
 NEWTON: dict[str, tuple[Rule, str, str]] = {
     row["name"]: (_rule(row), row["means"], _text(row["default"])) for row in _SETTINGS["newton"]
 }
-"""Settings of Newton's iteration: what each must be, what it is, and the default."""
+"""Settings of Newton's method: allowed values, meaning and default of each."""
 
 PRECONDITIONERS = tuple(_core.preconditioners())
 _CG = {row["name"]: row for row in _SETTINGS["conjugate_gradients"]}
@@ -64,13 +64,13 @@ class ConjugateGradients:
     tolerance: float = _CG["tolerance"]["default"]
     """Residual of the linear system to reach, relative to its right-hand side."""
     max_iterations: int = int(_CG["max_iterations"]["default"])
-    """Iterations after which to stop with what there is."""
+    """Iterations after which conjugate gradients stop and return the last iterate."""
     matrix_free: bool = bool(_CG["matrix_free"]["default"])
-    """Never assemble the tangent: cells multiply it with a vector, evaluated anew each time. Slower, and needs little
-    more memory than the mesh; for "block_jacobi" only, since the others are made from the matrix."""
+    """Never assemble the tangent: every product evaluates the tangents of all cells again. This is slower, and needs
+    little more memory than the mesh. For "block_jacobi" only, since the others are made from the matrix."""
     device: str = "cpu"
-    """Where they run: "cpu", or "gpu" with "block_jacobi", in single precision, corrected by Newton's residual in
-    double."""
+    """Where they run: "cpu", or "gpu" with "block_jacobi", in single precision, corrected by residuals in double
+    precision."""
 
     def __post_init__(self) -> None:
         if self.preconditioner not in PRECONDITIONERS:

@@ -165,7 +165,7 @@ class State(Deformed, Pictured):
         statefile.write(path, self.mesh, self.displacement, moved | points, cells)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, colour: str = "displacement") -> Figure:
-        """The deformed organ over its rest shape; a PNG where a path is given.
+        """The deformed organ over its rest shape. `path`: write a PNG file there.
 
         colour: "displacement", "von_mises", "pressure" or "energy_density", the last three as they are at nodes.
 

@@ -1,4 +1,4 @@
-"""Files of a solved organ: volumes with every field, or its deformed surface with the fields that the format has.
+"""Files of a solved organ: volumes with every field, or its deformed surface with the fields that the format takes.
 
 Volumes hold the points at rest, so that a viewer's "warp by vector" deforms them; surfaces hold the deformed points.
 """
@@ -34,7 +34,7 @@ Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 
 
 def checked(path: str | os.PathLike[str]) -> Path:
-    """The path, or an error where its format or its folder cannot take a solution: asked before the work."""
+    """The path. It is an error if its format or its folder cannot take a solution; call this before long work."""
     ending = Path(path).suffix.lower()
     if ending not in VOLUMES and ending not in SURFACES:
         raise VisceraError(
@@ -76,7 +76,7 @@ def write(
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
-    """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` where it holds none."""
+    """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none."""
     name = os.fspath(path)
     if Path(name).suffix.lower() not in VOLUMES:
         raise VisceraError(f"{name}: is no solution with its volume; those end in {', '.join(VOLUMES)}")

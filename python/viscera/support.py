@@ -17,7 +17,7 @@ from viscera.mesh import Floats, Indices, Mesh, Where
 
 
 def fixed_nodes(mesh: Mesh, where: Where) -> Indices:
-    """The fixed nodes; raises `VisceraError` where nothing is fixed, everything is, or a connected part is not."""
+    """The fixed nodes; raises `VisceraError` if nothing is fixed, everything is, or a connected part is not."""
     if not isinstance(where, str) and not callable(where) and np.size(where) == 0:
         raise VisceraError("nothing is fixed: the organ would float away; fix a node set, indices or a predicate")
     try:
@@ -39,7 +39,7 @@ def fixed_nodes(mesh: Mesh, where: Where) -> Indices:
 
 
 def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.Patch]) -> None:
-    """Raise `VisceraError` where a part can still move rigidly.
+    """Raise `VisceraError` if a part can still move rigidly.
 
     fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means.
     """

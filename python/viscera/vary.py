@@ -39,9 +39,9 @@ class Vary:
     high: float | str
     """Upper end of the range."""
     part: Where | None = None
-    """Cells whose law it is: a cell set's name, a condition, indices, or a predicate on centroids; all without."""
+    """Cells whose law varies: a cell set's name, a condition, indices, or a predicate on centroids; by default all."""
     nodes: int = 5
-    """Values that are solved; the error falls by a factor with each."""
+    """Number of values that are solved. The error decreases geometrically with it."""
 
     def __post_init__(self) -> None:
         """Raise `VisceraError` for an unknown parameter, an empty range, too few or too many nodes."""
@@ -58,7 +58,7 @@ class Vary:
             raise VisceraError(f"the range of {self.name} begins at {low:g}; it must be positive")
 
     def on(self, mesh: Mesh) -> Vary:
-        """The range in numbers, as an organ of this mesh takes it.
+        """The range in numbers, for an organ of this mesh.
 
         >>> import viscera as vs
         >>> vs.Vary("radius", "5%", "8 cm", nodes=3).on(vs.organs.beam()).high
@@ -76,7 +76,7 @@ class Vary:
 
     @property
     def is_logarithmic(self) -> bool:
-        """Whether it is interpolated on a logarithmic scale, as for a stiffness or a length."""
+        """Whether the parameter is interpolated on a logarithmic scale, as a stiffness or a length is."""
         return self.name != "poisson"
 
     @property
@@ -87,7 +87,7 @@ class Vary:
 
     @property
     def unseen(self) -> Floats:
-        """Values between the nodes where a model is measured: both ends, and a middle one."""
+        """Values at which the model's error is measured: both ends of the range, and one between two middle nodes."""
         return self._at(np.array([-1.0, np.cos(np.pi * (self.nodes // 2) / self.nodes), 1.0]))
 
     def _at(self, x: Floats) -> Floats:
@@ -147,7 +147,7 @@ class Vary:
 
 
 def law_at(law: Law, name: str, value: float, cells: Indices, count: int) -> Law:
-    """The law of `count` cells with another "young" or "poisson" in some of them, in all where none are named.
+    """The law of `count` cells with another "young" or "poisson" in some of them, or in all if none are named.
 
     Young's modulus scales all stresses; Poisson's ratio leaves Young's modulus as it is.
     """

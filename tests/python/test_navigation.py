@@ -170,7 +170,7 @@ def test_a_scan_that_cannot_be_unloaded_fails(bar: vs.Mesh, tmp_path: Path, caps
     assert "no unloaded shape found" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("verb", "words"), [("compare", "free of load"), ("reduce", "leaves open what is touched")])
+@pytest.mark.parametrize(("verb", "words"), [("compare", "free of load"), ("reduce", "must say what is touched")])
 def test_other_verbs_want_an_unloaded_mesh(
     verb: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,7 +135,7 @@ def test_a_case_says_what_its_touches_start_from(tmp_path: Path) -> None:
     assert scanned.mesh.points == pytest.approx(beam.points, abs=1e-8), "the scan is the shape that is touched"
     assert np.abs(scanned.rest.points - beam.points).max() > 0.03
     for start, words in (
-        ("", "leaves open what is touched"),
+        ("", "must say what is touched"),
         ('start = "laods"\n', "did you mean 'loads'"),
     ):
         with pytest.raises(vs.VisceraError, match=words):

@@ -33,7 +33,7 @@ class Output:
         self.is_quiet = is_quiet
 
     def check(self) -> None:
-        """Raises `VisceraError` where the JSON could not be written: asked before the work."""
+        """Raises `VisceraError` if the JSON could not be written: asked before the work."""
         if self.json_path not in (None, "-"):
             writable(self.json_path)
 

@@ -40,7 +40,7 @@ class Fit:
     parameters: dict[str, float]
     """Coefficients [Pa] and exponents."""
     intervals: dict[str, tuple[float, float] | None]
-    """Confidence intervals of 95 % from the linearised problem; none where a bound is active or the data are silent."""
+    """Confidence intervals of 95 % from the linearised problem; none if a bound is active or the data are silent."""
     standard_error: float
     """sqrt(SSE / (n - p)) [Pa], n points, p parameters."""
     sse: float
@@ -71,7 +71,7 @@ class Fit:
         return {test.name: float(np.sqrt(np.mean((stress - test.stress) ** 2))) for test, stress in pairs}
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """The measured points and the law's curve, a panel for each deformation; a PNG where a path is given.
+        """The measured points and the law's curve, a panel for each deformation. `path`: write a PNG file there.
 
         >>> import viscera as vs
         >>> test = vs.MaterialTest("uniaxial", [0.8, 0.9, 1.1, 1.2], [-725, -340, 280, 494], "cylinder")
@@ -281,7 +281,7 @@ class _Problem:
 
 
 def _spread(jacobian: Floats, residual: Floats, freedom: int) -> Floats | None:
-    """Standard deviations of the parameters; none where the curves leave a combination of them undetermined."""
+    """Standard deviations of the parameters; none if the curves leave a combination of them undetermined."""
     size = np.linalg.norm(jacobian, axis=0)
     if jacobian.shape[1] == 0 or not size.all():
         return None

@@ -146,7 +146,7 @@ def _within(mesh: Mesh, places: Floats) -> list[tuple[NDArray[np.int64], Floats]
 
 
 def _check_size(mesh: Mesh, seen: Observed) -> None:
-    """Raise `VisceraError` where what was measured cannot be this organ in metres."""
+    """Raise `VisceraError` if what was measured cannot be this organ in metres."""
     everything: Any = np.concatenate([seen.surface, seen.measured])
     size = (
         float(np.linalg.norm(np.subtract(*np.percentile(everything, [95, 5], axis=0)))) if len(everything) > 1 else 0.0

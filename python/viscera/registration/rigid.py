@@ -47,7 +47,7 @@ class Rigid:
 
 
 def rigid_of(matrix: ArrayLike) -> Rigid:
-    """The rigid motion of a matrix (4, 4); raises `VisceraError` where it is none."""
+    """The rigid motion of a matrix (4, 4); raises `VisceraError` if it is none."""
     given = numbers_of(matrix)
     if given is None or given.shape != (4, 4) or not np.isfinite(given).all():
         raise refused("start", "a matrix (4, 4) of finite numbers", matrix)

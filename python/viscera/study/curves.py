@@ -38,7 +38,7 @@ class Curves:
     path: Path
     """The same, continued from expansion to expansion in the arc length, which passes limit points."""
     newton: list[Floats | None]
-    """(n, 3) [m] by Newton with line search and load steps; None where it gave up."""
+    """(n, 3) [m] by Newton with line search and load steps; None if it gave up."""
     statuses: list[str]
     """How Newton ended; "converged past an instability" where it jumped to another branch."""
     in_one_step: list[bool]

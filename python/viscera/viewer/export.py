@@ -25,7 +25,7 @@ class Exported:
     folder: Path
     """What was written: a folder, or one file."""
     files: list[str]
-    """In the folder; none where it is one file."""
+    """In the folder; none if it is one file."""
     model: WebModel
 
 
@@ -54,7 +54,7 @@ def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") ->
 
 
 def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:
-    """Write the page and a case that it steps in real time, likewise; raises `VisceraError` where it is too large."""
+    """Write the page and a case that it steps in real time, likewise; raises `VisceraError` if it is too large."""
     target, files = _target(folder), page.stepping_files()
     live = live_case(case, name)
     if not live.fits_a_page:

@@ -51,7 +51,7 @@ class LiveCase:
 
 
 def live_case(case: Case, name: str) -> LiveCase:
-    """Pack a case under a name to show; raises `VisceraError` where it cannot be stepped."""
+    """Pack a case under a name to show; raises `VisceraError` if it cannot be stepped."""
     case.require_unloaded("view")
     organ = case.organ()
     require_held(organ.mesh, organ.fixed, organ.fixed[:0], [])
@@ -66,7 +66,7 @@ def live_case(case: Case, name: str) -> LiveCase:
 
 
 def first_case(touch: Touch, name: str) -> LiveCase | None:
-    """The organ of a model, for a page to step until the model has arrived; None where no page can step it.
+    """The organ of a model, for a page to step until the model has arrived; None if no page can step it.
 
     The same organ, law and contact patch as the model's, touchable where the model is. A model about a preload or
     without its cells has none.

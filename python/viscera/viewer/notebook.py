@@ -23,13 +23,13 @@ class Played(Protocol):
     """What a widget shows, and how it answers a touch."""
 
     def model(self) -> bytes:
-        """The model that the page evaluates; none where the kernel answers."""
+        """The model that the page evaluates; none if the kernel answers."""
 
     def picture(self) -> bytes:
         """What stays in a saved notebook, a PNG."""
 
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
-        """A touch: `point`, `displacement`, `force` and `is_trusted`; raises `VisceraError` where there is none."""
+        """A touch: `point`, `displacement`, `force` and `is_trusted`; raises `VisceraError` if there is none."""
 
     def release(self) -> None:
         """Let go."""
@@ -74,10 +74,10 @@ def told(point: Any, displacement: Any, force: Any, is_trusted: bool) -> Told:
 
 
 def widget(played: Played, height: int = 560) -> Any:
-    """A widget that shows what is played; raises `VisceraError` where anywidget is not installed.
+    """A widget that shows what is played; raises `VisceraError` if anywidget is not installed.
 
     Its `touch(point, displacement)` touches [m] as a hand does, `release()` lets go. `point`, `displacement`, `force`
-    and `is_trusted` are those of the present touch, made by Python or by a hand, and None where nobody touches;
+    and `is_trusted` are those of the present touch, made by Python or by a hand, and None if nobody touches;
     `observe(handler, "force")` calls the handler at every change.
     """
     return _widget_class()(played, height)

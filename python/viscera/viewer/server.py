@@ -65,7 +65,7 @@ class Server:
     def __init__(
         self, files: Mapping[str, bytes], port: int = 0, live: Callable[[ServerConnection], None] | None = None
     ) -> None:
-        """Listen on a port, 0 for any that is free; raises `VisceraError` where it is taken.
+        """Listen on a port, 0 for any that is free; raises `VisceraError` if it is taken.
 
         live: what talks with a page over a web socket, at the path `live`; no socket is opened without it.
         """

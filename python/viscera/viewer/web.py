@@ -30,7 +30,7 @@ class WebModel:
 
 
 def web_model(touch: Touch, name: str, limit: int = LIMIT) -> WebModel:
-    """The most accurate web version below `limit` bytes; raises `VisceraError` where even the coarsest is larger."""
+    """The most accurate web version below `limit` bytes; raises `VisceraError` if even the coarsest is larger."""
     surface = surface_alone(touch)
     for tolerance in TOLERANCES:
         small = surface.compressed(tolerance)
