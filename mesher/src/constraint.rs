@@ -31,7 +31,7 @@ const STEPS: usize = 8;
 const LONGEST: f64 = 0.3;
 const SHORTEST: f64 = 1e-3;
 
-/// The place near `x` that lies on all the surfaces, of which there are at most three; none where Newton's method of
+/// The place near `x` that lies on all the surfaces, of which there are at most three; none if Newton's method of
 /// least steps does not get there.
 pub fn project(field: &Field, surfaces: &[Constraint], x: Point, edge: f64) -> Option<Point> {
     let mut x = x;

@@ -48,7 +48,7 @@ pub fn meeting(n_points: usize, interfaces: &[Interface]) -> Vec<u64> {
 pub struct Interface {
     pub nodes: [u32; 3],
     pub owner: usize,
-    /// The outside is the number of labels; none where the image ends.
+    /// The outside is the number of labels; none if the image ends.
     pub other: Option<usize>,
 }
 
@@ -171,7 +171,7 @@ impl<'a> Improving<'a> {
         cell.map(|i| self.points[i as usize])
     }
 
-    /// The worst quality around a node if it were at `x`; none where that is below `least`.
+    /// The worst quality around a node if it were at `x`; none if that is below `least`.
     fn worst(&self, node: u32, x: Point, least: f64) -> Option<f64> {
         let mut worst = f64::INFINITY;
         for &c in self.stars.of(node) {

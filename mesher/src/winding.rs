@@ -98,7 +98,7 @@ impl Winding {
         angle / (4.0 * PI)
     }
 
-    /// The winding numbers of the voxels of a grid, in the order of [`crate::Labels`]; none where `watch(done, total)`
+    /// The winding numbers of the voxels of a grid, in the order of [`crate::Labels`]; none if `watch(done, total)`
     /// wants no more.
     pub fn on_grid(
         &self,

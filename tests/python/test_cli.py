@@ -250,7 +250,7 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         (["reduce", *MESH, "--depth", "-5%"], "depth in [reduce] must be a number above 0"),
         (["reduce", *MESH, "--depth", "101%"], "at most the organ's diagonal"),
         (["reduce", *MESH, "--radius", "wide"], "radius in [reduce] 'wide' is not a length"),
-        (["reduce", "case.toml", "--young", "1"], "change it there instead of by --young"),
+        (["reduce", "case.toml", "--young", "1"], "change it there, and leave out --young"),
         (["reduce", *MESH, *REDUCTION, "-o", "no/where.viscera"], "create it first"),
     ],
 )

@@ -21,7 +21,7 @@ pub extern "C" fn viscera_abi_version() -> u32 {
     ABI_VERSION
 }
 
-/// Three numbers behind a pointer, or none where it is null.
+/// Three numbers behind a pointer, or none if it is null.
 ///
 /// # Safety
 /// Null, or readable for three numbers.

@@ -44,7 +44,7 @@ impl Shape {
     }
 }
 
-/// Shape, friction (None where bonded), stiffness of the layer, rotation, position, way and turn.
+/// Shape, friction (None if bonded), stiffness of the layer, rotation, position, way and turn.
 pub type Tool<'py> =
     (PyRef<'py, Shape>, Option<f64>, f64, [[f64; 3]; 3], [f64; 3], [f64; 3], [f64; 3]);
 

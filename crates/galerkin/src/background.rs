@@ -1,4 +1,5 @@
-//! Training in the background: a thread that trains a model while it is in use, in rounds, and then where the tools are.
+//! Training in the background: a thread trains a model while it is in use, first in rounds, then at the position of the
+//! tools.
 
 use super::contacts::ReducedContacts;
 use super::trained::{Trained, train};
@@ -10,14 +11,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TryRecvError, channel, sync_channel};
 use std::thread;
 
-/// Tools that have moved by less than this part of the depth of training are where they were.
+/// Tools that have moved by less than this part of the depth of training count as not moved.
 const MOVED: f64 = 0.01;
 
 /// What the thread reports.
 enum TrainingEvent {
-    /// This one is better.
+    /// A better model.
     Better(Box<Trained>),
-    /// Nothing is asked of it any more, neither a round nor a place.
+    /// Nothing is left to do, neither a round nor a question.
     Done,
 }
 
@@ -28,18 +29,18 @@ struct Question {
     depth: f64,
 }
 
-/// The grasp's end of the talk with the thread, which ends soon after this is dropped.
+/// The grasp's connection to the thread, which ends soon after this is dropped.
 pub(super) struct BackgroundTraining {
     events: Receiver<Result<TrainingEvent, Error>>,
     questions: SyncSender<Question>,
-    /// Displacements of the last question [m].
+    /// Displacements [m] of the contacts in the last question.
     asked: Vec<[f64; 3]>,
     is_busy: bool,
     is_wanted: Arc<AtomicBool>,
 }
 
 impl BackgroundTraining {
-    /// Begins, on all processors but one, which is left to whoever uses the grasp meanwhile.
+    /// Starts the thread, on all processors but one, which remains free for the use of the grasp.
     ///
     /// # Errors
     /// No thread.
@@ -59,7 +60,7 @@ impl BackgroundTraining {
         Ok(BackgroundTraining { events, questions, asked: Vec::new(), is_busy: true, is_wanted })
     }
 
-    /// The best that is ready and was not handed over before.
+    /// The best model that is ready, if it is newer than the one handed over last.
     ///
     /// # Errors
     /// What ended the training.
@@ -78,12 +79,13 @@ impl BackgroundTraining {
         }
     }
 
-    /// Whether there is more to come.
+    /// Whether better models may follow.
     pub fn is_busy(&self) -> bool {
         self.is_busy
     }
 
-    /// Has an answer looked at, where the thread has nothing else to do and the tools have moved since the last.
+    /// Sends an answer to the thread to be compared, if the thread is idle and the tools have moved since the last
+    /// question.
     pub fn ask(&mut self, contacts: &Arc<ReducedContacts>, q: &[f64], displacements: &[[f64; 3]]) {
         let moved = |(d, asked): (&[f64; 3], &[f64; 3])| {
             let way: [f64; 3] = std::array::from_fn(|i| d[i] - asked[i]);
@@ -106,7 +108,7 @@ impl Drop for BackgroundTraining {
     }
 }
 
-/// All that the thread does. Where nobody listens any more, nobody asks any more either.
+/// The work of the thread. It ends when the other end of the channels is dropped.
 fn train_in_background(
     mut contacts: ReducedContacts,
     since: Instant,
@@ -121,7 +123,7 @@ fn train_in_background(
     tell(TrainingEvent::Done);
     for Question { contacts: asked, q, depth } in questions {
         let since = Instant::now();
-        // What an older one answered is none of the present one's faults.
+        // An answer of an older model says nothing about the present one.
         let is_present = asked.n_modes() == contacts.n_modes();
         if is_present && training.correct(&mut contacts, &asked.subspace.basis.field(&q), depth)? {
             let better = Trained::new(contacts.clone(), training.clone(), since);

@@ -5,7 +5,7 @@ use crate::mesh::Patch;
 use crate::number::dot;
 use rayon::prelude::*;
 
-/// A field is left out when less than this part of its norm is its own.
+/// A field is left out if the part of it outside the span is below this fraction of its norm.
 const DEPENDENT: f64 = 1e-4;
 
 /// Orthonormal modes, and the fields they came from.
@@ -18,8 +18,8 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// Gram and Schmidt through the fields in their order, by the Cholesky factor of their Gram matrix; fields that
-    /// those before them span drop out.
+    /// Gram-Schmidt orthonormalisation in the order of the fields, by the Cholesky factor of their Gram matrix. Fields
+    /// that depend on earlier ones are left out.
     pub fn new(fields: &[Vec<f64>], stiffness: &SymmetricBlocks) -> Self {
         let forces = forces(fields, stiffness);
         let (mut coordinates, mut origin): (Vec<Vec<f64>>, Vec<usize>) = (Vec::new(), Vec::new());
@@ -51,8 +51,8 @@ impl Basis {
         Basis { modes, coordinates }
     }
 
-    /// Modes for what these fields have beyond the span, the one with the largest part first, until the parts left
-    /// are below `smallest` of the largest field.
+    /// Adds modes for the parts of these fields outside the span, the largest part first, until the remaining parts are
+    /// below `smallest` of the largest field.
     pub fn enrich(&mut self, fields: &[Vec<f64>], smallest: f64, stiffness: &SymmetricBlocks) {
         let squares = |fields: &[Vec<f64>]| -> Vec<f64> {
             fields.iter().zip(forces(fields, stiffness)).map(|(u, f)| dot(u, &f)).collect()
@@ -80,7 +80,7 @@ impl Basis {
         }
     }
 
-    /// Coordinates of the field of the span that is nearest to this one in the energy in the origin.
+    /// Coordinates of the field in the span that is nearest to this one, in the energy norm at the origin.
     pub fn nearest(&self, field: &[f64], stiffness: &SymmetricBlocks) -> Vec<f64> {
         self.project(&force_of(field, stiffness))
     }
@@ -131,7 +131,7 @@ fn force_of(field: &[f64], stiffness: &SymmetricBlocks) -> Vec<f64> {
     force
 }
 
-/// Takes a mode, whose force is `K phi`, out of a field.
+/// Removes a mode, whose force is `K phi`, from a field.
 fn take_out(mode: &[f64], force: &[f64], field: &mut [f64]) {
     let part = dot(force, field);
     field.iter_mut().zip(mode).for_each(|(x, m)| *x -= part * m);

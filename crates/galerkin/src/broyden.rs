@@ -1,4 +1,4 @@
-//! What the steps of a search have shown of the tangent since it was factorised: Broyden's updates.
+//! Broyden's updates: corrections of a factorised tangent from the steps taken since.
 //!
 //! A step `s` by an approximate tangent `B` ought to leave no residual; the step `z` that it would still take from where
 //! it got to tells how wrong `B` was along `s`. Broyden's update, of least change, has the inverse
@@ -8,9 +8,9 @@
 
 use crate::number::dot;
 
-/// Updates that are kept; then they begin anew.
+/// Largest number of updates; then they are discarded.
 const MOST: usize = 40;
-/// An update that would lengthen steps by more than the inverse of this is left out.
+/// An update that would lengthen steps by more than the inverse of this is skipped.
 const SMALLEST: f64 = 0.1;
 
 /// `w` and `s / s.s` of each update.
@@ -21,17 +21,17 @@ pub(super) struct BroydenUpdates {
 }
 
 impl BroydenUpdates {
-    /// None yet; room for steps of `r` coordinates.
+    /// No updates yet, with memory for steps of `r` coordinates.
     pub fn new(r: usize) -> Self {
         BroydenUpdates { r, pairs: Vec::with_capacity(2 * r * MOST) }
     }
 
-    /// As none.
+    /// Discards all updates.
     pub fn forget(&mut self) {
         self.pairs.clear();
     }
 
-    /// From the step of the factorised tangent to that of the updated one.
+    /// Turns the step of the factorised tangent into that of the updated one.
     pub fn correct(&self, step: &mut [f64]) {
         for pair in self.pairs.chunks_exact(2 * self.r) {
             let (w, s) = pair.split_at(self.r);
@@ -40,7 +40,8 @@ impl BroydenUpdates {
         }
     }
 
-    /// Updates from `step`, taken whole, that it ought to be followed by `next`, and makes this the step of the update.
+    /// Adds the update for a `step` that was taken in full and is followed by `next`, and turns `next` into the step of
+    /// the updated tangent.
     pub fn update(&mut self, step: &[f64], next: &mut [f64]) {
         let square = dot(step, step);
         let share = 1.0 - dot(step, next) / square;

@@ -21,7 +21,7 @@ pub(super) struct SampledCells {
 }
 
 impl SampledCells {
-    /// Some cells of a body, each counting `weights` times; `modes` are runs of all degrees of freedom.
+    /// Some cells of a body with their weights; each of the `modes` holds all degrees of freedom.
     pub fn new(origin: &Origin, cells: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
         let body = &origin.body;
         let mut sample = Sample::new(body.points(), body.cells(), body.material(), cells);
@@ -63,7 +63,7 @@ impl SampledCells {
         self.add(&results, with_tangent, reduced);
     }
 
-    /// What all panels say together, always in the same order.
+    /// The sum over all panels, always in the same order.
     fn add(&self, results: &[PanelResult], with_tangent: bool, reduced: &mut Reduced) {
         let Reduced { force, tangent, .. } = reduced;
         force.fill(0.0);
@@ -96,15 +96,15 @@ impl SampledCells {
     }
 }
 
-/// What some cells say together.
+/// The sum over some cells.
 struct PanelResult {
-    /// Their energy; infinite where one of them is outside of what its law is defined for.
+    /// Their energy; infinite if a cell is outside the domain of its law.
     energy: f64,
-    /// Smallest volume ratio of a cell that counts, minus infinity where one is not a number.
+    /// Smallest volume ratio of a cell with a weight; minus infinity if one is not a number.
     jacobian: f64,
 }
 
-/// Asks the law of the cells of a panel: from edge displacements to forces on the edges, and their derivative.
+/// Evaluates the law of the cells of a panel: from edge displacements to forces on the edges and their derivative.
 struct PanelEvaluation<'a> {
     law: &'a dyn LawKernels,
     batches: &'a [Batch],

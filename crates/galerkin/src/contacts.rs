@@ -1,9 +1,9 @@
-//! What does not change while contacts hold an organ: their patches and modes; and what an answer in them is worth.
+//! What does not change while contacts hold an organ: their patches and modes. Also assesses answers.
 //!
 //! With force `f` and tangent `K` of the whole body in an answer `u`, Newton's step
 //!   K z - A^T F = -f,   A z = 0,
-//! `A` the means of the patches, is nearly what is missing: `|z| / |u|` is the error that is expected. A tangent that is
-//! not positive definite says that the organ would not stay there, however small the step.
+//! with `A` the means of the patches, is close to the error: `|z| / |u|` is the error estimate. If the tangent is not
+//! positive definite, the organ would not stay in this state, however small the step is.
 
 use super::model::Galerkin;
 use super::newton::ReducedStatus;
@@ -16,31 +16,31 @@ use crate::number::norm;
 use crate::reduced::{Contact, allowance};
 use std::sync::Arc;
 
-/// Whether a solution may be relied on.
+/// Whether a solution is trusted, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
-    /// The expected error is within what is allowed at this depth.
+    /// The error estimate is within the allowance at this depth.
     Trusted,
     /// No equilibrium was found.
     NotConverged,
-    /// The time for the search was over before.
+    /// The search ran out of time.
     OutOfTime,
-    /// A sampled cell is inside out.
+    /// A sampled cell is inverted.
     Inverted,
-    /// A contact is displaced by more than it was in training.
+    /// A contact is displaced farther than in training.
     BeyondDepth,
-    /// The whole organ would not stay there.
+    /// The whole organ would not stay in this state.
     Unstable,
-    /// The expected error is larger than allowed.
+    /// The error estimate is larger than allowed.
     ErrorTooLarge,
 }
 
-/// What the whole body says of a solution.
+/// Assessment of a solution by the whole body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assessment {
-    /// Expected error of the field relative to its norm, at most 1.
+    /// Error estimate of the field, relative to its norm; at most 1.
     pub error: f64,
-    /// Whether to rely on it.
+    /// Whether the solution is trusted.
     pub trust: Trust,
 }
 
@@ -53,7 +53,7 @@ pub struct ReducedContacts {
 }
 
 impl ReducedContacts {
-    /// In the span of the series.
+    /// Contacts in the span of the series.
     pub(super) fn new(owner: Arc<Galerkin>, contacts: Vec<Contact>) -> Result<Self, Error> {
         let subspace = Subspace::new(&owner.model, &owner.origin, &contacts, owner.sampling.order)?;
         Ok(ReducedContacts { owner, subspace, places: contacts })
@@ -64,7 +64,7 @@ impl ReducedContacts {
         &self.places
     }
 
-    /// Their patches, the weighted means of which are displaced. Allocates.
+    /// The patches, whose weighted means are displaced. Allocates.
     pub fn patches(&self) -> Vec<Patch> {
         self.places.iter().map(|c| self.owner.model.patch(c)).collect()
     }
@@ -89,8 +89,8 @@ impl ReducedContacts {
         Ok(self.subspace.basis.field(&q))
     }
 
-    /// Asks the whole body: its tangent, factorised, and a substitution. As long as a frame of a simulator; not for
-    /// every tick.
+    /// Assesses a solution by the whole body: a factorised tangent and a substitution. Takes as long as a frame of a
+    /// simulator, so not for every tick.
     ///
     /// # Errors
     /// No memory for a solver.
@@ -115,7 +115,7 @@ impl ReducedContacts {
         Ok(Assessment { error, trust })
     }
 
-    /// Newton's step relative to the field, at most 1, and whether the organ would stay.
+    /// Newton's step relative to the field, at most 1, and whether the state is stable.
     fn expected_error(&self, solution: &Solution) -> Result<(f64, bool), Error> {
         if solution.depth == 0.0 {
             return Ok((0.0, true));
@@ -130,7 +130,7 @@ impl ReducedContacts {
         })
     }
 
-    /// Whether contacts displaced by no more than `depth` [m] are where training has been.
+    /// Whether displacements of at most `depth` [m] are within the depth of training.
     pub(super) fn is_within(&self, depth: f64) -> bool {
         depth <= self.owner.sampling.depth * (1.0 + 1e-9)
     }

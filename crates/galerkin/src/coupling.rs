@@ -1,8 +1,8 @@
-//! What two contacts do to each other: the mixed second-order fields of their series.
+//! The effect of two contacts on each other: the mixed second-order fields of their series.
 //!
 //! With the first-order fields `a_i` of one and `b_j` of the other, and `N` the internal force beyond its linear part,
 //!   K x_ij = - d2 N(s a_i + t b_j) / ds dt  in the origin.
-//! No sum of what each does alone holds these fields, and near contacts need them most.
+//! The series of single contacts do not contain these fields. Contacts near each other need them most.
 
 use super::origin::Origin;
 use crate::error::Error;

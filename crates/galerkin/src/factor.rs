@@ -1,8 +1,8 @@
 //! The reduced tangent under its constraints, factorised: small, dense and without allocation.
 //!
-//! Where tools hold the organ its tangent `K` may be indefinite although the equilibrium is stable: only displacements
-//! that leave the means of the patches, `A dq = 0`, must cost energy. `K_g = K + g A^T A` is definite then, and the
-//! step of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
+//! If tools hold the organ, its tangent `K` may be indefinite although the equilibrium is stable: only displacements
+//! that keep the means of the patches, `A dq = 0`, must cost energy. `K_g = K + g A^T A` is then definite, and the step
+//! of `K_g` under `A dq = m` is that of `K`, with contact forces larger by `g m`.
 
 use crate::linear::next_shift;
 use crate::number::dot;
@@ -30,7 +30,7 @@ pub(super) struct ReducedFactor {
 }
 
 impl ReducedFactor {
-    /// Room for `r` coordinates under some constraints.
+    /// Memory for `r` coordinates under some constraints.
     pub fn new(r: usize, constraints: usize) -> Self {
         ReducedFactor {
             r,
@@ -44,7 +44,7 @@ impl ReducedFactor {
         }
     }
 
-    /// Of the tangent in the origin, where `r` orthonormal modes have the identity.
+    /// The factor at the origin, where the tangent of `r` orthonormal modes is the identity.
     pub fn in_origin(constraints: &[Vec<f64>], r: usize) -> Self {
         let mut factor = ReducedFactor::new(r, constraints.len());
         let mut identity = vec![0.0; r * r];
@@ -58,12 +58,12 @@ impl ReducedFactor {
         self.is_ready
     }
 
-    /// Whether it had to be shifted to be definite under the constraints.
+    /// Whether the tangent had to be shifted to be definite under the constraints.
     pub fn is_shifted(&self) -> bool {
         self.is_shifted
     }
 
-    /// Asks for a new tangent.
+    /// Discards the tangent, so that a new one is factorised.
     pub fn forget(&mut self) {
         self.is_ready = false;
     }

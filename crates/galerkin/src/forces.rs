@@ -1,4 +1,4 @@
-//! The forces of every unit in the states of training, by which units are chosen and weighed.
+//! The forces of every unit in the states of training, from which units and weights are chosen.
 
 use super::origin::Origin;
 use super::sampled::OneByOne;
@@ -7,14 +7,14 @@ use super::subspace::Subspace;
 use crate::number::norm;
 use rayon::prelude::*;
 
-/// Sampling units that a thread takes at once.
+/// Number of sampling units in one task of a thread.
 const CHUNK: usize = 64;
 
 /// A state of training.
 pub(super) struct State {
     /// Its coordinates.
     pub q: Vec<f64>,
-    /// How much its forces count beside those of others.
+    /// Weight of its forces beside those of other states.
     pub weight: f64,
     /// `phi . f_int` of the whole body.
     force: Vec<f64>,
@@ -27,7 +27,7 @@ impl State {
     }
 }
 
-/// The states of these coordinates.
+/// The states with these coordinates.
 pub(super) fn with_forces(
     origin: &Origin,
     subspace: &Subspace,
@@ -47,7 +47,7 @@ pub(super) fn with_forces(
 /// Forces of some units along the modes in some states, each state in units of the force of the whole body over its
 /// weight.
 pub(super) struct Forces {
-    /// Rows: modes of a state after modes of another, or a sketch of them where they are many.
+    /// Rows: the modes of one state after those of another, or a sketch of them if they are many.
     pub rows: usize,
     /// Unit by unit.
     pub units: Vec<f64>,
@@ -92,7 +92,7 @@ impl Forces {
     }
 }
 
-/// About `count` places, evenly spaced along the running sum of their sizes: what counts more is taken more often.
+/// About `count` indices, evenly spaced along the running sum of the sizes, so that larger ones are taken more often.
 pub(super) fn systematic(sizes: &[f64], count: usize) -> Vec<usize> {
     let step = sizes.iter().sum::<f64>() / count as f64;
     let (mut sum, mut next, mut taken) = (0.0, 0.5 * step, Vec::with_capacity(count));

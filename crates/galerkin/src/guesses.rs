@@ -1,4 +1,4 @@
-//! Guesses at what contacts may do to an organ: displacements spread over a ball, and the superposed series under them.
+//! First guesses of states: displacements spread over a ball, and the superposed series under them.
 
 use super::newton::{ReducedNewton, ReducedStatus, Search};
 use super::origin::Origin;
@@ -7,7 +7,7 @@ use crate::number::norm;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A state in which some cell keeps less than this part of its volume is drawn back towards rest.
+/// A state in which the volume ratio of a cell is below this is moved back towards rest.
 const SMALLEST_RATIO: f64 = 0.3;
 
 /// A superposed series and its displacements of all contacts [m].
@@ -23,7 +23,7 @@ impl Guess {
         self.d.chunks_exact(3).map(norm).fold(0.0, f64::max)
     }
 
-    /// Coordinates of the model's answer to the displacements; the guess itself where it finds none.
+    /// Coordinates of the model's answer to the displacements; the guess itself if the search fails.
     pub fn answer(&self, subspace: &Subspace, model: &mut ReducedNewton) -> Vec<f64> {
         model.start_at(&self.d, subspace.guess(&self.d));
         match model.solve(&self.d, &mut Search::default()) {

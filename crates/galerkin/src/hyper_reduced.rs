@@ -1,4 +1,4 @@
-//! Contacts that hold an organ, ready to be displaced: which cells count how much, and the search for equilibrium.
+//! Contacts that hold an organ, ready to be displaced: sampled cells with weights, and the search for equilibrium.
 
 use super::background::BackgroundTraining;
 use super::contacts::ReducedContacts;
@@ -14,10 +14,10 @@ use crate::reduced::Contact;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Where the last search has left the coordinates.
+/// State of the coordinates after the last search.
 #[derive(Clone, Copy, PartialEq)]
 enum Place {
-    /// Where none should start.
+    /// Unusable as a start.
     Nowhere,
     /// On the way to an equilibrium.
     UnderWay,
@@ -29,17 +29,17 @@ enum Place {
 pub struct HyperReducedModel {
     now: Trained,
     place: Place,
-    /// Where better ones come from, if it trains in the background.
+    /// Source of better models, if training goes on in the background.
     background: Option<BackgroundTraining>,
 }
 
 impl HyperReducedModel {
-    /// Trained, and that is all.
+    /// A model whose training is complete.
     fn new(now: Trained) -> Self {
         HyperReducedModel { now, place: Place::Nowhere, background: None }
     }
 
-    /// In the span of the series; snapshots follow while it is in use.
+    /// A model in the span of the series; snapshots follow while it is in use.
     fn in_training(mut contacts: ReducedContacts, since: Instant) -> Result<Self, Error> {
         let background = (contacts.owner.sampling.snapshots > 0)
             .then(|| BackgroundTraining::start(contacts.clone(), since))
@@ -49,17 +49,17 @@ impl HyperReducedModel {
         Ok(HyperReducedModel { background, ..HyperReducedModel::new(now) })
     }
 
-    /// Whether better ones are still to come; those that are ready have taken its place.
+    /// Whether better models may still follow. One that is ready replaces this one.
     ///
     /// # Errors
-    /// What ended the training in the background.
+    /// The error that ended the training in the background.
     pub fn is_training(&mut self) -> Result<bool, Error> {
         self.improve()?;
         Ok(self.background.as_ref().is_some_and(BackgroundTraining::is_busy))
     }
 
-    /// Compares the last answer with the equilibrium of the whole body next to it, and takes that in where the answer is
-    /// wrong; whether it was, and it found one. Takes some tenths of a second, or seconds.
+    /// Compares the last answer with the nearest equilibrium of the whole body, and adds that as a snapshot if the
+    /// answer is wrong. Returns whether a snapshot was added. Takes some tenths of a second, or seconds.
     ///
     /// # Errors
     /// No memory for a solver; a model that trains in the background, which does it by itself.
@@ -77,7 +77,7 @@ impl HyperReducedModel {
         Ok(is_wrong)
     }
 
-    /// A better one takes its place, if it is ready.
+    /// Replaces this model by a better one that is ready.
     fn improve(&mut self) -> Result<(), Error> {
         let Some(mut background) = self.background.take() else { return Ok(()) };
         let better = background.newest()?; // a training that fails is over
@@ -88,8 +88,9 @@ impl HyperReducedModel {
         Ok(())
     }
 
-    /// A better one takes its place, and goes on from its field: modes are only ever added, and what is there has nothing
-    /// of the new ones. Its memory is given back elsewhere, for that may take longer than a tick.
+    /// Replaces this model by a better one, which continues from the present field: modes are only ever added, and the
+    /// present field has no part in the new ones. The old memory is freed on another thread, since that may take longer
+    /// than a tick.
     fn give_way(&mut self, better: Trained) {
         let mut q = self.now.solver.q.clone();
         q.resize(better.contacts.n_modes(), 0.0);
@@ -115,12 +116,12 @@ impl HyperReducedModel {
         self.now.solver.n_cells()
     }
 
-    /// Number of states solved on the whole body, that the modes hold.
+    /// Number of states solved on the whole body that the modes contain.
     pub fn n_snapshots(&self) -> usize {
         self.now.training.n_snapshots()
     }
 
-    /// Time from taking hold to the modes as they are, or that the last of them took [s].
+    /// Time [s] from taking hold to the present modes, or the time that the last of them took.
     pub fn seconds(&self) -> f64 {
         self.now.seconds
     }
@@ -139,8 +140,8 @@ impl HyperReducedModel {
 
     /// Equilibrium with the mean of each patch displaced by its `displacements` [m].
     ///
-    /// From the superposed series, so that the answer depends on nothing before it; or, `from_last`, from the last
-    /// solution, as a hand moves on. `with_stiffness` costs one more tangent.
+    /// The search starts from the superposed series, so the answer does not depend on earlier ones; or, with
+    /// `from_last`, from the last solution, for a moving hand. `with_stiffness` costs one more tangent.
     ///
     /// # Errors
     /// A displacement that is not finite; a number of them other than that of the contacts; training in the background
@@ -154,9 +155,9 @@ impl HyperReducedModel {
         self.solve_within(displacements, from_last, with_stiffness, None)
     }
 
-    /// As [`HyperReducedModel::solve`], with a `budget` for the search: when it is over, the status is
-    /// [`ReducedStatus::OutOfTime`], and the next search from the last goes on. One step is always taken, with its
-    /// tangent where it needs one.
+    /// As [`HyperReducedModel::solve`], with a `budget` for the search. When it is over, the status is
+    /// [`ReducedStatus::OutOfTime`], and the next search with `from_last` continues. One step is always taken, with a
+    /// new tangent if it needs one.
     ///
     /// # Errors
     /// As [`HyperReducedModel::solve`].
@@ -215,8 +216,8 @@ impl HyperReducedModel {
 }
 
 impl Galerkin {
-    /// Contacts take hold: basis, cells and weights for whatever they do next. Some tenths of a second without
-    /// snapshots, seconds with them.
+    /// Contacts take hold: makes basis, cells and weights. Takes some tenths of a second without snapshots, seconds
+    /// with them.
     ///
     /// # Errors
     /// No contact; one off the surface; contacts that cannot be told apart; no memory for a solver.
@@ -224,7 +225,7 @@ impl Galerkin {
         self.grasp_while(points, &|| true)
     }
 
-    /// As [`Galerkin::grasp`], as long as it is wanted.
+    /// As [`Galerkin::grasp`], with a function that may cancel it.
     ///
     /// # Errors
     /// As [`Galerkin::grasp`]; [`Error::Cancelled`].
@@ -239,8 +240,8 @@ impl Galerkin {
         Ok(HyperReducedModel::new(best.expect("training hands over a search or an error")))
     }
 
-    /// Contacts take hold without snapshots, and are in use while a thread solves them: better grasps take the place of
-    /// the first as they are ready.
+    /// Contacts take hold without snapshots and can be used while a thread solves these. Better models replace the
+    /// first when they are ready.
     ///
     /// # Errors
     /// As [`Galerkin::grasp`]; no thread.

@@ -1,10 +1,11 @@
-//! Several touches at once: equilibrium in the span of what the series knows of each, on a few weighted cells.
+//! Several touches at once: equilibrium in the span of the series fields of all contacts, on a few weighted cells.
 //!
-//! When tools take hold ([`Galerkin::grasp`]) the fields of their series and of their coupling become a basis, if
-//! wanted with what some snapshots of the whole body have beyond them; and few cells get the weights `w_e >= 0` that integrate its forces best (energy-conserving sampling and weighting, Farhat,
-//! Avery, Chapman and Cortial, IJNME 98 (2014) 625). On-line ([`HyperReducedModel::solve`]) the reduced energy
+//! When tools take hold ([`Galerkin::grasp`]), the fields of their series and of their coupling become a basis. If
+//! wanted, snapshots of the whole body add what these fields do not contain. A few cells get weights `w_e >= 0` that
+//! integrate the forces best (energy-conserving sampling and weighting, Farhat, Avery, Chapman and Cortial, IJNME 98
+//! (2014) 625). On-line ([`HyperReducedModel::solve`]) the reduced energy
 //!   W(q) = sum_e w_e V_e psi(F_e(q))   under   A q = d
-//! is minimised by Newton's method: forces are its gradient, tangents symmetric, whatever the weights.
+//! is minimised by Newton's method. Forces are its gradient and tangents are symmetric for any weights.
 
 mod background;
 mod basis;

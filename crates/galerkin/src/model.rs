@@ -5,7 +5,7 @@ use super::solvers::Solvers;
 use crate::error::Error;
 use crate::reduced::ReducedModel;
 
-/// More is taken for a mistake: every one is a solution on the whole body, and may be a mode.
+/// A larger number is refused as a mistake: every snapshot is a solution on the whole body, and may become a mode.
 pub(super) const MOST_SNAPSHOTS: usize = 200;
 
 /// How the reduced energy is made.
@@ -13,15 +13,16 @@ pub(super) const MOST_SNAPSHOTS: usize = 200;
 pub struct Sampling {
     /// Highest order of the series fields in the basis, 1 to that of the model.
     pub order: usize,
-    /// Error of the forces of the sampled cells in training, relative to those of all.
+    /// Error of the forces of the sampled cells in training, relative to the forces of all cells.
     pub tolerance: f64,
-    /// Largest displacement of a contact in training [m]: beyond it nothing is trusted.
+    /// Largest displacement [m] of a contact in training; beyond it no answer is trusted.
     pub depth: f64,
-    /// States of training that are solved on the whole body when contacts take hold, for the basis to hold them too.
+    /// Largest number of states of training that are solved on the whole body when contacts take hold and join the
+    /// basis.
     pub snapshots: usize,
 }
 
-/// The series model of an organ with what it takes to let several contacts act at once.
+/// The series model of an organ, and what several contacts at once need beside it.
 pub struct Galerkin {
     pub(super) model: ReducedModel,
     pub(super) origin: Origin,

@@ -2,8 +2,8 @@
 //!
 //! With the tangent K at an earlier iterate and f = dW/dq, a step is
 //!   [K -A^T; A 0] [dq; F] = [-f; d - A q],
-//! F the contact forces; the tangent is renewed when steps shrink too slowly, and updated by them meanwhile (Broyden), so
-//! most iterations cost a force only.
+//! with the contact forces F. The tangent is renewed when steps shrink too slowly. Until then Broyden's update improves
+//! it, so most iterations cost only a force.
 
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
@@ -16,9 +16,9 @@ use crate::equilibrium::{Iteration, Limits, Stop, backtrack, iterate};
 use crate::number::{dot, norm};
 use std::time::Duration;
 
-/// A step is small enough when it is below this part of the coordinates: a hundredth of what modes and cells leave.
+/// The search ends when a step is below this part of the coordinates, a hundredth of the error by modes and cells.
 const TOLERANCE: f64 = 1e-4;
-/// Coordinates below this part of the usual ones count as this.
+/// Coordinates with a norm below this part of the typical one count as if they had it.
 const SMALLEST: f64 = 1e-6;
 /// Steps that shrink by less than this ask for a new tangent.
 const SLOW: f64 = 0.5;
@@ -33,18 +33,18 @@ const FEASIBLE: f64 = 1e-9;
 pub enum ReducedStatus {
     /// At an equilibrium of the reduced energy.
     Converged,
-    /// Every step towards it, however short, turns a sampled cell inside out or raises the energy.
+    /// Every step, however short, inverts a sampled cell or raises the energy.
     StepTooSmall,
     /// The iterations did not suffice.
     TooManyIterations,
-    /// Its time was over; the next search from the last may go on.
+    /// The time was over; the next search from the last solution continues.
     OutOfTime,
 }
 
 /// How a search for equilibrium went.
 #[derive(Default)]
 pub(super) struct Search {
-    /// When it began and how long it may take, but for one step that is always taken.
+    /// Start of the search and its time limit; one step is always taken.
     pub limit: Option<(Instant, Duration)>,
     pub iterations: usize,
     pub tangents: usize,
@@ -63,9 +63,9 @@ pub(super) struct ReducedNewton {
     factor: ReducedFactor,
     updates: BroydenUpdates,
     starts: Starts,
-    /// Usual norm of the coordinates.
+    /// Typical norm of the coordinates.
     unit: f64,
-    /// The step below which it is done, relative to the coordinates.
+    /// Size of a step, relative to the coordinates, at which the search ends.
     pub tolerance: f64,
     /// How long the last new tangent took.
     renewal: Duration,
@@ -114,7 +114,7 @@ impl ReducedNewton {
         self.sampled.n_cells()
     }
 
-    /// Starts from the first of ever smaller shares of what `guess` says in which no sampled cell is inside out.
+    /// Starts from the largest of the tried shares of `guess` in which no sampled cell is inverted.
     pub fn start(&mut self, guess: impl Fn(f64) -> Vec<f64>) {
         backtrack(1.0, HALVINGS + 1, |share| {
             self.q = guess(share);
@@ -124,8 +124,8 @@ impl ReducedNewton {
         self.factor.forget();
     }
 
-    /// Starts from the one of all [`Starts`] for `d` that has the lowest energy with no sampled cell inside out; if they
-    /// all have such cells, from a share of the guess.
+    /// Starts from the [`Starts`] for `d` that has the lowest energy without inverted cells; if all have such cells,
+    /// from a share of the guess.
     pub fn start_at(&mut self, d: &[f64], guess: impl Fn(f64) -> Vec<f64>) {
         let (mut best, mut lowest) = (None, f64::INFINITY);
         for q in self.starts.at(d, guess(1.0), &self.constraints) {
@@ -146,13 +146,14 @@ impl ReducedNewton {
         self.sampled.evaluate(&self.q, with_tangent, &mut self.reduced);
     }
 
-    /// Derivative of the contact forces by `d`, with a new tangent at `q`.
+    /// Derivative of the contact forces with respect to `d`, with a new tangent at `q`.
     pub fn stiffness(&mut self, search: &mut Search) -> Vec<f64> {
         self.renew(search);
         self.factor.stiffness()
     }
 
-    /// Goes from `q`, where it was evaluated last, to the equilibrium under `A q = d`, or as far as it gets.
+    /// Iterates from `q`, where the energy was evaluated last, to the equilibrium under `A q = d`, or as far as
+    /// possible.
     pub fn solve(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
         let limits = Limits { tolerance: self.tolerance, steps: MAX_STEPS, waits: false };
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
@@ -208,8 +209,8 @@ impl ReducedNewton {
         self.renewal = clock.elapsed();
     }
 
-    /// Goes along the step, half as far again and again until no sampled cell is inside out and, on the constraint,
-    /// the energy does not rise; none where that leads nowhere.
+    /// Takes the step, halved until no sampled cell is inverted and, on the constraint, the energy does not rise; none
+    /// if that fails.
     fn advance(&mut self, is_feasible: bool) -> Option<f64> {
         let energy = self.reduced.energy;
         // What the constraint residual may still cost.
@@ -237,7 +238,7 @@ struct ReducedRun<'a> {
     d: &'a [f64],
     size: f64,
     search: &'a mut Search,
-    /// Norm of the last step taken with the tangent that there is, and whether none was.
+    /// Norm of the last step taken with the present tangent, and whether there was none.
     last: f64,
     is_fresh: bool,
     /// Norm of the step that was found, and whether it starts on the constraint.
@@ -248,7 +249,7 @@ struct ReducedRun<'a> {
 impl Iteration for ReducedRun<'_> {
     type Failure = ReducedStatus;
 
-    /// The next step relative to the coordinates, with a new tangent where steps shrink too slowly.
+    /// The next step relative to the coordinates, with a new tangent if steps shrink too slowly.
     fn residual(&mut self) -> Result<f64, ReducedStatus> {
         let ReducedRun { newton, search, .. } = self;
         loop {

@@ -1,15 +1,15 @@
-//! Non-negative least squares, `min |A w - b|` over `w >= 0`, stopped early: which cells, and how much each counts.
-//! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23, with several columns taken in at a time once
-//! there are many: to ask all for their gain takes longer than to take some in.
+//! Non-negative least squares, `min |A w - b|` over `w >= 0`, stopped early: finds the sampled cells and their weights.
+//! Lawson and Hanson, *Solving Least Squares Problems* (1974), chapter 23. When there are many columns, several are
+//! added at a time, since computing the gain of all columns takes longer than adding some.
 
 use crate::number::{dot, norm};
 use rayon::prelude::*;
 
-/// Part of a column that must be its own for it to be taken in.
+/// A column is added only if more than this part of it is independent of those in use.
 const DEPENDENT: f64 = 1e-12;
-/// Columns in use for each that is taken in at once.
+/// Number of columns in use for each one that is added at a time.
 const AT_ONCE: usize = 16;
-/// Columns below which a thread has too little to do.
+/// Number of columns below which a thread has too little to do.
 const FEW: usize = 128;
 
 /// Columns of `A`, one after the other.
@@ -73,7 +73,7 @@ struct Active {
 }
 
 impl Active {
-    /// Takes a column in, and those out that would need a negative weight; returns the latter.
+    /// Adds a column, and removes those that would need a negative weight; returns these.
     fn add(&mut self, a: &Columns, b: &[f64], column: usize) -> Vec<usize> {
         let new = a.column(column);
         let mut row: Vec<f64> = self.columns.par_iter().map(|&k| dot(a.column(k), new)).collect();

@@ -1,7 +1,7 @@
-//! The whole body in the state that touches start from: rest, or an equilibrium under a load that stays.
+//! The whole body in the state that touches start from: rest, or an equilibrium under a dead load.
 //!
-//! Displacements `u` count from there. The load is dead and keeps the internal force `f_0` of that state `u_0` in balance,
-//! so touches work against the energy
+//! Displacements `u` count from there. The dead load balances the internal force `f_0` of that state `u_0`, so touches
+//! work against the energy
 //!   V(u) = W(u_0 + u) - W(u_0) - f_0 . u,
 //! whose derivative is `f(u_0 + u) - f_0`, and whose second one is the tangent.
 
@@ -17,7 +17,7 @@ pub(super) struct Origin {
     pub body: Body,
     /// `u_0`: zero at rest.
     pub displacement: Vec<f64>,
-    /// The tangent there: what fields are made orthonormal by.
+    /// The tangent there, with which fields are made orthonormal.
     pub stiffness: SymmetricBlocks,
     /// The same, factorised.
     pub system: ConstrainedSystem,
@@ -47,7 +47,7 @@ impl Origin {
         Ok(Origin { body, displacement, stiffness, system, fixed, energy, force, rounding })
     }
 
-    /// `f(u_0 + u) - f_0`, in place, and with it `V(u)`; where that is infinite, the force means nothing.
+    /// `f(u_0 + u) - f_0`, in place; returns `V(u)`. If that is infinite, the force has no meaning.
     pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
         let energy = self.body.internal_force(&self.moved(u), force);
         self.balance(force);

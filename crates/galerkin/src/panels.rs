@@ -1,8 +1,8 @@
-//! The modes on sampled cells: what forces and tangents stream through, so it is kept small, in single precision.
+//! The modes on sampled cells. Forces and tangents read all of them, so they are kept small, in single precision.
 //!
 //! A panel holds the modes on as many batches of cells as stay in the cache while a force goes through them twice, for
-//! `y = E q` and for `E^T s`, or a tangent, for `E^T D E`. A row of `E` is a coordinate that a cell deforms by, and the
-//! modes are exact as they are rounded: force and tangent are derivatives of the same energy.
+//! `y = E q` and for `E^T s`, or a tangent, for `E^T D E`. A row of `E` is a coordinate of a cell's deformation. The
+//! rounded modes define the model, so force and tangent are derivatives of one energy.
 
 use super::sample::{EDGES, Sample};
 use crate::linear::Precision;
@@ -38,7 +38,7 @@ pub(super) fn curvature_place(batch: usize, c: usize, d: usize) -> usize {
     batch / TWO * CURVATURE + (c * EDGES + d) * SIDE + batch % TWO * LANES
 }
 
-/// What the cells of a panel are deformed by and answer, coordinate by coordinate, and what comes of it for the modes.
+/// Deformation and response of the cells of a panel, coordinate by coordinate, and the result for the modes.
 #[derive(Clone)]
 pub(super) struct Work {
     /// `y`.
@@ -98,7 +98,7 @@ impl Panel {
         }
     }
 
-    /// `y = y_0 + E q`; where there is no cell, nothing is left of what was answered before.
+    /// `y = y_0 + E q`; places without a cell are cleared of earlier results.
     pub fn combine(&self, q: &[f64], work: &mut Work) {
         work.flux.fill(0.0);
         work.curvature.fill(0.0);

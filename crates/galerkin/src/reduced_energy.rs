@@ -1,6 +1,6 @@
-//! The energy in the coordinates of the modes, with its derivatives, as one evaluation leaves it.
+//! The energy in the coordinates of the modes, with its derivatives, after one evaluation.
 
-/// What is summed up says at some coordinates.
+/// Energy, force and tangent at some coordinates.
 #[derive(Clone)]
 pub(super) struct Reduced {
     /// `W(q)` [J].
@@ -9,12 +9,12 @@ pub(super) struct Reduced {
     pub force: Vec<f64>,
     /// `d2W/dq2`, full and row by row; last computed where it was asked for.
     pub tangent: Vec<f64>,
-    /// Smallest volume ratio of a cell that counts.
+    /// Smallest volume ratio of a cell with a weight.
     pub jacobian: f64,
 }
 
 impl Reduced {
-    /// Room for what `r` modes say.
+    /// Memory for `r` modes.
     pub fn new(r: usize) -> Self {
         let (force, tangent) = (vec![0.0; r], vec![0.0; r * r]);
         Reduced { energy: 0.0, force, tangent, jacobian: 1.0 }

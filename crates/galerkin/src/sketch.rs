@@ -1,4 +1,4 @@
-//! Many rows pressed into few: what least squares over long columns need of them.
+//! Long columns compressed to few rows, for least squares.
 //!
 //! Every row of a column is added to some of the rows of its sketch, with random signs. Lengths of, and angles between,
 //! all columns of a span of `n` dimensions come out nearly the same when the sketch has several times `n` rows: a sparse
@@ -11,7 +11,7 @@ const COPIES: usize = 4;
 
 /// Where each row goes.
 pub(super) struct Sketch {
-    /// By row: places in the sketch, and the signs in their lowest bits; none where columns are short as they are.
+    /// By row: places in the sketch, and the signs in their lowest bits; none if columns are short as they are.
     places: Vec<[u32; COPIES]>,
     rows: usize,
 }
@@ -51,7 +51,7 @@ impl Sketch {
     }
 }
 
-/// A number that looks random: SplitMix64 of Steele, Lea and Flood, OOPSLA 2014.
+/// A pseudo-random number: SplitMix64 of Steele, Lea and Flood, OOPSLA 2014.
 fn mixed(number: u64) -> u64 {
     let z = (number + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

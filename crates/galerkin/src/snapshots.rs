@@ -1,9 +1,8 @@
-//! The whole body asked: snapshots, states of a grasp solved on it for what no field of the series has; and the step by
-//! which it would leave an answer.
+//! Solutions on the whole body: snapshots, which contain what no series field has, and the Newton step from an answer.
 //!
 //! Newton's method starts from the superposed series, or from what the model answers, and keeps a tangent while steps
-//! shrink fast: few factorisations a snapshot, then forces and substitutions. The means of the patches stay where the
-//! start puts them, so that an equilibrium is a minimum of the energy.
+//! shrink fast: few factorisations a snapshot, then forces and substitutions. The means of the patches keep their start
+//! values, so that an equilibrium is a minimum of the energy.
 
 use super::model::Galerkin;
 use super::origin::Origin;
@@ -15,7 +14,7 @@ use crate::number::norm;
 
 /// A step below this part of the field is the last one.
 const SMALLEST_STEP: f64 = 1e-3;
-/// Steps that shrink by less than this ask for a new tangent.
+/// A new tangent is made when steps shrink by less than this.
 const SHRINKS: f64 = 0.3;
 
 /// When a search is given up.
@@ -26,14 +25,14 @@ pub(super) struct Patience {
 }
 
 impl Patience {
-    /// With one of many states, of which some may be missed.
+    /// For one of many states, of which some may be missed.
     pub const OF_MANY: Self = Patience { tangents: 8, cuts: 5 };
-    /// With the state that the tools are in.
+    /// For the state at the position of the tools.
     pub const OF_ONE: Self = Patience { tangents: 40, cuts: 11 };
 }
 
 impl Galerkin {
-    /// The equilibrium near a field `u` with the same means of the patches; none where none is found.
+    /// The equilibrium near a field `u` with the same means of the patches; none if none is found.
     ///
     /// # Errors
     /// No memory for a solver.
@@ -47,7 +46,7 @@ impl Galerkin {
         self.solvers.lend(origin, patches, |solver| settle(origin, solver, n_means, u, patience))
     }
 
-    /// Newton's step from a field on the whole body, with the means of the patches kept; none where there is none.
+    /// Newton's step on the whole body from a field, with the means of the patches kept; none if it cannot be found.
     ///
     /// # Errors
     /// No memory for a solver.
@@ -61,11 +60,11 @@ impl Galerkin {
 /// A step of Newton's method on the whole body.
 pub(super) struct Step {
     pub way: Vec<f64>,
-    /// Whether the tangent is positive definite: the organ would stay where the step leads.
+    /// Whether the tangent is positive definite, so that the state is stable.
     pub is_stable: bool,
 }
 
-/// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none where it is
+/// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none if it is
 /// not finite.
 fn newton_step(
     origin: &Origin,
@@ -83,7 +82,7 @@ fn newton_step(
 }
 
 /// Readies the solver for the tangent at `u`, made convex where it is not positive definite, and says whether it is;
-/// none where that does not help. `force` is then the internal one.
+/// none if that does not help. `force` is then the internal one.
 fn prepare(
     origin: &Origin,
     solver: &mut ConstrainedSystem,
@@ -99,7 +98,7 @@ fn prepare(
     solver.prepare(tangent, 0.0).is_ok().then_some(false)
 }
 
-/// Minimises the energy from a guess on, the means of the patches kept, by Newton's method with few tangents.
+/// Minimises the energy from a guess, with the means of the patches kept, by Newton's method with few tangents.
 fn settle(
     origin: &Origin,
     solver: &mut ConstrainedSystem,

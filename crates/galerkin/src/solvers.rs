@@ -1,4 +1,4 @@
-//! Solvers of the whole body, used again and again.
+//! Solvers of the whole body, kept for reuse.
 
 use super::origin::Origin;
 use crate::equilibrium::{ConstrainedSystem, Method};
@@ -6,8 +6,8 @@ use crate::error::Error;
 use crate::mesh::Patch;
 use std::sync::{Mutex, PoisonError};
 
-/// Solvers for the tangents of one body, lent to one thread after the other: to analyse a pattern takes as long as to
-/// factorise several matrices.
+/// Solvers for the tangents of one body, lent to one thread after the other, since the analysis of a pattern takes as
+/// long as several factorisations.
 #[derive(Default)]
 pub(super) struct Solvers {
     idle: Mutex<Vec<ConstrainedSystem>>,

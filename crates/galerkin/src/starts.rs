@@ -1,10 +1,10 @@
-//! Where a search starts that does not go on from the last one: the superposed series, or an equilibrium that is known.
+//! Starts of a search that does not continue from the last one: the superposed series, or a known equilibrium.
 
 use super::factor::ReducedFactor;
 use super::forces::State;
 use crate::number::dot;
 
-/// Known equilibria that a search may start from.
+/// Number of nearest known equilibria that a search may start from.
 const NEAREST: usize = 3;
 
 /// An equilibrium of the whole body in the span.
@@ -15,7 +15,7 @@ struct Known {
     d: Vec<f64>,
 }
 
-/// Equilibria that are known, and the way from them to others.
+/// Known equilibria, and the factor that moves them to other patch means.
 #[derive(Clone)]
 pub(super) struct Starts {
     known: Vec<Known>,

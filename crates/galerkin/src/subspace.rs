@@ -1,5 +1,5 @@
-//! What a grasp is solved in: the series fields of every contact, the coupling fields of every two, and the
-//! superposed series as a first guess.
+//! The space of a grasp: the series fields of every contact, the coupling fields of every pair, and the superposed
+//! series as a first guess.
 
 use super::basis::Basis;
 use super::coupling::coupling_fields;
@@ -11,7 +11,7 @@ use crate::reduced::{Contact, ReducedModel};
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};
 
-/// Contacts whose means follow from each other to within this part have no forces of their own.
+/// Contacts whose means depend on each other to within this part have no independent forces.
 const DEPENDENT: f64 = 1e-3;
 
 /// Where a raw field comes from.
@@ -85,7 +85,7 @@ impl Subspace {
         Ok(Subspace { basis, constraints, sources, unmixed })
     }
 
-    /// Takes in what these fields have beyond the span, but for parts below `smallest` of the largest field.
+    /// Adds the parts of these fields outside the span, except parts below `smallest` of the largest field.
     pub fn enrich(
         &mut self,
         fields: &[Vec<f64>],

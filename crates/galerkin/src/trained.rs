@@ -1,4 +1,4 @@
-//! What training comes to: a search for equilibrium, with the cells and weights that integrate its forces.
+//! The result of training: a search for equilibrium, with the cells and weights that integrate its forces.
 
 use super::contacts::ReducedContacts;
 use super::forces::{Forces, State, systematic};
@@ -12,9 +12,9 @@ use crate::clock::Instant;
 use crate::error::Error;
 use std::sync::Arc;
 
-/// States of training that show which units come into question.
+/// Number of training states from which candidate units are chosen.
 const FIRST_STATES: usize = 4;
-/// Sampling units that come into question.
+/// Number of candidate sampling units.
 const CANDIDATES: usize = 2000;
 
 /// Contacts with a search for their equilibrium.
@@ -27,7 +27,7 @@ pub(super) struct Trained {
 }
 
 impl Trained {
-    /// By the states that are there so far.
+    /// From the present states of training.
     pub fn new(contacts: ReducedContacts, training: Training, since: Instant) -> Self {
         let states = training.states(&contacts);
         Trained {
@@ -39,8 +39,8 @@ impl Trained {
     }
 }
 
-/// Rounds of training, until the model passes one: each ends with a better search than the last, which is
-/// handed over. What they were trained by.
+/// Rounds of training, until the model passes one. Each round hands over a better search than the last. Returns the
+/// training.
 ///
 /// # Errors
 /// No memory for a solver; [`Error::Cancelled`].
@@ -62,8 +62,7 @@ pub(super) fn train(
     }
 }
 
-/// The search for equilibrium in a span, on cells and weights that training finds; the first so many states of it are
-/// equilibria.
+/// The search for equilibrium in a span, on cells and weights from training, whose first states are equilibria.
 fn solver(
     ReducedContacts { owner, subspace, .. }: &ReducedContacts,
     training: &[State],

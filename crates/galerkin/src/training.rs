@@ -11,40 +11,40 @@ use crate::number::norm;
 use crate::reduced::allowance;
 use rayon::prelude::*;
 
-/// States by which cells and weights of a grasp are found, at least.
+/// Smallest number of states from which cells and weights of a grasp are found.
 const STATES: usize = 24;
-/// Snapshots before the model is asked what it lacks, and displacements that it is asked for at a time.
+/// Number of snapshots before the first round, and number of displacements in a round.
 const FIRST: usize = 24;
 const ROUND: usize = 32;
-/// Part of the error allowed to a trusted answer that the model may have in a round to pass it.
+/// The model passes a round if its errors are below this part of the allowance of a trusted answer.
 const PASS: f64 = 0.1;
-/// Part of the sampling's tolerance that is no reason for a snapshot: no mode mends it.
+/// An error below this part of the sampling's tolerance is no reason for a snapshot, since no mode can improve it.
 const OF_SAMPLING: f64 = 0.5;
-/// How much the forces where tools are count beside those elsewhere.
+/// Weight of the forces at the position of the tools, beside those elsewhere.
 const OF_PLACES: f64 = 10.0;
-/// What a snapshot has beyond the span is left out below this part of the largest snapshot.
+/// The part of a snapshot outside the span is left out below this part of the largest snapshot.
 const SMALLEST_PART: f64 = 1e-3;
 
-/// The states that a grasp is trained by. As many of them as snapshots are wanted are solved on the whole body, and the
-/// span takes in what it lacks of them: the first are spread evenly, others follow in rounds as long as the model's
-/// answers are wrong somewhere; and where the tools are in the end, on demand.
+/// The states that a grasp is trained by. Snapshots are solved on the whole body, and their parts outside the span join
+/// it. The first are spread evenly. Others follow in rounds, as long as answers of the model are wrong, and then on
+/// demand at the position of the tools.
 #[derive(Clone)]
 pub(super) struct Training {
-    /// Fields of the states solved on the whole body; the last `places` of them where the tools were.
+    /// Fields of the states solved on the whole body; the last `places` of them are at positions of the tools.
     solved: Vec<Vec<f64>>,
     places: usize,
-    /// Coordinates of others, as the superposed series predicts them.
+    /// Coordinates of other states, as the superposed series predicts them.
     predicted: Vec<Vec<f64>>,
-    /// Displacements tried as snapshots, and how many may be.
+    /// Number of displacements tried as snapshots, and its limit.
     tried: usize,
     most: usize,
 }
 
-/// Asked before every solution on the whole body.
+/// Called before every solution on the whole body; false cancels the training.
 pub(super) type IsWanted<'a> = &'a (dyn Fn() -> bool + Sync);
 
 impl Training {
-    /// The first states, and `most` that may be snapshots.
+    /// The first states; at most `most` become snapshots.
     ///
     /// # Errors
     /// No memory for a solver; [`Error::Cancelled`].
@@ -87,7 +87,7 @@ impl Training {
         self.tried >= self.most
     }
 
-    /// The states in the span as it is.
+    /// The states in the present span.
     pub fn states(&self, ReducedContacts { owner, subspace, .. }: &ReducedContacts) -> Vec<State> {
         let origin = &owner.origin;
         let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &origin.stiffness);
@@ -102,8 +102,8 @@ impl Training {
         states
     }
 
-    /// A round of new displacements: asks the `model`, solves on the whole body from its answers, and takes in what they
-    /// lack. Whether the model passed, and nothing was taken in.
+    /// A round of new displacements: compares answers of the `model` with solutions on the whole body, and adds
+    /// snapshots where they are wrong. Returns whether the model passed, so that nothing was added.
     ///
     /// # Errors
     /// No memory for a solver; [`Error::Cancelled`].
@@ -134,8 +134,8 @@ impl Training {
         Ok(has_passed)
     }
 
-    /// Takes in the equilibrium next to the model's answer `u` under displacements up to `depth` [m], if the answer is
-    /// wrong; whether it was.
+    /// Adds the equilibrium nearest to the model's answer `u`, under displacements up to `depth` [m], if the answer is
+    /// wrong. Returns whether it was.
     ///
     /// # Errors
     /// No memory for a solver.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 /// Numbers of a row come in runs of so many, with zeros after the last mode.
 const RUN: usize = 16;
-/// Rows that go through the modes together: those of a node.
+/// Rows that are processed together: those of a node.
 const ABREAST: usize = 3;
 
 /// Sampling units and the modes on their nodes.

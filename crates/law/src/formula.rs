@@ -21,7 +21,7 @@ struct Tapes {
     graph: Graph,
     constants: Constants,
     energy: Tape,
-    /// With derivatives; none where they are not among the operations.
+    /// With derivatives; none if they are not among the operations.
     first: Option<Tape>,
     second: Option<Tape>,
     /// `U(J), U'(J), U''(J)` of a dilatation.

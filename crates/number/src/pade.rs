@@ -7,7 +7,7 @@
 
 use crate::{dot, norm};
 
-/// Denominator coefficients of a series; none where its vectors are dependent to rounding.
+/// Denominator coefficients of a series; none if its vectors are dependent to rounding.
 #[derive(Clone, Debug)]
 pub struct Pade {
     denominator: Option<Vec<f64>>,

@@ -129,7 +129,7 @@ impl Enrichment {
         Ok(found)
     }
 
-    /// The next pair; none where nothing is left to capture.
+    /// The next pair; none if nothing is left to capture.
     fn pair(
         &self,
         system: &ConstrainedSystem,

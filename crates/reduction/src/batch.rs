@@ -48,7 +48,7 @@ pub(super) struct Answered {
     pub compliance: Vec<[f64; 9]>,
     /// By edge.
     pub cross_compliance: Vec<[f64; 9]>,
-    /// Empty where the orders are summed as a polynomial.
+    /// Empty if the orders are summed as a polynomial.
     pub sketches: Vec<Vec<f32>>,
     pub norms: Vec<Vec<f32>>,
     pub forms: Forms,

@@ -5,7 +5,7 @@
 pub struct Arrays {
     /// Positions (n, 3) [m] in the shape that is touched: at rest, or under the preload.
     pub points: Vec<f64>,
-    /// Displacement (n, 3) from rest to `points` under the preload [m]; empty where there is none.
+    /// Displacement (n, 3) from rest to `points` under the preload [m]; empty if there is none.
     pub preload: Vec<f64>,
     /// Tetrahedra (m, 4).
     pub cells: Vec<u32>,
@@ -47,7 +47,7 @@ pub struct Arrays {
     pub parameter_cells: Vec<u32>,
     /// What a touch is answered from.
     pub answers: Answers,
-    /// The answers at each node of the parameter; empty where there is none.
+    /// The answers at each node of the parameter; empty if there is none.
     pub family: Answers,
 }
 
@@ -63,7 +63,7 @@ pub struct Answers {
     pub force: Vec<f64>,
     /// Force coefficients of edge midpoints (e, edge terms, 3).
     pub edge_force: Vec<f64>,
-    /// Forms of edges in the energy of third degree (e, 10) [J/N^3]; empty where the second order is interpolated.
+    /// Forms of edges in the energy of third degree (e, 10) [J/N^3]; empty if the second order is interpolated.
     pub edge_energy: Vec<f64>,
     /// The same of the touchable triangles (q, 10).
     pub triangle_energy: Vec<f64>,

@@ -155,7 +155,7 @@ impl ReducedModel {
     /// Displacement of the surface nodes [m], `3 * surface_nodes.len()` numbers.
     ///
     /// # Panics
-    /// When `workspace` or `out` is too short.
+    /// If `workspace` or `out` is too short.
     pub fn surface_displacement(
         &self,
         contact: &Contact,
@@ -169,7 +169,7 @@ impl ReducedModel {
     /// The same of the series cut after an order of at least 1; the first is linear elasticity.
     ///
     /// # Panics
-    /// When `workspace` or `out` is too short.
+    /// If `workspace` or `out` is too short.
     pub fn surface_displacement_to_order(
         &self,
         contact: &Contact,
@@ -186,7 +186,7 @@ impl ReducedModel {
     /// Displacement of the nodes inside [m], `3 * interior_nodes().len()` numbers.
     ///
     /// # Panics
-    /// When `workspace` or `out` is too short.
+    /// If `workspace` or `out` is too short.
     pub fn interior_displacement(
         &self,
         contact: &Contact,
@@ -202,7 +202,7 @@ impl ReducedModel {
     /// Displacement of all nodes [m], `3 * n_points()` numbers. Allocates; for off-line use.
     ///
     /// # Panics
-    /// When `workspace` or `out` is too short.
+    /// If `workspace` or `out` is too short.
     pub fn displacement(
         &self,
         contact: &Contact,

@@ -66,7 +66,7 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
         shared: &SharedTangent,
     ) -> Vec<[f64; 9]>;
 
-    /// The cluster of each cell at a displacement; none where cells share nothing.
+    /// The cluster of each cell at a displacement; none if cells share nothing.
     fn clusters(&self, _law: &dyn LawKernels, _u: &[f64]) -> Vec<Cluster> {
         Vec::new()
     }

@@ -37,7 +37,7 @@ const SHALLOW: f64 = 5e-3;
 /// The tools that may touch a body.
 pub struct Contact {
     samples: Samples,
-    /// By their numbers; none where a tool was taken away.
+    /// By their numbers; none if a tool was taken away.
     tools: Vec<Option<ActiveTool>>,
     /// Displacement at the start of the step.
     start: Vec<f64>,

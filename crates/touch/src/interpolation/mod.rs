@@ -117,7 +117,7 @@ impl<'a> Interpolation<'a> {
         }
     }
 
-    /// The part of each order in the sketch, blended from the corners; none where orders are summed as a polynomial.
+    /// The part of each order in the sketch, blended from the corners; none if orders are summed as a polynomial.
     pub(super) fn parts(&self, monomials: &[f64], d: [f64; 3]) -> Option<Parts> {
         let model = self.model;
         if model.arrays.answers.sketch.is_empty()

@@ -9,7 +9,7 @@ pub struct Input<'a> {
     pub values: &'a [f64],
     /// Mean displacements of the grasped patches [m].
     pub means: &'a [[f64; 3]],
-    /// Dead nodal forces [N]; none where empty.
+    /// Dead nodal forces [N]; none if empty.
     pub force: &'a [f64],
     /// Gravity [m/s^2].
     pub gravity: [f64; 3],

@@ -17,7 +17,7 @@ pub struct StepperSettings {
     pub budget: Option<f64>,
     /// Time between frames [s], for inertia and relaxation.
     pub time_step: Option<f64>,
-    /// Density, one or one per cell, for gravity and inertia [kg/m^3]; none where empty.
+    /// Density, one or one per cell, for gravity and inertia [kg/m^3]; none if empty.
     pub density: Vec<f64>,
     /// Inertia and damping; quasi-static without.
     pub dynamics: Option<Dynamics>,

@@ -86,7 +86,7 @@ impl Border {
         Ok(())
     }
 
-    /// Number of negative eigenvalues of `W G`; none where they cannot be told.
+    /// Number of negative eigenvalues of `W G`; none if they cannot be told.
     pub fn n_negative(&self) -> Option<usize> {
         let k = self.rows.len();
         // Those of the inverse have the same signs.

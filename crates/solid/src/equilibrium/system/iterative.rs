@@ -240,7 +240,7 @@ impl Iterative {
     }
 
     /// The same on the device, in single precision, from the guess. What is left is formed in double precision, and
-    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). None where there is no
+    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). None if there is no
     /// device, or where it failed on the way: the processor goes on from what there is.
     fn iterate_on_device(&mut self, border: &Border, deadline: Option<Instant>) -> Option<Solved> {
         let matrix = self.operand.matrix()?;
