@@ -10,8 +10,8 @@ pub struct SymmetricBlocks {
     pattern: Arc<BlockPattern>,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
-    /// Room for blocks of single cells, where threads share the evaluation, kept from one to the next: fresh memory costs
-    /// as much as filling it.
+    /// Memory for the blocks of single cells if threads share the evaluation. It is kept, because new memory costs as
+    /// much as filling it.
     pub(super) of_cells: Vec<f64>,
 }
 
@@ -21,7 +21,7 @@ impl SymmetricBlocks {
         SymmetricBlocks { pattern: pattern.clone(), values, of_cells: Vec::new() }
     }
 
-    /// Which blocks it has.
+    /// The pattern of its blocks.
     pub fn pattern(&self) -> &BlockPattern {
         &self.pattern
     }
@@ -31,7 +31,7 @@ impl SymmetricBlocks {
         &self.values
     }
 
-    /// The same, to be changed.
+    /// Entries `[i][k]` of each block, mutable.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }

@@ -12,7 +12,7 @@ use std::marker::PhantomData;
 /// Stress and tangent of a law in the cells of a batch.
 pub(super) type StressTangent = (Mat3<Lane>, TangentBlocks<Lane>);
 
-/// Adds the forces of a quadrature point, and sums its tangents: the first point's take the place of what is there.
+/// Adds the forces of a quadrature point, and sums its tangents; those of the first point overwrite the old values.
 #[inline(never)]
 pub(super) fn add<E: Shape<N>, const N: usize>(
     batch: &Batch<N>,
@@ -50,7 +50,7 @@ pub(super) fn add<E: Shape<N>, const N: usize>(
     dispatch_solver(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
 }
 
-/// Adds `K_e x`, what the tangents at a quadrature point make of the vector `x` of all nodes, to the products so far.
+/// Adds `K_e x` of the tangents at a quadrature point, with a vector `x` of all nodes, to the products so far.
 #[inline(never)]
 pub(super) fn add_times<E: Shape<N>, const N: usize>(
     batch: &Batch<N>,

@@ -1,4 +1,5 @@
-//! What a body refuses: meshes without usable cells, parameters and densities that do not fit them.
+//! Checks of a body's input: meshes without usable cells, parameters and densities that do not fit
+//! the mesh.
 
 use crate::element::Geometry;
 use crate::error::Error;

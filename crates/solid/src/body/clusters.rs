@@ -1,6 +1,6 @@
 //! Clusters of cells that share one volume ratio: a linear tetrahedron that does not lock.
 //!
-//! With `U(J)` the law's answer to a pure dilatation, and `J_c = sum V_e J_e / sum V_e` over the cells of cluster c,
+//! With `U(J)` the law's energy of a pure dilatation, and `J_c = sum V_e J_e / sum V_e` over the cells of cluster c,
 //!   W = sum_e V_e [psi(F_e) - s U(J_e)] + sum_c s V_c U(J_c),
 //!   P_e = dpsi/dF + (s U'(J_c) - s U'(J_e)) dJ/dF,
 //!   K = K_cells + sum_c s V_c U''(J_c) j_c (x) j_c,   j_c = dJ_c/du.
@@ -23,7 +23,7 @@ use crate::unroll::array;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Where volume ratios are averaged, and what they touch.
+/// The clusters over which volume ratios are averaged, with their nodes and blocks.
 pub(super) struct Clusters {
     /// By batch: the cluster of each cell.
     pub(super) of: Vec<[u32; LANES]>,
@@ -67,7 +67,7 @@ pub(super) struct Volumes {
     pub(super) clusters: Vec<f64>,
 }
 
-/// What clusters give to the tangent at a displacement.
+/// Contribution of the clusters to the tangent at a displacement.
 #[derive(Clone, Default)]
 pub struct SharedTangent {
     /// `s U'(J_c)`.
@@ -174,12 +174,12 @@ impl Clusters {
         (pressures, moduli)
     }
 
-    /// What cells feel of their clusters.
+    /// The pressures of the clusters on their cells.
     pub fn around<'a>(&'a self, pressure: &'a [f64]) -> Around<'a> {
         Around { clusters: Some((self, pressure)) }
     }
 
-    /// What clusters give to the tangent.
+    /// Contribution of the clusters to the tangent.
     pub fn tangent(
         &self,
         law: &dyn LawKernels,
@@ -300,14 +300,14 @@ fn products(partition: &Partition, pattern: &BlockPattern) -> Grouped<[u32; 2]> 
     Grouped::new(pattern.len(), &products)
 }
 
-/// What cells feel of their neighbours: nothing by default, or the `s U'(J_c)` of their clusters.
+/// The effect of clusters on their cells: nothing by default, or the pressures `s U'(J_c)`.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Around<'a> {
     clusters: Option<(&'a Clusters, &'a [f64])>,
 }
 
 impl Around<'_> {
-    /// The part of the cells' own answer to dilatation that a cluster takes over, by batch.
+    /// The part of the cells' own response to dilatation that a cluster replaces, by batch.
     #[inline(always)]
     pub fn part(&self, batch: usize) -> f64 {
         self.clusters.map_or(0.0, |(clusters, _)| clusters.share[batch])

@@ -1,4 +1,4 @@
-//! The tangent made convex cell by cell: what Newton's method steps with where the energy is not.
+//! The tangent made convex cell by cell, for Newton steps where the energy is not convex.
 //!
 //! A crushed or buckling cell has directions of negative curvature. With the eigenvalues of its own tangent replaced by
 //! their absolute values, `|K| = V |Lambda| V^T`, every cell adds a positive semidefinite part, the step is one of
@@ -15,11 +15,12 @@ use std::hint::black_box;
 /// Rows of a cell's tangent: three vectors times three components.
 const N: usize = 9;
 
-/// A pivot below this part of the largest diagonal entry is none: a cell at rest has no stiffness against rotations.
+/// A pivot below this part of the largest diagonal entry counts as zero, since a cell at rest has no stiffness against
+/// rotations.
 const ROUNDING: f64 = 1e-10;
 
-/// Off-diagonal entries, squared and summed, below this part of all entries' do no harm: what is made convex need not be
-/// the absolute value to the last digit.
+/// The sum of squared off-diagonal entries, as a part of that of all entries, at which the iteration ends; the absolute
+/// value need not be exact to the last digit.
 const DIAGONAL: f64 = 1e-20;
 /// Sweeps of rotations; they converge quadratically, and five do.
 const MAX_SWEEPS: usize = 16;
@@ -65,7 +66,7 @@ fn is_finite(tangent: &Dense) -> bool {
     tangent.iter().flatten().all(|value| value.is_finite())
 }
 
-/// Whether Cholesky's method goes through, but for rounding.
+/// Whether Cholesky's method succeeds, up to rounding.
 fn is_convex(tangent: &Dense) -> bool {
     let largest = (0..N).fold(0.0f64, |largest, k| largest.max(tangent[k][k]));
     let mut l = [[0.0; N]; N];
@@ -89,8 +90,8 @@ fn is_convex(tangent: &Dense) -> bool {
 /// one after the other and several times as long for each.
 struct Absolute {
     a: DenseLanes,
-    /// Its rows, as a number that the compiler does not know: the rotations of a sweep written out, one after the other,
-    /// take it a minute and bring nothing.
+    /// Its number of rows, hidden from the compiler: unrolling the rotations of a sweep would take it a minute and gain
+    /// nothing.
     n: usize,
 }
 

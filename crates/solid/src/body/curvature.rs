@@ -1,10 +1,10 @@
 //! The two tangents.
 
-/// Which tangent is asked for.
+/// The kind of tangent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curvature {
     /// The derivative of the force.
     Exact,
-    /// Cells that are not positive semidefinite are made so.
+    /// The derivative of the force, with the tangents of cells made positive semidefinite.
     Projected,
 }

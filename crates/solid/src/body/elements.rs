@@ -1,4 +1,4 @@
-//! The elements that a body may be made of: the one place that tells them apart.
+//! The elements that a body may be made of. Only this file distinguishes them.
 
 use super::blocks::BlockPattern;
 use super::cells::{CellBatches, pairs_of};

@@ -1,5 +1,6 @@
-//! What an element is to a body: the integrals over all of its cells. One implementation serves every element whose cells
-//! have their energy to themselves (P1, P2), one the [linear cells that share](super::mean_volume) their change of volume.
+//! The interface of an element: the integrals over all cells of a body. One implementation serves every element whose
+//! cells have an energy of their own (P1, P2), another the [linear cells that share](super::mean_volume) their change
+//! of volume.
 
 use super::blocks::SymmetricBlocks;
 use super::cells::CellBatches;
@@ -22,16 +23,16 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     /// `F` at the quadrature points, cell by cell.
     fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>>;
 
-    /// The quadrature points whose volume ratio is not inside of a range.
+    /// The quadrature points whose volume ratio is outside a range.
     fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier>;
 
-    /// Adds the nodal forces of a force in each cell that is the same all over it.
+    /// Adds the nodal forces of a force density that is constant in each cell.
     fn add_body_force(&self, of_cell: &dyn Fn(usize) -> [f64; 3], force: &mut [f64]);
 
     /// Strain energy.
     fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64;
 
-    /// Internal force, in place, and with it the energy, infinite where a volume ratio is out of a range.
+    /// Internal force, in place; returns the energy, infinite if a volume ratio is out of a range.
     fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64;
 
     /// Internal force and tangent, in place.
@@ -43,7 +44,7 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
         tangent: &mut SymmetricBlocks,
     );
 
-    /// What cells share in the tangent at a displacement.
+    /// The part of the tangent that cells share, at a displacement.
     fn shared(&self, _law: &dyn LawKernels, _at: (&[f64], Curvature)) -> SharedTangent {
         SharedTangent::default()
     }
@@ -71,10 +72,10 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
         Vec::new()
     }
 
-    /// Number of the least parts that have an energy to themselves.
+    /// Number of the smallest units that have an energy of their own.
     fn n_units(&self) -> usize;
 
-    /// The cells of such a part.
+    /// The cells of such a unit.
     fn cells_of(&self, unit: usize) -> Vec<usize> {
         vec![unit]
     }

@@ -12,7 +12,7 @@ use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
 
-/// Volume ratios of cells that are the right way round.
+/// Volume ratios of cells that are not inverted.
 pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
@@ -21,7 +21,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         tasks(self.batches.len())
     }
 
-    /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
+    /// Strain energy [J]; infinite if a cell is inverted and the law forbids that.
     pub fn energy(&self, law: &dyn LawKernels, around: Around<'_>, u: &[f64]) -> f64 {
         let of_task = |task: usize| {
             let first = task * TASK;
@@ -36,8 +36,8 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         }
     }
 
-    /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite where a law that forbids inversion
-    /// finds a cell whose `J` is outside of `range`, and then the force means nothing.
+    /// Internal force `f_int = dW/du` [N], and the strain energy W [J]; infinite if the law forbids inversion and the
+    /// `J` of a cell is outside `range`; the force then has no meaning.
     pub fn force(
         &self,
         law: &dyn LawKernels,
@@ -68,7 +68,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         first..next.unwrap_or(end)
     }
 
-    /// Adds up what the cells give to each node.
+    /// Sums the forces of the cells at each node.
     pub(super) fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
         let (out, _) = out.as_chunks_mut::<3>();
         let gather = |(node, out): (usize, &mut [f64; 3])| {

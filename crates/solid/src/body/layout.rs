@@ -1,4 +1,4 @@
-//! What the integrals of a body are made over.
+//! The cells and nodes over which the integrals of a body are made.
 
 use crate::element::Geometry;
 use crate::law::Material;

@@ -1,4 +1,4 @@
-//! A body: mesh, element and law together, as the integrals the solvers ask for.
+//! A body: mesh, element and law together, as the integrals that the solvers need.
 //!
 //! Cells are grouped in batches of [`LANES`](crate::number::LANES) that go through the same arithmetic side by side;
 //! their results are gathered node by node (and block by block) through maps made once, so sums
@@ -94,7 +94,8 @@ impl Body {
         Ok(Self::assemble(element, points, cells, geometry, material, Partition::new))
     }
 
-    /// From sound cells of this geometry; `partition` puts them in clusters where the element wants some.
+    /// Builds the body from checked cells of this geometry; `partition` puts them in clusters if the element needs
+    /// them.
     fn assemble(
         element: Element,
         points: Vec<[f64; 3]>,
@@ -211,7 +212,7 @@ impl Body {
         })
     }
 
-    /// The quadrature points whose `J` is not inside of an open range, cell by cell; none for laws that do not forbid
+    /// The quadrature points whose `J` is outside an open range, cell by cell; none for laws that do not forbid
     /// inversion.
     pub fn outliers(&self, u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
         if !self.material.law().forbids_inversion() {
@@ -236,19 +237,19 @@ impl Body {
         Ok(force)
     }
 
-    /// Strain energy [J]; infinite where a law that forbids it finds a cell turned inside out.
+    /// Strain energy [J]; infinite if a cell is inverted and the law forbids that.
     pub fn energy(&self, u: &[f64]) -> f64 {
         self.integrals.energy(self.material.law(), u)
     }
 
-    /// Internal force `f_int = dW/du` [N], in place, and with it what [`Body::energy`] says; where that is infinite,
-    /// the force means nothing.
+    /// Internal force `f_int = dW/du` [N], in place; returns [`Body::energy`]. If that is infinite, the force has no
+    /// meaning.
     pub fn internal_force(&self, u: &[f64], force: &mut [f64]) -> f64 {
         self.internal_force_within(u, UPRIGHT, force)
     }
 
-    /// [`Body::internal_force`] that finds the energy infinite where the `J` of a cell is outside of a range, for laws
-    /// that forbid inversion.
+    /// As [`Body::internal_force`], but for laws that forbid inversion the energy is infinite if the `J` of a cell is
+    /// outside a range.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
         self.integrals.force(self.material.law(), (u, range), force)
     }
@@ -294,7 +295,7 @@ impl Body {
         self.integrals.add_force_series(&self.material, &self.geometry, along, force);
     }
 
-    /// Which blocks its tangent has.
+    /// The pattern of the tangent's blocks.
     pub fn pattern(&self) -> &BlockPattern {
         &self.pattern
     }

@@ -4,7 +4,7 @@ use super::cells::{CellBatches, deformation};
 use crate::element::{Geometry, Shape};
 use crate::tensor::{cofactor, determinant, mul_vector};
 
-/// A quadrature point of a cell, where it is.
+/// A quadrature point of a cell at a displacement.
 #[derive(Clone, Debug)]
 pub struct Outlier {
     /// Its cell.
@@ -13,7 +13,7 @@ pub struct Outlier {
     pub point: usize,
     /// `J`.
     pub volume_ratio: f64,
-    /// Its weight: what it has of the cell's volume at rest [m^3].
+    /// Its weight: its share of the cell's volume at rest [m^3].
     pub volume: f64,
     /// `dJ/du` of each node of the cell [1/m].
     pub slopes: Vec<(u32, [f64; 3])>,

@@ -9,12 +9,12 @@ use crate::mesh::{EDGES, FACES};
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Cells fewer than these around an edge join clusters that others have made.
+/// Fewer cells than this around an edge make no cluster of their own, and join others.
 const SMALLEST: usize = 4;
 /// No cluster yet.
 const FREE: u32 = u32::MAX;
 
-/// Which cells belong together.
+/// A partition of the cells in clusters.
 pub(super) struct Partition {
     /// The cluster of each cell.
     pub of: Vec<u32>,
@@ -25,7 +25,7 @@ pub(super) struct Partition {
 }
 
 impl Partition {
-    /// Takes the edge with the most free cells of one kind around it, again and again; what is left over joins the
+    /// Repeatedly takes the edge with the most free cells of one kind around it. Cells that are left over join the
     /// smallest cluster across a face.
     pub fn new(cells: &[[u32; 4]], material: &Material) -> Self {
         let kind = kinds(cells.len(), material);

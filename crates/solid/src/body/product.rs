@@ -1,7 +1,7 @@
-//! The tangent without a matrix: cell by cell it multiplies with a vector, evaluated anew at every product.
+//! The tangent without a matrix: every product with a vector evaluates the tangents of all cells again.
 //!
-//! A product costs the arithmetic of an assembly, and no memory beside a vector of each cell's nodes: the choice for
-//! bodies whose matrix does not fit.
+//! A product costs as much arithmetic as an assembly, and no memory except a vector of each cell's nodes. It is meant
+//! for bodies whose matrix does not fit into memory.
 
 use super::blocks::BlockPattern;
 use super::cells::CellBatches;
@@ -17,7 +17,7 @@ use crate::number::Lane;
 use crate::tensor::Mat3;
 use std::sync::Arc;
 
-/// The tangent of a body at a displacement, as what multiplies with it.
+/// The tangent of a body at a displacement, as a product with vectors.
 #[derive(Clone)]
 pub struct TangentProduct {
     material: Arc<Material>,
@@ -46,7 +46,7 @@ impl Body {
 }
 
 impl TangentProduct {
-    /// From now on it is the tangent at `u`.
+    /// Makes it the tangent at `u`.
     pub fn move_to(&mut self, u: &[f64], curvature: Curvature) {
         self.u.clear();
         self.u.extend_from_slice(u);
@@ -66,7 +66,7 @@ impl TangentProduct {
         self.integrals.tangent_diagonal(self.material.law(), at, &self.shared)
     }
 
-    /// A matrix for what is added to the tangent, zero.
+    /// A zero matrix for additions to the tangent.
     pub fn zero_blocks(&self) -> SymmetricBlocks {
         SymmetricBlocks::zeros(&self.pattern)
     }

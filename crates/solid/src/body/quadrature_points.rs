@@ -1,4 +1,4 @@
-//! What the law answers at the quadrature points: the stress that the internal force is the integral of.
+//! Stress and energy at the quadrature points; the internal force is the integral of this stress.
 
 use super::Body;
 use super::cells::{CellBatches, deformation};

@@ -1,6 +1,7 @@
-//! Sampling units of a body as a body of their own, for energies that are summed over some of them with weights.
+//! Sampling units of a body as a separate body, for energies that are summed over some units with weights.
 //!
-//! A unit is the least that has an energy to itself: a cell, or a cluster of cells that share their change of volume.
+//! A unit is the smallest part with an energy of its own: a cell, or a cluster of cells that share their change of
+//! volume.
 
 use super::Body;
 use super::partition::Partition;
@@ -17,7 +18,7 @@ pub struct WeightedSubset {
     pub units: Vec<u32>,
 }
 
-/// What becomes of nodes that several units have.
+/// How nodes of several units are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SharedNodes {
     /// The units share them.
@@ -32,7 +33,7 @@ impl Body {
         self.integrals.n_units()
     }
 
-    /// Some units, each of which counts `weights` times, a positive number.
+    /// Some units with their weights, which are positive.
     pub fn subset(&self, units: &[usize], weights: &[f64], shared: SharedNodes) -> WeightedSubset {
         let mut corners = Corners::new(shared);
         let (mut cells, mut geometry) = (Vec::new(), Vec::new());

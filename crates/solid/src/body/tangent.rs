@@ -52,7 +52,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         self.gather_forces(&forces, out);
     }
 
-    /// Adds up what the cells of all batches give to each block.
+    /// Sums the contributions of the cells of all batches to each block.
     fn gather_tangents(
         &self,
         of_cells: &[f64],
@@ -80,7 +80,7 @@ fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
     }
 }
 
-/// What the tangents of a task's cells are for.
+/// Use of the tangents of a task's cells.
 pub(super) enum Purpose<'a, const N: usize> {
     /// Blocks one after the other, to be gathered when all threads are done.
     OfCells(&'a mut [f64]),
@@ -88,7 +88,7 @@ pub(super) enum Purpose<'a, const N: usize> {
     Summed { destinations: &'a [Destination], values: &'a mut [[f64; 9]] },
     /// The blocks of each node with itself.
     Diagonal(&'a mut [[Mat3<Lane>; N]]),
-    /// Products with a vector, which take the place of the forces.
+    /// Products with a vector, instead of the forces.
     Product(&'a [f64]),
 }
 

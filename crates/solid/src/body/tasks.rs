@@ -3,7 +3,8 @@
 use crate::threads::share;
 use rayon::prelude::*;
 
-/// Batches that go to the law together: what they need stays in the first level of cache.
+/// Number of batches that are given to the law together, so that their data stay in the first level
+/// of cache.
 pub(super) const RUN: usize = 8;
 
 /// Batches per parallel task: large enough to hide the hand-over, fixed so that results do not

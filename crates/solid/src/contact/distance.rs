@@ -1,4 +1,4 @@
-//! How far a point is from a shape.
+//! The distance of a point from a shape.
 
 use crate::tensor::Mat3;
 

@@ -5,17 +5,17 @@
 
 use crate::error::Error;
 
-/// What a tool does along a surface.
+/// The friction law between a tool and a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Friction {
     /// Coulomb's coefficient; zero for none.
     Coulomb(f64),
-    /// What has touched stays where it touched, also when pulled.
+    /// Tissue that has touched the tool sticks to it, also under tension.
     Bonded,
 }
 
 impl Friction {
-    /// Whether nothing acts along the surface.
+    /// Whether there is no friction.
     pub fn is_none(self) -> bool {
         self == Friction::Coulomb(0.0)
     }

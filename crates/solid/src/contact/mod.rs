@@ -31,7 +31,8 @@ use crate::mesh::diagonal;
 use samples::Samples;
 use tool::{ActiveTool, Touching};
 
-/// Depth at which a tool may start, over the diagonal of the body: what is left of an equilibrium with another tool.
+/// Largest depth of a tool at the start, over the diagonal of the body: it may have entered the layer in an earlier
+/// equilibrium.
 const SHALLOW: f64 = 5e-3;
 
 /// The tools that may touch a body.
@@ -41,13 +42,13 @@ pub struct Contact {
     tools: Vec<Option<ActiveTool>>,
     /// Displacement at the start of the step.
     start: Vec<f64>,
-    /// What touched when the tangent was last formed.
+    /// The contacts in the last tangent.
     in_tangent: Vec<Touching>,
     diagonal: f64,
 }
 
 impl Contact {
-    /// With a body that no tool touches.
+    /// For a body without tools.
     pub fn new(body: &Body) -> Self {
         Contact {
             samples: Samples::none(),
@@ -63,7 +64,7 @@ impl Contact {
         self.tools.iter().all(Option::is_none)
     }
 
-    /// Adds a tool to a body displaced by `u`; its number.
+    /// Adds a tool to a body displaced by `u`; returns its number.
     ///
     /// # Errors
     /// Values out of range; a tool that starts inside the body.
@@ -90,14 +91,14 @@ impl Contact {
         Ok(number)
     }
 
-    /// Takes a tool away.
+    /// Removes a tool.
     pub fn remove(&mut self, number: usize) {
         if let Some(tool) = self.tools.get_mut(number) {
             *tool = None;
         }
     }
 
-    /// Moves a tool in the step to come.
+    /// Moves a tool in the next step.
     ///
     /// # Errors
     /// No such tool; a pose that is not finite, or no rotation.
@@ -122,19 +123,19 @@ impl Contact {
         self.tools.iter_mut().flatten().for_each(|held| held.begin(samples, u));
     }
 
-    /// A step has ended at a displacement: what slid has slid.
+    /// A step has ended at a displacement: slides become permanent.
     pub fn end(&mut self, u: &[f64]) {
         let samples = &self.samples;
         self.tools.iter_mut().flatten().for_each(|held| held.end(samples, u));
     }
 
-    /// Finds what touches at a displacement, and the forces there.
+    /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
         let (samples, start) = (&self.samples, &self.start);
         self.tools.iter_mut().flatten().for_each(|held| held.linearize(samples, u, start));
     }
 
-    /// Adds the forces on the body found last [N].
+    /// Adds the last forces on the body [N].
     pub fn add_force(&self, force: &mut [f64]) {
         for touching in self.touching() {
             for &(node, weight) in self.samples.nodes(touching.sample) {
@@ -143,7 +144,8 @@ impl Contact {
         }
     }
 
-    /// Adds their derivative, less its sign, to a tangent; that of the gap's curvature only where it is to be exact.
+    /// Adds the negative derivative of the forces to a tangent; the part by the gap's curvature only if the tangent is
+    /// to be exact.
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
         let mut touching = std::mem::take(&mut self.in_tangent);
         touching.clear();
@@ -167,7 +169,7 @@ impl Contact {
         self.in_tangent = touching;
     }
 
-    /// Adds a multiple of the product of what the tangent was given last with `x`.
+    /// Adds a multiple of the product of the last contribution to the tangent with `x`.
     pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
         for touching in &self.in_tangent {
             let nodes = self.samples.nodes(touching.sample);
@@ -181,18 +183,18 @@ impl Contact {
         }
     }
 
-    /// Energy at a displacement [J]: of the layer as it would be, of friction with the bounds found last.
+    /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
     pub fn energy(&self, u: &[f64]) -> f64 {
         self.tools.iter().flatten().map(|held| held.energy(&self.samples, u)).sum()
     }
 
-    /// What a tool does to the body, as found last.
+    /// The last forces of a tool on the body.
     pub fn report(&self, number: usize) -> Option<Report> {
         self.tools.get(number)?.as_ref().map(ActiveTool::report)
     }
 
-    /// Contact pressure of a tool at nodes, as found last [Pa]: the mean over the samples around that touch, zero where
-    /// none does.
+    /// Last contact pressure of a tool at nodes [Pa]: the mean over the touching samples around each node, zero if none
+    /// touches.
     pub fn pressures(&self, number: usize, n_nodes: usize) -> Vec<f64> {
         match self.tools.get(number) {
             Some(Some(held)) => held.pressures(&self.samples, n_nodes),

@@ -1,4 +1,4 @@
-//! Where a tool is and how it is turned.
+//! Position and rotation of a tool.
 
 use crate::error::Error;
 use crate::mesh::{cross, sub};

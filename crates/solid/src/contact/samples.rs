@@ -11,10 +11,11 @@ const CORNER: f64 = 1.0 / 20.0;
 const MIDDLE: f64 = 2.0 / 15.0;
 const CENTRE: f64 = 9.0 / 20.0;
 
-/// Height that counts of a cell, over the diagonal of the body, at most: coarse meshes let no tool in deeper for it.
+/// Largest height of a cell that counts, over the diagonal of the body, so that tools do not enter coarse meshes
+/// deeper.
 const THICKEST: f64 = 0.015;
 
-/// Cosine between the normals of faces from which down on their edge is sharp.
+/// Cosine between the normals of two faces below which their edge is sharp.
 const SHARP: f64 = 0.5;
 
 /// The samples of a body's surface.
@@ -149,8 +150,8 @@ impl Samples {
         &self.sharp
     }
 
-    /// The share of the surface at rest that a sample gives to a tool with a normal: the mean over its sides, each with
-    /// the square of the cosine at which the tool meets it under a displacement [m^2].
+    /// The area at rest [m^2] with which a sample counts for a tool with a normal: the mean over its sides, weighted by
+    /// the square of the cosine between the normals of side and tool under a displacement.
     pub fn area_towards(&self, sample: usize, tool: [f64; 3], u: &[f64]) -> f64 {
         let Sample { sides, area, .. } = &self.samples[sample];
         let mut sums = [0.0; 2];

@@ -90,7 +90,7 @@ fn rounded(half: [f64; 3], radius: f64, x: [f64; 3]) -> Distance {
     Distance { gap: distance - radius, normal, curvature }
 }
 
-/// In the box: the way out is through the closest of its sides.
+/// Inside the box: the closest point is on the closest side.
 fn inside(half: [f64; 3], radius: f64, x: [f64; 3]) -> Distance {
     let axis = (0..3)
         .max_by(|&i, &j| (x[i].abs() - half[i]).total_cmp(&(x[j].abs() - half[j])))

@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::mesh::{TriangleTree, cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
-/// A closed surface with what its distance needs.
+/// A closed surface, prepared for the evaluation of distances.
 #[derive(Clone, Debug)]
 pub struct Solid {
     points: Vec<[f64; 3]>,

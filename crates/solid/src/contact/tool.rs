@@ -1,4 +1,4 @@
-//! A rigid tool, and what of the surface it touches.
+//! A rigid tool, and the samples of the surface that it touches.
 
 use super::distance::Distance;
 use super::friction::{Friction, spring};
@@ -10,11 +10,11 @@ use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
 
-/// The part of a cell's stiffness that the curvature of a shape may take from the tangent: at sharp edges there is no
-/// end to it.
+/// Largest part of a cell's stiffness that the curvature of a shape may take from the tangent; at sharp edges it would
+/// be unbounded.
 const CURVED: f64 = 1.0;
 
-/// Cosine between the ways of a slide in two iterations from which on it is the same.
+/// Cosine between the directions of a slide in two iterations above which they count as the same.
 const STEADY: f64 = 0.5;
 
 /// How far below its bound, relative to it, friction is at the bound.
@@ -25,36 +25,36 @@ const ROUNDING: f64 = 1e-6;
 pub struct Tool {
     /// Its shape.
     pub shape: Shape,
-    /// What it does along the surface.
+    /// Its friction.
     pub friction: Friction,
     /// Stiffness of the layer between tool and body, see [`STIFFNESS`].
     pub stiffness: f64,
     /// Where it starts.
     pub pose: Pose,
-    /// How far it moves [m], and turns about its origin [rad], on the way to the full load.
+    /// Displacement [m] up to the full load.
     pub way: [f64; 3],
-    /// A rotation vector in axes of the world.
+    /// Rotation about its origin up to the full load: a rotation vector [rad] in axes of the world.
     pub turn: [f64; 3],
 }
 
-/// What a tool does to the body.
+/// Forces of a tool on the body, and the state of the contact.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Its force on the body [N].
     pub force: [f64; 3],
     /// Its torque on the body about the tool's origin [N m].
     pub torque: [f64; 3],
-    /// Area at rest of what touches [m^2].
+    /// Area at rest of the touching samples [m^2].
     pub area: f64,
     /// Smallest gap at a sample [m]; negative is depth in the layer.
     pub gap: f64,
-    /// Energy of the layer and of what friction has stretched [J].
+    /// Energy of the layer and of the springs of friction [J].
     pub energy: f64,
-    /// What friction has taken in the last step [J].
+    /// Energy dissipated by friction in the last step [J].
     pub dissipation: f64,
-    /// Samples that touch, and those of them that slide.
+    /// Number of samples that touch.
     pub touching: usize,
-    /// Samples that slide.
+    /// Number of samples that slide.
     pub sliding: usize,
 }
 
@@ -68,7 +68,7 @@ pub(super) struct Touching {
     pub pressure: f64,
     /// Force on the body [N].
     pub force: [f64; 3],
-    /// Less its derivative [N/m]: the semidefinite part, and that of the curvature of the gap.
+    /// Its negative derivative [N/m]: the semidefinite part, and that by the curvature of the gap.
     pub stiffness: Mat3<f64>,
     pub curvature: Mat3<f64>,
     /// Largest force along the surface [N]; none without friction.
@@ -159,7 +159,7 @@ impl ActiveTool {
         self.gap
     }
 
-    /// A step begins at `u`: what lies on a sharp edge gives the tool the sides that it meets.
+    /// A step begins at `u`: samples on a sharp edge choose the sides that the tool meets.
     pub fn begin(&mut self, samples: &Samples, u: &[f64]) {
         for &sample in samples.sharp() {
             if self.kept.binary_search(&sample).is_err() {
@@ -169,7 +169,8 @@ impl ActiveTool {
         }
     }
 
-    /// Finds what touches at `u`; what did not at the start of the step is tied to the point of the tool it was at then.
+    /// Finds the samples that touch at `u`. Those that did not touch at the start of the step are tied to the point of
+    /// the tool where they were then.
     pub fn linearize(&mut self, samples: &Samples, u: &[f64], start: &[f64]) {
         self.touching.clear();
         self.gap = f64::INFINITY;
@@ -227,8 +228,8 @@ impl ActiveTool {
         }
     }
 
-    /// Of what slides on the way it slid before, the tangent takes the derivative in the place of the chord, which has none
-    /// of its stiffness along the slide. Elsewhere that would let steps go to and fro between one way and the other.
+    /// For samples that slide in the same direction as before, the tangent takes the derivative instead of the chord;
+    /// it has no stiffness along the slide. For others, steps would oscillate between two directions.
     pub fn soften(&mut self) {
         if self.anchors.is_empty() {
             return;
@@ -299,7 +300,8 @@ impl ActiveTool {
         energy
     }
 
-    /// Ends a step: what slid is tied to where it slid to, what touches a bonded tool to where it is.
+    /// Ends a step: samples that slid are tied to their new point, samples that touch a bonded tool to their present
+    /// one.
     pub fn end(&mut self, samples: &Samples, u: &[f64]) {
         self.dissipation = 0.0;
         self.before = self.pose;
@@ -350,7 +352,7 @@ impl ActiveTool {
         self.anchors.get(sample).copied().flatten().is_some_and(|anchor| anchor.is_bond)
     }
 
-    /// Mean pressure of the samples around each node that touch, weighted by their areas [Pa]; zero where none does.
+    /// Mean pressure [Pa] of the touching samples around each node, weighted by their areas; zero if none touches.
     pub fn pressures(&self, samples: &Samples, n_nodes: usize) -> Vec<f64> {
         let mut sums = vec![[0.0; 2]; n_nodes];
         for touching in &self.touching {
@@ -380,7 +382,7 @@ impl ActiveTool {
 }
 
 impl Touching {
-    /// Adds friction, with the stiffness of a chord: less than it never takes a step too far.
+    /// Adds friction, with the stiffness of a chord, which never makes a step too long.
     fn rub(&mut self, stiffness: f64, slid: [f64; 3]) {
         let n = self.normal;
         let stretch = along(sub(self.place, self.anchor), n);

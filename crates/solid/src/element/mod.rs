@@ -12,7 +12,7 @@ use crate::error::Error;
 /// How displacement and volume change vary in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Element {
-    /// Linear displacement, one quadrature point. Locks where the law resists volume change.
+    /// Linear displacement, one quadrature point. Locks if the law resists changes of volume.
     P1,
     /// Linear displacement; clusters of cells share one change of volume (mean dilatation).
     P1MeanVolume,
@@ -20,9 +20,9 @@ pub enum Element {
     P2,
 }
 
-/// What is known of an element.
+/// Name and meaning of an element.
 pub struct Row {
-    /// Which it is.
+    /// The element.
     pub element: Element,
     /// Its name in case files and model files.
     pub name: &'static str,
@@ -31,10 +31,10 @@ pub struct Row {
 }
 
 impl Element {
-    /// All of them.
+    /// All elements.
     pub const ALL: [Element; 3] = [Element::P1, Element::P1MeanVolume, Element::P2];
 
-    /// A row for each, in this order.
+    /// A row for each element, in the order of `ALL`.
     pub const ROWS: [Row; 3] = [
         Row {
             element: Element::P1,
@@ -63,7 +63,7 @@ impl Element {
         self == Element::P2
     }
 
-    /// The element of a name.
+    /// The element with a name.
     ///
     /// # Errors
     /// An unknown name.

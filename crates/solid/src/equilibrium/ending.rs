@@ -1,4 +1,4 @@
-//! How a solution ends: why a load step was given up, where the path turns, and the sentence that says so.
+//! How a solution ends: why a load step was given up, where the path turns, and the message.
 
 use super::outcome::Status;
 use super::problem::Problem;
@@ -12,7 +12,7 @@ pub(super) enum Cut {
     Factor(FactorError),
 }
 
-/// Load and `|du/dload|` of the last two equilibria that a step set out from, the newest last.
+/// Load and `|du/dload|` of the last two equilibria from which a step started, the newest last.
 pub(super) struct Slopes([(f64, f64); 2]);
 
 impl Slopes {
@@ -27,7 +27,7 @@ impl Slopes {
         }
     }
 
-    /// The load at which the path turns, where it does so within a `reach` beyond the equilibrium at `load`.
+    /// The load at which the path turns, if it turns within a `reach` beyond the equilibrium at `load`.
     ///
     /// Next to a limit point the displacement goes with the root of the distance in load, so `1/|du/dload|^2` falls
     /// linearly to zero.

@@ -1,28 +1,28 @@
-//! Newton's method, once: statics under a load, a frame, a snapshot, a reduced energy, a corrector. What each of them
-//! takes for a step, and how it makes its tangent definite, is its own ([`Iteration`]); when to stop ([`iterate`]), how
-//! far to go along a step ([`backtrack`]) and what is rounding ([`Rounding`]) is the same for all. The shifts of a tangent
-//! are those of one ladder, [`next_shift`](crate::linear::next_shift).
+//! Newton's method, written once for statics, frames, snapshots, the reduced energy and path correction. Each defines
+//! its own step and how it makes its tangent definite ([`Iteration`]). When to stop ([`iterate`]), how much of a step
+//! to take ([`backtrack`]) and what counts as rounding ([`Rounding`]) is common to all. The shifts of a tangent follow
+//! one sequence, [`next_shift`](crate::linear::next_shift).
 
 use crate::body::Body;
 
-/// A residual that falls below this part of the one before is about to vanish: no iteration is the last one then.
+/// A residual below this part of the previous one is about to vanish, so the iteration is not stopped yet.
 const SETTLES: f64 = 0.3;
 
-/// Where a Newton iteration is, and how it goes on.
+/// A problem that Newton's method solves: its residual and its step.
 pub trait Iteration {
-    /// Why it cannot go on.
+    /// Why the iteration cannot continue.
     type Failure;
 
-    /// What is left where it is, relative: a residual, or a step. Infinite while it is not known.
+    /// The relative residual, or step, at the present iterate. Infinite while it is not known.
     ///
     /// # Errors
-    /// What keeps it from being told.
+    /// What prevents its evaluation.
     fn residual(&mut self) -> Result<f64, Self::Failure>;
 
-    /// Finds a step and takes it, or as much of it as is good.
+    /// Finds a step and takes it, or an acceptable part of it.
     ///
     /// # Errors
-    /// There is none, or none of it is good.
+    /// No step can be found, or no part of it is acceptable.
     fn step(&mut self) -> Result<(), Self::Failure>;
 
     /// Whether one more step would end after its deadline.
@@ -31,14 +31,14 @@ pub trait Iteration {
     }
 }
 
-/// How far to iterate.
+/// When to stop iterating.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
-    /// Residual that is small enough.
+    /// Residual at which the iteration has converged.
     pub tolerance: f64,
-    /// Steps at most.
+    /// Largest number of steps.
     pub steps: usize,
-    /// Whether a residual that is about to vanish is waited for.
+    /// Whether to continue beyond `steps` while the residual is about to vanish.
     pub waits: bool,
 }
 
@@ -47,13 +47,13 @@ pub struct Limits {
 pub enum Stop {
     /// The residual is small enough.
     Converged,
-    /// The steps did not suffice; with the residual that they left.
+    /// The largest number of steps was not enough.
     TooManySteps,
-    /// Its time was over.
+    /// The time was over.
     OutOfTime,
 }
 
-/// Iterates until the residual is small enough, or a limit is reached; the first step is always taken in time.
+/// Iterates until the residual is small enough, or a limit is reached. The first step is taken regardless of the time.
 ///
 /// # Errors
 /// Those of the residuals and the steps.
@@ -76,8 +76,8 @@ pub fn iterate<I: Iteration>(iteration: &mut I, limits: Limits) -> Result<Stop, 
     }
 }
 
-/// The first of the lengths `whole`, `whole / 2`, `whole / 4` ... that `accept` has something for, and what it has; none
-/// where that many halvings lead nowhere.
+/// The first of the lengths `whole`, `whole / 2`, `whole / 4` ... for which `accept` returns something, with that
+/// result; none if it is none for all of them.
 pub fn backtrack<T>(
     whole: f64,
     halvings: usize,
@@ -93,8 +93,8 @@ pub fn backtrack<T>(
     None
 }
 
-/// By how much rounding may have the force and the energy of a body wrong, however small its strain: both cancel terms of
-/// the size of its moduli.
+/// Largest error of force and energy of a body by rounding, for any strain: both cancel terms of the size of its
+/// moduli.
 #[derive(Clone, Copy, Debug)]
 pub struct Rounding {
     /// Of the norm of nodal forces [N].
@@ -104,7 +104,7 @@ pub struct Rounding {
 }
 
 impl Rounding {
-    /// Part of an energy that rounding may have wrong.
+    /// Relative error of an energy by rounding.
     const OF_ENERGY: f64 = 1e-13;
 
     /// That of a body.
@@ -113,7 +113,7 @@ impl Rounding {
         Rounding { force, energy: Self::OF_ENERGY * body.energy_scale() }
     }
 
-    /// A residual relative to the norm of the loads, within `tolerance` where it is rounding.
+    /// A residual relative to the norm of the loads; it is within `tolerance` if it is rounding.
     pub fn relative(&self, residual: f64, loads: f64, tolerance: f64) -> f64 {
         let scale = loads.max(self.force / tolerance);
         if scale > 0.0 { residual / scale } else { 0.0 }

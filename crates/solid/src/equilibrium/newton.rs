@@ -22,12 +22,12 @@ use crate::contact::Contact;
 use crate::error::Error;
 use crate::settings::{self, Setting, Values};
 
-/// Energy of a linear step over that which its tangent promises, beyond which it is no use as a prediction.
+/// Ratio of the energy of a linear step to that predicted by its tangent, above which the step is not used.
 const STRETCHED: f64 = 10.0;
 
-/// Residual next to an equilibrium, where a load step began with a linear step: a tangent that is indefinite there is that
-/// of an unstable one, which the path passes and Newton's method may leave downhill. Farther off, and where a slender
-/// body was bent by the series of its path, an indefinite tangent is ordinary weather.
+/// Residual next to an equilibrium, where a load step began with a linear step: a tangent that is indefinite there is
+/// that of an unstable one, which the path passes and Newton's method may leave downhill. Farther off, and if a slender
+/// body was bent by the series of its path, an indefinite tangent is common and says nothing.
 const NEAR: f64 = 0.02;
 
 /// Settings.
@@ -39,7 +39,7 @@ pub struct Newton {
     pub max_iterations: usize,
     /// Halvings of a Newton step in the line search.
     pub max_backtracks: usize,
-    /// Load steps to begin with.
+    /// Initial number of load steps.
     pub steps: usize,
     /// Smallest load step before the solver gives up.
     pub smallest_step: f64,
@@ -61,7 +61,7 @@ impl Default for Newton {
 }
 
 impl Newton {
-    /// What users may choose of it.
+    /// The settings that users may choose.
     pub const SETTINGS: [Setting<Self>; 4] = [
         Setting {
             name: "tolerance",
@@ -107,7 +107,8 @@ impl Newton {
         self.solve_in_contact(problem, &mut Contact::new(problem.body), progress)
     }
 
-    /// The same among rigid tools, which go their way with the load; what they do in the end is in `contact`.
+    /// As [`solve`](Self::solve) with rigid tools, which move in proportion to the load; their final state is in
+    /// `contact`.
     ///
     /// # Errors
     /// Those of [`solve`](Self::solve).
@@ -176,9 +177,9 @@ struct Run<'a> {
     residuals: Vec<Vec<f64>>,
     unstable: Option<(f64, usize)>,
     slopes: Slopes,
-    /// Shift of the last tangent: the next one is rarely far from it.
+    /// Shift of the last tangent; the next one is usually similar.
     shift: f64,
-    /// A load step failed: the next ones follow the series of the path.
+    /// Whether a load step has failed, so that the next ones follow the series of the path.
     follows_series: bool,
     /// Part of the load that the load step in progress is to add.
     tried: f64,
@@ -264,7 +265,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether a load step moves anything that is held, which is then led there in its first iteration.
+    /// Whether a load step moves prescribed displacements; its first iteration then moves them there.
     fn is_led(&self) -> bool {
         let Problem { prescribed, patches, .. } = self.problem;
         !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])

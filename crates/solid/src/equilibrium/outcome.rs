@@ -1,13 +1,12 @@
-//! What a solution is: the state, how it ended, and the history of getting there.
+//! A solution: the state, the status, and the history of the iteration.
 
 /// How a solution ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
     /// Equilibrium at the full load, stable.
     Converged,
-    /// Equilibrium at the full load; but there, or next to an equilibrium that Newton's method came by, the tangent is not
-    /// positive definite on the displacements that what is prescribed leaves open: the path passed an instability, and
-    /// other equilibria exist.
+    /// Equilibrium at the full load. But there, or near another equilibrium on the way, the tangent is not positive
+    /// definite on the displacements that are free: the path passed an instability, and other equilibria exist.
     ConvergedPastInstability,
     /// The path turns back before the full load; the result is the last equilibrium before it does.
     LimitPoint,
@@ -32,7 +31,7 @@ impl Status {
     }
 }
 
-/// Where the time went [s].
+/// Times by stage [s].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seconds {
     /// Pattern, ordering, symbolic factorisation.
@@ -61,9 +60,9 @@ pub struct Equilibrium {
     pub energy: f64,
     /// How it ended.
     pub status: Status,
-    /// One sentence for people: why it ended so, with numbers.
+    /// One sentence for users: the reason of the status, with numbers.
     pub message: String,
-    /// Why the device that was asked for took no part to the end, if it did not: the processor went on.
+    /// Why the requested device failed, if it did; the processor then continued.
     pub device_fault: Option<String>,
     /// Load fraction reached, 1 for the full load.
     pub load: f64,

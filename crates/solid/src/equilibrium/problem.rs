@@ -1,4 +1,4 @@
-//! What is to be solved: the loads on a body, checked before any work starts.
+//! The static problem: loads on a body, checked before any work starts.
 
 use super::pressure::Pressure;
 use crate::body::Body;
@@ -25,7 +25,7 @@ pub fn patch_mean(patch: &Patch, u: &[f64]) -> [f64; 3] {
     }
     mean
 }
-/// Part of a patch that must be its own: with less, forces between patches grow beyond any meaning.
+/// Part of a patch that must be independent of the others; with less, the forces of the patches become meaningless.
 const DEPENDENT: f64 = 1e-4;
 
 /// One static load case.
@@ -45,7 +45,7 @@ pub struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Checks lengths, index ranges and finiteness, and that enough is held.
+    /// Checks lengths, index ranges and finiteness, and that the supports suffice.
     ///
     /// # Errors
     /// Anything out of range, given twice or not finite; a connected part of the body on which
@@ -55,7 +55,7 @@ impl Problem<'_> {
         self.check_support()
     }
 
-    /// The same, but for what nothing holds.
+    /// As [`Problem::check`], without the check of supports.
     ///
     /// # Errors
     /// Anything out of range, given twice or not finite.
@@ -131,7 +131,8 @@ impl Problem<'_> {
         }
     }
 
-    /// No patch may be told by the others where it is: their rows of weights on free points must be independent.
+    /// The mean of a patch must not follow from those of others: the rows of weights on free points must be
+    /// independent.
     fn check_patches_differ(&self) -> Result<(), Error> {
         let held: HashSet<u32> = self.prescribed.iter().map(|&(dof, _)| dof).collect();
         for i in 0..3 {

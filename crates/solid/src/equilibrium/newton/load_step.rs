@@ -1,5 +1,5 @@
-//! One load step: Newton's iteration from an equilibrium to the one at a higher load, or before it where a prediction does
-//! not hold so far.
+//! One load step: Newton's method from an equilibrium to the one at a higher load, or to an earlier one if the
+//! prediction is valid only up to there.
 
 use super::{NEAR, Run};
 use crate::body::Curvature;
@@ -24,7 +24,7 @@ struct LoadStep<'r, 'a> {
     passed: Option<usize>,
     /// It began with a linear step, not with a series.
     is_linear: bool,
-    /// Its first step leads what is held to where it is to be, whatever that costs.
+    /// Whether its first step moves prescribed displacements to their values, regardless of the energy.
     is_led: bool,
 }
 
@@ -75,8 +75,8 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         }
     }
 
-    /// What the first step does beside the others: it leads what is held, and where it would stretch the body out of
-    /// proportion, the series of the path takes its place; whether it did.
+    /// The first step, which moves prescribed displacements. If it would stretch the body out of proportion, the series
+    /// of the path replaces it; returns whether it did.
     fn lead(&mut self, step: &[f64]) -> Result<bool, Cut> {
         let LoadStep { run, u, load, force, .. } = self;
         run.note_slope(step, *load);

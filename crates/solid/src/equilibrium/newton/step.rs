@@ -1,4 +1,4 @@
-//! One step of Newton's method: the factor of the tangent, the step by it, and how much of it is taken.
+//! One step of Newton's method: factor of the tangent, step, line search.
 
 use super::{Run, STRETCHED};
 use crate::clock::Instant;
@@ -8,7 +8,7 @@ use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::skew;
 use crate::linear::{FactorError, next_shift};
 
-/// First shift of a tangent that is not positive definite, over its mean diagonal, where the last needed none.
+/// First shift of a tangent that is not positive definite, over its mean diagonal, if the last tangent needed none.
 const FIRST_SHIFT: f64 = 1e-6;
 
 /// Part of the descent that the slope promises which a step must keep (Armijo).
@@ -89,7 +89,7 @@ impl Run<'_> {
         Ok((step, change, solved.indefinite))
     }
 
-    /// Whether a linear step takes about the energy that its tangent promises, and turns no cell inside out.
+    /// Whether the energy of a linear step is about that predicted by its tangent, and no cell is inverted.
     pub(super) fn is_in_proportion(&self, u: &[f64], step: &[f64], force: &[f64]) -> bool {
         let trial: Vec<f64> = u.iter().zip(step).map(|(u, s)| u + s).collect();
         let mut product = vec![0.0; u.len()];

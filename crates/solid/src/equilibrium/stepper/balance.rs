@@ -1,9 +1,9 @@
-//! What is out of balance: before a step, with the way of the hands and inertia, and after it.
+//! The residual before a step, with the motion of the hands and inertia, and after it.
 
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
-/// Residual that is left of one that is rounding.
+/// Relative residual that is reported if the residual is rounding.
 const ROUNDED: f64 = 1e-9;
 
 impl Stepper {

@@ -1,4 +1,4 @@
-//! What keeps the volume ratios of cells within bounds that a law does not know: a barrier next to each of them.
+//! A barrier that keeps the volume ratios of cells within bounds beyond those of the law.
 //!
 //! With the distance `d` of `J` from a bound, 1 where the barrier begins and 0 at the bound, its energy per volume at rest
 //! is `kappa b(d)`, `b(d) = -(1 - d)^2 ln d`: smooth to the second derivative where it begins, without limit at the bound.
@@ -49,8 +49,8 @@ impl VolumeBarrier {
         [NEXT_TO_LOW * self.range[0], NEXT_TO_HIGH * self.range[1]]
     }
 
-    /// Goes with a step to a displacement within the bounds, unless it leaves a cell too little of its distance; whether
-    /// it went.
+    /// Follows a step to a displacement within the bounds, unless a cell would come too close to a bound; returns
+    /// whether it did.
     pub fn follow(&mut self, body: &Body, u: &[f64]) -> bool {
         let now = body.outliers(u, self.inner());
         let mut before = self.points.iter().peekable();
@@ -66,7 +66,7 @@ impl VolumeBarrier {
         leaves_enough
     }
 
-    /// No point is next to a bound any more.
+    /// Forgets all points next to a bound.
     pub fn forget(&mut self) {
         self.points.clear();
     }

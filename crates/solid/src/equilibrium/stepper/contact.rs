@@ -1,17 +1,17 @@
-//! Rigid tools in frames: where they are to be, they are, and the body gives way.
+//! Rigid tools in frames: they reach their poses, and the body gives way.
 
 use super::Stepper;
 use crate::body::Body;
 use crate::contact::{Contact, Pose, Tool};
 use crate::error::Error;
 
-/// Part of the power that a step set out with beyond which, with the other sign, it has gone too far.
+/// Part of the initial power of a step. If the final power has the opposite sign and exceeds it, the step was too long.
 pub(super) const OVERSHOT: f64 = 0.5;
-/// Times that a step may go back.
+/// Largest number of times that a step is shortened.
 pub(super) const MAX_RETURNS: usize = 4;
 
 impl Stepper {
-    /// Adds a tool, from the next frame on; its number.
+    /// Adds a tool, from the next frame on; returns its number.
     ///
     /// # Errors
     /// Values out of range; a tool that starts inside the body.
@@ -19,7 +19,7 @@ impl Stepper {
         self.contact.add(body, tool, &self.displacement)
     }
 
-    /// Puts a tool elsewhere with the next frame.
+    /// Sets the pose of a tool in the next frame.
     ///
     /// # Errors
     /// No such tool; a pose that is not finite, or no rotation.
@@ -27,12 +27,12 @@ impl Stepper {
         self.contact.place(tool, pose)
     }
 
-    /// Takes a tool away with the next frame.
+    /// Removes a tool with the next frame.
     pub fn remove_tool(&mut self, tool: usize) {
         self.contact.remove(tool);
     }
 
-    /// What the tools did in the last frame.
+    /// The contacts of the tools in the last frame.
     pub fn contact(&self) -> &Contact {
         &self.contact
     }

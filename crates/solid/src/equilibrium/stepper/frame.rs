@@ -1,8 +1,8 @@
-//! What goes into a frame and what comes out of it.
+//! Input and result of a frame.
 
 use crate::error::Error;
 
-/// What the hands and the world do in a frame.
+/// Motion of the hands and loads in a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
     /// Displacements of the grasped degrees of freedom [m].
@@ -15,10 +15,10 @@ pub struct Input<'a> {
     pub gravity: [f64; 3],
 }
 
-/// What one frame did.
+/// The result of one frame.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Out-of-balance force that is left, relative to all nodal forces.
+    /// Residual: remaining out-of-balance force, relative to all nodal forces.
     pub residual: f64,
     /// Whether the forces can be relied on: the residual is that of [`StepperSettings::settled`] or less, the hands are
     /// where they are to be, and no cell is at a bound.
@@ -27,9 +27,9 @@ pub struct Frame {
     pub is_settled: bool,
     /// Newton iterations done.
     pub steps: usize,
-    /// Cells whose volume ratio is next to a bound of what a frame may end with: not the law alone holds them.
+    /// Number of cells whose volume ratio is next to a bound. The barrier acts on them beside the law.
     pub cells_at_bound: usize,
-    /// Part of the step taken: 1, or less where a cell would have been crushed or torn.
+    /// Part of the step taken: 1, or less if a cell would have been crushed or torn.
     pub taken: f64,
     /// Whether the tangent was not positive definite: the state is not stable.
     pub is_unstable: bool,

@@ -41,13 +41,13 @@ use relaxation::Relaxation;
 use std::time::Duration;
 use step::SOUND;
 
-/// Part of the budget that may be spent: an iteration that has begun ends a little late.
+/// Part of the budget that is planned for, since an iteration may end a little late.
 const SPENDABLE: f64 = 0.97;
-/// A budget without end, in a number that any clock can add [s].
+/// A time [s] that stands for no budget, and can be added to any clock.
 const LONGEST_BUDGET: f64 = 1e6;
-/// What is left a frame later of the memory of a long tail.
+/// Decay per frame of the remembered tail.
 const TAIL_KEPT: f64 = 0.98;
-/// The same of a convex tangent: one that took long, once, must be tried again.
+/// Decay per frame of the remembered time of a convex tangent, so that one is tried again after a slow one.
 const CONVEX_KEPT: f64 = 0.8;
 
 /// A body in the hands of a simulator.
@@ -68,16 +68,17 @@ pub struct Stepper {
     length: f64,
     /// Keeps the volume ratios of cells within bounds.
     barrier: VolumeBarrier,
-    /// Part of the way to where they are wanted that the hands go in an iteration: 1, less after a step was cut.
+    /// Part of their motion that the hands make in an iteration: 1, or less after a step was cut.
     motion_fraction: f64,
     hands_move: bool,
-    /// What frames of late took after their last linear system was solved: kept free of the budget.
+    /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
-    /// What it takes to form a convex tangent, by the last one.
+    /// Time of the last convex tangent.
     convex: Duration,
-    /// The last tangent was not definite, and its step cut or a makeshift: the next will hardly be.
+    /// Whether the last tangent was indefinite and its step was cut or incomplete; the next one is then made convex at
+    /// once.
     projects_next: bool,
-    /// Shift of the tangent, over its mean diagonal, to begin with: none, or more with every frame that stood still.
+    /// First shift of the tangent, over its mean diagonal: zero, or larger after every frame without motion.
     shift: f64,
     displacement: Vec<f64>,
     start: Vec<f64>,
@@ -90,7 +91,7 @@ pub struct Stepper {
     inertia: Vec<f64>,
     increment: Vec<f64>,
     step: Vec<f64>,
-    /// Power of what was out of balance along the way of the last step, per step [J]; known among tools.
+    /// Power of the residual along the last step, per step [J]; used with tools.
     descent: f64,
     trial: Vec<f64>,
     forces: Vec<f64>,
@@ -187,11 +188,11 @@ impl Stepper {
         })
     }
 
-    /// From now on the hands hold these degrees of freedom and the means of these patches, and nothing else.
+    /// The hands hold these degrees of freedom and the means of these patches from now on, and nothing else.
     ///
     /// # Errors
-    /// What [`Problem::check_grasp`] refuses of a problem that prescribes them. What nothing holds is not refused:
-    /// inertia may hold it, and without, the frame says that its tangent was not definite.
+    /// Those of [`Problem::check_grasp`]. A body without enough supports is not refused: inertia may hold it, and
+    /// without inertia the frame reports that its tangent was not definite.
     pub fn grasp(&mut self, body: &Body, dofs: &[u32], patches: &[Patch]) -> Result<(), Error> {
         if dofs == self.grasped && patches == self.patches {
             return Ok(());
@@ -218,7 +219,7 @@ impl Stepper {
         &self.displacement
     }
 
-    /// Why the device that was asked for takes no part in frames, if it does not.
+    /// Why the requested device is not used, if it is not.
     pub fn device_fault(&self) -> Option<&str> {
         self.solver.device_fault()
     }
@@ -245,7 +246,8 @@ impl Stepper {
         Ok(())
     }
 
-    /// What holds each node after the last frame [N]: internal force and inertia less the forces applied.
+    /// Reaction at each degree of freedom after the last frame [N]: internal force and inertia minus the applied
+    /// forces.
     pub fn reactions(&self) -> impl Iterator<Item = f64> + '_ {
         self.internal.iter().zip(&self.external).map(|(i, e)| i - e)
     }

@@ -1,4 +1,4 @@
-//! Pressure in frames: it follows the surface, at every iteration where that is by then.
+//! Pressure in frames: it follows the surface, at every iteration.
 //!
 //! The tangent of a frame has the symmetric part of its derivative, which is all of it on a closed surface or one whose
 //! rim is held. On a free rim frames lose their quadratic convergence and find the same equilibrium.
@@ -9,7 +9,7 @@ use crate::equilibrium::Pressure;
 use crate::error::Error;
 
 impl Stepper {
-    /// From the next frame on this pressure pushes, and no other; it may change with every frame, as a heart beats.
+    /// This pressure, and no other, acts from the next frame on. It may change with every frame, as in a beating heart.
     ///
     /// # Errors
     /// Those of [`Pressure::check`].
@@ -31,7 +31,7 @@ impl Stepper {
         self.contact.add_force(&mut self.external);
     }
 
-    /// Adds to the tangent what the pressure takes from the stiffness.
+    /// Adds the stiffness of the pressure to the tangent.
     pub(super) fn stiffen(&mut self, body: &Body) {
         if !self.pressure.is_empty() {
             let blocks = self.tangent.blocks_mut();

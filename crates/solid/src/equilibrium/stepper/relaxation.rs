@@ -18,9 +18,9 @@ use crate::unroll::tabulate;
 /// Relative moduli `g_i` and relaxation times `tau_i` [s].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prony {
-    /// Parts of the stress that fade; positive, with a sum below 1.
+    /// Parts of the stress that relax; positive, with a sum below 1.
     pub g: Vec<f64>,
-    /// The times in which they do [s].
+    /// Relaxation times [s].
     pub tau: Vec<f64>,
 }
 
@@ -51,7 +51,7 @@ impl Prony {
     }
 }
 
-/// What the history of a cell needs of its place.
+/// Geometry of a cell for its history.
 struct Cell {
     nodes: [u32; 4],
     /// Gradients of the shape functions [1/m].

@@ -1,4 +1,4 @@
-//! What a stepper is told once: solver, time, inertia, relaxation, budget.
+//! Settings of a stepper: solver, time, inertia, relaxation, budget.
 
 use super::relaxation::Prony;
 use crate::equilibrium::Method;
@@ -9,11 +9,11 @@ use crate::error::Error;
 pub struct StepperSettings {
     /// How the linear systems are solved.
     pub method: Method,
-    /// Newton iterations a frame at most; 1 is paper B's.
+    /// Largest number of Newton iterations in a frame; paper B has 1.
     pub iterations: usize,
     /// Residual at which a frame counts as settled, and needs no further iteration.
     pub settled: f64,
-    /// Wall time after which a frame stops with what it has [s].
+    /// Wall time [s] after which a frame stops iterating.
     pub budget: Option<f64>,
     /// Time between frames [s], for inertia and relaxation.
     pub time_step: Option<f64>,
@@ -54,7 +54,7 @@ pub struct Dynamics {
 /// Rules in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Integration {
-    /// First order; takes energy out of all that a frame is too long for.
+    /// First order; damps motions that are fast compared with the time step.
     BackwardEuler,
     /// Newmark (1959). With beta = 1/4 and gamma = 1/2 of second order, without dissipation.
     Newmark {
@@ -76,7 +76,7 @@ pub enum Mass {
 
 impl StepperSettings {
     /// # Errors
-    /// A value out of range, or one that another asks for.
+    /// A value out of range, or a missing value that another one needs.
     pub fn check(&self) -> Result<(), Error> {
         self.method.check()?;
         let positive = |name: &str, value: Option<f64>| match value {

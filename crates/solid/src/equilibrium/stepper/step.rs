@@ -1,6 +1,6 @@
-//! The Newton steps of a frame, and what keeps them sound: a tangent that is not definite is made convex cell by cell,
-//! a step that would crush or tear a cell is cut back, and hands that were in its way wait for the body. Cells that come
-//! close to a bound all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
+//! The Newton steps of a frame and their safeguards: a tangent that is not definite is made convex cell by cell, a step
+//! that would crush or tear a cell is cut back, and the hands then wait for the body. Cells that come close to a bound
+//! all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
 use super::contact::{MAX_RETURNS, OVERSHOT};
 use super::{Input, Stepper, StepperSettings};
@@ -21,7 +21,7 @@ const MAX_CUTS: usize = 14;
 /// its volume either: a step that says so has been yanked too far for its tangent.
 pub(super) const SOUND: [f64; 2] = [0.05, 4.0];
 
-/// Smallest fraction of their motion that hands go in an iteration, however often it is cut.
+/// Smallest part of their motion that hands make in an iteration, however often it is cut.
 const SMALLEST_FRACTION: f64 = 1e-3;
 
 /// First shift of a tangent that is not definite though it is convex, over its mean diagonal.
@@ -33,7 +33,7 @@ fn is_mendable(error: &FactorError) -> bool {
     matches!(error, NotPositiveDefinite { .. } | Singular { .. } | NotFinite { .. })
 }
 
-/// What the Newton iterations of a frame did.
+/// The result of the Newton iterations of a frame.
 pub(super) struct Progress {
     pub taken: f64,
     /// A step was cut back.
@@ -41,7 +41,7 @@ pub(super) struct Progress {
     pub is_unstable: bool,
     /// Newton iterations.
     pub steps: usize,
-    /// What they left out of balance, relative.
+    /// Relative residual.
     pub residual: f64,
     /// The hands are where they are to be.
     pub has_arrived: bool,
@@ -286,7 +286,7 @@ impl Stepper {
         }
     }
 
-    /// Puts on trial where so much of the step leads.
+    /// Evaluates the displacement after a part of the step.
     fn try_at(&mut self, length: f64) {
         let places = self.displacement.iter().zip(&self.step);
         self.trial.iter_mut().zip(places).for_each(|(trial, (u, s))| *trial = u + length * s);

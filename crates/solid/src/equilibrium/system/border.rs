@@ -1,4 +1,4 @@
-//! The rows that patches add to a system: their tools prescribe `W s = c` and answer with forces `F`.
+//! The rows that patches add to a system: their tools prescribe `W s = c` by forces `F`.
 //!
 //! Beside the inverse `M⁻¹` of a matrix, exact or not, the border keeps `G = M⁻¹ Wᵀ` and `(W G)⁻¹`. With an exact
 //! inverse, closing a step solves the bordered system; with a preconditioner, it is the constraint preconditioner of
@@ -86,7 +86,7 @@ impl Border {
         Ok(())
     }
 
-    /// Number of negative eigenvalues of `W G`; none if they cannot be told.
+    /// Number of negative eigenvalues of `W G`; none if it cannot be determined.
     pub fn n_negative(&self) -> Option<usize> {
         let k = self.rows.len();
         // Those of the inverse have the same signs.
@@ -103,7 +103,7 @@ impl Border {
         self.rows.iter().map(|row| row.iter().map(|&(dof, w)| w * s[dof as usize]).sum()).collect()
     }
 
-    /// Adds to `s` the step by which `W s = c`, and gives the forces that take it.
+    /// Corrects `s` so that `W s = c`, and returns the forces of this correction.
     pub fn close(&self, s: &mut [f64], c: &[f64], forces: &mut Vec<f64>) {
         let gap: Vec<f64> = c.iter().zip(self.means(s)).map(|(c, mean)| c - mean).collect();
         forces.clear();
@@ -118,7 +118,7 @@ impl Border {
         product(&self.gram, &self.means(residual)).map(|f| -f).collect()
     }
 
-    /// Takes from a residual what forces of the tools can balance.
+    /// Removes from a residual the part that forces of the tools can balance.
     pub fn project(&self, residual: &mut [f64]) {
         for (row, force) in self.rows.iter().zip(self.forces(residual)) {
             row.iter().for_each(|&(dof, w)| residual[dof as usize] += force * w);

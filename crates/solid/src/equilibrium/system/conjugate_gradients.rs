@@ -1,4 +1,4 @@
-//! What users may choose of conjugate gradients.
+//! Settings of conjugate gradients that users may choose.
 
 use super::OnDevice;
 use crate::error::Error;
@@ -7,13 +7,14 @@ use crate::settings::{Setting, Values};
 /// Settings of conjugate gradients.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConjugateGradients {
-    /// What each residual goes through.
+    /// The preconditioner.
     pub preconditioner: Preconditioner,
     /// Residual to reach, relative to the right-hand side.
     pub tolerance: f64,
-    /// Iterations after which to stop with what there is.
+    /// Iterations after which to stop and return the last iterate.
     pub max_iterations: usize,
-    /// Whether the tangent multiplies cell by cell and is never assembled. Only block-Jacobi needs no more.
+    /// Whether the tangent is never assembled and multiplies cell by cell. For block-Jacobi only, since other
+    /// preconditioners need the matrix.
     pub is_matrix_free: bool,
     /// Where they run, if not on the processor; with block-Jacobi and a matrix only.
     pub device: Option<OnDevice>,
@@ -68,7 +69,7 @@ pub enum Preconditioner {
     /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside the
     /// frames where there is a second thread.
     LaggedCholesky,
-    /// A V-cycle on aggregates of nodes with their rigid-body modes; made anew when iterations grow.
+    /// A V-cycle on aggregates of nodes with their rigid-body modes; renewed when iterations grow.
     Multigrid,
 }
 
@@ -81,7 +82,7 @@ impl Preconditioner {
         ("multigrid", Preconditioner::Multigrid),
     ];
 
-    /// The preconditioner of a name.
+    /// The preconditioner with a name.
     ///
     /// # Errors
     /// An unknown name.

@@ -12,7 +12,7 @@ use std::fmt;
 
 /// Where conjugate gradients may run.
 pub trait Device: Send + Sync {
-    /// Room for the tangents of one body, whose upper triangle has blocks at `pairs`.
+    /// Allocates memory for the tangents of one body, whose upper triangle has blocks at `pairs`.
     ///
     /// # Errors
     /// A sentence: no device, too little memory, a limit exceeded.
@@ -37,7 +37,7 @@ pub trait DeviceSystem: Send + Sync {
     /// Solves for a right-hand side as far as asked.
     ///
     /// # Errors
-    /// The device is lost, or gave numbers that are none.
+    /// The device is lost, or returned values that are not finite.
     fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String>;
 }
 
@@ -48,11 +48,11 @@ pub struct DeviceEnd {
     pub tolerance: f64,
     /// After so many iterations.
     pub max_iterations: usize,
-    /// At this time, with what there is.
+    /// At this time, with the last iterate.
     pub deadline: Option<Instant>,
 }
 
-/// What a device found.
+/// The result of a device.
 #[derive(Clone, Debug)]
 pub struct DeviceSolution {
     /// The solution, as far as it got.
@@ -61,7 +61,7 @@ pub struct DeviceSolution {
     pub direction: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
-    /// Whether the direction has negative curvature, or so it seems in single precision.
+    /// Whether the direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
 }
 
@@ -92,7 +92,7 @@ pub(super) enum Remote {
         is_border_new: bool,
         is_tangent_new: bool,
     },
-    /// It failed, and the processor goes on.
+    /// It failed, and the processor continues.
     Failed(String),
 }
 

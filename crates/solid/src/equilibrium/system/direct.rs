@@ -13,7 +13,7 @@ use crate::linear::FactorError;
 /// vanishes: too small to be seen in a step.
 const NUDGES: [f64; 3] = [0.0, 1e-10, 1e-8];
 
-/// A factor of the tangent, Cholesky's wherever there is one.
+/// A factor of the tangent, by Cholesky's method if it exists.
 pub(super) struct Direct {
     cholesky: TangentFactor<f64>,
     /// Analysed when it is first needed.
@@ -21,7 +21,7 @@ pub(super) struct Direct {
     is_definite: bool,
 }
 
-/// What takes no part: the degrees of freedom that are not `free`, and of those, what hands hold.
+/// The degrees of freedom that are excluded: those that are not `free`, and those that hands hold.
 #[derive(Clone, Copy)]
 pub(super) struct Held<'a> {
     pub free: &'a [u32],
@@ -62,7 +62,7 @@ impl Direct {
         }
     }
 
-    /// The same by `L D Lᵀ`; `verdict` where the border does not make up for the negative eigenvalues.
+    /// The same by `L D Lᵀ`; returns `verdict` if the border does not compensate the negative eigenvalues.
     fn prepare_indefinite(
         &mut self,
         tangent: &SymmetricBlocks,

@@ -18,19 +18,19 @@ use crate::linear::conjugate_gradients::{
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
 use crate::number::{dot, norm};
 
-/// A right-hand side that falls to this part of itself once the tools carry their share is none.
+/// A right-hand side counts as zero if only this part of it remains after the tools have carried their share.
 const ROUNDING: f64 = 1e-14;
 
 /// Iterations with a fresh factor beyond which its precision is not enough.
 const DOUBTFUL: usize = 12;
 
-/// Residual that one solution in single precision is asked for, relative to its right-hand side.
+/// Tolerance of one solution in single precision, relative to its right-hand side.
 const SINGLE: f64 = 1e-5;
 
-/// What a residual may be over the tolerance if in single precision it seemed to have reached it.
+/// Factor by which a residual may exceed the tolerance if it had reached it in single precision.
 const SLACK: f64 = 1.02;
 
-/// What a solution in single precision must at least leave of the last one's residual for another to follow.
+/// Refinement continues only if a solution in single precision reduces the residual at least by this factor.
 const PROGRESS: f64 = 0.5;
 
 enum Inverse {
@@ -46,13 +46,13 @@ struct Incomplete {
     factor: IncompleteCholesky,
 }
 
-/// Conjugate gradients with what they multiply with, preconditioner and vectors.
+/// Conjugate gradients with their matrix, preconditioner and vectors.
 pub(super) struct Iterative {
     settings: ConjugateGradients,
     operand: Operand,
     inverse: Inverse,
     remote: Remote,
-    /// Whether the preconditioner must be made anew, for good reason or because iterations grew.
+    /// Whether the preconditioner must be renewed.
     is_stale: bool,
     /// Iterations of the first solve after the preconditioner was made.
     fresh_iterations: Option<usize>,
@@ -157,7 +157,7 @@ impl Iterative {
         Some(renewed)
     }
 
-    /// Why there is no device, where one was asked for.
+    /// Why the requested device is not used, if it is not.
     pub fn device_fault(&self) -> Option<&str> {
         self.remote.fault()
     }
@@ -281,7 +281,7 @@ impl Iterative {
         }
     }
 
-    /// What the correction leaves of the residual, and its size relative to it.
+    /// The residual after the correction, and its size relative to the one before.
     fn remainder(&self, border: &Border, left: &mut [f64]) -> f64 {
         Projected { operand: &self.operand, border }.apply(&self.correction, left);
         left.iter_mut().zip(&self.residual).for_each(|(k, r)| *k = r - *k);
@@ -309,8 +309,8 @@ impl Iterative {
         correction.iter_mut().zip(&*last).for_each(|(x, p)| *x = factor * p);
     }
 
-    /// What conjugate gradients say, in the terms of a step: a spent budget or a direction of negative curvature
-    /// still leaves a descent.
+    /// The result of conjugate gradients as a step: after a spent budget or a direction of negative curvature there is
+    /// still a descent direction.
     fn judge(&mut self, outcome: Result<cg::Info, Error>) -> Result<Solved, FactorError> {
         let solved = |info: cg::Info, is_complete| Solved {
             iterations: info.iterations,
@@ -339,7 +339,7 @@ impl Iterative {
         }
     }
 
-    /// Iterations well above those of a fresh preconditioner ask for a new one, and so do iterations in vain.
+    /// Requests a new preconditioner if iterations are far above those of a fresh one, or did not converge.
     fn note(&mut self, solved: &Solved) {
         let is_first = self.fresh_iterations.is_none();
         let fresh = *self.fresh_iterations.get_or_insert(solved.iterations);

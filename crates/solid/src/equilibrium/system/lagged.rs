@@ -105,7 +105,7 @@ type Done = (Box<LaggedFactor>, Result<(), FactorError>);
 /// A thread that factorises what it is sent, and ends when nothing more can come.
 struct Worker {
     orders: Option<Sender<Order>>,
-    /// Behind a lock only so that a stepper may be shared; nobody ever waits for it.
+    /// Behind a lock only so that a stepper may be shared between threads; it is never contended.
     done: Mutex<Receiver<Done>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -134,7 +134,7 @@ impl Lagged {
         }
     }
 
-    /// Takes a finished factor into use, and has a new one made where `is_stale`; whether the factor in use changed.
+    /// Takes a finished factor into use, and orders a new one if `is_stale`. Returns whether the factor in use changed.
     pub fn renew(
         &mut self,
         values: &[f64],
@@ -158,7 +158,7 @@ impl Lagged {
         Ok(is_renewed)
     }
 
-    /// A fresh factor took too many iterations: the next is one in double precision.
+    /// After a fresh factor took too many iterations, the next one is in double precision.
     pub fn distrust(&mut self) {
         self.is_usable &= self.current.wants_double;
         self.current.wants_double = true;
@@ -186,7 +186,7 @@ impl Spare {
         }
     }
 
-    /// Exchanges the factors where the worker has finished.
+    /// Exchanges the factors if the worker has finished.
     fn collect(&mut self, current: &mut Box<LaggedFactor>, is_held: &[bool]) -> bool {
         let Ok(done) = self.worker.done.get_mut() else {
             return false;

@@ -70,7 +70,7 @@ impl Method {
         Ok(())
     }
 
-    /// A tangent as this method takes it, without values.
+    /// A tangent in the form that this method needs, without values.
     pub fn tangent(&self, body: &Body) -> Tangent {
         match self {
             Method::ConjugateGradients(cg) if cg.is_matrix_free => Tangent::product(body),
@@ -173,7 +173,7 @@ impl ConstrainedSystem {
         self.is_held[dof]
     }
 
-    /// Why the device that was asked for does not take part, if it does not.
+    /// Why the requested device is not used, if it is not.
     pub fn device_fault(&self) -> Option<&str> {
         match &self.solver {
             Solver::Direct(_) | Solver::Indefinite(_) => None,
@@ -181,7 +181,7 @@ impl ConstrainedSystem {
         }
     }
 
-    /// Zeroes what is held, and takes from the rest the part that the patches' tools carry: what is out of balance.
+    /// Turns a force into a residual: zeroes held entries, and removes the part that the patches' tools carry.
     pub fn project(&self, residual: &mut [f64]) {
         for (r, &held) in residual.iter_mut().zip(&self.is_held) {
             *r = if held { 0.0 } else { *r };
@@ -194,7 +194,7 @@ impl ConstrainedSystem {
         self.border.forces(residual)
     }
 
-    /// Makes ready to solve with `K + shift * mean(diag K) * I`; the tangent is one that [`Method::tangent`] made.
+    /// Prepares solves with `K + shift * mean(diag K) * I`; the tangent is one that [`Method::tangent`] made.
     ///
     /// # Errors
     /// [`FactorError::NotPositiveDefinite`] with the degree of freedom as its row: the tangent is not positive definite
@@ -278,7 +278,7 @@ impl ConstrainedSystem {
         self.rows[dof].map(|row| row as usize)
     }
 
-    /// What a vector on all degrees of freedom is on the free ones.
+    /// The entries of a vector at the free degrees of freedom.
     pub fn gather(&self, all: &[f64]) -> Vec<f64> {
         self.free.iter().map(|&dof| all[dof as usize]).collect()
     }

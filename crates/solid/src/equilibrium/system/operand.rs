@@ -1,6 +1,6 @@
-//! What conjugate gradients multiply with, in double precision: the tangent's blocks, or its cells. A slender or nearly
-//! incompressible body asks for it: its softest motions are smaller than the rounding of its largest stiffnesses in
-//! single precision.
+//! The matrix of conjugate gradients, in double precision: the tangent's blocks, or its cells. Slender and nearly
+//! incompressible bodies need double precision: their softest motions are smaller than the rounding of their largest
+//! stiffnesses in single precision.
 
 use super::absolute;
 use crate::body::{BlockPattern, Body, Source, SymmetricBlocks};
@@ -43,7 +43,7 @@ impl Operand {
         self.is_held.copy_from_slice(is_held);
     }
 
-    /// Takes a new tangent over, with a shift given over its mean diagonal; that shift.
+    /// Takes a new tangent, with a shift given over its mean diagonal; returns the shift.
     pub fn take(&mut self, tangent: &Tangent, shift: f64) -> Result<f64, FactorError> {
         match (&mut self.kind, tangent) {
             (Kind::Product(operator), Tangent::Product(product)) => *operator = product.operator(),
