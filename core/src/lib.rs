@@ -1,9 +1,9 @@
 //! Viscera's numerical core under one name: from a tetrahedral mesh and a strain energy to a reduced model that answers a
 //! touch in microseconds. Numerics only: no files, no Python, no printing.
 //!
-//! The floors are crates, each using only those below it: [`number`], with [`tensor`] and [`simd`]; [`mesh`]; [`linear`], with
-//! [`clock`]; [`law`]; `viscera_solid` ([`element`], [`body`], [`contact`], [`equilibrium`]); [`series`]; [`pgd`];
-//! [`reduced`], beside `viscera_touch`, which answers touches on-line; [`galerkin`].
+//! The layers are crates, each using only those below it: [`number`], with [`tensor`] and [`simd`]; [`mesh`];
+//! [`linear`], with [`clock`]; [`law`]; `viscera_solid` ([`element`], [`body`], [`contact`], [`equilibrium`]);
+//! [`series`]; [`pgd`]; [`reduced`], beside `viscera_touch`, which answers touches on-line; [`galerkin`].
 
 pub use viscera_galerkin as galerkin;
 pub use viscera_law as law;

@@ -1,4 +1,4 @@
-//! A case as a page gets it: safetensors bytes with an organ, the laws it may be given, and its name.
+//! A case in the form that a page receives: safetensors bytes with an organ, the laws to choose from, and its name.
 
 use safetensors::{Dtype, SafeTensors};
 use serde::Deserialize;
@@ -11,13 +11,13 @@ use viscera_core::law::{self, Material};
 /// Key of the metadata string among the bytes.
 const METADATA_KEY: &str = "viscera";
 
-/// What a case says about itself.
+/// The metadata of a case.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// Name to show.
     pub name: String,
-    /// The law to begin with.
+    /// The initial law.
     pub law: String,
     /// The core's name for each law; its parameters are the array of the law's own name.
     pub laws: BTreeMap<String, String>,
@@ -31,10 +31,10 @@ pub struct About {
     pub gravity: [f64; 3],
 }
 
-/// An organ, and the laws it may be given.
+/// An organ, and the laws to choose from.
 #[derive(Clone, Debug)]
 pub struct Case {
-    /// What it says about itself.
+    /// The metadata.
     pub about: About,
     /// Fixed nodes, ascending.
     pub fixed: Vec<u32>,
@@ -49,7 +49,7 @@ impl Case {
     /// Reads the bytes of a case.
     ///
     /// # Errors
-    /// A sentence saying what is missing or wrong.
+    /// A sentence that says what is missing or wrong.
     pub fn read(bytes: &[u8]) -> Result<Self, Error> {
         let refuse = |what: String| Error::input(format!("not a usable case: {what}"));
         let (_, header) =

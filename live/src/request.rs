@@ -1,9 +1,9 @@
-//! What a page may ask for, its words and numbers checked.
+//! The requests of a page, with checks of their words and numbers.
 
 use serde::Deserialize;
 use viscera_core::Error;
 
-/// A request; what is not named stays as it is.
+/// A request; entries that are absent change nothing.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Request {
@@ -17,7 +17,7 @@ pub struct Request {
     pub stress: Option<bool>,
 }
 
-/// What one hand does; the first one's words stand in the request itself.
+/// The action of one hand; the entries of the first hand are in the request itself.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gesture {
@@ -60,7 +60,7 @@ impl Request {
         }
     }
 
-    /// What the first hand does, and the second.
+    /// The actions of the first and the second hand.
     pub fn gestures(&self) -> [Gesture; 2] {
         let first =
             Gesture { release: self.release, grab: self.grab, displacement: self.displacement };

@@ -8,12 +8,12 @@ use viscera_core::clock::Instant;
 use viscera_core::equilibrium::{ConjugateGradients, Input, Method, Stepper, StepperSettings};
 use viscera_core::mesh::{Patch, Surface};
 
-/// A page draws a frame every 16 ms; half of that is for the organs in it [s].
+/// Time [s] for the organs in a frame: half of the 16 ms between two frames of a page.
 pub const BUDGET: f64 = 8e-3;
-/// Newton iterations that no budget needs to end.
+/// Largest number of Newton iterations in a frame.
 const MAX_ITERATIONS: usize = 20;
 
-/// Above so many cells a factor of an earlier tangent is worth keeping (docs/solvers.md).
+/// Number of cells above which the factor of an earlier tangent is kept (docs/solvers.md).
 const DIRECT_CELLS: usize = 5000;
 
 /// Numbers of an organ in a frame before its displacements.
@@ -57,7 +57,7 @@ impl Specimen {
         &self.body
     }
 
-    /// Takes hold of what each hand has, and lets go of all else.
+    /// Makes each hand hold its patch, and nothing else.
     pub fn hold(&mut self, patches: &[Option<Patch>; 2]) -> Result<(), Error> {
         let held: Vec<Patch> = patches.iter().flatten().cloned().collect();
         self.stepper.grasp(&self.body, &[], &held)?;
@@ -65,7 +65,7 @@ impl Specimen {
         Ok(())
     }
 
-    /// Mean displacement of a patch as it is [m].
+    /// Present mean displacement of a patch [m].
     pub fn mean(&self, patch: &Patch) -> [f64; 3] {
         let u = self.stepper.displacement();
         std::array::from_fn(|i| {

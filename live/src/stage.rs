@@ -1,4 +1,4 @@
-//! What one page sees: its specimens, its hands, its gravity.
+//! The state behind one page: its specimens, its hands, its gravity.
 
 use crate::case::Case;
 use crate::request::{Gesture, Request};
@@ -7,12 +7,12 @@ use serde_json::json;
 use viscera_core::Error;
 use viscera_core::mesh::{Patch, Surface};
 
-/// No gravity is stronger, in any direction [m/s^2].
+/// Largest component of gravity [m/s^2].
 const STRONGEST_GRAVITY: f64 = 100.0;
 /// The hand stays within this part of the organ's diagonal.
 const REACH: f64 = 0.5;
 
-/// A case on the stage, under one law or two side by side.
+/// A case under one law, or under two side by side.
 pub struct Live {
     case: Case,
     surface: Surface,
@@ -45,7 +45,7 @@ impl Live {
         })
     }
 
-    /// What the page has to know before the first frame, as JSON.
+    /// What the page needs before the first frame, as JSON.
     pub fn describe(&self) -> String {
         let (about, surface) = (&self.case.about, &self.surface);
         let row = |node: &u32| surface.nodes().partition_point(|other| other < node);
@@ -81,7 +81,7 @@ impl Live {
         self.frame()
     }
 
-    /// Follows a request; what it asks for in vain is refused before anything changes.
+    /// Carries out a request. An impossible one is refused before anything changes.
     fn follow(&mut self, request: Request) -> Result<(), Error> {
         let gestures = request.gestures();
         let mut grabbed = [None, None];

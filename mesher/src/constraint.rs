@@ -1,4 +1,4 @@
-//! Surfaces that a node stays on, and the way back to them.
+//! Surfaces on which a node stays, and the projection onto them.
 
 use crate::field::{Field, Plane};
 use crate::vector::{Point, add, cross, dot, norm, scale};
@@ -26,7 +26,8 @@ impl Constraint {
     }
 }
 
-/// Newton steps of the way back, how long each may be, and how short the last: in edges.
+/// Limits of the projection by Newton's method: number of steps, their largest length, and the length of the last one,
+/// in edges.
 const STEPS: usize = 8;
 const LONGEST: f64 = 0.3;
 const SHORTEST: f64 = 1e-3;

@@ -11,8 +11,8 @@ use rayon::prelude::*;
 /// ones, after the paper.
 const SNAP_LONG: f64 = 0.24999;
 const SNAP_SHORT: f64 = 0.41189;
-/// A node that lies on an earlier surface, or has cells that were cut, is not moved where a cell would get worse than
-/// this (sine of an angle).
+/// A node that lies on an earlier surface, or has cells that were cut, is not moved if a cell would get worse than this
+/// (sine of an angle).
 const LEAST_SINE: f64 = 0.1;
 const BISECTIONS: usize = 40;
 
@@ -41,7 +41,7 @@ impl Surface {
         }
     }
 
-    /// What a node here is held to.
+    /// The constraint of a node at this surface.
     fn constraint(self, field: &Field, x: Point) -> Option<Constraint> {
         let mut scores = Vec::new();
         field.scores(x, &mut scores);

@@ -1,4 +1,4 @@
-//! Who owns a place: each label's indicator, smoothed, with a bias that keeps the label's volume.
+//! The owner of each point: the labels' indicators, smoothed, with biases that keep the labels' volumes.
 
 use crate::vector::{Point, dot, norm, scale, sub};
 use rayon::prelude::*;
@@ -151,7 +151,7 @@ impl Field {
         self.n_labels
     }
 
-    /// Scores of all labels and at last of the outside; who has the highest owns the place.
+    /// Scores of all labels, and last of the outside. The highest one owns the point.
     pub fn scores(&self, x: Point, scores: &mut Vec<f64>) {
         scores.clear();
         scores.extend_from_slice(&self.bias);

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 use vector::Point;
 pub use winding::Winding;
 
-/// Why there is no mesh.
+/// Why no mesh could be made.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Error {
     /// The map's values are not as many as its dimensions say, its affine map is singular, or its volumes are none.
@@ -35,11 +35,11 @@ pub enum Error {
     TooManyLabels(usize),
     /// Too many cells for 32-bit indices.
     TooFine,
-    /// The watcher wants no more.
+    /// The work was cancelled.
     Cancelled,
 }
 
-/// Most labels of a mesh.
+/// Largest number of labels of a mesh.
 pub const MOST_LABELS: usize = 60;
 
 impl std::fmt::Display for Error {
@@ -95,10 +95,10 @@ const LAST_SWEEPS: i32 = 4;
 
 /// Meshes some labels of a map with cells whose edges have about the length `edge` [m].
 ///
-/// `watch(done, total)` is told how far it is; false ends the work.
+/// `watch(done, total)` receives the progress; false ends the work.
 ///
 /// # Errors
-/// Where the map or the list of labels is bad, the edge too long, or `watch` wants no more.
+/// A bad map or list of labels; an edge that is too long; `watch` has returned false.
 pub fn mesh(
     map: &Labels,
     labels: &[u16],
@@ -148,7 +148,7 @@ pub fn mesh(
     Ok(finished(field, &points, cut, &meeting))
 }
 
-/// The cells inside, and what is known of them.
+/// The cells inside, and facts about them.
 fn finished(field: Field, points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
     let kept = (0..cut.cells.len()).filter(|&c| cut.owner[c] != field.outside());
     let (cells, owner): (Vec<_>, Vec<_>) = kept.map(|c| (cut.cells[c], cut.owner[c])).unzip();

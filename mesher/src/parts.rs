@@ -5,12 +5,12 @@ use crate::improve::faces;
 use crate::quality::volume6;
 use crate::vector::Point;
 
-/// A piece of an owner with fewer cells than this, two cubes of the lattice, goes to a neighbour.
+/// A piece of an owner with fewer cells than this (two cubes of the lattice) is given to a neighbour.
 const FEWEST: usize = 24;
-/// A separate part of the mesh is dropped where it has less than this share of each of its labels.
+/// A separate part of the mesh is dropped if it has less than this share of each of its labels.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Gives crumbs to the neighbour that they share most faces with, and parts that hold little of any label to the
+/// Gives small pieces to the neighbour with which they share most faces, and parts that hold little of any label to the
 /// outside. Returns the volume of each label that was dropped with the latter [m^3], and how many these were.
 pub fn tidy(
     field: &Field,

@@ -1,5 +1,6 @@
-//! The generalised winding number of a triangle soup: how often it goes round a place, also where it has holes, or
-//! overlaps itself (Jacobson, Kavan and Sorkine-Hornung, 2013). Far triangles count as one dipole (Barill et al., 2018).
+//! The generalised winding number of a triangle soup: how often it winds around a point, even if it has holes or
+//! overlaps itself (Jacobson, Kavan and Sorkine-Hornung, 2013). Far triangles count as one dipole (Barill et al.,
+//! 2018).
 
 use crate::vector::{Point, add, cross, dot, norm, scale, sub};
 use rayon::prelude::*;

@@ -1,5 +1,5 @@
-//! The caller's frame: `x_model [m] = metres_per_unit * R x + t`, and forces in units of
-//! `newtons_per_unit`. The core speaks SI in the frame of the mesh; this is the one place that does not.
+//! The caller's frame: `x_model [m] = metres_per_unit * R x + t`, and forces in units of `newtons_per_unit`. The core
+//! uses SI units in the frame of the mesh; only this file converts.
 
 use crate::all_finite;
 

@@ -1,16 +1,17 @@
 //! Between the evaluator and a motor: a force limit, a rate limit, a watchdog and a passivity
 //! controller.
 //!
-//! Trusted answers are followed. Answers that are not trusted leave the last trusted force standing,
-//! because a series beyond its range may turn round and pull the hand in. No answer at all, for
-//! longer than the watchdog allows, lets the force fade linearly to zero; so does a number that is
-//! not finite, at once.
+//! Trusted answers are followed. While answers are not trusted, the last trusted force stays,
+//! because a series beyond its range may turn round and pull the hand in. Without any answer for
+//! longer than the watchdog, the force fades linearly to zero. After a number that is not finite it
+//! fades at once.
 //!
-//! A force that is held for a step while the hand moves on gives back more than it took. The work is
-//! counted as a passivity observer does (Hannaford and Ryu, IEEE Trans. Robotics and Automation 18,
-//! 2002), and a debt is paid by damping; but damping guesses the next move from the last. What holds
-//! for any move is the ceiling of the force, which falls to zero as the debt reaches its limit: from
-//! a debt `D` a step `m` can lead no higher than `D + force_limit (1 - D / energy_limit) |m|`.
+//! A force that is constant for a step while the hand moves on gives back more energy than it took.
+//! The work is counted by a passivity observer (Hannaford and Ryu, IEEE Trans. Robotics and
+//! Automation 18, 2002), and a debt is paid by damping; but damping guesses the next move from the
+//! last. The bound for any move is the ceiling of the force, which falls to zero as the debt
+//! reaches its limit: from a debt `D`, a step `m` leads at most to `D + force_limit (1 - D /
+//! energy_limit) |m|`.
 
 use crate::status::{self, viscera_status};
 use crate::{all_finite, norm, vector};
@@ -49,7 +50,7 @@ pub const FADES: Mode = 3;
 pub const REFUSES: Mode = 4;
 pub const DAMPS: Mode = 5;
 
-/// What a step has been told.
+/// The input of a step.
 enum News {
     Trusted([f64; 3]),
     /// The tool is off the organ: the force to reach is zero.
@@ -98,9 +99,9 @@ impl Guard {
         (-self.energy).max(0.0)
     }
 
-    /// Adds the work of the force that was held during the step. Without force a touch is over: what
-    /// it took is not lent to the next, and a debt is forgiven in the time of a fade, about what the
-    /// friction of a device takes.
+    /// Adds the work of the force that was held during the step. Without force a touch is over: its
+    /// energy is not available to the next touch, and a debt is forgiven in the time of a fade,
+    /// about as much as the friction of a device takes.
     fn count(&mut self, moved: [f64; 3], dt: f64) {
         self.energy += (0..3).map(|i| self.force[i] * moved[i]).sum::<f64>();
         if self.force == [0.0; 3] && dt >= 0.0 {
@@ -159,7 +160,7 @@ impl Guard {
         }
     }
 
-    /// One step of the linear way to zero.
+    /// One step of the linear fade to zero.
     fn fade_out(&mut self, dt: f64) -> Mode {
         let size = norm(self.force);
         if self.fade_rate == 0.0 {
@@ -171,7 +172,7 @@ impl Guard {
     }
 }
 
-/// The vector, no longer than `length`; zero where its own length overflows.
+/// The vector, shortened to at most `length`; zero if its own length overflows.
 fn shortened(v: [f64; 3], length: f64) -> [f64; 3] {
     let size = norm(v);
     if size <= length {

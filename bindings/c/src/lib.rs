@@ -1,8 +1,8 @@
 //! The C interface of the on-line evaluator: `include/viscera.h` in Rust.
 //!
-//! Only loading allocates, and only there a panic is caught. What a haptic loop calls checks its
-//! pointers and lengths first, then runs a fixed number of operations: no allocation, no lock, no
-//! log, no system call. Contracts of pointers and units are written in the header, once.
+//! Only loading allocates, and only there a panic is caught. The functions of a haptic loop check
+//! their pointers and lengths first, then run a fixed number of operations: no allocation, no lock,
+//! no log, no system call. The contracts of pointers and units are in the header only.
 
 mod frame;
 mod guard;

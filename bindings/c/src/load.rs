@@ -1,4 +1,5 @@
-//! Loading and freeing: the only calls that allocate, and the only ones that may fail in words.
+//! Loading and freeing: the only calls that allocate, and the only ones whose failure has a
+//! message.
 
 use crate::model::Model;
 use crate::status::{self, viscera_status};
@@ -95,7 +96,7 @@ unsafe fn finish(
     status
 }
 
-/// Writes a sentence as a C string, cut at a whole character where the buffer is short.
+/// Writes a sentence as a C string, cut at a whole character if the buffer is short.
 unsafe fn write_message(sentence: &str, message: *mut c_char, message_len: usize) {
     if message.is_null() || message_len == 0 {
         return;

@@ -40,7 +40,7 @@ pub struct Answer {
 const _: () = assert!(size_of::<Info>() == 56 && size_of::<Answer>() == 136);
 
 impl Answer {
-    /// No force, and nothing known.
+    /// No force, and error estimates of 1.
     const NONE: Self = Answer {
         force: [0.0; 3],
         stiffness: [[0.0; 3]; 3],
@@ -65,7 +65,7 @@ impl Model {
         Ok(Model { reduced, triangles, frame: Frame::IDENTITY })
     }
 
-    /// What a caller should know of the file that was read; mostly nothing.
+    /// A warning about the file that was read; usually empty.
     pub fn warning(&self) -> &'static str {
         if self.reduced.metadata().is_sealed() {
             ""
@@ -127,7 +127,7 @@ impl Model {
         Ok((answer, status_of(response.trust)))
     }
 
-    /// Deformed positions of the surface nodes; those at rest where there is no answer.
+    /// Deformed positions of the surface nodes; those at rest if there is no answer.
     fn surface(
         &self,
         point: [f64; 3],
@@ -169,7 +169,7 @@ fn status_of(trust: Trust) -> viscera_status {
     }
 }
 
-/// What the model is, in the caller's units.
+/// Sizes of the model, in the caller's units.
 ///
 /// # Safety
 /// `model` is null or loaded, `info` null or writable.
@@ -184,7 +184,7 @@ pub unsafe extern "C" fn viscera_info(model: *const Model, info: *mut Info) -> v
     if info.is_null() { status::NULL_POINTER } else { status::OK }
 }
 
-/// Sets the caller's frame; the model keeps its own where the new one is refused.
+/// Sets the caller's frame; the model keeps the old one if the new one is refused.
 ///
 /// # Safety
 /// `model` is null or loaded and used by nobody else during the call, `frame` null or readable.

@@ -1,4 +1,4 @@
-//! What a call came to, as the numbers of `enum viscera_status`.
+//! The status of a call, as the numbers of `enum viscera_status`.
 
 use std::ffi::c_char;
 

@@ -288,7 +288,7 @@ fn state_dict<'py>(
     Ok(dict)
 }
 
-/// Python's keeper of finished batches seen from the core: an object with `finished()` and `keep(bytes)`, or nobody.
+/// Python's store of finished batches, for the core: an object with `finished()` and `keep(bytes)`, or none.
 struct Kept {
     batches: Option<Py<PyAny>>,
     raised: Option<PyErr>,

@@ -1,5 +1,5 @@
-//! What the core's bindings and the library of `gpu/` say to each other. The library is loaded when a solver first asks for
-//! it, so that nothing else compiles or links what drives a graphics processor.
+//! The interface between the core's bindings and the library of `gpu/`. The library is loaded when a solver first needs
+//! it, so that nothing else compiles or links the drivers of a graphics processor.
 //!
 //! The library exports one symbol, [`SYMBOL`], a function without arguments that returns an [`Interface`]. Every function
 //! there returns whether it succeeded; if not, it leaves a sentence in the [`Text`] that it was given.
@@ -12,10 +12,10 @@ pub const VERSION: u32 = 1;
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
 
-/// What the symbol is.
+/// The type of the symbol.
 pub type Entry = unsafe extern "C" fn() -> &'static Interface;
 
-/// A sentence that the other side wrote, at most so many bytes of UTF-8.
+/// A sentence from the other side, of limited length in UTF-8.
 #[repr(C)]
 pub struct Text {
     bytes: [u8; 480],
@@ -23,12 +23,12 @@ pub struct Text {
 }
 
 impl Text {
-    /// Without words.
+    /// An empty text.
     pub const fn new() -> Self {
         Text { bytes: [0; 480], length: 0 }
     }
 
-    /// Takes words over, as many as there is room for.
+    /// Copies a text, cut to the available length.
     pub fn write(&mut self, words: &str) {
         let room = words.len().min(self.bytes.len());
         self.length = (0..=room).rev().find(|&end| words.is_char_boundary(end)).unwrap_or(0);
@@ -48,7 +48,7 @@ impl Default for Text {
     }
 }
 
-/// What is known of a device.
+/// Description of a device.
 #[repr(C)]
 #[derive(Default)]
 pub struct About {
@@ -86,7 +86,7 @@ impl<T> Slice<T> {
     }
 }
 
-/// Where conjugate gradients start from and stop.
+/// Right-hand side and limits of conjugate gradients.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct Task {
@@ -94,13 +94,13 @@ pub struct Task {
     pub b: Slice<f64>,
     /// Residual to reach, relative to the right-hand side.
     pub tolerance: f64,
-    /// Iterations after which to stop with what there is.
+    /// Iterations after which to stop and return the last iterate.
     pub max_iterations: usize,
-    /// Wall time after which to do so [s]; infinity for none.
+    /// Wall time [s] after which to stop likewise; infinity for none.
     pub seconds: f64,
 }
 
-/// What conjugate gradients found; the vectors are as long as the right-hand side.
+/// The result of conjugate gradients; the vectors are as long as the right-hand side.
 #[repr(C)]
 pub struct Answer {
     /// Where the solution goes.
@@ -109,11 +109,11 @@ pub struct Answer {
     pub direction: *mut f64,
     /// Iterations.
     pub iterations: usize,
-    /// Whether the direction has negative curvature, or so it seems in single precision.
+    /// Whether the direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
 }
 
-/// A system on the device, of which only the library knows more.
+/// A system on the device, opaque outside the library.
 pub type Handle = *mut c_void;
 
 /// The functions of the library. A handle is used by one thread at a time.
@@ -121,13 +121,13 @@ pub type Handle = *mut c_void;
 pub struct Interface {
     /// [`VERSION`] of the library.
     pub version: u32,
-    /// Opens the device if it is not, and tells of it.
+    /// Opens the device if necessary, and describes it.
     pub about: unsafe extern "C" fn(&mut About, &mut Text) -> bool,
     /// Shuts the device down as its driver would after a fault. The next system opens it anew.
     pub lose: unsafe extern "C" fn(),
     /// Room for a symmetric matrix of 3x3 blocks: number of nodes, and row and column of each block of the upper triangle.
     pub new: unsafe extern "C" fn(usize, Slice<[u32; 2]>, &mut Handle, &mut Text) -> bool,
-    /// Gives that room back.
+    /// Frees that memory.
     pub free: unsafe extern "C" fn(Handle),
     /// Holds degrees of freedom at zero, and means `sum w u = 0`: where each mean starts and the last ends, degrees of
     /// freedom, weights.

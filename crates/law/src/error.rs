@@ -1,8 +1,8 @@
-//! What can be wrong with a law that somebody asked for.
+//! Errors of a requested law.
 
 use std::fmt;
 
-/// What can be wrong with a law.
+/// An error of a law.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Error {
     /// A value outside its domain, or a formula that cannot be read; the sentence names the place, the value and the remedy.
@@ -11,7 +11,7 @@ pub enum Error {
     UnknownLaw {
         /// The name given.
         name: String,
-        /// The names there are.
+        /// The known names.
         known: String,
     },
 }

@@ -10,7 +10,7 @@ use viscera_number::tensor::Mat3;
 use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, Hessian, Scalar};
 
-/// What comes before the text in the name of a material of this law.
+/// Prefix of the formula in the name of a material.
 pub const FORMULA: &str = "formula ";
 
 /// Stress at rest that is rounding, as a part of the moduli.
@@ -63,7 +63,7 @@ impl Tapes {
     }
 }
 
-/// A strain energy as an expression in the invariants, which is what it is read from or what was recorded from a law.
+/// A strain energy as an expression in the invariants, parsed from a text or recorded from a law.
 pub struct Formula {
     names: Vec<String>,
     tapes: Tapes,
@@ -200,7 +200,7 @@ impl Bound<'_> {
     }
 }
 
-/// Not inlined, as are its like below: only expressions with the trace of a power take this way, and its code is long.
+/// Not inlined, like those below: only expressions with the trace of a power need it, and its code is long.
 #[inline(never)]
 fn dual_dilatation<S: Scalar>(law: &Bound<'_>, j: &S) -> [S; 3] {
     let [j, _, _] = Hessian::variables([j.clone(), j.constant(0.0), j.constant(0.0)]);
@@ -314,7 +314,7 @@ impl<'a> FibreEnergy for Bound<'a> {
     }
 }
 
-/// What every formula must be with its parameters.
+/// Checks every formula with its parameters.
 ///
 /// # Errors
 /// A stress at rest; moduli that are not positive or not finite.
@@ -344,7 +344,7 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Whether the energy of a cell grows without bound as its volume vanishes: else a solver may crush it.
+/// Whether the energy of a cell grows without bound as its volume vanishes. If not, a solver may crush it.
 pub fn resists_collapse(material: &Material, row: &[f64]) -> bool {
     let [shear, bulk] = material.moduli(row);
     let energy = |j: f64| {

@@ -1,9 +1,9 @@
-//! A law as the rest of the core sees it: one object, asked for many cells at once.
+//! A law for the rest of the core: one object that evaluates many cells at once.
 //!
-//! A law is written over any [`Scalar`](viscera_number::Scalar); what calls it holds a `dyn` [`LawKernels`] and gives it
-//! slices of [`Lane`]s that have one row of parameters. So a law's kernels are compiled once, with the law, whatever
-//! elements and solvers there are, and these are compiled once, whatever laws there are. A call serves a run of cells:
-//! its cost is below what can be measured (`benches/assembly.rs`).
+//! A law is written over any [`Scalar`](viscera_number::Scalar). Its users hold a `dyn` [`LawKernels`] and give it
+//! slices of [`Lane`]s that share one row of parameters. The kernels of a law are therefore compiled once,
+//! independently of elements and solvers, and these independently of laws. A call serves a run of cells, so its cost is
+//! too small to be measured (`benches/assembly.rs`).
 
 #![allow(non_snake_case)]
 
@@ -21,7 +21,7 @@ pub trait Family: Send + Sync {
     where
         Self: 'a;
 
-    /// What [`Family::law`] takes in the place of a row of parameters, worked out once.
+    /// The prepared row of parameters that [`Family::law`] takes, computed once.
     fn prepare(&self, row: &[f64]) -> Vec<f64> {
         row.to_vec()
     }
@@ -42,8 +42,9 @@ impl<L: Law + 'static> Family for Rows<L> {
     }
 }
 
-/// What takes the place of a part of the law's own volumetric response in cells that share their volume ratio: with
-/// `U(J)` its answer to a pure dilatation, `psi - s U(J)` and `P + (p - s U'(J)) dJ/dF`. Nothing by default.
+/// The pressure that replaces a part of the law's own volumetric response in cells that share their volume ratio. With
+/// the energy `U(J)` of a pure dilatation, the law gives `psi - s U(J)` and `P + (p - s U'(J)) dJ/dF`. Nothing by
+/// default.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Shared<'a> {
     /// The part `s`.
@@ -55,10 +56,10 @@ pub struct Shared<'a> {
 /// A law over slices: entry k of the results is of the cells whose deformation gradients are `F[k]`. All slices of a call
 /// have one length, and `row` holds the parameters of all its cells, as [`LawKernels::prepare`] gives them.
 pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
-    /// Whether a cell turned inside out (`J <= 0`) is outside the law's domain.
+    /// Whether an inverted cell (`J <= 0`) is outside the law's domain.
     fn forbids_inversion(&self) -> bool;
 
-    /// What all others take as `row`: a row of parameters, or what the law makes of it.
+    /// Prepares the `row` that all other functions take: a row of parameters, or values that the law computes from it.
     fn prepare(&self, row: &[f64]) -> Vec<f64>;
 
     /// The energy of a row as an expression, see [`Law::expression`].
@@ -123,8 +124,8 @@ pub trait SeriesKernels<T> {
     fn pressure_series(&self, row: &[f64], table: &'static Monomials, ratio: &[T], out: &mut [T]);
 }
 
-/// Where the kernels of a law are compiled: with the law's own file, since the compiler puts a method into the unit of
-/// its type. In one unit for all, one processor would be busy with them for minutes.
+/// Makes the kernels of a law compile with the law's own file, since the compiler puts a method into the unit of its
+/// type. In one unit for all laws, one processor would compile them for minutes.
 trait Compiled: Law {
     /// # Safety
     /// The processor must have AVX2 where there is such a thing.

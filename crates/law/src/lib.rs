@@ -1,13 +1,12 @@
 //! Constitutive laws.
 //!
-//! An isotropic law is a strain energy `psi(I1, I2, J)` written once ([`StrainEnergy`]); stress,
-//! tangent and power series follow from it through `invariants.rs`. Laws of another kind
-//! (linear, corotated) implement [`Law`], the layer above, directly. Whatever uses a law holds a
-//! [`Material`] and asks its [`LawKernels`]. A new law is a file here, one row of [`ROWS`] and one
-//! line of tests.
+//! An isotropic law is a strain energy `psi(I1, I2, J)` written once ([`StrainEnergy`]); stress, tangent and power
+//! series follow from it through `invariants.rs`. Laws of another kind (linear, corotated) implement [`Law`], the layer
+//! above, directly. Users of a law hold a [`Material`] and call its [`LawKernels`]. A new law is a file here, one row
+//! of [`ROWS`] and one line of tests.
 
-/// The blocks `f(a, b)` for `a <= b` of `blocks!(|a, b| f(a, b))`; those below the diagonal, which nobody reads, repeat
-/// them.
+/// The blocks `f(a, b)` for `a <= b` of `blocks!(|a, b| f(a, b))`; those below the diagonal, which are never read,
+/// repeat them.
 macro_rules! blocks {
     (|$a:pat_param, $b:pat_param| $f:expr) => {{
         let aa = $crate::blocks!(@ $a, $b, 0, 0, $f);
@@ -78,7 +77,7 @@ use viscera_number::{Gradient, Hessian, Jet, Monomials, Real, Scalar};
 
 /// An isotropic strain energy per unit reference volume [J/m^3].
 ///
-/// `psi` is all that a law must give; the rest is for laws that know better.
+/// A law must give only `psi`; the other methods have defaults that a law may replace.
 #[allow(non_snake_case)]
 pub trait StrainEnergy: Copy + Send + Sync {
     /// Whether `psi` depends on `I2`; if not, its derivatives are not computed.
@@ -138,7 +137,7 @@ pub trait StrainEnergy: Copy + Send + Sync {
 /// A fourth-order tensor seen along three vectors: `blocks[a][b]_ik = g_a,J A_iJkL g_b,L`, for `a <= b`.
 pub type TangentBlocks<S> = [[Mat3<S>; 3]; 3];
 
-/// Energy, stress and tangent of a deformation gradient: what an element asks of a law.
+/// Energy, stress and tangent of a deformation gradient: all that an element needs of a law.
 #[allow(non_snake_case)]
 pub trait Law: Copy + Send + Sync {
     /// Whether a cell turned inside out (`J <= 0`) is outside the law's domain.

@@ -18,7 +18,7 @@ pub struct Material {
     names: Vec<String>,
     law: Arc<dyn LawKernels>,
     parameters: Vec<Vec<f64>>,
-    /// The same as the law takes them.
+    /// The rows as prepared for the law.
     rows: Vec<Vec<f64>>,
 }
 

@@ -1,4 +1,4 @@
-//! Materials by the name of their law: what a name stands for, and what it asks of rows of parameters.
+//! Materials by the name of their law: the meaning of a name, and checks of rows of parameters.
 
 use super::error::Error;
 use super::formula::{self, FORMULA, Formula};
@@ -95,7 +95,7 @@ impl<'a> NamedLaw<'a> {
         rows.iter().enumerate().map(of_row).collect()
     }
 
-    /// What the law with this index asks of a row.
+    /// Checks a row by the law with this index.
     fn check(&self, index: usize, row: usize, values: &[f64]) -> Result<(), Error> {
         match self {
             NamedLaw::One(law) => law.check(row, values),
@@ -119,7 +119,7 @@ impl<'a> SingleLaw<'a> {
         Ok(SingleLaw { name, names, kernels: (row.kernels)(), row: Some(row) })
     }
 
-    /// What the law asks of its own part of a row of parameters.
+    /// Checks the law's own part of a row of parameters.
     fn check(&self, row: usize, values: &[f64]) -> Result<(), Error> {
         if let Some(law) = self.row {
             return check(law, row, values);
@@ -137,7 +137,7 @@ fn find(name: &str) -> Result<&'static Row, Error> {
     })
 }
 
-/// What a law's row asks of a row of parameters.
+/// Checks a row of parameters by the law's row.
 fn check(law: &Row, row: usize, values: &[f64]) -> Result<(), Error> {
     let name = law.name;
     for (parameter, &value) in law.parameters.iter().zip(values) {

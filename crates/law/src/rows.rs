@@ -1,4 +1,4 @@
-//! The laws there are, a row for each: all that case files, model files, Python, samples and tests know of a law, and how
+//! All laws, a row for each: everything that case files, model files, Python, samples and tests need of a law, and how
 //! it is made. A new law is a file beside this one and a row here.
 
 use super::kernels::{LawKernels, Rows};
@@ -8,21 +8,21 @@ use super::{
 };
 use std::sync::Arc;
 
-/// What of a row of parameters must be positive: its words and its value.
+/// A quantity that must be positive: its name in errors, and its value for a row of parameters.
 pub type Condition = (&'static str, fn(&[f64]) -> f64);
 
-/// What is known of a law.
+/// Description of a law.
 pub struct Row {
     /// Its name in model files.
     pub name: &'static str,
     /// The columns of a row of parameters.
     pub parameters: &'static [Parameter],
-    /// What must be positive besides: words and value.
+    /// Further quantities that must be positive.
     pub conditions: &'static [Condition],
     /// Whether the energy has a power series at rest.
     pub is_analytic: bool,
-    /// A soft tissue for tests and examples: shear modulus about 3 kPa, as incompressible as differences of energies
-    /// stand.
+    /// A soft tissue for tests and examples: a shear modulus of about 3 kPa, and as incompressible as difference
+    /// quotients of energies allow.
     pub sample: &'static [f64],
     /// Makes its kernels.
     pub kernels: fn() -> Arc<dyn LawKernels>,
@@ -33,13 +33,13 @@ pub struct Row {
 pub struct Parameter {
     /// Its name.
     pub name: &'static str,
-    /// What it says of the tissue.
+    /// Its meaning.
     pub means: &'static str,
     /// What it is.
     pub kind: Kind,
     /// Which values it may have.
     pub bounds: Bounds,
-    /// Its value where none is given.
+    /// Its default.
     pub default: Option<f64>,
 }
 
@@ -184,7 +184,7 @@ fn holzapfel_gasser_ogden(p: &[f64], bear_compression: bool) -> HolzapfelGasserO
     HolzapfelGasserOgden { c, k1, k2, dispersion, kappa, fibres, bear_compression }
 }
 
-/// All laws. A static, not a constant: whoever read a constant would compile the kernels of all laws anew.
+/// All laws. A static, not a constant: every reader of a constant would compile the kernels of all laws again.
 pub static ROWS: &[Row] = &[
     Row {
         name: "linear",

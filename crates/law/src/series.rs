@@ -11,7 +11,7 @@ use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch_solver};
 use viscera_number::{Jet, Monomials, Real, Run};
 
-/// What the stress of a strain energy is made of.
+/// The inputs of the stress of a strain energy.
 #[derive(Clone, Copy)]
 pub(super) struct Uses {
     slopes_of_i1: bool,

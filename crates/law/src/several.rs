@@ -1,4 +1,4 @@
-//! Several laws in one organ: each cell says which of them is its own.
+//! Several laws in one organ, with the index of its law for each cell.
 //!
 //! All cells of a call share a row, so the law of a row is looked up once for many cells.
 
@@ -11,14 +11,14 @@ use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Lane, Monomials};
 
-/// What the name of several laws begins with; their own names follow, with [`BETWEEN`] between them.
+/// Prefix of the name of several laws; their own names follow, separated by [`BETWEEN`].
 pub const SEVERAL: &str = "laws ";
 
-/// What stands between the names of several laws; no formula has it.
+/// Separator of the names of several laws; it does not occur in formulas.
 pub const BETWEEN: &str = "; ";
 
-/// Laws side by side. A row of parameters begins with the index of its law; that law's own parameters follow, and
-/// numbers that nobody reads where another law has more of them.
+/// Laws side by side. A row of parameters begins with the index of its law. The parameters of that law follow, then
+/// unused numbers if another law has more of them.
 pub(super) struct Several {
     /// Each law, and how many parameters it has.
     pub laws: Vec<(Arc<dyn LawKernels>, usize)>,
@@ -32,7 +32,7 @@ impl Several {
 }
 
 impl LawKernels for Several {
-    /// One that forbids it is enough: cells of the others are not turned inside out beside it either.
+    /// If one of the laws forbids inversion, all do.
     fn forbids_inversion(&self) -> bool {
         self.laws.iter().any(|(law, _)| law.forbids_inversion())
     }

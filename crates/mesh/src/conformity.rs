@@ -4,7 +4,7 @@ use super::closest::closest_point_on_triangle;
 use super::surface::{FACES, sorted_faces};
 use super::{Vector, norm, sub};
 
-/// How far from a face a hanging point may be, in lengths of the face's longest edge: what single precision leaves.
+/// How far from a face a hanging point may be, in lengths of the face's longest edge: the rounding of single precision.
 const TOUCHING: f64 = 1e-4;
 
 const NONE: u32 = u32::MAX;

@@ -1,7 +1,7 @@
 //! Tetrahedral meshes as plain arrays: points `[[f64; 3]]` [m] and cells `[[u32; 4]]`.
 //!
-//! A cell is positively oriented when `(x1 - x0) x (x2 - x0) . (x3 - x0) > 0`. This crate knows topology and
-//! shape only: the boundary surface, facts about a mesh, contact patches on a surface; nothing of materials.
+//! A cell is positively oriented when `(x1 - x0) x (x2 - x0) . (x3 - x0) > 0`. This crate is about topology and shape
+//! only: the boundary surface, facts about a mesh, contact patches on a surface. It has no materials.
 
 mod closest;
 mod conformity;

@@ -1,4 +1,4 @@
-//! Which cell holds a place: cells in the boxes of a regular grid, about one to a box.
+//! Finds the cell that contains a point: cells are sorted into the boxes of a regular grid, about one to a box.
 
 use super::{Vector, cross, dot, sub};
 

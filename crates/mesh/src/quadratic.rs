@@ -1,7 +1,7 @@
 //! The quadratic mesh over a linear one: straight-sided ten-node tetrahedra.
 //!
-//! A midpoint belongs to an edge, and is numbered after the corner points in the order of [`edges`]; so the
-//! linear mesh alone says everything.
+//! A midpoint belongs to an edge, and is numbered after the corner points in the order of [`edges`]; so the linear mesh
+//! alone determines it.
 
 /// Local ends of the six edges of a cell; node `4 + k` of the ten-node cell lies on edge `k` (the order of VTK).
 pub const EDGES: [[usize; 2]; 6] = [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]];

@@ -1,5 +1,5 @@
-//! Scalars: the arithmetic a strain energy is written in, and the number types that read
-//! different things out of the same text.
+//! Scalars: the arithmetic in which a strain energy is written, and the number types that derive different results from
+//! the same text.
 //!
 //! | type | reads out of `psi` |
 //! | --- | --- |

@@ -18,14 +18,14 @@ const ROWS: usize = 1024;
 /// those of the code that its authors published with their book of 2016.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Enrichment {
-    /// An order is done when the energy norm of a pair falls below this part of the largest of its order; that pair
-    /// is left out.
+    /// An order is complete when the energy norm of a pair falls below this part of the largest norm in its order; that
+    /// pair is left out.
     pub tolerance: f64,
-    /// Pairs of an order at most.
+    /// Largest number of pairs in an order.
     pub max_terms: usize,
     /// Change of the unit vector along `S` below which a pair is found.
     pub stagnation: f64,
-    /// Iterations for a pair at most.
+    /// Largest number of iterations for a pair.
     pub max_iterations: usize,
 }
 
@@ -35,7 +35,7 @@ impl Default for Enrichment {
     }
 }
 
-/// What an enrichment found.
+/// The result of an enrichment.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Enriched {
     pub field: Separated,
@@ -57,7 +57,7 @@ struct Pair {
 }
 
 impl Enrichment {
-    /// What users may choose of it.
+    /// The settings that users may choose.
     pub const SETTINGS: [Setting<Self>; 4] = [
         Setting {
             name: "tolerance",
@@ -165,7 +165,7 @@ impl Enrichment {
     }
 }
 
-/// The unit load on the position where most is left: a start that never misses what remains.
+/// The unit load on the position with the largest remainder: a start that always has a part in it.
 fn start(residual: &[f64], n: usize) -> Vec<f64> {
     let squares: Vec<f64> =
         residual.par_chunks(n).map(|e| e.iter().map(|x| x * x).sum::<f64>()).collect();

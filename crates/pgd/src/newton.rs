@@ -1,5 +1,5 @@
-//! The finite element solution as it is usually had, to compare with: Newton's method with full steps and equal
-//! load increments, without line search or cutback. (`crate::equilibrium::Newton` is the one to solve with.)
+//! The usual finite element solution, for comparison: Newton's method with full steps and equal load increments,
+//! without line search or cutback. (To solve problems, use `crate::equilibrium::Newton`.)
 
 use crate::body::{Body, Curvature};
 use crate::equilibrium::{
@@ -19,7 +19,7 @@ pub struct PlainNewton {
     pub tolerance: f64,
 }
 
-/// How far it came.
+/// The result.
 #[derive(Clone, Debug)]
 pub struct Reached {
     /// The last equilibrium [m].
@@ -84,7 +84,7 @@ struct Increment<'a> {
     target: Vec<f64>,
     force: Vec<f64>,
     tangent: Tangent,
-    /// What is out of balance on the free degrees of freedom, then the step there.
+    /// The residual on the free degrees of freedom, then the step.
     step: Vec<f64>,
     u: Vec<f64>,
     iterations: &'a mut usize,
@@ -92,7 +92,7 @@ struct Increment<'a> {
     tolerance: f64,
 }
 
-/// The iterations leave what can be computed.
+/// The iterations have left the range of finite numbers.
 struct Diverged;
 
 impl Iteration for Increment<'_> {

@@ -52,7 +52,7 @@ pub struct Order {
     pub seconds_solve: f64,
 }
 
-/// How far the work has come.
+/// Progress of the work.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
     /// The order in hand, from 1.

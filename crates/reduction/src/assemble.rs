@@ -10,8 +10,8 @@ use viscera_touch::{Answers, Arrays};
 
 /// The arrays of a model.
 ///
-/// What members of a family answer comes one after the other in the arrays of the family; the
-/// plain arrays hold the first.
+/// The arrays of the family hold the answers of its members one after the other; the plain arrays
+/// hold the first.
 pub(super) fn assemble(
     body: &Body,
     surface: &Surface,
@@ -87,7 +87,7 @@ struct Places<'a> {
 }
 
 impl Places<'_> {
-    /// What some members answer, member after member.
+    /// The answers of some members, member after member.
     fn answers(&self, members: Range<usize>) -> Answers {
         let mut all = Answers::default();
         for j in members {

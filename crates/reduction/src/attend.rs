@@ -1,5 +1,4 @@
-//! Work on the pool while the thread that asked for it stays with the caller: it reports progress, and passes on that
-//! the work is wanted no more.
+//! Runs work on the pool while the calling thread reports progress and can cancel the work.
 
 use crate::error::Error;
 use rayon::Yield;
@@ -9,11 +8,11 @@ use std::time::Duration;
 
 const EVERY: Duration = Duration::from_millis(50);
 
-/// Does `work`, which looks at the flag between its steps and ends where it is set; meanwhile asks `is_wanted` several
-/// times a second whether to go on.
+/// Runs `work`, which reads the flag between its steps and ends if it is set. Meanwhile calls `is_wanted` several times
+/// a second; false sets the flag.
 ///
 /// # Errors
-/// Those of the work; [`Error::Cancelled`] where it was wanted no more.
+/// Those of the work; [`Error::Cancelled`] if it was cancelled.
 pub(super) fn attend<T: Send>(
     is_wanted: &mut dyn FnMut() -> bool,
     work: impl FnOnce(&AtomicBool) -> Result<T, Error> + Send,

@@ -1,5 +1,5 @@
-//! An orthonormal basis of many nearly dependent fields, ordered by what they have in common; of
-//! several sets of fields, the basis of their bases.
+//! An orthonormal basis of many nearly dependent fields, ordered by importance; for several sets of
+//! fields, the basis of their bases.
 
 use crate::error::Error;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
@@ -72,7 +72,7 @@ impl Basis {
 /// at once to within the tolerance, at a fraction of the work.
 pub(super) struct Common {
     basis: Basis,
-    /// What the basis is of, where it is not the columns themselves.
+    /// The columns of which the basis is made, if not the fields themselves.
     parts: Option<Mat<f64>>,
     /// Of each set: the coordinates (columns, modes).
     pub coordinates: Vec<Mat<f64>>,

@@ -1,15 +1,15 @@
-//! Regions that are solved, kept outside the core while the others are still being solved: a reduction that was
-//! interrupted or killed goes on from them.
+//! Solved regions, kept outside the core while others are still being solved. An interrupted or killed reduction
+//! continues from them.
 
 use super::region::Region;
 use super::second_order::Forms;
 use crate::error::Error;
 use serde::{Deserialize, Serialize};
 
-/// Where finished batches of positions are kept, each as bytes that mean something to the core alone.
+/// A store of finished batches of positions, each as bytes that only the core can read.
 ///
-/// Bytes belong to one body, one [`Reduction`](super::Reduction) and one version of the core; who keeps them makes sure
-/// of that, and that they are undamaged.
+/// The bytes belong to one body, one [`Reduction`](super::Reduction) and one version of the core. The store must ensure
+/// this, and that they are undamaged.
 pub trait Batches {
     /// Batches kept by an earlier run of the same reduction.
     fn finished(&mut self) -> Vec<Vec<u8>>;
@@ -40,7 +40,7 @@ pub(super) struct Solved {
     pub answers: Vec<Answered>,
 }
 
-/// What one member answers in a region, but for its fields.
+/// The answers of one member in a region, except its fields.
 #[derive(Deserialize, Serialize)]
 pub(super) struct Answered {
     pub force: Vec<Vec<[f64; 3]>>,
@@ -60,7 +60,7 @@ impl Solved {
             .map_err(|error| Error::input(format!("a finished batch could not be kept: {error}")))
     }
 
-    /// The batch, where the bytes are one of the `regions`, and the region's number.
+    /// The batch and the number of its region; none if the bytes belong to none of the `regions`.
     pub(super) fn from_bytes(bytes: &[u8], regions: &[Vec<u32>]) -> Option<(usize, Solved)> {
         let solved: Solved = postcard::from_bytes(bytes).ok()?;
         let region = regions.iter().position(|region| *region == solved.positions)?;

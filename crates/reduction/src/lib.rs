@@ -1,9 +1,9 @@
 //! The reduced model: every touch of a surface, solved off-line, answered on-line in microseconds.
 //!
-//! Off-line ([`Reduction`]): for every position of the touchable surface the series of
-//! `viscera_series` is solved exactly, and only then compressed (truncating inside the recursion is
-//! ruinous: each order is built from all lower ones). What comes of it, and answers touches on-line, is the crate
-//! `viscera_touch`, whose names are those of this module, too.
+//! Off-line ([`Reduction`]): for every position of the touchable surface the series of `viscera_series` is solved
+//! exactly, and only then compressed. Truncation inside the recursion would spoil the result, since each order is built
+//! from all lower ones. The result answers touches on-line in the crate `viscera_touch`, whose names this module
+//! exports too.
 
 mod assemble;
 mod attend;

@@ -16,7 +16,7 @@ pub(super) struct Positions {
     pub regions: Vec<Vec<u32>>,
 }
 
-/// Positions of one region at most: few enough that a touch reads few modes, enough that
+/// Largest number of positions in a region: few enough that a touch reads few modes, enough that
 /// neighbours share them.
 const REGION: usize = 16;
 

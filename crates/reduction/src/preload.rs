@@ -1,8 +1,8 @@
-//! The shape that touches start from: rest, or an equilibrium under loads that stay.
+//! The shape that touches start from: rest, or an equilibrium under a dead load.
 //!
-//! A preload is its displacement `u_0` alone. The load that stays is dead, so the internal force
-//! `f_int(u_0)` at free nodes is that load, and `u_0` is an equilibrium by definition; whoever gives
-//! it sees to it that the load is what was meant.
+//! A preload is its displacement `u_0` alone. The load is dead, so it equals the internal force
+//! `f_int(u_0)` at free nodes, and `u_0` is an equilibrium by definition. The caller must ensure
+//! that this load is the intended one.
 
 use crate::body::Body;
 use crate::error::Error;
@@ -10,7 +10,7 @@ use crate::linear::FactorError;
 use crate::mesh::Surface;
 use crate::series::TouchExpansion;
 
-/// Refuses a displacement that no touch can start from; an empty one is rest.
+/// Refuses a displacement from which no touch can start; an empty one is rest.
 ///
 /// # Errors
 /// A wrong length, a value that is not finite, a fixed node that moves, a cell turned inside out.
@@ -46,7 +46,8 @@ pub(super) fn check(body: &Body, fixed: &[u32], preload: &[f64]) -> Result<(), E
     Ok(())
 }
 
-/// The surface that is touched, with its areas and normals: loaded where there is a preload.
+/// The surface that is touched, with its areas and normals; in the loaded shape if there is a
+/// preload.
 pub(super) fn shape(rest: &Surface, preload: &[f64]) -> Surface {
     if preload.is_empty() {
         return rest.clone();
@@ -60,7 +61,7 @@ pub(super) fn shape(rest: &Surface, preload: &[f64]) -> Surface {
 /// The expansion of all touches about the preload.
 ///
 /// # Errors
-/// A preload that is not stable: beyond it, a touch of any size may end anywhere.
+/// A preload that is not stable, so that the result of a touch is not determined.
 pub(super) fn expansion<'a>(
     body: &'a Body,
     fixed: &[u32],

@@ -1,4 +1,4 @@
-//! Fewer modes for a model that is there: its regions compressed once more, from what it has stored.
+//! Fewer modes for an existing model: its regions are compressed again, from the stored fields.
 //!
 //! The stored modes D of a region are made orthonormal, D = Q R; R times the stored amplitudes are
 //! then its fields' coordinates in Q, and of them the fewest principal directions are kept, as
@@ -13,7 +13,7 @@ use viscera_touch::{Answers, Arrays, Metadata, ReducedModel};
 
 /// The model with the fewest modes whose fields differ from the present ones by less than
 /// `tolerance` at full depth, relative to them, at the worst position, root mean square over
-/// directions; what is lost is added to the stored compression errors.
+/// directions; the loss is added to the stored compression errors.
 ///
 /// # Errors
 /// A tolerance that is not between 0 and 1; a decomposition that does not converge.
@@ -39,7 +39,7 @@ pub fn recompressed(model: &ReducedModel, tolerance: f64) -> Result<ReducedModel
     Ok(model)
 }
 
-/// Answers at each node of a parameter, or those there are; how many.
+/// Answers at each node of a parameter, or the only ones; and their number.
 fn answers<'a>(metadata: &Metadata, arrays: &'a Arrays) -> (&'a Answers, usize) {
     match &metadata.parameter {
         Some(parameter) => (&arrays.family, parameter.nodes.len()),

@@ -1,8 +1,8 @@
-//! What a model says is wrong, among the errors of the solvers.
+//! Errors of a model as errors of the solvers.
 
 use crate::error::Error;
 
-/// An error of a model as one of what made it.
+/// Turns an error of a model into one of the reduction.
 pub fn refused(error: viscera_touch::Error) -> Error {
     match error {
         viscera_touch::Error::Input(sentence) => Error::Input(sentence),

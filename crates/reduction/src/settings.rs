@@ -1,4 +1,4 @@
-//! What a reduction is asked for, and how it says how far it has come.
+//! Settings of a reduction, and its progress.
 
 use crate::body::Body;
 use viscera_touch::Parameter;
@@ -35,7 +35,7 @@ pub struct Member<'a> {
     pub radius: f64,
 }
 
-/// A range of a parameter that one model is to cover.
+/// A range of a parameter that one model covers.
 pub struct Family<'a> {
     /// The parameter, its nodes, and the value of the organ that is reduced.
     pub parameter: Parameter,
@@ -47,7 +47,7 @@ pub struct Family<'a> {
     pub unseen: Vec<(f64, Member<'a>)>,
 }
 
-/// How far a reduction has come.
+/// Progress of a reduction.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
     /// Positions solved and compressed.

@@ -23,13 +23,13 @@ use crate::number::{dot, norm};
 /// Residual of a solution where a pressure on a free rim makes the tangent unsymmetric, relative.
 const TOLERANCE: f64 = 1e-12;
 
-/// What such a solution may take of iterations.
+/// Largest number of iterations of such a solution.
 const MAX_ITERATIONS: usize = 60;
 
 /// Newton's corrections at the end of an expansion.
 const MAX_CORRECTIONS: usize = 8;
 
-/// What the series are expanded in.
+/// The parameter of the series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// `a = load - load_0`.
@@ -50,16 +50,16 @@ pub struct Continuation {
     pub until: f64,
     /// Relative accuracy of an expansion over its range.
     pub tolerance: f64,
-    /// Expansions at most.
+    /// Largest number of expansions.
     pub max_expansions: usize,
 }
 
-/// One stretch of a path.
+/// One section of a path.
 #[derive(Clone, Debug)]
 pub struct Expansion {
     /// `u_p` and, as the last entry of each, the load coefficient.
     pub series: Vec<Vec<f64>>,
-    /// Where the stretch ends: the reach of the Pade form, or less when the load is reached.
+    /// Where the section ends: the reach of the Padé form, or less if the load is reached.
     pub range: f64,
     /// Reach of the polynomial.
     pub taylor_range: f64,

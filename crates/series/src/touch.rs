@@ -5,8 +5,8 @@
 //!   u(d) = sum_a d^a u_a,   F(d) = sum_a d^a F_a      (1 <= |a| <= order)
 //! follows from lower ones and one factorisation:
 //!   v = -K^-1 N_a,   F_a = C^-1 (e_a - W v),   u_a = v + G F_a,
-//! where `N_a` is the coefficient of the internal force with `u_a = 0`, and `e_a` is the unit
-//! vector of a first-order term and zero otherwise. Load positions go through side by side.
+//! where `N_a` is the coefficient of the internal force with `u_a = 0`, and `e_a` is the unit vector of a first-order
+//! term and zero otherwise. Several load positions are processed side by side.
 
 use crate::body::Body;
 use crate::equilibrium::ConstrainedSystem;
@@ -65,7 +65,8 @@ impl<'a> TouchExpansion<'a> {
         self.expand_while(&|| true, patches, order)
     }
 
-    /// [`TouchExpansion::expand`], asking before every order of every block of positions whether to go on.
+    /// As [`TouchExpansion::expand`], with a function that is called before every order of every block of positions and
+    /// may cancel.
     ///
     /// # Errors
     /// Those of [`TouchExpansion::expand`]; [`Error::Cancelled`].

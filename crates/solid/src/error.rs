@@ -1,11 +1,11 @@
-//! The one error type of the core: bad input, said in a sentence with its place and value.
+//! The one error type of the core: bad input, in a sentence with its place and value.
 //!
 //! Failure to converge is no error but a status in a result (`crate::equilibrium`).
 
 use std::fmt;
 use viscera_linear::FactorError;
 
-/// What can be wrong with what a user gave.
+/// Errors of bad input, and of work that was cancelled.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Error {
     /// A value outside its domain; the sentence names the place, the value and the remedy.

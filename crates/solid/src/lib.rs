@@ -1,5 +1,6 @@
-//! Bodies of tetrahedra: [`element`]s, the energies, forces and tangents of a [`body`], tools in [`contact`] with it, and its
-//! [`equilibrium`] by Newton's method, at rest and frame by frame. Numerics only: no files, no Python, no printing.
+//! Bodies of tetrahedra: [`element`]s, the energies, forces and tangents of a [`body`], rigid tools in [`contact`] with
+//! it, and its [`equilibrium`] by Newton's method, in statics and frame by frame. Numerics only: no files, no Python,
+//! no printing.
 
 pub mod body;
 pub mod contact;

@@ -45,13 +45,14 @@ pub struct Arrays {
     pub interior_modes: Vec<i16>,
     /// Cells whose law the parameter changes; none for all.
     pub parameter_cells: Vec<u32>,
-    /// What a touch is answered from.
+    /// The arrays from which touches are answered.
     pub answers: Answers,
     /// The answers at each node of the parameter; empty if there is none.
     pub family: Answers,
 }
 
-/// What touches are answered from, and what depends on a parameter: in a family, all members one after the other.
+/// The arrays from which touches are answered, and which depend on a parameter; in a family, all members one after the
+/// other.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Answers {
     /// Compliance of each position (p, 3, 3) [m/N].
@@ -74,7 +75,7 @@ pub struct Answers {
     pub norms: Vec<f32>,
     /// Compression error of each position at full depth, worst direction, relative to the field.
     pub compression: Vec<f32>,
-    /// The same of the first order alone, which shallow touches keep; empty in files of format 1.
+    /// The same of the first order alone, which remains in shallow touches; empty in files of format 1.
     pub linear_compression: Vec<f32>,
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,

@@ -1,5 +1,5 @@
-//! The on-line evaluator: caller-owned memory, a fixed number of operations, no allocation, no
-//! lock, no system call. It knows nothing of finite elements.
+//! The on-line evaluator: caller-owned memory, a fixed number of operations, no allocation, no lock, no system call. It
+//! does not depend on finite elements.
 
 use super::combine::Combine;
 use super::contact::Contact;
@@ -14,18 +14,18 @@ use viscera_number::tensor::Mat3;
 /// A mode that moves nothing by more than this part of the tool's displacement is left out.
 const NEGLIGIBLE: f64 = 1e-5;
 
-/// Whether a force, or a field, may be relied on.
+/// Whether a force, or a field, is trusted, and if not, why.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trust {
-    /// The estimated error is within what is allowed at this depth.
+    /// The error estimate is within the allowance at this depth.
     Trusted,
     /// The displacement is larger than the depth the model was made for.
     BeyondDepth,
-    /// The estimated error is larger than allowed.
+    /// The error estimate is larger than allowed.
     ErrorTooLarge,
 }
 
-/// Force, stiffness and what they are worth.
+/// Force, stiffness and their error estimates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Answer {
     /// Force of the tool on the organ [N].
@@ -34,12 +34,12 @@ pub struct Answer {
     pub stiffness: Mat3<f64>,
     /// Estimated error of the force, relative to its norm; at most 1.
     pub error_estimate: f64,
-    /// Whether the force may be relied on.
+    /// Whether the force is trusted.
     pub trust: Trust,
-    /// Estimated error of the field, relative to its norm; at most 1. It also has what the
-    /// compression of the field loses, of which the force knows nothing.
+    /// Estimated error of the field, relative to its norm; at most 1. It also contains the loss by compression of the
+    /// field, which does not affect the force.
     pub shape_error_estimate: f64,
-    /// Whether the field may be relied on.
+    /// Whether the field is trusted.
     pub shape_trust: Trust,
 }
 

@@ -1,9 +1,9 @@
-//! One model for a range of a parameter: what it answers at the nodes, interpolated to a value.
+//! One model for a range of a parameter: its answers at the nodes, interpolated to a value.
 //!
 //! Positions, regions and modes are common; everything else is stored for each node v_j, and with
 //! the Lagrange polynomials L_j over x, the value or its logarithm,
 //!   a(v) = sum_j L_j(x(v)) a_j.
-//! A model is set to a value once; to answer a touch it needs to know of no parameter.
+//! A model is set to a value once; answering a touch does not depend on the parameter.
 
 use super::check::check_values;
 use super::metadata::Parameter;
@@ -11,7 +11,7 @@ use super::model::ReducedModel;
 use crate::Error;
 use viscera_mesh::Surface;
 
-/// The parameter that is no law's.
+/// The one parameter that does not belong to the law.
 const RADIUS: &str = "radius";
 
 impl Parameter {
@@ -57,7 +57,7 @@ impl Parameter {
 }
 
 impl ReducedModel {
-    /// Sets the model to a value of its parameter; its law's parameters are the caller's business
+    /// Sets the model to a value of its parameter. The caller sets the law's parameters
     /// ([`ReducedModel::set_law_parameters`]). Allocates.
     ///
     /// # Errors

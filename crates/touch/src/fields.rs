@@ -1,4 +1,4 @@
-//! The fields of a contact's series one by one: what a Galerkin model takes its basis from.
+//! The fields of a contact's series one by one, from which a Galerkin model makes its basis.
 
 use super::combine::Combine;
 use super::contact::Contact;

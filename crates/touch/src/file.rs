@@ -11,7 +11,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 
 /// Key of the metadata string in the file's header.
 const METADATA_KEY: &str = "viscera";
-/// Whether an array is written and asked for only where there is something in it.
+/// Whether an array is optional: written, and required, only if it is not empty.
 fn is_optional(name: &str) -> bool {
     let optional = [
         "preload",
@@ -176,7 +176,7 @@ impl ReducedModel {
     }
 }
 
-/// The model file of metadata and arrays that nothing has checked; whoever reads it will.
+/// The model file of metadata and arrays that have not been checked; reading checks them.
 ///
 /// # Errors
 /// Metadata that cannot be written as JSON.

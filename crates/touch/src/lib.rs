@@ -2,7 +2,7 @@
 //!
 //! An answer is a polynomial in the tool's displacement, or its Padé form, interpolated over the surface triangle
 //! touched. It takes memory that the caller owns and a fixed number of operations: no allocation, no lock, no system
-//! call, no panic. Nothing here knows of finite elements; how a model is made is `viscera_core::reduced`'s part.
+//! call, no panic. Nothing here depends on finite elements; `viscera_core::reduced` makes the models.
 
 mod arrays;
 mod check;

@@ -1,11 +1,11 @@
-//! What a model file says about itself, as one JSON object.
+//! The metadata of a model file, as one JSON object.
 
 use crate::Error;
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format this code writes.
 pub const FORMAT_VERSION: u32 = 3;
-/// The first one, without checksums; all from there on are read.
+/// The first version, without checksums. All versions from this one on are read.
 pub const UNSEALED_FORMAT: u32 = 1;
 
 /// Origin, settings and measured errors of a reduced model; SI units.
@@ -26,7 +26,7 @@ pub struct Metadata {
     pub element: String,
     /// Radius of the contact patch [m].
     pub radius: f64,
-    /// Largest displacement of the tool the model is made for [m].
+    /// Largest displacement [m] of the tool that the model is made for.
     pub depth: f64,
     /// Highest order of the series.
     pub order: usize,
@@ -51,7 +51,7 @@ pub struct Metadata {
     pub truncation_share: Option<f64>,
     /// Off-line time [s].
     pub seconds: f64,
-    /// The parameter that the model may be set to, where it has one.
+    /// The parameter of the model, if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parameter: Option<Parameter>,
     /// Anything the writer adds: node sets, provenance.

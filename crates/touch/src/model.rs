@@ -72,7 +72,7 @@ impl ReducedModel {
         })
     }
 
-    /// What the model says about itself.
+    /// The metadata of the model.
     pub fn metadata(&self) -> &Metadata {
         &self.metadata
     }
@@ -82,12 +82,12 @@ impl ReducedModel {
         self.metadata.user = user;
     }
 
-    /// Its arrays.
+    /// The arrays of the model.
     pub fn arrays(&self) -> &Arrays {
         &self.arrays
     }
 
-    /// What it says about itself, and its arrays.
+    /// The metadata and the arrays.
     pub fn into_parts(self) -> (Metadata, Arrays) {
         (self.metadata, self.arrays)
     }

@@ -15,7 +15,7 @@ use viscera_number::{Gradient, Scalar, degree_of, evaluate_monomials};
 pub const MAX_ORDER: usize = 8;
 /// Numbers in a sketch: more than orders, by a margin that keeps angles between fields.
 pub const SKETCH: usize = 24;
-/// Keeps the recurrence from following what is noise in the last orders.
+/// Keeps the recurrence from following noise in the last orders.
 const RIDGE: f64 = 1e-3;
 /// Denominators between which the polynomial takes over, because a pole is near.
 const POLE: [f64; 2] = [0.1, 0.3];
@@ -110,7 +110,7 @@ fn recurrence(n: usize, inner: impl Fn(usize, usize) -> Dual) -> [Dual; MAX_ORDE
     c
 }
 
-/// How much of the Padé form to take: all of it away from a pole, nothing next to one.
+/// The share of the Padé form: 1 away from a pole, 0 next to one.
 fn away_from_pole(denominator: &Dual) -> Option<Dual> {
     let [none, all] = POLE;
     // Written so that a denominator that is not a number gives nothing.

@@ -1,5 +1,5 @@
-//! The tangent of an equilibrium, `d(f_int - f_ext)/du` with all that frames and loads add to that of the law: a matrix,
-//! or what multiplies like one.
+//! The tangent of an equilibrium, `d(f_int - f_ext)/du`, with the contributions of frames and loads beside that of the
+//! law: a matrix, or an operator that multiplies like one.
 
 use crate::body::{Body, Curvature, SymmetricBlocks, TangentProduct, add_block_product};
 use crate::linear::FactorError;
@@ -31,7 +31,7 @@ impl Tangent {
         Tangent::Product(Box::new(Product::new(body)))
     }
 
-    /// The law's internal force, in place, and its tangent in the place of all that was.
+    /// The law's internal force, in place, and its tangent, which replaces all earlier contributions.
     pub fn linearize(&mut self, body: &Body, u: &[f64], curvature: Curvature, force: &mut [f64]) {
         match self {
             Tangent::Matrix(blocks) => body.linearize(u, curvature, force, blocks),
@@ -60,7 +60,7 @@ impl Tangent {
         }
     }
 
-    /// Where to add to it.
+    /// The blocks to which contributions are added.
     pub fn blocks_mut(&mut self) -> &mut SymmetricBlocks {
         match self {
             Tangent::Matrix(blocks) => blocks,
@@ -100,7 +100,7 @@ impl Product {
         Product { cells: body.tangent_product(), factor: 1.0, rest: None }
     }
 
-    /// As it is now, to multiply with while the tangent moves on.
+    /// A copy of its present state for products, while the tangent may change.
     pub fn operator(&self) -> ProductOperator {
         let rest = self.rest.as_ref().map_or_else(Vec::new, |rest| {
             let blocks = rest.pattern().pairs().zip(rest.values().as_chunks::<9>().0);

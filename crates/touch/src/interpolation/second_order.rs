@@ -15,7 +15,7 @@ use crate::forms::{
 };
 use viscera_number::tensor::{Mat3, mul_vector};
 
-/// What the second order adds under a displacement of the contact; quadratic in it, but for the stiffness.
+/// The second order under a displacement of the contact: quadratic in it, except for the stiffness.
 pub(crate) struct SecondOrder {
     /// `F_2` [N].
     pub force: [f64; 3],
@@ -28,7 +28,7 @@ pub(crate) struct SecondOrder {
 }
 
 impl Interpolation<'_> {
-    /// The second order; none for models that do not know it exactly, or where the series is cut before it.
+    /// The second order; none for models that interpolate it, or if the series is cut before it.
     pub(crate) fn second_order(&self, d: [f64; 3]) -> Option<SecondOrder> {
         if !self.is_second_exact() {
             return None;
