@@ -12,7 +12,7 @@ def page_of(touch: Touch, model: bytes, name: str, *, is_hybrid: bool | None = N
     """The files of the page of a model, given as the bytes that it loads.
 
     is_hybrid: whether the page steps the organ until the model has arrived. By default it does where a page can step
-    the organ, and the stepper is built and smaller than the model. Raises `VisceraError` if it is True and cannot be done.
+    the organ, and the stepper is built and smaller than the model. Raises `VisceraError` if True and impossible.
     """
     plain = {**page.files(), page.MODEL: model}
     if is_hybrid is False or (is_hybrid is None and not (page.can_step() and len(model) > page.stepping_bytes())):

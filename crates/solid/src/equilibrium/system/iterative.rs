@@ -143,7 +143,7 @@ impl Iterative {
         renewed
     }
 
-    /// Makes the preconditioner of the last tangent with another shift, where it has none with its own; none where its kind
+    /// Makes the preconditioner of the last tangent with another shift, if it has none with its own; none if its kind
     /// does not take one.
     pub fn lift(&mut self, shift: f64) -> Option<Result<bool, FactorError>> {
         let values = self.operand.values().ok()?;
