@@ -10,7 +10,7 @@ export class Contrast {
 
   constructor() {
     const facts = [fact("distance", this.apart), fact("difference in shape", this.shape), fact("difference in force", this.force)];
-    this.root = element("dl", { class: "contrast", "aria-label": "difference between the two" }, ...facts);
+    this.root = element("dl", { class: "contrast", "aria-label": "difference between the two laws" }, ...facts);
   }
 
   /** The largest distance of a node, its share of the largest displacement, and the share of the first one's force. */

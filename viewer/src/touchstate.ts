@@ -110,7 +110,7 @@ export class TouchState {
       case "error-too-large":
         return `the estimated error is ${(100 * this.answer.error).toPrecision(2)} % here`;
       case "no-number":
-        return "the series gives no number here";
+        return "the answer is not a finite number here";
     }
     const off = this.orders[order - 1]?.off ?? 0;
     if (order === metadata.order || off <= 0.05) return "";

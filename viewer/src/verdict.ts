@@ -16,7 +16,7 @@ export function forces(specimens: readonly Specimen[], hands: readonly (Hand | n
 export function trouble(specimens: readonly Specimen[]): string {
   const named = ({ law }: Specimen) => (specimens.length > 1 ? ` (${lawName(law)})` : "");
   const cut = specimens.find(({ facts }) => facts.taken < 1);
-  if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell turns inside out.`;
+  if (cut) return `The hand moves too fast${named(cut)}: the step was shortened, so that no cell is inverted.`;
   const flat = specimens.find(({ facts }) => facts.cellsAtBound > 0);
   if (flat) return `A cell has reached the limit of its deformation${named(flat)}.`;
   const unstable = specimens.find(({ facts }) => facts.isUnstable);
