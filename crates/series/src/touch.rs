@@ -133,13 +133,8 @@ impl<'a> Block<'a> {
         let n = system.n_free();
         let mut influence = vec![0.0; 3 * n * self.patches.len()];
         for (lane, patch) in self.patches.iter().enumerate() {
-            for i in 0..3 {
-                let column = &mut influence[(3 * lane + i) * n..(3 * lane + i + 1) * n];
-                for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
-                    if let Some(row) = system.row_of(3 * node as usize + i) {
-                        column[row] = w;
-                    }
-                }
+            for (row, i, w) in system.weights_of(patch) {
+                influence[(3 * lane + i) * n + row] = w;
             }
         }
         system.solve_columns(&mut influence)?;
@@ -169,13 +164,8 @@ impl<'a> Block<'a> {
     /// `W s` of a vector on the free degrees of freedom.
     fn mean(&self, lane: usize, s: &[f64]) -> [f64; 3] {
         let mut mean = [0.0; 3];
-        let patch = self.patches[lane];
-        for (&node, &w) in patch.nodes.iter().zip(&patch.weights) {
-            for i in 0..3 {
-                if let Some(row) = self.expansion.system.row_of(3 * node as usize + i) {
-                    mean[i] += w * s[row];
-                }
-            }
+        for (row, i, w) in self.expansion.system.weights_of(self.patches[lane]) {
+            mean[i] += w * s[row];
         }
         mean
     }

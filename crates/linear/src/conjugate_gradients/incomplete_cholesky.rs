@@ -14,7 +14,8 @@ use viscera_number::simd::{Kernel, dispatch};
 /// its inverse would drown the others.
 const PIVOT_FLOOR: f64 = 1e-6;
 
-/// First shift tried after a breakdown; each further one is twice the last.
+/// First shift tried after a breakdown; each further one is twice the last. The ladder for indefinite matrices, ten times
+/// from rung to rung, would be too coarse: an incomplete factor gets worse with every shift.
 const FIRST_SHIFT: f64 = 1e-3;
 
 /// A shift of this size leaves little more than the diagonal, so that the matrix must be at fault.

@@ -278,6 +278,17 @@ impl ConstrainedSystem {
         self.rows[dof].map(|row| row as usize)
     }
 
+    /// The entries of the means of a patch, `sum_i w_i u_i`: row of a free degree of freedom, component, weight.
+    pub fn weights_of<'a>(
+        &'a self,
+        patch: &'a Patch,
+    ) -> impl Iterator<Item = (usize, usize, f64)> + 'a {
+        let entries = patch.nodes.iter().zip(&patch.weights);
+        entries.flat_map(move |(&node, &w)| {
+            (0..3).filter_map(move |i| Some((self.row_of(3 * node as usize + i)?, i, w)))
+        })
+    }
+
     /// The entries of a vector at the free degrees of freedom.
     pub fn gather(&self, all: &[f64]) -> Vec<f64> {
         self.free.iter().map(|&dof| all[dof as usize]).collect()
