@@ -100,7 +100,7 @@ class Batches:
                 f"{self._path} is no file of finished batches; move it away, or choose another output"
             ) from None
         if found != self._case:
-            self._say(f"{self._path}: the batches there are of another case or version; starting anew")
+            self._say(f"{self._path}: the batches there are of another case or version; starting again")
             self._begin()
             return []
         batches, end = [], self._file.tell()
@@ -114,7 +114,7 @@ class Batches:
             end = self._file.tell()
         self._file.truncate(end)
         if batches:
-            self._say(f"going on after {len(batches)} finished batches, from {self._path}")
+            self._say(f"continuing after {len(batches)} finished batches, from {self._path}")
         return batches
 
     def _begin(self) -> None:

@@ -167,7 +167,7 @@ def _reply_of(future: Future[Reply]) -> Reply:
     except BrokenExecutor as error:
         raise VisceraError(
             f"a worker died, and its executor has no other ({error}); Dask replaces workers, and with checkpoint= the "
-            "same call goes on from what was finished"
+            "same call continues from the finished batches"
         ) from error
 
 
@@ -175,7 +175,7 @@ def _do(attempt: int, work: Callable[[Any, Any], Any], name: str, data: bytes | 
     """One task, in a worker."""
     if _is_fork:
         raise VisceraError(
-            "the workers are forks of a process whose threads they lack; make the executor with "
+            "the workers are forks of this process and lack its threads; make the executor with "
             'ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn"))'
         )
     worker = f"{socket.gethostname()} {os.getpid()}"

@@ -13,9 +13,9 @@ from viscera import _core, gpu
 from viscera.errors import VisceraError
 
 VECTOR_UNITS = ("sse4_2", "avx2", "fma", "avx512f", "asimd", "sve")
-"""Of those that Linux names, the ones that matter here."""
+"""The vector units that matter here, by their names in Linux."""
 BESIDE = {"h5py": "to write .xdmf files", "mpi4py": "to reduce on an MPI cluster"}
-"""Packages that no extra brings."""
+"""Useful packages that belong to no extra."""
 
 
 def examine() -> dict[str, Any]:

@@ -143,12 +143,12 @@ class _Search:
         for iteration in range(self.max_iterations):
             inverted = _inverted_cell(X, self.scanned.mesh)
             if inverted is not None:
-                return f"cell {inverted} would be inside out without the loads"
+                return f"cell {inverted} would be inverted without the loads"
             organ = self.at(X)
             start = state if np.isfinite(organ._body.energy(state.displacement)) else None
             state = organ.solve(**loads, start=start, settings=TIGHT)
             if not state.is_converged:
-                return f"the loads cannot be put back on ({state.message})"
+                return f"the loads cannot be applied again ({state.message})"
             gap = x - X - state.displacement[:n]
             error = float(np.linalg.norm(gap, axis=1).max() / size)
             self.errors.append(error)
@@ -159,10 +159,10 @@ class _Search:
                 history.clear()
             best.append(min(best[-1], error))
             if iteration >= PATIENCE and best[-1] > 0.5 * best[-1 - PATIENCE]:
-                return f"the iteration stalls with a node {best[-1] * size:.3g} m from its scanned place"
+                return f"the iteration stalls with a node {best[-1] * size:.3g} m from its scanned position"
             history = [*history[-MEMORY:], (X, gap)]
             X = _next(history)
-        return f"{self.max_iterations} iterations leave a node {best[-1] * size:.3g} m from its scanned place"
+        return f"{self.max_iterations} iterations leave a node {best[-1] * size:.3g} m from its scanned position"
 
 
 def _next(history: list[tuple[Floats, Floats]]) -> Floats:

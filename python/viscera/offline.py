@@ -1,7 +1,7 @@
 """The off-line stage on the workers of an executor: a task is one region, whose batch comes back as the core wrote it.
 
-The model is put together from the batches where the reduction was asked for, and is that of a reduction in one process,
-bit by bit, as long as all processors are of one kind.
+The calling process assembles the model from the batches. It is the same, bit by bit, as that of a reduction in one
+process, as long as all processors are of one kind.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Offline:
-    """A reduction as all its workers see it: `Organ.reduce` with its arguments resolved."""
+    """A reduction in the form that workers receive: `Organ.reduce` with its arguments resolved."""
 
     def __init__(self, organ: Organ, vary: Vary | None, settings: Mapping[str, Any]) -> None:
         self.organ, self.vary, self.settings = organ, vary, settings
@@ -57,7 +57,7 @@ class Offline:
     def batches(
         self, executor: Executor, kept: Batches | None, progress: Callable[[int, int, str], None] | None
     ) -> list[bytes]:
-        """All batches, those that are kept already and those that the workers solve; each is kept as it comes."""
+        """All batches: kept ones, and those that the workers solve, each of which is kept when it arrives."""
         found = [] if kept is None else kept.finished()
         done = {tuple(positions_of(batch)) for batch in found}
         missing = [number for number, region in enumerate(self.regions) if tuple(region) not in done]
@@ -77,7 +77,7 @@ class Offline:
 
 
 class Finished:
-    """Batches that are all there: the core puts them together."""
+    """A complete set of batches, from which the core assembles the model."""
 
     def __init__(self, batches: list[bytes]) -> None:
         self._batches = batches

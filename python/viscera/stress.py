@@ -95,8 +95,8 @@ class Response:
         if not (J > 0.0).all():
             cell, point = np.unravel_index(int(np.argmin(J)), J.shape)
             raise VisceraError(
-                f"cell {cell} is turned inside out (J = {J[cell, point]:.3g}), where this measure means nothing; "
-                "ask for 'pk1' or 'green', or load the organ less"
+                f"cell {cell} is inverted (J = {J[cell, point]:.3g}), so this measure is not defined; "
+                "take 'pk1' or 'green', or load the organ less"
             )
         return J
 

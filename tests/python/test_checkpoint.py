@@ -65,7 +65,7 @@ def test_what_was_stopped_goes_on_and_ends_with_the_same_model(organ: vs.Organ, 
         **SETTINGS, checkpoint=Checkpoint(path, said.append), progress=lambda done, total, stage: first.append(done)
     )
     assert len(said) == 1
-    assert "going on after" in said[0]
+    assert "continuing after" in said[0]
     assert first[0] > 0
     assert not path.exists()
     assert contents(touch, tmp_path) == whole
@@ -96,7 +96,7 @@ def test_batches_of_another_case_are_left_out_and_it_is_said(organ: vs.Organ, wh
     softer = organ.with_law(vs.NeoHookean(young=0.9e5, poisson=0.3))
     with pytest.raises(Enough):
         softer.reduce(**SETTINGS, checkpoint=path, progress=stop_after(1, path))
-    with pytest.warns(UserWarning, match="of another case or version; starting anew"):
+    with pytest.warns(UserWarning, match="of another case or version; starting again"):
         touch = organ.reduce(**SETTINGS, checkpoint=path)
     assert contents(touch, tmp_path) == whole
 
@@ -164,5 +164,5 @@ def test_the_command_goes_on_after_ctrl_c_and_after_kill(stop: signal.Signals, t
     words = [sys.executable, "-m", "viscera", "reduce", "liver.toml", "-o", "liver.viscera"]
     again = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert again.returncode == 0, again.stderr
-    assert "going on after" in again.stdout
+    assert "continuing after" in again.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["liver.toml", "liver.viscera"]

@@ -180,7 +180,7 @@ def test_what_was_stopped_goes_on_from_its_batches_with_workers_or_without(
     alone = organ.reduce(PLACE, **SETTINGS, checkpoint=Checkpoint(tmp_path / "copy.batches", said.append))
     assert arrays(again) == arrays(alone) == arrays(whole)
     assert [text.partition(",")[0] for text in said] == [said[0].partition(",")[0]] * 2
-    assert "going on after" in said[0]
+    assert "continuing after" in said[0]
     assert [each.name for each in tmp_path.iterdir()] == []
 
 

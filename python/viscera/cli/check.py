@@ -45,8 +45,8 @@ def say(result: Check, touch: Touch, output: Output) -> None:
     if missing:
         unseen = sum(row.is_trusted for row in missing)
         output.say(
-            f"{len(missing)} of {len(result.rows)} full solutions did not converge: no truth to compare with "
-            f"({unseen} of these answers trusted)"
+            f"{len(missing)} of {len(result.rows)} full solutions did not converge, so their answers are not compared "
+            f"({unseen} of these answers are trusted)"
         )
     unstable = sum(row.is_converged and row.status != "converged" for row in result.rows)
     if unstable:
@@ -67,7 +67,7 @@ def say(result: Check, touch: Touch, output: Output) -> None:
 
 
 def _failure(row: Row) -> str:
-    """One answer beyond its limit: where, how far off, and whether its truth lies past an instability."""
+    """One answer beyond its limit: where, how far off, and the status of the full solution."""
     at, push = (f"({', '.join(f'{1e3 * x:.1f}' for x in vector)}) mm" for vector in (row.point, row.displacement))
     errors = f"{_percent(row.displacement_error)} off in displacement, {_percent(row.force_error)} in force"
     limit = f"limit {_percent(allowed_error(row.depth_fraction))}"

@@ -1,4 +1,4 @@
-"""From a testing machine to a law: measured curves, families of laws, the fit and what it is worth."""
+"""From a testing machine to a law: measured curves, families of laws, and the fit with its accuracy."""
 
 from viscera.fitting.fit import Fit, fit
 from viscera.fitting.materialtest import MaterialTest

@@ -1,4 +1,4 @@
-"""The law nearest to measured curves, and what that is worth: intervals, residual, AIC, stability."""
+"""The law nearest to measured curves, and its accuracy: intervals, residual, AIC, stability."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Fit:
     """
 
     law: Law
-    """With the Poisson's ratio that the fit was given."""
+    """The fitted law, with the Poisson's ratio that the fit was given."""
     parameters: dict[str, float]
     """Coefficients [Pa] and exponents."""
     intervals: dict[str, tuple[float, float] | None]
-    """Confidence intervals of 95 % from the linearised problem; none if a bound is active or the data are silent."""
+    """Confidence intervals of 95 % from the linearised problem; none if a bound is active or the data say nothing."""
     standard_error: float
     """sqrt(SSE / (n - p)) [Pa], n points, p parameters."""
     sse: float
@@ -56,7 +56,7 @@ class Fit:
 
     @property
     def is_stable(self) -> bool:
-        """Whether the law is stable over all that was fitted."""
+        """Whether the law is stable over the whole fitted range."""
         return all(self.stable[mode] == _range(self.tests, mode) for mode in self.stable)
 
     def errors(self) -> dict[str, float]:

@@ -120,8 +120,8 @@ class StrainEnergy(Law):
         linear = [k for k in range(len(self.names)) if rows[0, k] != 0.0 and is_linear(k)]
         if not linear or not np.allclose(of(linear, 2.0), 2.0 * energy, rtol=1e-9):
             raise VisceraError(
-                f"StrainEnergy({self.formula!r}): which of its parameters scale the energy cannot be told, so no young "
-                "can be varied"
+                f"StrainEnergy({self.formula!r}): cannot determine which of its parameters scale the energy, so no "
+                "young can be varied"
             )
         return tuple(linear)
 

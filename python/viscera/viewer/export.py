@@ -20,23 +20,23 @@ from viscera.viewer.web import WebModel, web_model
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written for a model."""
+    """The result of exporting a model."""
 
     folder: Path
-    """What was written: a folder, or one file."""
+    """The folder, or the one file, that was written."""
     files: list[str]
-    """In the folder; none if it is one file."""
+    """Files in the folder; none if it is one file."""
     model: WebModel
 
 
 @dataclass(frozen=True)
 class ExportedCase:
-    """What was written for a case, which the page steps itself."""
+    """The result of exporting a case, which the page steps itself."""
 
     folder: Path
     files: list[str]
     bytes: int
-    """Of the case and of all that steps it."""
+    """Size of the case and of the code that steps it."""
 
 
 @shown

@@ -24,11 +24,11 @@ from viscera.support import require_held
 from viscera.touch import Touch
 
 DENSITY = 1000.0
-"""Of tissue [kg/m^3], for a case that names none."""
+"""Density of tissue [kg/m^3], for a case that names none."""
 NOWHERE = (0.0, 0.0, 0.0)
 """No gravity [m/s^2]."""
 PAGE_UNKNOWNS = 10_000
-"""A page steps organs with so many degrees of freedom at tens of frames a second; larger ones, this machine."""
+"""Degrees of freedom up to which a page steps an organ, at tens of frames a second; this machine steps larger ones."""
 
 
 DTYPES = {"float64": "F64", "uint32": "U32"}
@@ -38,7 +38,7 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class LiveCase:
-    """An organ and the laws it may be given, as `live/src/case.rs` reads them."""
+    """An organ and the laws to choose from, as `live/src/case.rs` reads them."""
 
     data: bytes
     unknowns: int
@@ -46,7 +46,7 @@ class LiveCase:
 
     @property
     def fits_a_page(self) -> bool:
-        """Whether a page can step it by itself."""
+        """Whether the organ is small enough for a page to step it by itself."""
         return self.unknowns <= PAGE_UNKNOWNS
 
 

@@ -1,4 +1,4 @@
-"""The view below a notebook's cell, as a widget that Python drives and observes: the module that the page loads."""
+"""The view below a notebook's cell, as a widget that Python drives and observes, and the module that the page loads."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from viscera.viewer import page
 from viscera.viewer.surface import surface_model
 
 Told = dict[str, Any]
-"""A touch as the widget's traits hold it; None each where nobody touches."""
+"""A touch as the widget's traits hold it; each is None without a touch."""
 
 
 class Played(Protocol):
-    """What a widget shows, and how it answers a touch."""
+    """Interface of the objects that a widget shows and that answer touches."""
 
     def model(self) -> bytes:
         """The model that the page evaluates; none if the kernel answers."""
 
     def picture(self) -> bytes:
-        """What stays in a saved notebook, a PNG."""
+        """The picture that stays in a saved notebook, a PNG."""
 
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
         """A touch: `point`, `displacement`, `force` and `is_trusted`; raises `VisceraError` if there is none."""
@@ -35,7 +35,7 @@ class Played(Protocol):
         """Let go."""
 
     def reply(self, request: str) -> str | bytes:
-        """What the kernel answers a request of the page: words, or a frame."""
+        """The kernel's answer to a request of the page: words, or a frame."""
 
 
 class PlayedTouch:
@@ -60,7 +60,7 @@ class PlayedTouch:
         return told(answer.contact_point, push, answer.force, answer.is_trusted)
 
     def release(self) -> None:
-        """Nothing: the model has no memory."""
+        """Does nothing: the model has no memory."""
 
     def reply(self, request: str) -> str:
         """The page of a model asks for nothing."""
@@ -77,7 +77,7 @@ def widget(played: Played, height: int = 560) -> Any:
     """A widget that shows what is played; raises `VisceraError` if anywidget is not installed.
 
     Its `touch(point, displacement)` touches [m] as a hand does, `release()` lets go. `point`, `displacement`, `force`
-    and `is_trusted` are those of the present touch, made by Python or by a hand, and None if nobody touches;
+    and `is_trusted` are those of the present touch, made from Python or on the page, and None without a touch;
     `observe(handler, "force")` calls the handler at every change.
     """
     return _widget_class()(played, height)

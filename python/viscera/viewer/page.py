@@ -23,7 +23,7 @@ MODEL = "organ.viscera"
 CASE = "organ.case"
 """Name under which it looks for a case that it steps itself."""
 STEPPER = ("stepper.js", "stepper.wasm")
-"""What only a page that steps a case needs."""
+"""Files that only a page that steps a case needs."""
 
 
 def files() -> dict[str, bytes]:

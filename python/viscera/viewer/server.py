@@ -1,8 +1,8 @@
-"""The page on this machine alone: a server on 127.0.0.1 that knows a handful of files and a secret.
+"""The page, for this machine only: a server on 127.0.0.1 with a handful of files and a secret path.
 
-It is no file server: what it may answer lies in memory, under a path that begins with a random token. Requests that
-name another host or come from another origin are refused, so that no page of the web can reach it, by rebinding a name
-or otherwise. This machine has several names, and a forwarded port another number, so any port of any of them will do.
+It does not serve files of the disk: its answers are in memory, under a path that begins with a random token. Requests
+that name another host or come from another origin are refused, so that no web page can reach it, by rebinding a name or
+otherwise. This machine has several names, and a forwarded port has another number, so any port of any name is accepted.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from viscera.viewer.surface import surface_model
 
 HOST = "127.0.0.1"
 THIS_MACHINE = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?", re.ASCII | re.IGNORECASE)
-"""A `Host` that no name of the web can stand for, with any port: a tunnel has one of its own."""
+"""A `Host` that is this machine and no name of the web, with any port, since a tunnel has its own."""
 LONGEST_REQUEST = 4096
-"""Of a page over its web socket [bytes]."""
+"""Longest request of a page over its web socket [bytes]."""
 MOST_CONNECTIONS = 32
-"""At once; each takes two threads, and a page with its files half a dozen."""
+"""Largest number of connections at once; each takes two threads, and a page with its files makes half a dozen."""
 FAREWELL = 0.3
 """Wait for a page to confirm that its web socket is closed [s]."""
 HEADERS = {
@@ -132,7 +132,7 @@ class Server:
 
 
 class _Door(socket.socket):
-    """The socket that listens. When all places are taken, whoever has been silent longest makes room for a newcomer."""
+    """The listening socket. If all places are taken, the connection that has been silent longest is closed."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -141,7 +141,7 @@ class _Door(socket.socket):
         self._lock = Lock()
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """The next guest; one for whom there is no place finds the connection closed."""
+        """The next connection; it is closed if there is no place for it."""
         guest, address = super().accept()
         with self._lock:
             self._is_silent = {other: silent for other, silent in self._is_silent.items() if other.fileno() >= 0}
@@ -156,13 +156,13 @@ class _Door(socket.socket):
         return guest, address
 
     def has_spoken(self, guest: socket.socket) -> None:
-        """A guest's request has arrived."""
+        """Notes that a request has arrived on a connection."""
         with self._lock:
             if guest in self._is_silent:
                 self._is_silent[guest] = False
 
     def turn_out(self, *, only_silent: bool = False) -> None:
-        """Part with the guests and let nobody in any more."""
+        """Close all connections and accept no more."""
         with self._lock:
             self._is_closing = True
             leaving = [guest for guest, silent in self._is_silent.items() if silent or not only_silent]
@@ -171,7 +171,7 @@ class _Door(socket.socket):
 
 
 def _door(port: int) -> _Door:
-    """A door at a port of this machine, 0 for any that is free."""
+    """A listening socket at a port of this machine, 0 for any that is free."""
     try:
         listening = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
     except (OSError, OverflowError) as error:
@@ -180,7 +180,7 @@ def _door(port: int) -> _Door:
 
 
 def _part(guest: socket.socket) -> None:
-    """Wake the thread that reads from a guest: for it the connection ends here."""
+    """Wake the thread that reads from a connection; its connection ends here."""
     with contextlib.suppress(OSError):  # the guest went first
         guest.shutdown(socket.SHUT_RDWR)
 

@@ -96,7 +96,7 @@ class PlayedStepper:
 
 
 class PlayedState:
-    """A solved state, which is looked at: no hand can move it."""
+    """A solved state, to look at: no hand can move it."""
 
     def __init__(self, state: State, name: str) -> None:
         self._state = state
@@ -111,13 +111,13 @@ class PlayedState:
         return self._state._repr_png_()[0]
 
     def answer(self, point: Lengths, displacement: Lengths) -> Told:
-        """Refused: who wants to touch it steps its organ."""
+        """Refused: to touch the organ, step it."""
         raise VisceraError(
             "a solved state cannot be touched; view a stepper, organ.stepper().view(), or a reduced model"
         )
 
     def release(self) -> None:
-        """Nothing: nobody touches."""
+        """Does nothing: there is no touch."""
 
     def reply(self, request: str) -> str | bytes:
         """The introduction, or the same frame again, with the stress if it is asked for."""
@@ -132,7 +132,7 @@ class PlayedState:
 
 
 def introduction(organ: Organ, name: str, *, is_still: bool = False) -> str:
-    """What the page has to know before the first frame, as JSON."""
+    """What the page needs before the first frame, as JSON."""
     mesh, law = organ.mesh, type(organ.law).__name__
     rows = np.searchsorted(mesh.surface_nodes, mesh.surface)
     return json.dumps(

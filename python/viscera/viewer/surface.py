@@ -1,4 +1,4 @@
-"""A model as the page needs it: the surface and those of parts within. All that shows is kept, half of the bytes."""
+"""A model as the page needs it: its surface and those of parts within. It shows the same with half of the bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The web version of a model: the surface alone, with fewer modes, below a size; and what that costs, measured."""
+"""The web version of a model: the surface alone, with fewer modes, below a given size; and its measured error."""
 
 from __future__ import annotations
 
