@@ -1,7 +1,7 @@
 """The first touch: a liver reduced once, then pressed with a fingertip at any point and in any direction.
 
 Off-line, Viscera solves the power series of every contact on the left lobe. On-line, a touch is a polynomial: force,
-stiffness and the whole deformed shape in microseconds, with an estimate of what they are worth.
+stiffness and the whole deformed shape in microseconds, with an estimate of their error.
 """
 
 import numpy as np

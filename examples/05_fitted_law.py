@@ -1,7 +1,7 @@
 """A law from a measurement: four laws fitted to one compression test, and which of them to take.
 
-The file is a compression test of a silicone tissue phantom (its source is in docs/measured-laws.md). Each fit says
-its standard error, Akaike's criterion and whether the law is stable over the range it was fitted to.
+The file is a compression test of a silicone tissue phantom (its source is in docs/measured-laws.md). Each fit reports
+its standard error, Akaike's criterion and whether the law is stable over the fitted range.
 """
 
 from pathlib import Path

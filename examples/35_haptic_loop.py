@@ -1,9 +1,9 @@
-"""A haptic loop in C: a hand presses the liver a thousand times a second, and the loop asks for no memory.
+"""A haptic loop in C: a hand presses the liver a thousand times a second, and the loop allocates no memory.
 
 A device needs a force every millisecond, from a program without Python. The model is saved once; `haptic.c`, in
 `bindings/c/examples`, loads it, answers 3,000 ticks of a moving hand, guards the force and draws the surface now and
-then. This script compiles it against the C library (`make c-library` builds that), runs it, and holds its answers
-against those of Python.
+then. This script compiles it against the C library (`make c-library` builds that), runs it, and compares its answers
+with those of Python.
 """
 
 import re

@@ -4,8 +4,8 @@
     gravity +y (backwards)   no gravity          gravity +x (to the patient's left)
     the mesh that we have -> found by search --> what the surgeon will meet
 
-The mesh hangs in gravity already. Who takes it as free of stress and hangs it in the other direction counts the weight
-of the scan as if it had never been there.
+Gravity has already deformed the scanned mesh. Taking it as free of stress, and applying gravity in the other direction,
+would ignore the weight that acted during the scan.
 """
 
 import numpy as np

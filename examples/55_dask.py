@@ -1,6 +1,6 @@
 """A sweep on a cluster: the same organ under many loads, on the workers of Dask.
 
-Whatever can be done piece by piece takes an executor: `reduce`, `check`, and `vs.sweep` for work of one's own. Here two
+All work that consists of independent tasks takes an executor: `reduce`, `check`, and `vs.sweep` for your own. Here two
 workers of this machine share a sweep of loads over a beam, and a reduction. On a cluster the only line that changes is
 the one that makes the client. The results do not depend on the workers: they are those of one process, bit by bit.
 """
