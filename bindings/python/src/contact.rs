@@ -1,4 +1,4 @@
-//! Rigid tools: their shapes, what they are told and what they report.
+//! Rigid tools: their shapes, their motion and their forces.
 
 use crate::convert;
 use numpy::{PyArray1, PyReadonlyArray2};
@@ -60,7 +60,7 @@ pub fn tool((shape, friction, stiffness, rotation, position, way, turn): &Tool) 
     }
 }
 
-/// What each of these tools did, in their order.
+/// The report of each tool, in their order.
 pub fn reports<'py>(
     py: Python<'py>,
     contact: &contact::Contact,

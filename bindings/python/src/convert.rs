@@ -1,4 +1,4 @@
-//! Arrays and errors across the border.
+//! Conversion of arrays and errors between Python and the core.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyKeyboardInterrupt;

@@ -1,4 +1,4 @@
-//! State that one thread at a time may use: the interpreter is released while it works, so that another may ask.
+//! State that one thread at a time may use. The interpreter is released during the work, so another thread could call.
 
 use crate::convert::VisceraError;
 use pyo3::PyResult;
@@ -11,7 +11,7 @@ pub struct Exclusive<T> {
 }
 
 impl<T> Exclusive<T> {
-    /// `name` is what users call it.
+    /// `name` is the name that users know.
     pub fn new(name: &'static str, value: T) -> Self {
         Exclusive { name, value: Mutex::new(value) }
     }

@@ -1,4 +1,4 @@
-//! The direct solvers of the core on matrices of one's own.
+//! The direct solvers of the core, for any matrix.
 
 use crate::convert::{self, VisceraError};
 use crate::exclusive::Exclusive;

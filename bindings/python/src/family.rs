@@ -1,4 +1,4 @@
-//! A range of a parameter that one reduced model is to cover.
+//! A range of a parameter that one reduced model covers.
 
 use crate::body::Body;
 use pyo3::prelude::*;

@@ -59,7 +59,8 @@ pub struct HyperReducedModel {
 }
 
 impl HyperReducedModel {
-    /// What `ask` says of the grasp. Waits for it without the interpreter, which whoever has it may need to go on.
+    /// The result of `ask` on the grasp. Waits for the grasp without the interpreter, which the thread that holds the
+    /// grasp may need.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
@@ -92,12 +93,12 @@ impl HyperReducedModel {
         self.ask(py, |grasp| grasp.seconds())
     }
 
-    /// Whether better modes are still to come; those that are ready are taken over.
+    /// Whether better modes may still follow; those that are ready are taken over.
     fn is_training(&self, py: Python<'_>) -> PyResult<bool> {
         self.ask(py, galerkin::HyperReducedModel::is_training)?.map_err(convert::error)
     }
 
-    /// Takes in the equilibrium next to the last answer, where that is wrong; whether it was.
+    /// Adds the equilibrium nearest to the last answer as a snapshot, if the answer is wrong; returns whether it was.
     fn add_snapshot(&self, py: Python<'_>) -> PyResult<bool> {
         self.ask(py, galerkin::HyperReducedModel::add_snapshot)?.map_err(convert::error)
     }
@@ -135,7 +136,7 @@ impl HyperReducedModel {
     }
 }
 
-/// An answer, with what it takes to make its field and to assess it.
+/// An answer, with the data for its field and its assessment.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct GalerkinAnswer {
     contacts: Arc<ReducedContacts>,
@@ -170,7 +171,7 @@ impl GalerkinAnswer {
         convert::field(py, py.detach(|| self.contacts.displacement(&self.solution)))
     }
 
-    /// Expected error, and why not to rely on the answer.
+    /// Error estimate, and the reason if the answer is not trusted.
     fn assess(&self, py: Python<'_>) -> PyResult<(f64, &'static str)> {
         let assessment =
             py.detach(|| self.contacts.assess(&self.solution)).map_err(convert::error)?;

@@ -1,4 +1,4 @@
-//! The library that computes on a graphics processor, as the core's device. It is loaded when it is first asked for.
+//! The library that computes on a graphics processor, as the core's device. It is loaded when it is first needed.
 
 use crate::convert::VisceraError;
 use pyo3::prelude::*;

@@ -11,8 +11,8 @@ use viscera_core::Error;
 /// How often Python's signals are looked at.
 const EVERY: Duration = Duration::from_millis(50);
 
-/// Does work on another thread, without the interpreter, and tells it when it is wanted no more because a signal, Ctrl-C
-/// for instance, has raised an exception.
+/// Runs work on another thread, without the interpreter, and cancels it when a signal, such as Ctrl-C, has raised an
+/// exception.
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> Result<T, Error> + Send,

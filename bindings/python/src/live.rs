@@ -5,7 +5,7 @@ use crate::exclusive::Exclusive;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-/// A case on the stage of one page.
+/// A case that one page steps.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Live {
     live: Exclusive<viscera_live::Live>,

@@ -89,7 +89,7 @@ pub fn inspect<'py>(
     Ok(facts)
 }
 
-/// Cells to be found by place.
+/// Finds cells by points.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Locator {
     locator: mesh::Locator,

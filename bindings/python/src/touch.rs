@@ -1,4 +1,4 @@
-//! The series of single contacts, for studies of what they can do.
+//! The series of single contacts, for studies.
 
 use crate::body::Body;
 use crate::{convert, mesh::Patch};

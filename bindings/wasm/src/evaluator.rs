@@ -22,7 +22,7 @@ pub unsafe extern "C" fn organ_open(bytes: *const u8, len: usize) -> *mut Model 
     }
 }
 
-/// Forgets an organ.
+/// Frees an organ.
 ///
 /// # Safety
 /// `organ` comes from [`organ_open`] and is not used again.

@@ -12,7 +12,7 @@ mod stepper;
 
 use std::sync::Mutex;
 
-/// What the last call that speaks in words had to say.
+/// The message of the last call that leaves one.
 static MESSAGE: Mutex<String> = Mutex::new(String::new());
 
 fn say(text: String) {
@@ -39,7 +39,7 @@ pub extern "C" fn page_allocate(len: usize) -> *mut u8 {
     Box::into_raw(vec![0u8; len].into_boxed_slice()).cast()
 }
 
-/// Gives memory back.
+/// Frees memory.
 ///
 /// # Safety
 /// `bytes` comes from [`page_allocate`] with the same `len`, and is not used again.

@@ -8,7 +8,7 @@ const ANSWER_LEN: usize = 17;
 /// What [`Model::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
 
-/// A model, the contact of the moment, and buffers.
+/// A model, its present contact, and buffers.
 pub struct Model {
     model: ReducedModel,
     contact: Option<Contact>,
@@ -30,7 +30,7 @@ impl Model {
     /// Reads a model file.
     ///
     /// # Errors
-    /// A sentence saying what is wrong with it.
+    /// A sentence that says what is wrong with it.
     pub fn read(bytes: &[u8]) -> Result<Self, String> {
         let model = ReducedModel::from_bytes(bytes).map_err(|error| error.to_string())?;
         let arrays = model.arrays();

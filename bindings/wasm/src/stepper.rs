@@ -3,7 +3,7 @@
 use crate::say;
 use viscera_live::Live;
 
-/// A case on the stage and its last frame.
+/// A case and its last frame.
 pub struct Stepped {
     live: Live,
     frame: Vec<f32>,
