@@ -237,6 +237,16 @@ def tuning() -> list[Case]:
             (11, 5, 8), (0.11, 0.05, 0.08), keep=lambda x: (np.abs(x[:, 0] - 0.055) > 0.02) | (x[:, 2] > 0.04)
         )
 
+    def shelf() -> vs.Mesh:
+        return bricks((11, 10, 3), (0.11, 0.09, 0.018), held=lambda x: (x[:, 0] == 0.0) | (x[:, 1] == 0.0), jitter=0.2)
+
+    def lid() -> vs.Mesh:
+        edge = (0.0, 0.12)
+        return bricks((12, 9, 2), (0.12, 0.08, 0.02), held=lambda x: np.isin(x[:, 0], edge) | (x[:, 1] == 0.08))
+
+    def pebble() -> vs.Mesh:
+        return bricks((8, 7, 7), (0.05, 0.05, 0.05), shape=lambda x: ball(0.05)(x) * np.array([1.1, 1.0, 0.9]))
+
     return [
         Case("block with a hole", holed, soft),
         Case("block with a hole", holed, vs.Yeoh(c10=500.0, c20=200.0, poisson=0.45)),
@@ -258,6 +268,21 @@ def tuning() -> list[Case]:
         Case("strip", strip, vs.SaintVenantKirchhoff(young=3e3, poisson=0.3)),
         Case("pair of legs", legs, vs.NeoHookean(young=3e3, poisson=0.4)),
         Case("cube, P2", small, vs.NeoHookean(young=3e3, poisson=0.49), element="P2"),
+        Case("shelf", shelf, soft, touchable="z > 17 mm"),
+        Case("shelf", shelf, vs.ArrudaBoyce(2e3, 1.4, poisson=0.45), touchable="z > 17 mm"),
+        Case("shelf", shelf, vs.Yeoh(c10=600.0, c20=200.0, c30=30.0, poisson=0.45), touchable="z > 17 mm"),
+        Case("lid", lid, vs.ArrudaBoyce(1e3, 1.2, poisson=0.4), touchable="z > 19 mm"),
+        Case("lid", lid, vs.NeoHookean(young=2e3, poisson=0.4), touchable="z > 19 mm"),
+        Case("lid", lid, vs.SaintVenantKirchhoff(young=3e3, poisson=0.4), touchable="z > 19 mm"),
+        Case("pebble", pebble, vs.VerondaWestmann(c1=1e3, c2=0.8, poisson=0.45), touchable="z > 0"),
+        Case("pebble", pebble, vs.SaintVenantKirchhoff(young=4e3, poisson=0.35), touchable="z > 0"),
+        Case("pebble", pebble, vs.Yeoh(c10=700.0, c20=300.0, c30=50.0, poisson=0.45), touchable="z > 0"),
+        Case("arm", arm, vs.Fung(mu=2e3, b=2.0, poisson=0.45), touchable=lambda x: x[:, 0] > 0.06),
+        Case("step", step, vs.Fung(mu=1e3, b=1.5, poisson=0.4)),
+        Case("step", step, vs.SaintVenantKirchhoff(young=3e3, poisson=0.4)),
+        Case("coarse block", coarse, vs.Corotated(young=3e3, poisson=0.35)),
+        Case("coarse block", coarse, vs.VerondaWestmann(c1=1e3, c2=0.6, poisson=0.45)),
+        Case("legs", legs, vs.Corotated(young=3e3, poisson=0.4)),
     ]
 
 

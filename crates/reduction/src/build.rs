@@ -120,6 +120,7 @@ impl Reduction {
             errors: Errors { compression, ..Errors::default() },
             interpolation_shares: None,
             truncation_share: None,
+            is_pole_aware: self.is_sketched(),
             seconds: 0.0,
             parameter: family.map(|f| f.parameter.clone()),
             user: self.user.clone(),

@@ -4,19 +4,22 @@
 use super::attend::attend;
 use super::refused::refused;
 use super::settings::{Progress, Reduction};
-use super::solve::{Expanded, sketch};
+use super::solve::Expanded;
 use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::{Monomials, degree_of, evaluate_monomials};
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
-use viscera_touch::{Contact, Errors, MAX_ORDER, ReducedModel, pade_weights};
+use viscera_touch::{Contact, Errors, MAX_ORDER, Metadata, ReducedModel, pade_weights};
 
 /// Points between positions at which a model is measured.
 const INTERPOLATION_CHECKS: usize = 32;
 /// Positions at which a model is measured for a value of its parameter.
 const PARAMETER_CHECKS: usize = 32;
+/// Directions in which each of them is touched.
+const DIRECTIONS: usize = 6;
 /// Corners that disagree less tell nothing: the error has other causes.
 const LEAST_DISAGREEMENT: f64 = 1e-6;
 
@@ -35,14 +38,20 @@ impl Measured {
     }
 }
 
+/// Where a model is measured: a triangle, at its centroid, and unit vectors along which it is touched.
+struct Place {
+    triangle: usize,
+    directions: [[f64; 3]; DIRECTIONS],
+}
+
 /// A touch between positions: what the model answers beside the exact series.
 struct Between {
     /// Relative errors of force and field.
     errors: [f64; 2],
     /// What they should be in proportion to, where it is known.
     disagreement: Option<[f64; 2]>,
-    /// What the next order changes, in units of what that should be in proportion to, where it is known.
-    truncation: Option<f64>,
+    /// What the next order changes, and what that should be in proportion to, where it is known.
+    truncation: Option<[f64; 2]>,
 }
 
 impl Reduction {
@@ -57,7 +66,13 @@ impl Reduction {
         let total = members[0].positions.nodes.len();
         let n_triangles = model.triangles().len();
         let count = INTERPOLATION_CHECKS.min(n_triangles);
-        let triangles: Vec<usize> = (0..count).map(|k| k * n_triangles / count).collect();
+        // Along the axes themselves orders may vanish, where the organ is symmetric.
+        let places: Vec<Place> = (0..count)
+            .map(|k| Place {
+                triangle: k * n_triangles / count,
+                directions: std::array::from_fn(|i| on_sphere(i * count + k, DIRECTIONS * count)),
+            })
+            .collect();
         let nodes = model.metadata().parameter.as_ref().map(|p| p.nodes.clone());
         for (j, Expanded { expansion, .. }) in members.iter().enumerate() {
             if let Some(nodes) = &nodes {
@@ -65,7 +80,7 @@ impl Reduction {
             }
             let mut is_wanted = || progress(Progress { done: total, total, stage: "check" });
             let errors = attend(&mut is_wanted, |stop| {
-                let chunks = triangles.par_chunks(8);
+                let chunks = places.par_chunks(8);
                 chunks
                     .map(|some| self.interpolation_errors(expansion, model, some, stop))
                     .collect::<Result<Vec<_>, _>>()
@@ -84,7 +99,7 @@ impl Reduction {
             worst.interpolation_half_depth = worst.interpolation_half_depth.max(half);
             worst.interpolation = worst.interpolation.max(full);
             if self.is_sketched() {
-                let found = shares(touches.iter().flatten().flatten());
+                let found = interpolation_shares(touches.iter().flatten().flatten());
                 let before = measured.interpolation_shares.unwrap_or_default();
                 measured.interpolation_shares = Some([0, 1].map(|k| f64::max(before[k], found[k])));
                 let found = truncation_share(touches.iter().flatten().flatten());
@@ -101,7 +116,7 @@ impl Reduction {
     }
 
     /// Whether a model of these settings has sketches to sum its orders by.
-    fn is_sketched(&self) -> bool {
+    pub(super) fn is_sketched(&self) -> bool {
         self.pade && self.order >= 3
     }
 
@@ -147,96 +162,129 @@ impl Reduction {
         Ok(())
     }
 
-    /// Touches along six axes, to half and to full depth, at the centroids of some triangles.
+    /// Touches at some places, to half and to full depth.
     fn interpolation_errors(
         &self,
         expansion: &TouchExpansion,
         model: &ReducedModel,
-        triangles: &[usize],
+        places: &[Place],
         stop: &AtomicBool,
     ) -> Result<Vec<[Vec<Between>; 2]>, Error> {
-        let contacts: Vec<_> = triangles.iter().map(|&t| model.centroid(t)).collect();
+        let contacts: Vec<_> = places.iter().map(|place| model.centroid(place.triangle)).collect();
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let patches: Vec<&Patch> = patches.iter().collect();
         let is_wanted = || !stop.load(Ordering::Relaxed);
         let series = expansion.expand_while(&is_wanted, &patches, self.next_order())?;
-        let sketches: Vec<Vec<f32>> = series.iter().map(sketch).collect();
         let mut workspace = vec![0.0; model.workspace_len()];
-        let mut touch = |contact: &Contact, series: &Sketched, d| {
-            compare(model, contact, series, d, &mut workspace)
+        let mut touch = |contact: &Contact, series: &TouchSeries, d| {
+            let exact = Orders::new(series, self.next_order(), d);
+            compare(model, contact, &exact, d, &mut workspace)
         };
-        let at = contacts.iter().zip(series.iter().zip(&sketches)).map(|(contact, series)| {
+        let at = places.iter().zip(&contacts).zip(&series).map(|((place, contact), series)| {
             [0.5, 1.0].map(|share| {
-                (0..6)
-                    .map(|axis| touch(contact, &series, along(axis, share * self.depth)))
-                    .collect()
+                let pushed = |x: &[f64; 3]| x.map(|x| share * self.depth * x);
+                let touches = place.directions.iter().map(pushed);
+                touches.map(|d| touch(contact, series, d)).collect()
             })
         });
         Ok(at.collect())
     }
 }
 
-/// A series, to one order more than the model's where there is one, and its sketches.
-type Sketched<'a> = (&'a TouchSeries, &'a Vec<f32>);
-
-/// What a model answers beside the exact series, whose orders count as much.
+/// What a model answers beside the exact series, summed in its own Padé form where the model is in one.
 fn compare(
     model: &ReducedModel,
     contact: &Contact,
-    &(series, sketches): &Sketched,
+    exact: &Orders,
     d: [f64; 3],
     workspace: &mut [f32],
 ) -> Between {
+    let Metadata { order, is_pole_aware: is_pade, .. } = *model.metadata();
     let answer = model.respond(contact, d).force;
-    let (exact, force) = sum(series, model.exponents(), model.order_weights(contact, d), d);
-    let mut field = vec![0.0; exact.len()];
-    model.displacement(contact, d, workspace, &mut field);
+    let (field, force) = exact.sum(order, is_pade);
+    let mut answered = vec![0.0; field.len()];
+    model.displacement(contact, d, workspace, &mut answered);
+    let truncation = model.truncation(contact, d).filter(|_| exact.fields.len() > order);
     Between {
         errors: [
             relative(&mut answer.into_iter(), &force),
-            relative(&mut field.iter().map(|&u| f64::from(u)), &exact),
+            relative(&mut answered.iter().map(|&u| f64::from(u)), &field),
         ],
         disagreement: model.disagreement(contact, d),
-        truncation: model.truncation(contact, d).and_then(|scale| {
-            let change = next_order_changes((series, sketches), model, d, (&exact, &force))?;
-            (scale > LEAST_DISAGREEMENT).then_some(change / scale)
+        truncation: truncation.map(|scale| {
+            let (next, next_force) = exact.sum(order + 1, is_pade);
+            let of_force = relative(&mut force.into_iter(), &next_force);
+            [of_force.max(relative(&mut field.iter().copied(), &next)), scale]
         }),
     }
 }
 
-/// What one order more changes in field or force, relative to it; the larger of the two.
-fn next_order_changes(
-    (series, sketches): Sketched,
-    model: &ReducedModel,
-    d: [f64; 3],
-    (field, force): (&[f64], &[f64; 3]),
-) -> Option<f64> {
-    let order = model.metadata().order + 1;
-    let table = (order <= MAX_ORDER).then(|| Monomials::of(3, order))?;
-    let exponents = &table.exponents()[1..];
-    let weights = pade_weights(sketches, exponents, d, order);
-    let (next, next_force) = sum(series, exponents, weights, d);
-    let force = relative(&mut force.iter().copied(), &next_force);
-    Some(force.max(relative(&mut field.iter().copied(), &next)))
+/// The parts of a series at a displacement, order by order.
+struct Orders {
+    fields: Vec<Vec<f64>>,
+    forces: Vec<[f64; 3]>,
 }
 
-/// Root mean square of the errors of force and field, in units of the disagreement.
-fn shares<'a>(touches: impl Iterator<Item = &'a Between>) -> [f64; 2] {
-    let (mut squares, mut count) = ([0.0; 2], 0.0);
-    for Between { errors, disagreement, .. } in touches {
-        if let Some(disagreement) = disagreement.filter(|of| of[1] > LEAST_DISAGREEMENT) {
-            squares = [0, 1].map(|k| squares[k] + (errors[k] / disagreement[k]).powi(2));
-            count += 1.0;
-        }
+impl Orders {
+    /// Of a series to that order.
+    fn new(series: &TouchSeries, order: usize, d: [f64; 3]) -> Self {
+        let table = Monomials::of(3, order);
+        let only = |p: usize| std::array::from_fn(|q| if q == p { 1.0 } else { 0.0 });
+        let part = |p: usize| sum(series, &table.exponents()[1..], only(p), d);
+        let (fields, forces) = (0..order).map(part).unzip();
+        Orders { fields, forces }
     }
-    squares.map(|square| (square / f64::max(count, 1.0)).sqrt())
+
+    /// Field and force summed to an order.
+    fn sum(&self, order: usize, is_pade: bool) -> (Vec<f64>, [f64; 3]) {
+        let weights = if is_pade { self.weights(order) } else { [1.0; MAX_ORDER] };
+        let mut field = vec![0.0; self.fields[0].len()];
+        let mut force = [0.0; 3];
+        for ((u, f), w) in self.fields.iter().zip(&self.forces).zip(weights).take(order) {
+            field.iter_mut().zip(u).for_each(|(field, u)| *field += w * u);
+            force.iter_mut().zip(f).for_each(|(force, f)| *force += w * f);
+        }
+        (field, force)
+    }
+
+    /// How much each order counts, by inner products of the fields themselves.
+    fn weights(&self, order: usize) -> [f64; MAX_ORDER] {
+        let product = |p: usize, q: usize| match (self.fields.get(p), self.fields.get(q)) {
+            (Some(u), Some(v)) => u.iter().zip(v).map(|(u, v)| u * v).sum(),
+            _ => 0.0,
+        };
+        let products = std::array::from_fn(|p| std::array::from_fn(|q| product(p, q)));
+        pade_weights(&products, order)
+    }
 }
 
-/// Root mean square of what the next order changes, in units of what that should be in proportion to.
+/// Shares of the errors of force and field in the disagreement.
+fn interpolation_shares<'a>(touches: impl Iterator<Item = &'a Between>) -> [f64; 2] {
+    let pairs: Vec<([f64; 2], [f64; 2])> =
+        touches.filter_map(|touch| Some((touch.errors, touch.disagreement?))).collect();
+    [0, 1].map(|k| share(pairs.iter().map(|(error, scale)| [error[k], scale[k]])).unwrap_or(0.0))
+}
+
+/// Share of what the next order changes in what that should be in proportion to.
 fn truncation_share<'a>(touches: impl Iterator<Item = &'a Between>) -> Option<f64> {
-    let changes: Vec<f64> = touches.filter_map(|touch| touch.truncation).collect();
-    let squares: f64 = changes.iter().map(|change| change * change).sum();
-    (!changes.is_empty()).then(|| (squares / changes.len() as f64).sqrt())
+    share(touches.filter_map(|touch| touch.truncation))
+}
+
+/// Root mean square of errors in units of their scales, of those that are large enough to tell.
+fn share(errors: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
+    let told = errors.filter(|[error, scale]| *scale > LEAST_DISAGREEMENT && error.is_finite());
+    let ratios: Vec<f64> = told.map(|[error, scale]| error / scale).collect();
+    let squares: f64 = ratios.iter().map(|ratio| ratio * ratio).sum();
+    (!ratios.is_empty()).then(|| (squares / ratios.len() as f64).sqrt())
+}
+
+/// Point n of a spiral that covers the unit sphere evenly with as many (Swinbank and Purser, QJRMS 132 (2006) 1769).
+fn on_sphere(n: usize, of: usize) -> [f64; 3] {
+    let golden_angle = PI * (3.0 - 5f64.sqrt());
+    let height = 1.0 - (2 * n + 1) as f64 / of as f64;
+    let (sin, cos) = (n as f64 * golden_angle).sin_cos();
+    let radius = (1.0 - height * height).sqrt();
+    [radius * cos, radius * sin, height]
 }
 
 /// A displacement of the given size along one of six axes.
@@ -260,6 +308,9 @@ fn sum(
     let terms = series.displacement.iter().zip(&series.force).zip(exponents).zip(&monomials);
     for (((u, f), exponents), m) in terms {
         let m = weights[degree_of(exponents) - 1] * m;
+        if m == 0.0 {
+            continue;
+        }
         field.iter_mut().zip(u).for_each(|(field, u)| *field += m * u);
         force.iter_mut().zip(f).for_each(|(force, f)| *force += m * f);
     }

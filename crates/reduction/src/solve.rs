@@ -18,7 +18,7 @@ use std::sync::mpsc;
 use viscera_touch::SKETCH;
 
 /// Orders up to this one are also solved at edge midpoints.
-pub(super) const EDGE_ORDER: usize = 3;
+pub(super) const EDGE_ORDER: usize = 4;
 
 /// An organ with its patches and its factorised tangent.
 pub(super) struct Expanded<'a> {

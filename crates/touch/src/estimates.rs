@@ -3,7 +3,7 @@
 
 use super::interpolation::{Interpolation, norm};
 use super::metadata::Metadata;
-use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
+use super::resummation::{Dual, Form, MAX_ORDER, Parts, SKETCH, constant, form, weights};
 use viscera_number::degree_of;
 
 /// An extrapolated tail is no bound: without it one trusted answer in some hundreds was 1.06 times
@@ -47,6 +47,8 @@ struct Sketched {
     change: f64,
     /// How far the fields of the corners are from their blend, relative to it.
     spread: f64,
+    /// By how much errors grow as a pole comes near: one over the denominator of the form, at least 1.
+    magnification: f64,
 }
 
 /// Estimated relative errors of an answer, at most 1.
@@ -65,7 +67,8 @@ impl Interpolation<'_> {
             };
         };
         let order = self.model.metadata.order;
-        let (weights, lower) = (weights(&parts, order), weights(&parts, order - 1));
+        let lower = weights(&parts, order - 1);
+        let Form { weights, denominator } = form(&parts, order);
         let (mut square, mut whole) = (0.0, 0.0);
         let difference: [f64; MAX_ORDER] = std::array::from_fn(|p| {
             let before = if p + 1 < order { lower[p].value } else { 0.0 };
@@ -81,7 +84,12 @@ impl Interpolation<'_> {
         let spread = self.spread(monomials, &parts, &weights) / whole.sqrt();
         OrderWeights {
             weights,
-            sketched: Some(Sketched { difference, change: (square / whole).sqrt(), spread }),
+            sketched: Some(Sketched {
+                difference,
+                change: (square / whole).sqrt(),
+                spread,
+                magnification: self.magnification(denominator),
+            }),
         }
     }
 
@@ -152,10 +160,13 @@ impl Interpolation<'_> {
         let sketched = order_weights.sketched.as_ref()?;
         let force = force.max(f64::MIN_POSITIVE);
         let common = sketched.spread + CORRECTION * correction / force;
-        Some([
-            common + self.force_spread(monomials, orders, &order_weights.weights) / force,
-            common,
-        ])
+        let of_force = self.force_spread(monomials, orders, &order_weights.weights) / force;
+        Some([common + of_force, common].map(|of| sketched.magnification * of))
+    }
+
+    /// Files from before poles were seen have shares in units that do not grow.
+    fn magnification(&self, denominator: f64) -> f64 {
+        if self.model.metadata.is_pole_aware { denominator.recip().max(1.0) } else { 1.0 }
     }
 
     /// What the last order changes in field and force, relative to them; none where the orders are summed as a polynomial.
@@ -172,10 +183,17 @@ impl Interpolation<'_> {
         Some([sketched.change, norm(change) / force])
     }
 
-    /// The geometric mean of the size of the last order, relative to the first, and of what it changes.
-    fn last_order(&self, size: &[f64; MAX_ORDER], [field, force]: [f64; 2]) -> f64 {
+    /// What the rest of the series is in proportion to: the geometric mean of the size of the last order, relative to the
+    /// first, and of what it changes.
+    fn last_order(
+        &self,
+        size: &[f64; MAX_ORDER],
+        [field, force]: [f64; 2],
+        order_weights: &OrderWeights,
+    ) -> f64 {
         let last = size[self.model.metadata.order - 1] / size[0];
-        (last * field.hypot(force)).sqrt()
+        let magnification = order_weights.sketched.as_ref().map_or(1.0, |of| of.magnification);
+        magnification * (last * field.hypot(force)).sqrt()
     }
 
     /// What the rest of the series is in proportion to.
@@ -187,7 +205,7 @@ impl Interpolation<'_> {
         order_weights: &OrderWeights,
     ) -> Option<f64> {
         let change = self.change(orders, force.max(f64::MIN_POSITIVE), order_weights)?;
-        Some(self.last_order(&self.field_norms(monomials), change))
+        Some(self.last_order(&self.field_norms(monomials), change, order_weights))
     }
 
     /// Estimated relative errors: of the sum over the orders, of interpolation, and what a parameter
@@ -216,7 +234,8 @@ impl Interpolation<'_> {
             (change, shares, disagreement)
         {
             let share = model.metadata.truncation_share.unwrap_or(TRUNCATION_SHARE).sqrt();
-            let truncation = TRUNCATION_MARGIN * share * self.last_order(&size, [field, force]);
+            let last = self.last_order(&size, [field, force], order_weights);
+            let truncation = TRUNCATION_MARGIN * share * last;
             let is_exact = self.is_second_exact();
             let margin = if is_exact { INTERPOLATION_MARGIN } else { OLD_INTERPOLATION_MARGIN };
             let [force, shape]: [f64; 2] = std::array::from_fn(|k| {

@@ -49,6 +49,9 @@ pub struct Metadata {
     /// as a polynomial, at order 8, which has no next one, and in files from before it was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truncation_share: Option<f64>,
+    /// Whether both shares are in units that grow near a pole of the Padé form; not in files from before that was seen.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_pole_aware: bool,
     /// Off-line time [s].
     pub seconds: f64,
     /// The parameter of the model, if it has one.

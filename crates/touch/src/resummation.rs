@@ -9,7 +9,7 @@
 //! (Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981, drop u_N from the sum, which costs
 //! the last order.) Least is meant in the norm of a sketch: a few random sums over the field.
 
-use viscera_number::{Gradient, Scalar, degree_of, evaluate_monomials};
+use viscera_number::{Gradient, Scalar};
 
 /// Highest order of a series.
 pub const MAX_ORDER: usize = 8;
@@ -29,54 +29,60 @@ pub(super) fn constant(value: f64) -> Dual {
     Gradient { value, first: [0.0; 3] }
 }
 
-/// How much each of the first `order` orders of a series counts at a displacement, by the sketches of its terms, whose
-/// monomials have these exponents.
-pub fn pade_weights(
-    sketches: &[f32],
-    exponents: &[[u8; 3]],
-    d: [f64; 3],
-    order: usize,
-) -> [f64; MAX_ORDER] {
-    let mut monomials = vec![0.0; exponents.len()];
-    evaluate_monomials(exponents, d, &mut monomials);
-    let mut parts: Parts = std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
-    for ((sketch, exponents), m) in sketches.chunks_exact(SKETCH).zip(exponents).zip(monomials) {
-        let part = &mut parts[degree_of(exponents) - 1];
-        part.iter_mut().zip(sketch).for_each(|(sum, &x)| sum.value += m * f64::from(x));
-    }
-    weights(&parts, order).map(|weight| weight.value)
+/// How a series is summed at a displacement.
+pub(super) struct Form {
+    /// `w_p`; all 1 below order 3 and where a pole is near.
+    pub weights: [Dual; MAX_ORDER],
+    /// `D_(N-1)`, not below the least that is taken; 1 where the orders are summed as a polynomial at any displacement.
+    pub denominator: f64,
 }
 
-/// `w_p` of the first `order` parts; all 1 below order 3 and where a pole is near.
-pub(super) fn weights(parts: &Parts, order: usize) -> [Dual; MAX_ORDER] {
-    let ones = || std::array::from_fn(|_| constant(1.0));
+/// How much each of the first `order` orders of a series counts, by the inner products of its parts at a displacement.
+pub fn pade_weights(products: &[[f64; MAX_ORDER]; MAX_ORDER], order: usize) -> [f64; MAX_ORDER] {
+    form_of(|p, q| constant(products[p][q]), order).weights.map(|weight| weight.value)
+}
+
+/// The form of the first `order` parts.
+pub(super) fn form(parts: &Parts, order: usize) -> Form {
     let product = |p: usize, q: usize| {
         let products = parts[p].iter().zip(&parts[q]).map(|(a, b)| a.clone() * b.clone());
         products.fold(constant(0.0), |sum, x| sum + x)
     };
+    form_of(product, order)
+}
+
+/// The weights of that form.
+pub(super) fn weights(parts: &Parts, order: usize) -> [Dual; MAX_ORDER] {
+    form(parts, order).weights
+}
+
+fn form_of(product: impl Fn(usize, usize) -> Dual, order: usize) -> Form {
+    let polynomial =
+        |denominator: f64| Form { weights: std::array::from_fn(|_| constant(1.0)), denominator };
     let squares: [Dual; MAX_ORDER] = std::array::from_fn(|p| product(p, p));
     if order < 3 || squares[..order].iter().any(|s| !(s.value > 0.0 && s.value.is_finite())) {
-        return ones();
+        return polynomial(1.0);
     }
     let last = order - 1;
     let size = squares.map(|square| square.powf(0.5));
     let inner = |p: usize, q: usize| product(p, q) * (size[p].clone() * size[q].clone()).recip();
     let recurrence = recurrence(last, inner);
-    let mut sums = ones();
+    let mut sums: [Dual; MAX_ORDER] = std::array::from_fn(|_| constant(1.0));
     for k in 1..order {
         let p = last - k;
         let ratio = size[last].clone() * size[p].recip();
         sums[k] = sums[k - 1].clone() + recurrence[p].clone() * ratio;
     }
     let whole = sums[last].clone();
-    let Some(share) = away_from_pole(&whole) else { return ones() };
+    let Some(share) = away_from_pole(&whole) else { return polynomial(POLE[0]) };
     let inverse = whole.recip();
-    std::array::from_fn(|p| {
+    let weights = std::array::from_fn(|p| {
         if p > last {
             return constant(1.0);
         }
         (sums[last - p].clone() * inverse.clone() - 1.0) * share.clone() + 1.0
-    })
+    });
+    Form { weights, denominator: whole.value }
 }
 
 /// `c` that leaves least of `part_n + sum_(p < n) c_p part_p`, for parts of unit size with the given inner products.
