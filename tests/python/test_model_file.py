@@ -45,7 +45,7 @@ def test_the_metadata_and_the_organ_are_there(reader: ModuleType, file: Path) ->
     about, arrays = reader.read(file)
     beam = vs.organs.beam()
     assert about["format_version"] == 3
-    assert (about["units"], about["order"], about["edge_order"]) == ("SI", 4, 3)
+    assert (about["units"], about["order"], about["edge_order"]) == ("SI", 4, 4)
     assert np.array_equal(arrays["points"], beam.points)
     assert np.array_equal(arrays["cells"], beam.cells)
     assert len(arrays["region_start"]) > 2

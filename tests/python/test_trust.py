@@ -85,4 +85,5 @@ def test_shares_are_measured_where_orders_are_summed_in_their_pade_form(bar: vs.
     assert len(measured["interpolation_shares"]) == 2
     assert all(0.0 < share < 2.0 for share in measured["interpolation_shares"])
     assert 0.0 < measured["truncation_share"] < 2.0
-    assert not {"interpolation_shares", "truncation_share"} & set(polynomial)
+    assert measured["is_pole_aware"]
+    assert not {"interpolation_shares", "truncation_share", "is_pole_aware"} & set(polynomial)

@@ -322,3 +322,23 @@ fn relative(value: &mut dyn Iterator<Item = f64>, exact: &[f64]) -> f64 {
     let difference: f64 = value.zip(exact).map(|(a, b)| (a - b).powi(2)).sum();
     (difference / exact.iter().map(|x| x * x).sum::<f64>()).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As an even cover has them: unit vectors with no mean and the second moments of the sphere.
+    #[test]
+    fn the_spiral_covers_the_sphere_evenly() {
+        let points: Vec<_> = (0..192).map(|n| on_sphere(n, 192)).collect();
+        let mean = |of: &dyn Fn(&[f64; 3]) -> f64| points.iter().map(of).sum::<f64>() / 192.0;
+        for i in 0..3 {
+            assert!(mean(&|x| x[i]).abs() < 1e-2);
+            for j in 0..3 {
+                let sphere = if i == j { 1.0 / 3.0 } else { 0.0 };
+                assert!((mean(&|x| x[i] * x[j]) - sphere).abs() < 1e-2, "{i}{j}");
+            }
+        }
+        assert!(points.iter().all(|x| (x.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-12));
+    }
+}

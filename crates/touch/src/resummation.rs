@@ -187,6 +187,28 @@ mod tests {
     }
 
     #[test]
+    fn inner_products_are_all_that_weights_need() {
+        let parts = parts(&[0.8, -1.0, 0.5], 0.7);
+        let product = |p: usize, q: usize| {
+            parts[p].iter().zip(&parts[q]).map(|(a, b)| a.value * b.value).sum()
+        };
+        let products = std::array::from_fn(|p| std::array::from_fn(|q| product(p, q)));
+        assert_eq!(pade_weights(&products, 5), weights(&parts, 5).map(|weight| weight.value));
+        assert_eq!(pade_weights(&[[0.0; MAX_ORDER]; MAX_ORDER], 5), [1.0; MAX_ORDER]);
+    }
+
+    /// `1 - r t` of one pole, and the least that is taken beyond it.
+    #[test]
+    fn the_denominator_tells_how_near_a_pole_is() {
+        for t in [-0.6, 0.3, 0.6, 0.9] {
+            let denominator = form(&parts(&[0.9], t), 4).denominator;
+            assert!((denominator - (1.0 - 0.9 * t)).abs() < 0.01, "{t}: {denominator}");
+        }
+        assert_eq!(form(&parts(&[0.9], 1.05), 4).denominator, POLE[0]);
+        assert_eq!(form(&parts(&[0.9], f64::NAN), 4).denominator, 1.0);
+    }
+
+    #[test]
     fn weights_come_with_their_derivatives() {
         let poles = [0.9, -0.7, 0.3];
         // One of them with its pole so near that the polynomial has begun to take over.

@@ -98,6 +98,28 @@ fn the_estimate_is_in_units_of_what_one_order_more_changes() {
     assert!(with(-1.0).is_err_and(|e| e.to_string().contains("truncation_share")));
 }
 
+/// A file from before poles were seen has shares in units that do not grow near them, and keeps its estimates.
+#[test]
+fn the_estimate_grows_near_a_pole_but_not_that_of_older_files() {
+    assert!(PADE.metadata().is_pole_aware);
+    let metadata = Metadata { is_pole_aware: false, ..PADE.metadata().clone() };
+    let older = ReducedModel::new(metadata, PADE.arrays().clone()).unwrap();
+    let mut ratios = Vec::new();
+    for (contact, n) in touches() {
+        let d = n.map(|x| 0.012 * x);
+        let [own, other] = [&*PADE, &older].map(|model| model.respond(&contact, d));
+        assert_eq!(own.force, other.force);
+        if own.error_estimate < 1.0 {
+            let scale = [&*PADE, &older].map(|model| model.truncation(&contact, d).unwrap());
+            ratios.push(own.error_estimate / other.error_estimate);
+            let magnification = scale[0] / scale[1];
+            assert!((ratios.last().unwrap() / magnification - 1.0).abs() < 1e-9);
+        }
+    }
+    assert!(ratios.iter().all(|&ratio| (1.0..=10.0 + 1e-9).contains(&ratio)));
+    assert!(ratios.iter().any(|&ratio| ratio > 1.1) && ratios.contains(&1.0), "{ratios:?}");
+}
+
 #[test]
 fn small_touches_are_those_of_the_polynomial() {
     let contact = inside(5, [0.2, 0.5, 0.3]);
