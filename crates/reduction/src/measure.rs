@@ -19,7 +19,7 @@ const INTERPOLATION_CHECKS: usize = 32;
 /// Positions at which a model is measured for a value of its parameter.
 const PARAMETER_CHECKS: usize = 32;
 /// Directions in which each of them is touched.
-const DIRECTIONS: usize = 6;
+pub(super) const DIRECTIONS: usize = 6;
 /// Corners that disagree less tell nothing: the error has other causes.
 const LEAST_DISAGREEMENT: f64 = 1e-6;
 
@@ -279,7 +279,7 @@ fn share(errors: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
 }
 
 /// Point n of a spiral that covers the unit sphere evenly with as many (Swinbank and Purser, QJRMS 132 (2006) 1769).
-fn on_sphere(n: usize, of: usize) -> [f64; 3] {
+pub(super) fn on_sphere(n: usize, of: usize) -> [f64; 3] {
     let golden_angle = PI * (3.0 - 5f64.sqrt());
     let height = 1.0 - (2 * n + 1) as f64 / of as f64;
     let (sin, cos) = (n as f64 * golden_angle).sin_cos();

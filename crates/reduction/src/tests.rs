@@ -7,6 +7,7 @@ mod preload;
 mod recompress;
 mod work;
 
+use super::measure::{DIRECTIONS, on_sphere};
 use super::*;
 use crate::body::Body;
 use crate::error::Error;
@@ -173,15 +174,12 @@ fn between_positions_the_second_order_is_exact() {
 #[test]
 fn interpolation_errors_are_those_the_model_admits() {
     let mut worst: f64 = 0.0;
-    for triangle in 0..MODEL.triangles().len() {
+    let count = MODEL.triangles().len();
+    for triangle in 0..count {
         let contact = MODEL.centroid(triangle);
         let series = series(&MODEL.patch(&contact));
-        for axis in 0..6 {
-            let d = std::array::from_fn(|i| match (i == axis / 2, axis % 2) {
-                (false, _) => 0.0,
-                (true, 0) => DEPTH,
-                (true, _) => -DEPTH,
-            });
+        for k in 0..DIRECTIONS {
+            let d = on_sphere(k * count + triangle, DIRECTIONS * count).map(|x| DEPTH * x);
             let (u, force) = exact(&series, d);
             let response = MODEL.respond(&contact, d);
             worst = worst.max(relative(&field(&MODEL, &contact, d), &u));
@@ -190,7 +188,7 @@ fn interpolation_errors_are_those_the_model_admits() {
             // An estimate, no bound: on this coarse surface the worst is 2.1 times its estimate.
             assert!(
                 error < 3.0 * response.shape_error_estimate,
-                "triangle {triangle}, axis {axis}"
+                "triangle {triangle}, direction {k}"
             );
         }
     }

@@ -197,15 +197,16 @@ mod tests {
         assert_eq!(pade_weights(&[[0.0; MAX_ORDER]; MAX_ORDER], 5), [1.0; MAX_ORDER]);
     }
 
-    /// `1 - r t` of one pole, and the least that is taken beyond it.
+    /// The product of `1 - r t` of two poles, and the least that is taken next to one.
     #[test]
     fn the_denominator_tells_how_near_a_pole_is() {
-        for t in [-0.6, 0.3, 0.6, 0.9] {
-            let denominator = form(&parts(&[0.9], t), 4).denominator;
-            assert!((denominator - (1.0 - 0.9 * t)).abs() < 0.01, "{t}: {denominator}");
+        let denominator = |t: f64| form(&parts(&[0.9, -0.7], t), 3).denominator;
+        for t in [-0.6, 0.3, 0.6, 0.9, 1.0] {
+            let exact = (1.0 - 0.9 * t) * (1.0 + 0.7 * t);
+            assert!((denominator(t) - exact).abs() < 2e-3, "{t}: {} not {exact}", denominator(t));
         }
-        assert_eq!(form(&parts(&[0.9], 1.05), 4).denominator, POLE[0]);
-        assert_eq!(form(&parts(&[0.9], f64::NAN), 4).denominator, 1.0);
+        assert_eq!(denominator(1.1), POLE[0]);
+        assert_eq!(denominator(f64::NAN), 1.0);
     }
 
     #[test]
