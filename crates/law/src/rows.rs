@@ -131,8 +131,8 @@ const LAME_SAMPLE: &[f64] = &[3.0e3, 11.0e3];
 const MOONEY_RIVLIN: Row = Row {
     name: "mooney_rivlin J-1",
     parameters: &[
-        stress("c1", "of the first invariant"),
-        stress("c2", "of the second invariant"),
+        stress("c1", "coefficient of I1' - 3"),
+        stress("c2", "coefficient of I2' - 3"),
         modulus("kappa", "bulk modulus at small strain"),
     ],
     conditions: &[("c1 + c2, half the shear modulus,", |p| p[0] + p[1])],
@@ -153,12 +153,12 @@ const HOLZAPFEL_GASSER_OGDEN: Row = Row {
     parameters: &[
         modulus("c", "shear modulus of the ground substance"),
         modulus("k1", "stiffness of the fibres"),
-        number("k2", "how fast the fibres stiffen", Bounds::Positive),
+        number("k2", "coefficient in the exponent of the fibres", Bounds::Positive),
         or(
             0.0,
             number(
                 "dispersion",
-                "of the fibres: 0 is parallel, 1/3 isotropic",
+                "of the fibres: 0 where they are parallel, 1/3 where they point everywhere",
                 Bounds::Within(0.0, 1.0 / 3.0),
             ),
         ),
@@ -247,8 +247,8 @@ pub static ROWS: &[Row] = &[
         name: "yeoh",
         parameters: &[
             modulus("c10", "half the shear modulus"),
-            or(0.0, stress("c20", "of the second power")),
-            or(0.0, stress("c30", "of the third power")),
+            or(0.0, stress("c20", "coefficient of (I1' - 3)^2")),
+            or(0.0, stress("c30", "coefficient of (I1' - 3)^3")),
             modulus("kappa", "bulk modulus at small strain"),
         ],
         conditions: &[],
@@ -304,7 +304,7 @@ pub static ROWS: &[Row] = &[
         name: "veronda_westmann",
         parameters: &[
             modulus("c1", "stiffness; the shear modulus is c1 c2"),
-            number("c2", "how fast it stiffens", Bounds::Positive),
+            number("c2", "coefficient in the exponent", Bounds::Positive),
             modulus("kappa", "bulk modulus at small strain"),
         ],
         conditions: &[],
@@ -316,7 +316,7 @@ pub static ROWS: &[Row] = &[
         name: "fung",
         parameters: &[
             modulus("mu", "shear modulus"),
-            number("b", "how fast it stiffens", Bounds::Positive),
+            number("b", "coefficient in the exponent", Bounds::Positive),
             modulus("kappa", "bulk modulus at small strain"),
         ],
         conditions: &[],

@@ -14,7 +14,7 @@ pub struct ReducedModel {
     pub(super) arrays: Arrays,
     /// Exponents of the series' monomials, the constant left out.
     pub(super) exponents: Vec<[u8; 3]>,
-    /// How many of them edges have: those of degree 2 to `edge_order`, at the front of degree >= 2.
+    /// Number of monomials that edges have amplitudes for: those of degree 2 to `edge_order`, the first of degree >= 2.
     pub(super) edge_terms: usize,
     pub(super) position_offset: Vec<usize>,
     pub(super) edge_offset: Vec<usize>,
@@ -127,7 +127,7 @@ impl ReducedModel {
         &self.exponents
     }
 
-    /// How many of them edges have: those of degree 2 to `edge_order`, at the front of degree >= 2.
+    /// Number of monomials that edges have amplitudes for: those of degree 2 to `edge_order`, the first of degree >= 2.
     pub fn edge_terms(&self) -> usize {
         self.edge_terms
     }

@@ -106,9 +106,9 @@ class VerondaWestmann(OfRow):
 class Fung(OfRow):
     """psi = mu / (2 b) (exp(b (I1' - 3)) - 1) + kappa / 2 (J - 1)^2, with I1' = I1 J^(-2/3): exponential stiffening.
 
-    mu: shear modulus at small strain [Pa]; b: how fast it stiffens; kappa (the bulk modulus) [Pa] or poisson. Demiray,
-    J. Biomech. 5 (1972) 309; Humphrey, Cardiovascular Solid Mechanics (2002). Raises `VisceraError` unless all are
-    positive.
+    mu: shear modulus at small strain [Pa]; b: coefficient in the exponent; kappa (the bulk modulus) [Pa] or poisson.
+    Demiray, J. Biomech. 5 (1972) 309; Humphrey, Cardiovascular Solid Mechanics (2002). Raises `VisceraError` unless all
+    are positive.
 
     >>> Fung(mu=1e3, b=4.0, kappa=1e5)
     Fung(mu=1000, b=4, kappa=100000)
