@@ -32,7 +32,7 @@ impl Numbering {
         let (mut order, mut n_levels) = (Vec::with_capacity(n), 0);
         for node in 0..n as u32 {
             if search.level[node as usize] == UNSEEN {
-                let part = search.from_an_end(node);
+                let part = search.starting_at_an_end(node);
                 n_levels = n_levels.max(part.n_levels);
                 order.extend(part.nodes);
             }
@@ -100,7 +100,7 @@ struct Found {
 
 impl Search<'_> {
     /// From a node at an end of the part that `node` belongs to, by which the part has as many levels as may be.
-    fn from_an_end(&mut self, node: u32) -> Found {
+    fn starting_at_an_end(&mut self, node: u32) -> Found {
         let mut found = self.from(node);
         for _ in 0..SEARCHES {
             let last = found.n_levels as u32 - 1;
