@@ -73,7 +73,7 @@ def main(model: str) -> None:
     """Film, crop to what is not empty in any frame, write."""
     touch = vs.load(model)
     program = shutil.which("chromium") or shutil.which("google-chrome")
-    with serve(touch, "Liver") as server, sync_playwright() as driver:
+    with serve(touch, "Liver", is_hybrid=False) as server, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
         page = browser.new_context(**SETTINGS).new_page()
         page.goto(server.url)

@@ -61,7 +61,7 @@ def main(model: str) -> None:
     """All pictures of one model."""
     PICTURES.mkdir(exist_ok=True)
     program = shutil.which("chromium") or shutil.which("google-chrome")
-    with serve(vs.load(model), Path(model).stem.capitalize()) as server, sync_playwright() as driver:
+    with serve(vs.load(model), Path(model).stem.capitalize(), is_hybrid=False) as server, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
         photograph(browser, server.url, "viewer.png", WIDE, "tissue", 26)
         photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)

@@ -21,7 +21,7 @@ from websockets.sync.server import ServerConnection
 
 import viscera as vs
 from viscera.viewer import Server, page
-from viscera.viewer.server import MOST_CONNECTIONS
+from viscera.viewer.server import FAREWELL, MOST_CONNECTIONS
 
 FILES = {"index.html": b"<p>an organ</p>", "viewer.js": b"let organ", "organ.viscera": b"\0\1\2"}
 
@@ -171,6 +171,19 @@ def test_a_web_socket_is_refused(server: Server) -> None:
 def test_a_stranger_who_says_nothing_blocks_nobody(server: Server) -> None:
     with socket.create_connection(("127.0.0.1", server.port)):
         assert get(server.url)[0] == 200
+
+
+def test_a_page_that_reads_slowly_gets_all_of_a_file() -> None:
+    large = bytes(20_000_000)  # more than the system's buffers hold
+    with Server({"large.wasm": large}) as serving:
+        path = urllib.parse.urlsplit(serving.url).path
+        with socket.create_connection(("127.0.0.1", serving.port), timeout=20) as slow:
+            slow.sendall(f"GET {path}large.wasm HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n".encode())
+            received = len(slow.recv(65536))
+            time.sleep(4 * FAREWELL)
+            while part := slow.recv(1 << 20):
+                received += len(part)
+    assert received > len(large)
 
 
 def crowd(server: Server, count: int) -> list[socket.socket]:

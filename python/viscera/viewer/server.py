@@ -41,6 +41,8 @@ MOST_CONNECTIONS = 32
 """Largest number of connections at once; each takes two threads, and a page with its files makes half a dozen."""
 FAREWELL = 0.3
 """Wait for a page to confirm that its web socket is closed [s]."""
+SLOWEST = 100e3
+"""A page that takes fewer bytes of a file in a second is given up; pages far away are slow, and those that draw."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -128,7 +130,10 @@ class Server:
         name = name or "index.html"
         if name not in self._files:
             return _response(HTTPStatus.NOT_FOUND, b"no such file\n")
-        return _response(HTTPStatus.OK, self._files[name], page.content_type(name))
+        body = self._files[name]
+        # The library counts the time that sending takes as part of the farewell.
+        connection.close_timeout = FAREWELL + len(body) / SLOWEST
+        return _response(HTTPStatus.OK, body, page.content_type(name))
 
 
 class _Door(socket.socket):
