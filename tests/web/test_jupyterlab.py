@@ -80,7 +80,7 @@ class Lab:
 
     def __init__(self, browser: Any, address: str) -> None:
         self.tab = browser.new_context(viewport={"width": 1100, "height": 900}).new_page()
-        self.tab.set_default_timeout(60_000)
+        self.tab.set_default_timeout(180_000)
         self.tab.goto(f"{address}/tree/bar.ipynb?reset")
         self.cells = self.tab.locator(".jp-Notebook .jp-Cell")
         self.force = self.tab.locator(".view .force")
