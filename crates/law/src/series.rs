@@ -9,7 +9,7 @@
 use super::StrainEnergy;
 use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch_solver};
-use viscera_number::{Jet, Monomials, Real, Run};
+use viscera_number::{Jet, Monomials, PooledVec, Real};
 
 /// The inputs of the stress of a strain energy.
 #[derive(Clone, Copy)]
@@ -98,15 +98,15 @@ impl<T: Real> Kernel for Stress<'_, T> {
 fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stress<'_, T>) {
     let (n, top) = (table.len(), table.of_degree(table.order()));
     let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
-    let mut cofactors = Run::zeros(9 * n);
+    let mut cofactors = PooledVec::zeros(9 * n);
     for (entry, z) in cofactors.chunks_exact_mut(n).enumerate() {
         cofactor(table, deformation, entry, z);
     }
     let Z = |i: usize, j: usize| &cofactors[(3 * i + j) * n..(3 * i + j + 1) * n];
 
-    let mut J = Run::zeros(n);
+    let mut J = PooledVec::zeros(n);
     products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))), &mut J);
-    let mut I1 = Run::zeros(if uses.slopes_of_i1 { n } else { 0 });
+    let mut I1 = PooledVec::zeros(if uses.slopes_of_i1 { n } else { 0 });
     if uses.slopes_of_i1 {
         for i in 0..3 {
             products(
@@ -117,7 +117,7 @@ fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stre
             );
         }
     }
-    let mut I2 = Run::zeros(if uses.i2 { n } else { 0 });
+    let mut I2 = PooledVec::zeros(if uses.i2 { n } else { 0 });
     if uses.i2 {
         for i in 0..3 {
             let squares = std::array::from_fn::<_, 3, _>(|j| (1.0, Z(i, j), Z(i, j)));
@@ -137,7 +137,7 @@ fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stre
         products(table, top.clone(), terms, p);
     }
     if uses.i2 {
-        let mut weighted = Run::zeros(9 * n);
+        let mut weighted = PooledVec::zeros(9 * n);
         for (entry, w) in weighted.chunks_exact_mut(n).enumerate() {
             let z = Z(entry / 3, entry % 3);
             products(table, 0..n, [(1.0, &two_psi2[..], z)], w);
@@ -193,7 +193,7 @@ fn add_volume_ratio<T: Real>(VolumeRatio { uses, table, deformation, out }: Volu
         out.iter_mut().for_each(|value| *value = *value * 0.5);
         return;
     }
-    let mut z = Run::zeros(n);
+    let mut z = PooledVec::zeros(n);
     for j in 0..3 {
         z.fill(T::default());
         cofactor(table, deformation, j, &mut z);
@@ -218,8 +218,8 @@ fn next(i: usize) -> (usize, usize) {
 }
 
 #[inline(always)]
-fn padded<T: Real>(series: &Jet<T>, n: usize) -> Run<T> {
-    let mut coefficients = Run::from(series.coefficients());
+fn padded<T: Real>(series: &Jet<T>, n: usize) -> PooledVec<T> {
+    let mut coefficients = PooledVec::from(series.coefficients());
     coefficients.resize(n);
     coefficients
 }

@@ -7,7 +7,7 @@
 //! in one variable it is the recursion of paper A (eqs. 48-51), to any order.
 
 use super::monomials::{Monomials, degree_of};
-use super::run::Run;
+use super::pool::PooledVec;
 use super::{Real, Scalar};
 use crate::simd::{Kernel, dispatch_solver};
 use std::fmt;
@@ -21,12 +21,12 @@ use std::ops::{Add, Mul, Neg, Sub};
 #[derive(Clone)]
 pub struct Jet<T: Real> {
     table: &'static Monomials,
-    coefficients: Run<T>,
+    coefficients: PooledVec<T>,
 }
 
 impl<T: Real> Jet<T> {
     /// The jet with the given coefficients: a whole number of degrees of `table`.
-    pub fn new(table: &'static Monomials, coefficients: impl Into<Run<T>>) -> Self {
+    pub fn new(table: &'static Monomials, coefficients: impl Into<PooledVec<T>>) -> Self {
         Jet { table, coefficients: coefficients.into() }
     }
 
@@ -84,7 +84,7 @@ impl<T: Real> Jet<T> {
     /// `step(out, d)` must add to `out` of degree `d`, which starts at zero.
     #[inline(always)]
     fn by_degree(&self, constant: T, step: impl FnMut(&mut [T], usize)) -> Self {
-        let mut out = Run::zeros(self.table.len());
+        let mut out = PooledVec::zeros(self.table.len());
         out[0] = constant;
         dispatch_solver(ByDegree { order: self.table.order(), out: &mut out, step });
         Jet { table: self.table, coefficients: out }
@@ -166,7 +166,7 @@ impl<T: Real> Mul for Jet<T> {
     #[inline(never)]
     fn mul(self, other: Self) -> Self {
         let (Some(da), Some(db)) = (self.degree(), other.degree()) else {
-            return Jet { table: self.table, coefficients: Run::default() };
+            return Jet { table: self.table, coefficients: PooledVec::default() };
         };
         if db == 0 {
             let b = other.coefficients[0];
@@ -177,7 +177,7 @@ impl<T: Real> Mul for Jet<T> {
             return other.map(|b| a * b);
         }
         let degree = (da + db).min(self.table.order());
-        let mut out = Run::zeros(self.table.up_to(degree));
+        let mut out = PooledVec::zeros(self.table.up_to(degree));
         let (a, b) = (&self.coefficients, &other.coefficients);
         dispatch_solver(Products { pairs: self.table.pairs(0..degree + 1), a, b, out: &mut out });
         Jet { table: self.table, coefficients: out }

@@ -14,8 +14,8 @@ mod jet;
 mod lanes;
 mod monomials;
 pub mod pade;
+mod pool;
 mod power;
-mod run;
 pub mod simd;
 pub mod tensor;
 pub mod unroll;
@@ -26,7 +26,7 @@ pub use jet::Jet;
 pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub use monomials::{Monomials, degree_of, evaluate_monomials};
 pub use pade::Pade;
-pub use run::{Pooled, Run};
+pub use pool::{Pooled, PooledVec};
 pub use vector::{dot, norm};
 
 use std::fmt::Debug;

@@ -199,6 +199,7 @@ fn compare(
     d: [f64; 3],
     workspace: &mut [f32],
 ) -> Between {
+    // A model that is being made sees poles if and only if it is summed in the Padé form.
     let Metadata { order, is_pole_aware: is_pade, .. } = *model.metadata();
     let answer = model.respond(contact, d).force;
     let (field, force) = exact.sum(order, is_pade);
@@ -270,7 +271,8 @@ fn truncation_share<'a>(touches: impl Iterator<Item = &'a Between>) -> Option<f6
     share(touches.filter_map(|touch| touch.truncation))
 }
 
-/// Root mean square of errors in units of their scales, of those that are large enough to tell.
+/// Root mean square of errors in units of their scales. Left out are scales too small to tell, and errors relative to
+/// nothing, where the exact answer is zero.
 fn share(errors: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
     let told = errors.filter(|[error, scale]| *scale > LEAST_DISAGREEMENT && error.is_finite());
     let ratios: Vec<f64> = told.map(|[error, scale]| error / scale).collect();

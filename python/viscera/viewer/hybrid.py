@@ -15,7 +15,7 @@ def page_of(touch: Touch, model: bytes, name: str, *, is_hybrid: bool | None = N
     the organ, and the stepper is built and smaller than the model. Raises `VisceraError` if True and impossible.
     """
     plain = {**page.files(), page.MODEL: model}
-    if is_hybrid is False or (is_hybrid is None and not (page.can_step() and len(model) > page.stepping_bytes())):
+    if is_hybrid is False or (is_hybrid is None and len(model) <= page.stepping_bytes()):
         return plain
     first = first_case(touch, name)
     if first is not None and (is_hybrid or len(model) > page.stepping_bytes() + len(first.data)):

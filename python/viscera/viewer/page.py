@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from collections.abc import Mapping
 from importlib import resources
 
@@ -51,9 +52,10 @@ def can_step() -> bool:
     return _built().keys() >= set(STEPPER)
 
 
-def stepping_bytes() -> int:
-    """Of what steps a case in a page, the case left out."""
-    return sum(len(_stepping()[name]) for name in STEPPER)
+def stepping_bytes() -> float:
+    """Of what steps a case in a page, the case left out; infinite if that was not built."""
+    built = _built()
+    return sum(len(built[name]) if name in built else math.inf for name in STEPPER)
 
 
 def single(files: Mapping[str, bytes], part: str) -> bytes:
@@ -112,6 +114,7 @@ def _built() -> dict[str, bytes]:
 
 
 def _stepping() -> dict[str, bytes]:
-    if not can_step():
+    built = _built()
+    if not built.keys() >= set(STEPPER):
         raise VisceraError("this package was built without what steps a case in the page: run 'make viewer'")
-    return _built()
+    return built
