@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 use support::{Block, device, laws};
 use viscera_gpu::plan::Plan;
-use viscera_gpu::{CellBuffers, Settings, System};
+use viscera_gpu::{CellBuffers, Settings, System, Tangent};
 
 /// Iterations of a timed solve; its tolerance is out of reach.
 const ITERATIONS: usize = 200;
@@ -28,12 +28,12 @@ fn main() {
         println!("SOFTWARE ON THE PROCESSOR: no measure of a graphics processor, not to be kept");
     }
     let block = Block::new(side);
-    let (_, law, row) = laws(0.45).remove(2);
-    let rows = [row];
+    let (_, law, rows) = laws(0.45).remove(3);
     let solid = block.solid(&law, &rows);
     let pairs = block.pairs();
     let plan = Plan::new(&solid, &pairs, gpu.largest_binding()).expect("the block is sound");
-    let (cells, mut system) = CellBuffers::new(&gpu, &solid, &pairs).expect("the block is sound");
+    let (mut cells, mut system) =
+        CellBuffers::new(&gpu, &solid, &pairs).expect("the block is sound");
     system.hold(&block.is_held(), &[]).expect("the device works");
     println!(
         "{} cells, {} nodes, {} chunks, padding {:.2}",
@@ -42,7 +42,7 @@ fn main() {
 
     let u = block.bent(0.05);
     let assembly = least(|| {
-        cells.linearize(&mut system, &u, 0.0).expect("the device works");
+        cells.form(&mut system, &Tangent::at(&u)).expect("the device works");
         cells.internal_force(&system, &u).expect("the device works"); // waits
     });
     let bytes: f64 = plan.assembly.iter().map(|work| work.bytes).sum();

@@ -32,8 +32,7 @@ fn main() {
             1e6 * per_dispatch
         );
     }
-    let (_, law, row) = laws(0.45).remove(2);
-    let rows = [row];
+    let (_, law, rows) = laws(0.45).remove(3);
     let plan_of = |n: usize| {
         let block = Block::new(n);
         Plan::new(&block.solid(&law, &rows), &block.pairs(), BINDING).expect("the block is sound")

@@ -1,10 +1,13 @@
-//! Cells on the device: internal forces and the tangent's blocks from the displacement.
+//! Cells on the device: internal forces and the tangent's blocks from the displacement, with what clusters of cells and
+//! the caller add to them.
 
+use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
 use crate::device::{Gpu, dispatch, workgroups};
 use crate::layout::OF_CELL;
+use crate::rest::{Rest, RestBlock};
 use crate::{Error, Law, System};
 use std::sync::Arc;
-use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
+use wgpu::{BindGroup, Buffer, ComputePipeline};
 
 /// A body of linear tetrahedra.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +20,33 @@ pub struct Solid<'a> {
     pub law: &'a Law,
     /// One row of the law's parameters for all cells, or one for each.
     pub parameters: &'a [Vec<f64>],
+    /// Cells that share their volume ratio, if any do.
+    pub clusters: Option<Clusters<'a>>,
+}
+
+/// A tangent to form: `factor K(u) + rest + shift I`.
+#[derive(Clone, Copy, Debug)]
+pub struct Tangent<'a> {
+    /// Displacement [m].
+    pub u: &'a [f64],
+    /// Pressure of each cluster.
+    pub pressures: &'a [f64],
+    /// By node of the clusters: slope of the cluster's volume ratio, and the same times its modulus. A cluster adds the
+    /// product of the two.
+    pub slopes: [&'a [[f64; 3]]; 2],
+    /// Factor of the law's tangent.
+    pub factor: f64,
+    /// What is added to it; none if it is what it was.
+    pub rest: Option<&'a [RestBlock]>,
+    /// Multiple of the identity.
+    pub shift: f64,
+}
+
+impl<'a> Tangent<'a> {
+    /// That of the cells at a displacement.
+    pub fn at(u: &'a [f64]) -> Self {
+        Tangent { u, pressures: &[], slopes: [&[], &[]], factor: 1.0, rest: None, shift: 0.0 }
+    }
 }
 
 struct Kernels {
@@ -30,6 +60,7 @@ struct ChunkCommands {
     respond: (BindGroup, u32),
     blocks: (BindGroup, u32),
     forces: (BindGroup, u32),
+    clusters: Option<(BindGroup, u32)>,
 }
 
 /// Cells that write their tangent into the matrix of a [`System`].
@@ -39,6 +70,8 @@ pub struct CellBuffers {
     chunks: Vec<ChunkCommands>,
     displacement: Buffer,
     force: Buffer,
+    clusters: Option<ClusterBuffers>,
+    rest: Rest,
     n_responses: usize,
 }
 
@@ -54,30 +87,44 @@ impl CellBuffers {
     ) -> Result<(Self, System), Error> {
         let n_nodes = solid.points.len();
         solid.check()?;
-        let system = System::with_cells(gpu, n_nodes, pairs, solid.cells)?;
-        let source = format!(
-            "{}\n{}",
+        let products =
+            solid.clusters.map_or(Vec::new(), |clusters| clusters.products_of_rows(n_nodes));
+        let system = System::with_cells(gpu, n_nodes, pairs, (solid.cells, &products))?;
+        let source = [
             include_str!("kernels/cells.wgsl"),
-            solid.law.source(solid.parameters)
-        );
+            if solid.clusters.is_some() { IN_CLUSTERS } else { ALONE },
+            &solid.law.source(solid.parameters),
+        ];
+        let source = source.join("\n");
         let gather = include_str!("kernels/gather.wgsl");
         let kernels = Kernels {
             respond: gpu.kernel(&source, "respond_all")?,
             blocks: gpu.kernel(gather, "gather_blocks")?,
             forces: gpu.kernel(gather, "gather_forces")?,
         };
+        let clusters = solid.clusters.map(|c| ClusterBuffers::new(gpu, c)).transpose()?;
         let n_responses = system.layout.chunks.iter().map(|chunk| chunk.cells.len()).sum();
         let largest = system.layout.chunks.iter().map(|chunk| chunk.cells.len()).max();
         let response = gpu.zeros::<f32>("responses of cells", OF_CELL * largest.unwrap_or(0))?;
         let displacement = gpu.zeros::<f32>("displacement", 3 * n_nodes)?;
         let force = gpu.zeros::<f32>("internal force", 3 * n_nodes)?;
-        let parts = Parts { gpu, solid, system: &system, kernels: &kernels };
-        let chunks = (0..system.layout.chunks.len())
-            .map(|k| parts.commands(k, &response, &displacement, &force))
-            .collect::<Result<_, _>>()?;
+        let reads_parameters = source.contains("parameters[");
+        let shared = Shared { response, displacement, force, clusters, reads_parameters };
+        let parts = Parts { gpu, solid, system: &system, kernels: &kernels, shared: &shared };
+        let chunks =
+            (0..system.layout.chunks.len()).map(|k| parts.commands(k)).collect::<Result<_, _>>()?;
         gpu.check()?;
-        let cells =
-            CellBuffers { gpu: gpu.clone(), kernels, chunks, displacement, force, n_responses };
+        let Shared { displacement, force, clusters, .. } = shared;
+        let cells = CellBuffers {
+            gpu: gpu.clone(),
+            kernels,
+            chunks,
+            displacement,
+            force,
+            clusters,
+            rest: Rest::new(gpu, pairs)?,
+            n_responses,
+        };
         Ok((cells, system))
     }
 
@@ -86,27 +133,47 @@ impl CellBuffers {
         self.n_responses
     }
 
-    /// The tangent at a displacement, with `shift` added to its diagonal, becomes the matrix of the system.
+    /// The tangent becomes the matrix of the system.
     ///
     /// # Errors
-    /// A displacement of a wrong length or not finite; the device.
-    pub fn linearize(&self, system: &mut System, u: &[f64], shift: f64) -> Result<(), Error> {
-        self.move_to(system, u)?;
+    /// A vector of a wrong length or not finite; a block that the pattern lacks; too little memory; the device.
+    pub fn form(&mut self, system: &mut System, tangent: &Tangent<'_>) -> Result<(), Error> {
+        self.move_to(system, tangent.u)?;
+        if let Some(clusters) = &self.clusters {
+            clusters.move_to(&self.gpu, tangent)?;
+        }
+        if let Some(rest) = tangent.rest {
+            self.rest.take(&self.gpu, system, rest)?;
+        }
         let mut encoder = self.gpu.encoder();
-        self.encode(&mut encoder, true);
-        system.encode_preparation(&mut encoder, shift);
+        let Kernels { respond, blocks, .. } = &self.kernels;
+        for chunk in &self.chunks {
+            dispatch(&mut encoder, respond, &chunk.respond.0, chunk.respond.1);
+            dispatch(&mut encoder, blocks, &chunk.blocks.0, chunk.blocks.1);
+            if let Some((clusters, (group, count))) =
+                self.clusters.as_ref().zip(chunk.clusters.as_ref())
+            {
+                dispatch(&mut encoder, &clusters.kernel, group, *count);
+            }
+        }
+        self.rest.encode(&self.gpu, &mut encoder, system, tangent.factor)?;
+        system.encode_preparation(&mut encoder, tangent.shift);
         self.gpu.submit(encoder);
         self.gpu.check()
     }
 
-    /// The internal force at a displacement, in single precision.
+    /// The internal force of the cells at a displacement, in single precision; without what clusters add.
     ///
     /// # Errors
-    /// Those of [`CellBuffers::linearize`].
+    /// A displacement of a wrong length or not finite; the device.
     pub fn internal_force(&self, system: &System, u: &[f64]) -> Result<Vec<f64>, Error> {
         self.move_to(system, u)?;
         let mut encoder = self.gpu.encoder();
-        self.encode(&mut encoder, false);
+        let Kernels { respond, forces, .. } = &self.kernels;
+        for chunk in &self.chunks {
+            dispatch(&mut encoder, respond, &chunk.respond.0, chunk.respond.1);
+            dispatch(&mut encoder, forces, &chunk.forces.0, chunk.forces.1);
+        }
         let force: Vec<f32> = self.gpu.read(encoder, &self.force, u.len())?;
         Ok(system.in_order(&force, 1.0))
     }
@@ -116,23 +183,14 @@ impl CellBuffers {
         self.gpu.write(&self.displacement, &system.placed(u, 1.0, false));
         Ok(())
     }
-
-    /// Forces, and blocks where they are asked for.
-    fn encode(&self, encoder: &mut CommandEncoder, with_blocks: bool) {
-        let Kernels { respond, blocks, forces } = &self.kernels;
-        for chunk in &self.chunks {
-            dispatch(encoder, respond, &chunk.respond.0, chunk.respond.1);
-            dispatch(encoder, forces, &chunk.forces.0, chunk.forces.1);
-            if with_blocks {
-                dispatch(encoder, blocks, &chunk.blocks.0, chunk.blocks.1);
-            }
-        }
-    }
 }
 
 impl Solid<'_> {
     fn check(&self) -> Result<(), Error> {
         self.law.check(self.parameters, self.cells.len())?;
+        if let Some(clusters) = &self.clusters {
+            clusters.check(self.points.len(), self.cells.len())?;
+        }
         let outside = |cell: &[u32; 4]| cell.iter().any(|&node| node as usize >= self.points.len());
         if let Some(cell) = self.cells.iter().position(outside) {
             return Err(Error::Input(format!(
@@ -165,23 +223,29 @@ fn geometry(points: &[[f64; 3]], cell: [u32; 4]) -> [f64; 10] {
     })
 }
 
+/// Buffers of all chunks.
+struct Shared {
+    response: Buffer,
+    displacement: Buffer,
+    force: Buffer,
+    clusters: Option<ClusterBuffers>,
+    /// The kernel of the law has parameters of cells.
+    reads_parameters: bool,
+}
+
 /// What the buffers of a chunk are made from.
 struct Parts<'a> {
     gpu: &'a Gpu,
     solid: &'a Solid<'a>,
     system: &'a System,
     kernels: &'a Kernels,
+    shared: &'a Shared,
 }
 
 impl Parts<'_> {
-    fn commands(
-        &self,
-        k: usize,
-        response: &Buffer,
-        displacement: &Buffer,
-        force: &Buffer,
-    ) -> Result<ChunkCommands, Error> {
-        let Parts { gpu, solid, system, kernels } = self;
+    fn commands(&self, k: usize) -> Result<ChunkCommands, Error> {
+        let Parts { gpu, solid, system, kernels, shared } = self;
+        let Shared { response, displacement, force, clusters, .. } = shared;
         let (chunk, row_of) = (&system.layout.chunks[k], &system.layout.row_of);
         let of_chunk = || chunk.cells.iter().map(|&cell| solid.cells[cell as usize]);
         let rows: Vec<[u32; 4]> = of_chunk().map(|c| c.map(|node| row_of[node as usize])).collect();
@@ -197,17 +261,21 @@ impl Parts<'_> {
         let rows_of_cells = gpu.buffer("cells", &rows)?;
         let shapes = gpu.buffer("shapes of cells", &shapes)?;
         let parameters = gpu.buffer("parameters", &parameters)?;
-        let respond = gpu.bind(
-            &kernels.respond,
-            &[
-                displacement,
-                &rows_of_cells,
-                &shapes,
-                &parameters,
-                response,
-                &gpu.uniform([rows.len() as u32, 0, 0, 0]),
-            ],
-        );
+        let size = gpu.uniform([rows.len() as u32, 0, 0, 0]);
+        let mut bound =
+            vec![(0, displacement), (1, &rows_of_cells), (2, &shapes), (4, response), (5, &size)];
+        if shared.reads_parameters {
+            bound.push((3, &parameters));
+        }
+        let of: Vec<u32> = match solid.clusters {
+            Some(clusters) => chunk.cells.iter().map(|&cell| clusters.of[cell as usize]).collect(),
+            None => Vec::new(),
+        };
+        let of = gpu.buffer("clusters of cells", &of)?;
+        if let Some(clusters) = clusters {
+            bound.extend([(6, &clusters.pressures), (7, &of)]);
+        }
+        let respond = gpu.bind_at(&kernels.respond, &bound);
 
         let places = chunk.columns.len();
         let own = |row: u32| chunk.rows.contains(&(row as usize));
@@ -225,7 +293,7 @@ impl Parts<'_> {
         let of_forces: Vec<_> =
             corners().map(|(cell, k, a)| (cell[a] as usize - first, 16 * k + a as u32)).collect();
         let of_forces = Gathered::new(chunk.rows.len(), &of_forces);
-        let bind = |kernel, parts: &Gathered, sums, size| -> Result<BindGroup, Error> {
+        let bind = |kernel, parts: &Gathered<u32>, sums, size| -> Result<BindGroup, Error> {
             let starts = gpu.buffer("parts", &parts.starts)?;
             let parts = gpu.buffer("parts", &parts.parts)?;
             Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(size)]))
@@ -235,26 +303,31 @@ impl Parts<'_> {
         let size = [chunk.rows.start as u32, chunk.rows.len() as u32, 0, 0];
         let forces = bind(&kernels.forces, &of_forces, force, size)?;
         let groups = |threads| workgroups(threads, usize::MAX);
+        let with_clusters = solid.clusters.zip(clusters.as_ref());
+        let clusters = with_clusters
+            .map(|(clusters, buffers)| buffers.commands(gpu, system, k, clusters))
+            .transpose()?;
         Ok(ChunkCommands {
             respond: (respond, groups(rows.len())),
             blocks: (blocks, groups(places)),
             forces: (forces, groups(chunk.rows.len())),
+            clusters: clusters.map(|group| (group, groups(places))),
         })
     }
 }
 
 /// What is added up at each place, in the order it is given in.
-struct Gathered {
-    starts: Vec<u32>,
-    parts: Vec<u32>,
+pub(crate) struct Gathered<T> {
+    pub starts: Vec<u32>,
+    pub parts: Vec<T>,
 }
 
-impl Gathered {
-    fn new(places: usize, given: &[(usize, u32)]) -> Self {
+impl<T: Copy + Default> Gathered<T> {
+    pub fn new(places: usize, given: &[(usize, T)]) -> Self {
         let mut starts = vec![0u32; places + 1];
         given.iter().for_each(|(place, _)| starts[place + 1] += 1);
         (0..places).for_each(|k| starts[k + 1] += starts[k]);
-        let (mut next, mut parts) = (starts.clone(), vec![0u32; starts[places] as usize]);
+        let (mut next, mut parts) = (starts.clone(), vec![T::default(); starts[places] as usize]);
         for &(place, part) in given {
             parts[next[place] as usize] = part;
             next[place] += 1;

@@ -4,6 +4,7 @@ use crate::Error;
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 use wgpu::util::DeviceExt;
@@ -17,6 +18,20 @@ const MOST_WORKGROUPS: u32 = 65_535;
 
 /// How long another thread may take to hand over a result that the device has already finished.
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What was moved since the program began, on all devices.
+static WRITTEN: AtomicU64 = AtomicU64::new(0);
+static READ: AtomicU64 = AtomicU64::new(0);
+static DISPATCHES: AtomicU64 = AtomicU64::new(0);
+
+/// What went to devices since the program began, after their buffers were made, and back.
+pub fn traffic() -> viscera_device::Traffic {
+    viscera_device::Traffic {
+        written: WRITTEN.load(Relaxed),
+        read: READ.load(Relaxed),
+        dispatches: DISPATCHES.load(Relaxed),
+    }
+}
 
 /// A graphics processor, or software that takes its place.
 pub struct Gpu {
@@ -168,6 +183,7 @@ impl Gpu {
     }
 
     pub(crate) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
+        WRITTEN.fetch_add(size_of_val(values) as u64, Relaxed);
         self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
     }
 
@@ -238,6 +254,7 @@ impl Gpu {
         count: usize,
     ) -> Result<Vec<T>, Error> {
         let bytes = (count * size_of::<T>()) as u64;
+        READ.fetch_add(bytes, Relaxed);
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let descriptor = wgpu::BufferDescriptor {
             label: Some("result"),
@@ -277,6 +294,7 @@ pub(crate) fn dispatch(
     group: &BindGroup,
     workgroups: u32,
 ) {
+    DISPATCHES.fetch_add(1, Relaxed);
     let mut pass = encoder.begin_compute_pass(&Default::default());
     pass.set_pipeline(kernel);
     pass.set_bind_group(0, group, &[]);

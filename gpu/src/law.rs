@@ -20,6 +20,20 @@ pub enum Law {
 }
 
 impl Law {
+    /// A law of the interface.
+    ///
+    /// # Errors
+    /// An unknown model or operation; an operand that is no earlier result.
+    pub fn of(model: u32, operations: &[viscera_device::law::Operation]) -> Result<Self, Error> {
+        use viscera_device::law::{COROTATED, ENERGY, LINEAR};
+        match model {
+            ENERGY => Program::of(operations).map(Law::Energy),
+            LINEAR => Ok(Law::Linear),
+            COROTATED => Ok(Law::Corotated),
+            other => Err(Error::Input(format!("there is no model {other}"))),
+        }
+    }
+
     /// Length of a row of parameters.
     pub fn n_parameters(&self) -> usize {
         match self {
@@ -81,7 +95,10 @@ impl Law {
                 let counts = |o: &Operation| {
                     !matches!(
                         o,
-                        Operation::Constant(_) | Operation::Parameter(_) | Operation::Invariant(_)
+                        Operation::Constant(_)
+                            | Operation::Parameter(_)
+                            | Operation::Pressure
+                            | Operation::Invariant(_)
                     )
                 };
                 let used = program.operations().iter().zip(needed);
@@ -149,11 +166,12 @@ impl Derivatives {
     }
 }
 
-/// `fn energy(i1, i2, j, row)`, `i1 = I1 - 3`, `i2 = I2 - 3`, `j = J - 1`.
+/// `fn energy(i1, i2, j, row, pressure)`, `i1 = I1 - 3`, `i2 = I2 - 3`, `j = J - 1`.
 fn energy_source(program: &Program, rows: &[Vec<f64>]) -> String {
     let Derivatives { program, outputs } = Derivatives::new(program, rows);
     let needed = program.needed(&outputs.map(|(_, value)| value));
-    let mut text = String::from("fn energy(i1: f32, i2: f32, j: f32, row: u32) -> Energy {\n");
+    let mut text =
+        String::from("fn energy(i1: f32, i2: f32, j: f32, row: u32, pressure: f32) -> Energy {\n");
     for (value, (&operation, _)) in
         program.operations().iter().zip(&needed).enumerate().filter(|(_, (_, needed))| **needed)
     {
@@ -171,6 +189,7 @@ fn expression(operation: Operation) -> String {
     match operation {
         Constant(c) => number(c),
         Parameter(k) => format!("parameters[row + {k}u]"),
+        Pressure => "pressure".to_string(),
         Invariant(invariant) => ["i1", "i2", "j"][invariant as usize].to_string(),
         Add(a, b) => format!("v{a} + v{b}"),
         Subtract(a, b) => format!("v{a} - v{b}"),

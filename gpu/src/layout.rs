@@ -41,11 +41,12 @@ pub(crate) struct Chunk {
 
 impl Layout {
     /// Lays out the matrix whose upper triangle has blocks at `pairs`, the diagonal among them; `cells` are those whose
-    /// response a chunk is to hold, if any.
+    /// response a chunk is to hold, if any; `products` how many products of clusters each row has, if any.
     pub fn new(
         n_nodes: usize,
         pairs: &[(u32, u32)],
         cells: &[[u32; 4]],
+        products: &[u32],
         largest_binding: u64,
     ) -> Result<Self, Error> {
         let rows = neighbours(n_nodes, pairs)?;
@@ -56,7 +57,8 @@ impl Layout {
         let mut chunks = Vec::new();
         let mut first = 0;
         while first < n_nodes {
-            let end = end_of_chunk(first, &order, &rows, &touching, cells.len(), largest_binding)?;
+            let of_cells = (&touching[..], cells.len());
+            let end = end_of_chunk(first, &order, &rows, of_cells, products, largest_binding)?;
             chunks.push(Chunk::new(first..end, &order, &row_of, &rows, &touching));
             first = end;
         }
@@ -131,16 +133,17 @@ fn touching(n_nodes: usize, cells: &[[u32; 4]]) -> Vec<Vec<u32>> {
     touching
 }
 
-/// As many slices as fit: their values, and the responses of the cells that touch them.
+/// As many slices as fit: their values, the responses of the cells that touch them, and the products of clusters.
 fn end_of_chunk(
     first: usize,
     order: &[u32],
     rows: &[Vec<(u32, u32)>],
-    touching: &[Vec<u32>],
-    n_cells: usize,
+    (touching, n_cells): (&[Vec<u32>], usize),
+    products: &[u32],
     largest_binding: u64,
 ) -> Result<usize, Error> {
     let (mut is_counted, mut n_counted, mut places) = (vec![false; n_cells], 0usize, 0usize);
+    let mut n_products = 0;
     let mut end = first;
     while end < order.len() {
         let slice = &order[end..(end + SLICE).min(order.len())];
@@ -148,7 +151,10 @@ fn end_of_chunk(
         for &cell in slice.iter().flat_map(|&node| &touching[node as usize]) {
             n_counted += usize::from(!std::mem::replace(&mut is_counted[cell as usize], true));
         }
-        let bytes = (36 * places).max(4 * OF_CELL * n_counted).max(64 * n_counted) as u64;
+        let of_row = |&node: &u32| products.get(node as usize).copied().unwrap_or(0) as usize;
+        n_products += slice.iter().map(of_row).sum::<usize>();
+        let of_cells = (4 * OF_CELL * n_counted).max(64 * n_counted);
+        let bytes = (36 * places).max(of_cells).max(8 * n_products) as u64;
         if bytes > largest_binding {
             break;
         }
@@ -198,6 +204,20 @@ impl Chunk {
         Chunk { rows: range, starts, columns, source, diagonal, cells }
     }
 
+    /// The values of blocks of the upper triangle, as kernels read them; zero where there is none.
+    pub fn packed<'a>(&self, block: impl Fn(usize) -> Option<&'a [f64; 9]>) -> Vec<f32> {
+        let mut packed = vec![0.0f32; 9 * self.source.len()];
+        for (place, &source) in self.source.iter().enumerate().filter(|(_, s)| **s != PADDING) {
+            let Some(block) = block(source as usize / 2) else { continue };
+            let at = 9 * SLICE * (place / SLICE) + place % SLICE;
+            for e in 0..9 {
+                let entry = if source % 2 == 0 { e } else { 3 * (e % 3) + e / 3 };
+                packed[at + SLICE * e] = block[entry] as f32;
+            }
+        }
+        packed
+    }
+
     /// The place of a block.
     ///
     /// # Errors
@@ -225,7 +245,7 @@ mod tests {
     #[test]
     fn every_block_stands_in_both_its_rows_once() {
         let pairs = chain(101);
-        let layout = Layout::new(101, &pairs, &[], 36 * 32 * 3 * 2).unwrap();
+        let layout = Layout::new(101, &pairs, &[], &[], 36 * 32 * 3 * 2).unwrap();
         assert!(layout.chunks.len() > 1);
         let mut node_of = vec![0; 101];
         (0..101).for_each(|node| node_of[layout.row_of[node] as usize] = node as u32);
@@ -247,7 +267,7 @@ mod tests {
     #[test]
     fn a_binding_too_small_for_a_slice_and_pairs_out_of_place_are_refused() {
         let refused =
-            |pairs: &[(u32, u32)], bytes| Layout::new(40, pairs, &[], bytes).err().unwrap();
+            |pairs: &[(u32, u32)], bytes| Layout::new(40, pairs, &[], &[], bytes).err().unwrap();
         assert!(refused(&chain(40), 100).to_string().contains("not even 32 points"));
         assert!(refused(&[(1, 0)], 1 << 20).to_string().contains("(1, 0)"));
         assert!(refused(&[(0, 0)], 1 << 20).to_string().contains("row 1 has no block"));

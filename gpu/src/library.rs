@@ -1,13 +1,21 @@
 //! This crate as a library that is loaded at run time: the functions of `viscera-device`. No panic leaves it.
 
-use crate::{Ending, Error, Gpu, Mean, Settings, System};
+use crate::{
+    CellBuffers, Clusters, Ending, Error, Gpu, Law, Mean, RestBlock, Settings, Solid, System,
+    Tangent, traffic,
+};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use viscera_device::{About, Answer, Handle, Interface, Slice, Task, Text, VERSION};
+use viscera_device::{
+    About, Answer, Cells, Handle, Interface, Slice, Task, Text, Traffic, VERSION,
+};
 
 /// Iterations between two questions whether the device is done.
 const CHECK_EVERY: usize = 16;
+
+/// The environment's limit.
+const BINDING: &str = "VISCERA_GPU_BINDING";
 
 /// A deadline further away than this is none [s].
 const FAR: f64 = 1e6;
@@ -15,8 +23,28 @@ const FAR: f64 = 1e6;
 /// The machine's graphics processor, opened when it is first needed, and again when it was lost.
 static DEVICE: Mutex<Option<Arc<Gpu>>> = Mutex::new(None);
 
-static INTERFACE: Interface =
-    Interface { version: VERSION, about, lose, new, free, hold, load, solve };
+static INTERFACE: Interface = Interface {
+    version: VERSION,
+    about,
+    lose,
+    new,
+    new_with_cells,
+    free,
+    hold,
+    load,
+    form,
+    multiply,
+    magnitude,
+    traffic: read_traffic,
+    solve,
+};
+
+/// What a handle stands for.
+struct Body {
+    system: System,
+    /// Where the device forms its tangents.
+    cells: Option<CellBuffers>,
+}
 
 /// The functions of this library.
 #[unsafe(no_mangle)]
@@ -29,9 +57,18 @@ fn device() -> Result<Arc<Gpu>, Error> {
     if let Some(gpu) = known.as_ref().filter(|gpu| gpu.check().is_ok()) {
         return Ok(gpu.clone());
     }
-    let gpu = Arc::new(Gpu::open()?);
+    let gpu = Arc::new(Gpu::open_with(largest_binding()?)?);
     *known = Some(gpu.clone());
     Ok(gpu)
+}
+
+/// The largest part of a buffer that a kernel is to see at once [bytes]: as much as the device grants, or less if the
+/// environment says so, to try what a smaller device does.
+fn largest_binding() -> Result<u64, Error> {
+    let Ok(words) = std::env::var(BINDING) else { return Ok(u64::MAX) };
+    words
+        .parse()
+        .map_err(|_| Error::Input(format!("{BINDING} is {words:?}; give a number of bytes")))
 }
 
 /// Whether an act succeeds; why not, in a sentence.
@@ -77,22 +114,55 @@ unsafe extern "C" fn new(
         let pairs = unsafe { pairs.get() };
         let pairs: Vec<(u32, u32)> = pairs.iter().map(|&[row, column]| (row, column)).collect();
         let system = System::new(&device()?, n_nodes, &pairs)?;
-        *handle = Box::into_raw(Box::new(system)).cast();
+        *handle = Box::into_raw(Box::new(Body { system, cells: None })).cast();
+        Ok(())
+    })
+}
+
+unsafe extern "C" fn new_with_cells(
+    n_nodes: usize,
+    pairs: Slice<[u32; 2]>,
+    cells: &Cells,
+    handle: &mut Handle,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's slices live until this returns.
+        let (pairs, points) = unsafe { (pairs.get(), cells.points.get()) };
+        // SAFETY: the same.
+        let (corners, operations) = unsafe { (cells.cells.get(), cells.operations.get()) };
+        // SAFETY: the same.
+        let (parameters, of) = unsafe { (cells.parameters.get(), cells.cluster_of.get()) };
+        // SAFETY: the same.
+        let (starts, nodes) = unsafe { (cells.cluster_starts.get(), cells.cluster_nodes.get()) };
+        if points.len() != n_nodes {
+            return Err(Error::Input(format!("{} points for {n_nodes} nodes", points.len())));
+        }
+        let rows: Vec<Vec<f64>> = match cells.n_parameters {
+            0 => vec![Vec::new()],
+            n => parameters.chunks(n).map(<[f64]>::to_vec).collect(),
+        };
+        let pairs: Vec<(u32, u32)> = pairs.iter().map(|&[row, column]| (row, column)).collect();
+        let law = Law::of(cells.model, operations)?;
+        let clusters = (!of.is_empty()).then_some(Clusters { of, starts, nodes });
+        let solid = Solid { points, cells: corners, law: &law, parameters: &rows, clusters };
+        let (cells, system) = CellBuffers::new(&device()?, &solid, &pairs)?;
+        *handle = Box::into_raw(Box::new(Body { system, cells: Some(cells) })).cast();
         Ok(())
     })
 }
 
 unsafe extern "C" fn free(handle: Handle) {
     // SAFETY: the handle is one of `new`, and not used again.
-    let system = unsafe { Box::from_raw(handle.cast::<System>()) };
-    let _ = catch_unwind(AssertUnwindSafe(|| drop(system)));
+    let body = unsafe { Box::from_raw(handle.cast::<Body>()) };
+    let _ = catch_unwind(AssertUnwindSafe(|| drop(body)));
 }
 
-/// The system of a handle.
+/// What a handle stands for.
 ///
 /// # Safety
 /// It is one of `new` that was not given to `free`, and no other thread uses it.
-unsafe fn system<'a>(handle: Handle) -> &'a mut System {
+unsafe fn body<'a>(handle: Handle) -> &'a mut Body {
     // SAFETY: see above.
     unsafe { &mut *handle.cast() }
 }
@@ -107,12 +177,12 @@ unsafe extern "C" fn hold(
 ) -> bool {
     attempt(fault, || {
         // SAFETY: the caller's handle and slices live until this returns.
-        let (system, is_held) = unsafe { (system(handle), is_held.get()) };
+        let (body, is_held) = unsafe { (body(handle), is_held.get()) };
         // SAFETY: the same.
         let (starts, dofs, weights) = unsafe { (starts.get(), dofs.get(), weights.get()) };
         let rows: Vec<(u32, f64)> = dofs.iter().copied().zip(weights.iter().copied()).collect();
         let means: Vec<Mean> = starts.windows(2).map(|w| rows[w[0]..w[1]].to_vec()).collect();
-        system.hold(is_held, &means)
+        body.system.hold(is_held, &means)
     })
 }
 
@@ -123,7 +193,64 @@ unsafe extern "C" fn load(
     fault: &mut Text,
 ) -> bool {
     // SAFETY: the caller's handle and slice live until this returns.
-    attempt(fault, || unsafe { system(handle).load(values.get(), shift) })
+    attempt(fault, || unsafe { body(handle).system.load(values.get(), shift) })
+}
+
+unsafe extern "C" fn form(
+    handle: Handle,
+    tangent: &viscera_device::Tangent,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's handle and slices live until this returns.
+        let (body, u) = unsafe { (body(handle), tangent.u.get()) };
+        // SAFETY: the same.
+        let (pressures, rest) = unsafe { (tangent.pressures.get(), tangent.rest.get()) };
+        // SAFETY: the same.
+        let slopes = unsafe { [tangent.slopes.get(), tangent.weighted.get()] };
+        let rest: Vec<RestBlock> =
+            rest.iter().map(|block| (block.row, block.column, block.values)).collect();
+        let Body { system, cells } = body;
+        let cells = cells.as_mut();
+        let cells = cells.ok_or_else(|| Error::Input("the system has no cells".to_string()))?;
+        let rest = tangent.is_rest_new.then_some(&rest[..]);
+        let (factor, shift) = (tangent.factor, tangent.shift);
+        cells.form(system, &Tangent { u, pressures, slopes, factor, rest, shift })
+    })
+}
+
+unsafe extern "C" fn multiply(
+    handle: Handle,
+    x: Slice<f64>,
+    product: *mut f64,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's handle and slice live until this returns.
+        let (body, x) = unsafe { (body(handle), x.get()) };
+        let found = body.system.multiply(x)?;
+        // SAFETY: there is room for as many values as the vector has.
+        unsafe { product.copy_from_nonoverlapping(found.as_ptr(), x.len()) };
+        Ok(())
+    })
+}
+
+unsafe extern "C" fn magnitude(
+    handle: Handle,
+    x: Slice<f64>,
+    found: &mut f64,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's handle and slice live until this returns.
+        let (body, x) = unsafe { (body(handle), x.get()) };
+        *found = body.system.magnitude(x)?;
+        Ok(())
+    })
+}
+
+extern "C" fn read_traffic(found: &mut Traffic) {
+    *found = traffic();
 }
 
 unsafe extern "C" fn solve(
@@ -134,7 +261,7 @@ unsafe extern "C" fn solve(
 ) -> bool {
     attempt(fault, || {
         // SAFETY: the caller's handle and slice live until this returns.
-        let (system, b) = unsafe { (system(handle), task.b.get()) };
+        let (body, b) = unsafe { (body(handle), task.b.get()) };
         let has_deadline = task.seconds < FAR;
         let settings = Settings {
             tolerance: task.tolerance,
@@ -143,13 +270,14 @@ unsafe extern "C" fn solve(
             deadline: has_deadline
                 .then(|| Instant::now() + Duration::from_secs_f64(task.seconds.max(0.0))),
         };
-        let found = system.solve(b, &settings)?;
+        let found = body.system.solve(b, &settings)?;
         // SAFETY: both have room for as many values as the right-hand side has.
         unsafe {
             answer.x.copy_from_nonoverlapping(found.x.as_ptr(), found.x.len());
             answer.direction.copy_from_nonoverlapping(found.direction.as_ptr(), b.len());
         }
         answer.iterations = found.iterations;
+        answer.residual = found.residual;
         answer.is_indefinite = found.ending == Ending::Indefinite;
         Ok(())
     })

@@ -43,8 +43,9 @@ pub struct Plan {
     pub padding: f64,
     /// Responses over cells: 1 where no cell stands in two chunks.
     pub repeated: f64,
-    /// Once a frame: responses of cells, gathered, and the diagonal inverted.
-    pub assembly: [Work; 4],
+    /// Once a frame: responses of cells, gathered, and the diagonal inverted; the product that the guess needs, and the
+    /// magnitude of rounding.
+    pub assembly: [Work; 5],
     /// Once an iteration.
     pub iteration: [Work; 2],
 }
@@ -60,7 +61,7 @@ impl Plan {
         largest_binding: u64,
     ) -> Result<Self, Error> {
         let (nodes, cells) = (solid.points.len(), solid.cells.len());
-        let layout = Layout::new(nodes, pairs, solid.cells, largest_binding)?;
+        let layout = Layout::new(nodes, pairs, solid.cells, &[], largest_binding)?;
         let (places, chunks) = (layout.n_places() as f64, layout.chunks.len());
         let responses = layout.chunks.iter().map(|chunk| chunk.cells.len()).sum::<usize>() as f64;
         let blocks = pairs.iter().map(|(a, b)| if a == b { 1.0 } else { 2.0 }).sum::<f64>();
@@ -81,8 +82,9 @@ impl Plan {
                 work("respond", of_cell * responses, (2650.0 + of_law) * responses, chunks),
                 // Sixteen blocks a cell; starts and sums a place.
                 work("gather blocks", 16.0 * 40.0 * m + 40.0 * places, 144.0 * m, chunks),
-                work("gather forces", 4.0 * 16.0 * m + 16.0 * n, 12.0 * m, chunks),
                 work("invert", 84.0 * n, 60.0 * n, chunks),
+                work("guess", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
+                work("magnitude", 40.0 * places + 28.0 * n, 27.0 * places, chunks),
             ],
             iteration: [
                 work("product", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),

@@ -4,6 +4,7 @@
 //! value at rest and the rest of it, `a = a0 + da`, with rules that never subtract nearly equal numbers. The kernels are
 //! made from that form, so that single precision resolves stresses of small strains.
 
+use crate::Error;
 use std::collections::HashMap;
 
 /// Whole exponents up to here are products.
@@ -40,6 +41,8 @@ pub enum Operation {
     Constant(f64),
     /// The parameter of this number in a cell's row.
     Parameter(usize),
+    /// The pressure of the cell's cluster.
+    Pressure,
     /// An invariant; less its value at rest in a program written about rest.
     Invariant(Invariant),
     /// `a + b`.
@@ -86,6 +89,58 @@ impl Program {
     /// Without operations.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// The program of a list of the interface, whose last result is the energy.
+    ///
+    /// # Errors
+    /// An unknown operation; an operand that is no earlier result.
+    pub fn of(given: &[viscera_device::law::Operation]) -> Result<Self, Error> {
+        let (mut program, mut values) = (Program::new(), Vec::with_capacity(given.len()));
+        for (place, operation) in given.iter().enumerate() {
+            let value = program.add_given(operation, &values).ok_or_else(|| {
+                Error::Input(format!("operation {place} of the law is none: {operation:?}"))
+            })?;
+            values.push(value);
+        }
+        // Folding may have found the energy among earlier results: what comes after it is not needed.
+        if let Some(&energy) = values.last() {
+            program.operations.truncate(energy + 1);
+            program.known.retain(|_, value| *value <= energy);
+        }
+        Ok(program)
+    }
+
+    fn add_given(
+        &mut self,
+        given: &viscera_device::law::Operation,
+        values: &[Value],
+    ) -> Option<Value> {
+        use viscera_device::law as code;
+        let place = given.a as usize;
+        let a = values.get(place).copied();
+        let b = values.get(given.b as usize).copied();
+        let operation = match given.code {
+            code::NUMBER => Constant(given.value),
+            code::PARAMETER => Parameter(place),
+            code::VARIABLE => Invariant(*self::Invariant::ALL.get(place)?),
+            code::PRESSURE => Pressure,
+            code::ADD => Add(a?, b?),
+            code::SUBTRACT => Subtract(a?, b?),
+            code::MULTIPLY => Multiply(a?, b?),
+            code::POWER => return Some(self.power(a?, b?)),
+            code::NEGATE => Negate(a?),
+            code::RECIPROCAL => Reciprocal(a?),
+            code::LOGARITHM => Logarithm(a?),
+            code::EXPONENTIAL => Exponential(a?),
+            code::SQUARE_ROOT => {
+                let half = self.constant(0.5);
+                Power(a?, half)
+            }
+            code::STEP => Step(a?),
+            _ => return None,
+        };
+        Some(self.add(operation))
     }
 
     /// The operations, in order.
@@ -144,7 +199,7 @@ impl Program {
         match (operation, given) {
             (Multiply(..), [Some(0.0), _] | [_, Some(0.0)]) => Constant(0.0),
             (Subtract(_, b), [Some(0.0), None]) => Negate(b),
-            (Constant(_) | Parameter(_) | Invariant(_), _) => operation,
+            (Constant(_) | Parameter(_) | Pressure | Invariant(_), _) => operation,
             (Add(..) | Subtract(..) | Multiply(..) | Power(..), [Some(a), Some(b)]) => {
                 Constant(apply(operation, [a, b]))
             }
@@ -159,13 +214,14 @@ impl Program {
         self.add(Constant(value))
     }
 
-    /// All values, of the invariants and a row of parameters.
+    /// All values, of the invariants and a row of parameters; without a pressure.
     pub fn evaluate(&self, invariants: [f64; 3], parameters: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         for &operation in &self.operations {
             let value = match operation {
                 Constant(c) => c,
                 Parameter(k) => parameters[k],
+                Pressure => 0.0,
                 Invariant(i) => invariants[i as usize],
                 _ => apply(operation, operands(operation).map(|v| v.map_or(0.0, |v| values[v]))),
             };
@@ -187,7 +243,7 @@ impl Program {
     /// The derivative of a value from those of earlier ones.
     fn slope(&mut self, value: Value, by: Invariant, slopes: &[Value]) -> Value {
         match self.operations[value] {
-            Constant(_) | Parameter(_) | Step(_) => self.constant(0.0),
+            Constant(_) | Parameter(_) | Pressure | Step(_) => self.constant(0.0),
             Invariant(invariant) => self.constant(f64::from(u8::from(invariant == by))),
             Add(a, b) => self.add(Add(slopes[a], slopes[b])),
             Subtract(a, b) => self.add(Subtract(slopes[a], slopes[b])),
@@ -256,7 +312,9 @@ impl Program {
     fn split(&mut self, operation: Operation, of: &[AboutRest]) -> AboutRest {
         let zero = self.constant(0.0);
         match operation {
-            Constant(_) | Parameter(_) => AboutRest { rest: self.add(operation), deviation: zero },
+            Constant(_) | Parameter(_) | Pressure => {
+                AboutRest { rest: self.add(operation), deviation: zero }
+            }
             Invariant(invariant) => AboutRest {
                 rest: self.constant(invariant.at_rest()),
                 deviation: self.add(operation),
@@ -368,7 +426,7 @@ impl Program {
 /// The values that an operation works on.
 fn operands(operation: Operation) -> [Option<Value>; 2] {
     match operation {
-        Constant(_) | Parameter(_) | Invariant(_) => [None, None],
+        Constant(_) | Parameter(_) | Pressure | Invariant(_) => [None, None],
         Add(a, b) | Subtract(a, b) | Multiply(a, b) | Power(a, b) => [Some(a), Some(b)],
         Negate(a)
         | Reciprocal(a)
@@ -382,7 +440,7 @@ fn operands(operation: Operation) -> [Option<Value>; 2] {
 
 fn apply(operation: Operation, [a, b]: [f64; 2]) -> f64 {
     match operation {
-        Constant(_) | Parameter(_) | Invariant(_) => f64::NAN, // they have no operands
+        Constant(_) | Parameter(_) | Pressure | Invariant(_) => f64::NAN, // they have no operands
         Add(..) => a + b,
         Subtract(..) => a - b,
         Multiply(..) => a * b,
@@ -415,5 +473,6 @@ fn key(operation: Operation) -> (u8, u64, u64) {
         Step(a) => (11, a as u64, 0),
         LogarithmOfOnePlus(a) => (12, a as u64, 0),
         ExponentialMinusOne(a) => (13, a as u64, 0),
+        Pressure => (14, 0, 0),
     }
 }

@@ -4,7 +4,7 @@
 
 use crate::Error;
 use crate::device::{Gpu, THREADS, dispatch, workgroups};
-use crate::layout::{Layout, PADDING, SLICE};
+use crate::layout::{Layout, PADDING};
 use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use std::time::Instant;
@@ -83,6 +83,7 @@ struct State {
 pub(crate) struct ChunkBuffers {
     pub values: Buffer,
     product: BindGroup,
+    magnitude: BindGroup,
     n_groups: u32,
     inverse: BindGroup,
     of_inverse: Buffer,
@@ -90,6 +91,7 @@ pub(crate) struct ChunkBuffers {
 
 struct Kernels {
     product: ComputePipeline,
+    magnitude: ComputePipeline,
     update: ComputePipeline,
     begin: ComputePipeline,
     invert: ComputePipeline,
@@ -138,17 +140,17 @@ impl System {
     /// # Errors
     /// A pattern that is none; too little memory; a driver that refuses.
     pub fn new(gpu: &Arc<Gpu>, n_nodes: usize, pairs: &[(u32, u32)]) -> Result<Self, Error> {
-        Self::with_cells(gpu, n_nodes, pairs, &[])
+        Self::with_cells(gpu, n_nodes, pairs, (&[], &[]))
     }
 
-    /// The same in chunks small enough for the responses of `cells`.
+    /// The same in chunks small enough for the responses of `cells` and the `products` of clusters in each row.
     pub(crate) fn with_cells(
         gpu: &Arc<Gpu>,
         n_nodes: usize,
         pairs: &[(u32, u32)],
-        cells: &[[u32; 4]],
+        (cells, products): (&[[u32; 4]], &[u32]),
     ) -> Result<Self, Error> {
-        let layout = Layout::new(n_nodes, pairs, cells, gpu.largest_binding())?;
+        let layout = Layout::new(n_nodes, pairs, cells, products, gpu.largest_binding())?;
         let kernels = Kernels::new(gpu)?;
         let vectors = Vectors::new(gpu, n_nodes)?;
         let most = (MOST_PARTS / layout.chunks.len().max(1)).max(1);
@@ -277,17 +279,7 @@ impl System {
             return Err(Error::Input(format!("{} values do not fill the blocks", values.len())));
         }
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
-            let mut packed = vec![0.0f32; 9 * chunk.source.len()];
-            for (place, &source) in chunk.source.iter().enumerate().filter(|(_, s)| **s != PADDING)
-            {
-                let block = &blocks[source as usize / 2];
-                let at = 9 * SLICE * (place / SLICE) + place % SLICE;
-                for e in 0..9 {
-                    let entry = if source % 2 == 0 { e } else { 3 * (e % 3) + e / 3 };
-                    packed[at + SLICE * e] = block[entry] as f32;
-                }
-            }
-            self.gpu.write(&buffers.values, &packed);
+            self.gpu.write(&buffers.values, &chunk.packed(|block| Some(&blocks[block])));
         }
         let mut encoder = self.gpu.encoder();
         self.encode_preparation(&mut encoder, shift);
@@ -380,6 +372,21 @@ impl System {
         self.encode_product(&mut encoder);
         let y: Vec<f32> = self.gpu.read(encoder, &self.vectors.w, x.len())?;
         Ok(self.in_order(&y, size))
+    }
+
+    /// `| |A| |x| |` on what is free.
+    ///
+    /// # Errors
+    /// A vector of a wrong length or not finite; the device.
+    pub fn magnitude(&mut self, x: &[f64]) -> Result<f64, Error> {
+        let size = self.scale_of(x)?;
+        self.gpu.write(&self.vectors.z, &self.placed(x, size, false));
+        let mut encoder = self.gpu.encoder();
+        for chunk in &self.chunks {
+            dispatch(&mut encoder, &self.kernels.magnitude, &chunk.magnitude, chunk.n_groups);
+        }
+        let y: Vec<f32> = self.gpu.read(encoder, &self.vectors.w, x.len())?;
+        Ok(size * y.iter().map(|&y| f64::from(y) * f64::from(y)).sum::<f64>().sqrt())
     }
 
     /// Puts a right-hand side where [`System::encode_begin`] looks for it, scaled to 1; its scale.
@@ -487,6 +494,7 @@ impl Kernels {
         let border = with_sums(include_str!("kernels/border.wgsl"));
         Ok(Kernels {
             product: gpu.kernel(&product, "multiply")?,
+            magnitude: gpu.kernel(include_str!("kernels/magnitude.wgsl"), "measure")?,
             update: gpu.kernel(&update, "update")?,
             begin: gpu.kernel(&update, "begin")?,
             invert: gpu.kernel(include_str!("kernels/invert.wgsl"), "invert")?,
@@ -530,7 +538,9 @@ impl ChunkBuffers {
         let of_inverse = gpu.uniform([first, n_rows, 0, 0]);
         let product =
             gpu.bind(&kernels.product, &[&values, &columns, &starts, held, z, w, sums, &size]);
+        let magnitude =
+            gpu.bind(&kernels.magnitude, &[&values, &columns, &starts, held, z, w, &size]);
         let inverse = gpu.bind(&kernels.invert, &[&values, &diagonal, held, inverse, &of_inverse]);
-        Ok(ChunkBuffers { values, product, n_groups, inverse, of_inverse })
+        Ok(ChunkBuffers { values, product, magnitude, n_groups, inverse, of_inverse })
     }
 }

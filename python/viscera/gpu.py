@@ -36,5 +36,5 @@ def describe() -> str:
 def report(fault: str | None, told: str | None = None) -> str | None:
     """Warn of a fault of the graphics processor that was not told yet; the fault."""
     if fault not in (None, told):
-        log.warning("%s; the processor goes on", fault)
+        log.warning("%s; continuing on the processor", fault)
     return fault

@@ -4,8 +4,14 @@ use crate::convert::VisceraError;
 use pyo3::prelude::*;
 use std::ptr::null_mut;
 use std::sync::OnceLock;
-use viscera_core::equilibrium::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
-use viscera_device::{About, Answer, Entry, Handle, Interface, SYMBOL, Slice, Task, Text, VERSION};
+use viscera_core::body::ProgrammedCells;
+use viscera_core::equilibrium::{
+    Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice,
+};
+use viscera_device::{
+    About, Answer, Cells, Entry, Handle, Interface, RestBlock, SYMBOL, Slice, Tangent, Task, Text,
+    Traffic, VERSION, law,
+};
 
 /// The library, once it is loaded; it stays.
 static LIBRARY: OnceLock<Library> = OnceLock::new();
@@ -65,6 +71,16 @@ pub fn gpu(py: Python<'_>) -> PyResult<(String, String, String, bool)> {
     Ok((about.name.read(), about.driver.read(), about.backend.read(), about.is_software))
 }
 
+/// Bytes written to graphics processors since the library was loaded, after their buffers were made; bytes read; kernels
+/// dispatched.
+#[pyfunction]
+pub fn gpu_traffic() -> PyResult<(u64, u64, u64)> {
+    let mut traffic = Traffic::default();
+    // SAFETY: it is ours.
+    unsafe { (library()?.0.traffic)(&mut traffic) };
+    Ok((traffic.written, traffic.read, traffic.dispatches))
+}
+
 /// Shuts the graphics processor down as its driver would after a fault: every system on it is lost.
 #[pyfunction]
 pub fn lose_gpu() -> PyResult<()> {
@@ -86,11 +102,34 @@ fn spoken(call: impl FnOnce(&mut Text) -> bool) -> Result<(), String> {
 }
 
 impl Device for Library {
-    fn system(&self, n: usize, pairs: &[(u32, u32)]) -> Result<Box<dyn DeviceSystem>, String> {
+    fn system(
+        &self,
+        n: usize,
+        pairs: &[(u32, u32)],
+        cells: Option<&ProgrammedCells<'_>>,
+    ) -> Result<Box<dyn DeviceSystem>, String> {
         let pairs: Vec<[u32; 2]> = pairs.iter().map(|&(row, column)| [row, column]).collect();
-        let (of, mut handle) = (self.0, null_mut());
-        // SAFETY: the slice lives until the call returns.
-        spoken(|fault| unsafe { (of.new)(n, Slice::new(&pairs), &mut handle, fault) })?;
+        let (of, mut handle, pairs) = (self.0, null_mut(), Slice::new(&pairs));
+        let Some(ProgrammedCells { points, cells, program, clusters }) = cells else {
+            // SAFETY: the slice lives until the call returns.
+            spoken(|fault| unsafe { (of.new)(n, pairs, &mut handle, fault) })?;
+            return Ok(Box::new(System { of, handle, n_dofs: 3 * n }));
+        };
+        let (operations, parameters) = (law::operations(program)?, program.rows.concat());
+        let clusters = clusters.as_ref();
+        let cells = Cells {
+            points: Slice::new(points),
+            cells: Slice::new(cells),
+            model: law::model(program),
+            operations: Slice::new(&operations),
+            parameters: Slice::new(&parameters),
+            n_parameters: program.rows.first().map_or(0, Vec::len),
+            cluster_of: Slice::new(clusters.map_or(&[][..], |c| &c.of)),
+            cluster_starts: Slice::new(clusters.map_or(&[][..], |c| &c.starts)),
+            cluster_nodes: Slice::new(clusters.map_or(&[][..], |c| &c.nodes)),
+        };
+        // SAFETY: the slices live until the call returns.
+        spoken(|fault| unsafe { (of.new_with_cells)(n, pairs, &cells, &mut handle, fault) })?;
         Ok(Box::new(System { of, handle, n_dofs: 3 * n }))
     }
 }
@@ -116,6 +155,40 @@ impl DeviceSystem for System {
         spoken(|fault| unsafe { (self.of.load)(self.handle, Slice::new(values), shift, fault) })
     }
 
+    fn form(&mut self, tangent: &DeviceTangent<'_>) -> Result<(), String> {
+        let block = |&(row, column, values)| RestBlock { row, column, values };
+        let rest: Vec<RestBlock> = tangent.rest.unwrap_or_default().iter().map(block).collect();
+        let tangent = Tangent {
+            u: Slice::new(tangent.u),
+            pressures: Slice::new(tangent.pressures),
+            slopes: Slice::new(tangent.slopes[0]),
+            weighted: Slice::new(tangent.slopes[1]),
+            factor: tangent.factor,
+            rest: Slice::new(&rest),
+            is_rest_new: tangent.rest.is_some(),
+            shift: tangent.shift,
+        };
+        // SAFETY: as in `hold`.
+        spoken(|fault| unsafe { (self.of.form)(self.handle, &tangent, fault) })
+    }
+
+    fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String> {
+        let mut product = vec![0.0; x.len()];
+        let out = product.as_mut_ptr();
+        // SAFETY: as in `hold`; there is room for as many values as `x` has.
+        spoken(|fault| unsafe { (self.of.multiply)(self.handle, Slice::new(x), out, fault) })?;
+        Ok(product)
+    }
+
+    fn magnitude(&mut self, x: &[f64]) -> Result<f64, String> {
+        let mut found = 0.0;
+        // SAFETY: as in `hold`.
+        spoken(|fault| unsafe {
+            (self.of.magnitude)(self.handle, Slice::new(x), &mut found, fault)
+        })?;
+        Ok(found)
+    }
+
     fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String> {
         let left = |deadline: std::time::Instant| {
             deadline.saturating_duration_since(std::time::Instant::now()).as_secs_f64()
@@ -131,12 +204,13 @@ impl DeviceSystem for System {
             x: x.as_mut_ptr(),
             direction: direction.as_mut_ptr(),
             iterations: 0,
+            residual: 0.0,
             is_indefinite: false,
         };
         // SAFETY: as in `hold`; the answer has room for as many values as the task.
         spoken(|fault| unsafe { (self.of.solve)(self.handle, &task, &mut answer, fault) })?;
-        let Answer { iterations, is_indefinite, .. } = answer;
-        Ok(DeviceSolution { x, direction, iterations, is_indefinite })
+        let Answer { iterations, residual, is_indefinite, .. } = answer;
+        Ok(DeviceSolution { x, direction, iterations, residual, is_indefinite })
     }
 }
 

@@ -4,10 +4,12 @@
 //! The library exports one symbol, [`SYMBOL`], a function without arguments that returns an [`Interface`]. Every function
 //! there returns whether it succeeded; if not, it leaves a sentence in the [`Text`] that it was given.
 
+pub mod law;
+
 use std::ffi::c_void;
 
-/// Raised with every change of this file.
-pub const VERSION: u32 = 1;
+/// Raised with every change of this crate.
+pub const VERSION: u32 = 2;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -86,6 +88,77 @@ impl<T> Slice<T> {
     }
 }
 
+/// Linear tetrahedra whose tangent the library forms.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Cells {
+    /// Points at rest [m], one for each node.
+    pub points: Slice<[f64; 3]>,
+    /// Corners of the cells, positively oriented.
+    pub cells: Slice<[u32; 4]>,
+    /// What a cell answers with, see [`law`].
+    pub model: u32,
+    /// The energy, the last of these.
+    pub operations: Slice<law::Operation>,
+    /// Rows of parameters, one after the other: one for all cells, or one for each.
+    pub parameters: Slice<f64>,
+    /// Length of a row.
+    pub n_parameters: usize,
+    /// The cluster of each cell, of those that share their volume ratio; empty where none do.
+    pub cluster_of: Slice<u32>,
+    /// Where the nodes of each cluster start, and the last end.
+    pub cluster_starts: Slice<u32>,
+    /// Nodes of the clusters, ascending within each.
+    pub cluster_nodes: Slice<u32>,
+}
+
+/// A block that is added to a tangent.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestBlock {
+    /// Row node, at most the column's.
+    pub row: u32,
+    /// Column node.
+    pub column: u32,
+    /// Entries, row-major.
+    pub values: [f64; 9],
+}
+
+/// A tangent to form: `factor K(u) + rest + shift I`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Tangent {
+    /// Displacement [m].
+    pub u: Slice<f64>,
+    /// Pressure of each cluster.
+    pub pressures: Slice<f64>,
+    /// By node of the clusters: slope of the cluster's volume ratio, and the same times its modulus, to which the
+    /// cluster adds the product.
+    pub slopes: Slice<[f64; 3]>,
+    /// The slopes times the moduli.
+    pub weighted: Slice<[f64; 3]>,
+    /// Factor of the law's tangent.
+    pub factor: f64,
+    /// What is added to it, unless it is what it was.
+    pub rest: Slice<RestBlock>,
+    /// Whether `rest` replaces what was added before.
+    pub is_rest_new: bool,
+    /// Multiple of the identity.
+    pub shift: f64,
+}
+
+/// What went to the device since the library was loaded, and back.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Traffic {
+    /// Bytes written to it after its buffers were made.
+    pub written: u64,
+    /// Bytes read from it.
+    pub read: u64,
+    /// Kernels dispatched.
+    pub dispatches: u64,
+}
+
 /// Right-hand side and limits of conjugate gradients.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -109,6 +182,8 @@ pub struct Answer {
     pub direction: *mut f64,
     /// Iterations.
     pub iterations: usize,
+    /// Residual in single precision, relative to the right-hand side.
+    pub residual: f64,
     /// Whether the direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
 }
@@ -127,6 +202,9 @@ pub struct Interface {
     pub lose: unsafe extern "C" fn(),
     /// Room for a symmetric matrix of 3x3 blocks: number of nodes, and row and column of each block of the upper triangle.
     pub new: unsafe extern "C" fn(usize, Slice<[u32; 2]>, &mut Handle, &mut Text) -> bool,
+    /// The same with cells, for a system that forms their tangent.
+    pub new_with_cells:
+        unsafe extern "C" fn(usize, Slice<[u32; 2]>, &Cells, &mut Handle, &mut Text) -> bool,
     /// Frees that memory.
     pub free: unsafe extern "C" fn(Handle),
     /// Holds degrees of freedom at zero, and means `sum w u = 0`: where each mean starts and the last ends, degrees of
@@ -141,6 +219,14 @@ pub struct Interface {
     ) -> bool,
     /// Takes nine values for each block, row-major, and a shift of the diagonal.
     pub load: unsafe extern "C" fn(Handle, Slice<f64>, f64, &mut Text) -> bool,
+    /// Forms the tangent of a system with cells.
+    pub form: unsafe extern "C" fn(Handle, &Tangent, &mut Text) -> bool,
+    /// The product of the matrix with a vector, zero on what is held, to where there is room for it.
+    pub multiply: unsafe extern "C" fn(Handle, Slice<f64>, *mut f64, &mut Text) -> bool,
+    /// `| |K| |x| |` on what is free.
+    pub magnitude: unsafe extern "C" fn(Handle, Slice<f64>, &mut f64, &mut Text) -> bool,
+    /// What was moved so far.
+    pub traffic: unsafe extern "C" fn(&mut Traffic),
     /// Solves.
     pub solve: unsafe extern "C" fn(Handle, &Task, &mut Answer, &mut Text) -> bool,
 }

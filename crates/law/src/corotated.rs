@@ -1,5 +1,5 @@
-use super::linear::{hooke_dilatation, hooke_pressure};
-use super::{Law, TangentBlocks};
+use super::linear::{beside_cluster, hooke_dilatation, hooke_pressure};
+use super::{Law, TangentBlocks, Template};
 use viscera_number::Scalar;
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, trace,
@@ -23,6 +23,10 @@ pub struct Corotated {
 #[allow(non_snake_case)]
 impl Law for Corotated {
     const FORBIDS_INVERSION: bool = true;
+
+    fn template(&self, part: Option<f64>) -> Option<Template> {
+        Some(Template::Corotated(beside_cluster(self.mu, self.lam, part.unwrap_or(0.0))))
+    }
 
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {

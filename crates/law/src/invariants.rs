@@ -7,7 +7,7 @@
 
 use super::expression::{Expression, Symbol};
 use super::series::{self, Uses};
-use super::{Law, StrainEnergy, TangentBlocks, determinant_curvature};
+use super::{Law, StrainEnergy, TangentBlocks, Template, determinant_curvature};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
@@ -20,6 +20,10 @@ impl<E: StrainEnergy> Law for E {
 
     fn expression(&self) -> Option<Expression> {
         Some(Symbol::record(|[I1, I2, J, _, _]| self.psi(I1, I2, J)))
+    }
+
+    fn template(&self, part: Option<f64>) -> Option<Template> {
+        Some(Template::of_energy(self, part))
     }
 
     #[inline(always)]

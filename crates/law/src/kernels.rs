@@ -8,7 +8,7 @@
 #![allow(non_snake_case)]
 
 use super::expression::Expression;
-use super::{Law, TangentBlocks};
+use super::{Law, TangentBlocks, Template};
 use viscera_number::simd::Kernel;
 use viscera_number::tensor::{Mat3, Vec3, mul_vector};
 use viscera_number::unroll::{array, tabulate};
@@ -64,6 +64,9 @@ pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
 
     /// The energy of a row as an expression, see [`Law::expression`].
     fn expression(&self, row: &[f64]) -> Option<Expression>;
+
+    /// The law of a row, recorded, see [`Law::template`].
+    fn template(&self, row: &[f64], part: Option<f64>) -> Option<Template>;
 
     /// Strain energy per unit reference volume [J/m^3], that of the dilatation counting but for a part.
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]);
@@ -157,6 +160,10 @@ impl<M: Family> LawKernels for M {
 
     fn expression(&self, row: &[f64]) -> Option<Expression> {
         self.law(row).expression()
+    }
+
+    fn template(&self, row: &[f64], part: Option<f64>) -> Option<Template> {
+        self.law(row).template(part)
     }
 
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {

@@ -40,6 +40,7 @@ mod mooney_rivlin;
 mod named;
 mod neo_hookean;
 mod ogden;
+mod program;
 mod rows;
 mod saint_venant_kirchhoff;
 pub mod samples;
@@ -52,6 +53,7 @@ mod yeoh;
 pub use arruda_boyce::ArrudaBoyce;
 pub use corotated::Corotated;
 pub use error::Error;
+pub use expression::PRESSURE;
 pub use formula::{FORMULA, Formula, resists_collapse};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
@@ -61,6 +63,7 @@ pub use material::Material;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
 pub use neo_hookean::NeoHookean;
 pub use ogden::Ogden;
+pub use program::{Model, Program, Template};
 pub use rows::{Bounds, Condition, Kind, Parameter, ROWS, Row};
 pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
 pub use several::{BETWEEN, SEVERAL};
@@ -146,6 +149,12 @@ pub trait Law: Copy + Send + Sync {
     /// The energy as an expression in the invariants, its parameters as numbers; none for laws that are no function of
     /// invariants.
     fn expression(&self) -> Option<Expression> {
+        None
+    }
+
+    /// The law recorded for a [`Program`]. In cells that share their volume ratio, the energy without `part` of that of
+    /// the dilatation, `psi - s U(J) + p J` with the cluster's pressure `p`. None if no program has it.
+    fn template(&self, _part: Option<f64>) -> Option<Template> {
         None
     }
 

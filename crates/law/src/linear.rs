@@ -1,4 +1,4 @@
-use super::{Law, TangentBlocks};
+use super::{Law, TangentBlocks, Template};
 use viscera_number::Scalar;
 use viscera_number::tensor::{Mat3, Vec3, dot, spherical, trace};
 use viscera_number::unroll::tabulate;
@@ -17,6 +17,10 @@ pub struct Linear {
 #[allow(non_snake_case)]
 impl Law for Linear {
     const FORBIDS_INVERSION: bool = false;
+
+    fn template(&self, part: Option<f64>) -> Option<Template> {
+        Some(Template::Linear(beside_cluster(self.mu, self.lam, part.unwrap_or(0.0))))
+    }
 
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
@@ -77,6 +81,11 @@ fn hooke<S: Scalar>(mu: f64, lam: f64, g: &[Vec3<S>; 3]) -> TangentBlocks<S> {
                 + diagonal[i][k].clone()
         })
     })
+}
+
+/// Lame's constants without a part of the bulk modulus, which is constant.
+pub(super) fn beside_cluster(mu: f64, lam: f64, part: f64) -> [f64; 2] {
+    [mu, lam - part * (lam + 2.0 / 3.0 * mu)]
 }
 
 /// `U = K/2 (J - 1)^2`, `K = lam + 2 mu / 3`.

@@ -4,9 +4,9 @@
 
 #![allow(non_snake_case)]
 
-use super::TangentBlocks;
 use super::expression::Expression;
 use super::kernels::{LawKernels, SeriesKernels, Shared};
+use super::{TangentBlocks, Template};
 use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Lane, Monomials};
@@ -45,6 +45,11 @@ impl LawKernels for Several {
     fn expression(&self, row: &[f64]) -> Option<Expression> {
         let (law, row) = self.of(row);
         law.expression(row)
+    }
+
+    fn template(&self, row: &[f64], part: Option<f64>) -> Option<Template> {
+        let (law, row) = self.of(row);
+        law.template(row, part)
     }
 
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {

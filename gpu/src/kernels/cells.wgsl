@@ -73,7 +73,7 @@ fn respond_all(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
             H[2] += way.z * g[a];
         }
         var point: Point;
-        let P = respond(H, g, STRIDE * cell, &point);
+        let P = respond(H, g, STRIDE * cell, pressure_of(cell), &point);
         let out = OF_CELL * cell;
         var k = out;
         for (var a = 0u; a < 4u; a++) {

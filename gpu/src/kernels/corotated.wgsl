@@ -13,7 +13,7 @@ struct Point {
     lam: f32,
 }
 
-fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, point: ptr<function, Point>) -> mat3x3f {
+fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, pressure: f32, point: ptr<function, Point>) -> mat3x3f {
     let mu = parameters[row];
     let lam = parameters[row + 1u];
     var Q = H;
@@ -26,20 +26,20 @@ fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, point: ptr<function, Point>
     }
     let R = spherical(1.0) + Q;
     let stretch = H - Q;
-    let pressure = lam * double_dot(R, stretch);
+    let total = lam * double_dot(R, stretch) + pressure;
     let U = transpose_product(R, spherical(1.0) + H);
     let A = spherical(U[0].x + U[1].y + U[2].z) - U;
     let cof_A = cofactor(A);
     (*point).R = R;
     (*point).cof_A = cof_A;
     (*point).per_det_A = 1.0 / dot(A[0], cof_A[0]);
-    (*point).factor = pressure - 2.0 * mu;
+    (*point).factor = total - 2.0 * mu;
     (*point).mu = mu;
     (*point).lam = lam;
     for (var a = 0u; a < 4u; a++) {
         (*point).Rg[a] = times(R, g[a]);
     }
-    return 2.0 * mu * stretch + pressure * R;
+    return 2.0 * mu * stretch + total * R;
 }
 
 fn tangent(point: ptr<function, Point>, g: array<vec3f, 4>, a: u32, b: u32) -> mat3x3f {

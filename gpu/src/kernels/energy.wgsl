@@ -33,7 +33,7 @@ fn exponential_minus_one(x: f32) -> f32 {
     return select(exp(x) - 1.0, series, abs(x) < 0.7);
 }
 
-fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, point: ptr<function, Point>) -> mat3x3f {
+fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, pressure: f32, point: ptr<function, Point>) -> mat3x3f {
     let trace = H[0].x + H[1].y + H[2].z;
     let cof_H = cofactor(H);
     let Z_I = spherical(trace) - transpose(H) + cof_H;
@@ -41,7 +41,7 @@ fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, point: ptr<function, Point>
     let i1 = 2.0 * trace + double_dot(H, H);
     let i2 = 2.0 * (Z_I[0].x + Z_I[1].y + Z_I[2].z) + double_dot(Z_I, Z_I);
     let j = trace + cof_H[0].x + cof_H[1].y + cof_H[2].z + dot(H[0], cof_H[0]);
-    let e = energy(i1, i2, j, row);
+    let e = energy(i1, i2, j, row, pressure);
     let F = spherical(1.0) + H;
     let Y_2I = 2.0 * H + i1 * F - product(F, E);
     (*point).F = F;

@@ -2,12 +2,12 @@
 
 struct Point { mu: f32, lam: f32 }
 
-fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, point: ptr<function, Point>) -> mat3x3f {
+fn respond(H: mat3x3f, g: array<vec3f, 4>, row: u32, pressure: f32, point: ptr<function, Point>) -> mat3x3f {
     let mu = parameters[row];
     let lam = parameters[row + 1u];
     (*point).mu = mu;
     (*point).lam = lam;
-    return mu * (H + transpose(H)) + spherical(lam * (H[0].x + H[1].y + H[2].z));
+    return mu * (H + transpose(H)) + spherical(lam * (H[0].x + H[1].y + H[2].z) + pressure);
 }
 
 fn tangent(point: ptr<function, Point>, g: array<vec3f, 4>, a: u32, b: u32) -> mat3x3f {

@@ -2,7 +2,8 @@
 #![allow(dead_code)] // every test file uses a part
 
 use std::sync::{Arc, OnceLock};
-use viscera_gpu::{Gpu, Law, Operation, Program, Solid};
+use viscera_gpu::{Gpu, Law, Solid};
+use viscera_law::Material;
 
 pub type Mat3 = [[f64; 3]; 3];
 
@@ -24,98 +25,39 @@ pub fn device_with(largest_binding: u64) -> Option<Arc<Gpu>> {
     }
 }
 
-/// `psi = mu/2 (I1 - 3) - mu ln J + lam/2 (ln J)^2`.
-pub fn neo_hookean() -> Law {
-    use Operation::*;
-    let mut p = Program::new();
-    let [mu, lam] = [0, 1].map(|k| p.add(Parameter(k)));
-    let [i1, j] =
-        [viscera_gpu::Invariant::I1, viscera_gpu::Invariant::J].map(|i| p.add(Invariant(i)));
-    let [three, half] = [3.0, 0.5].map(|c| p.constant(c));
-    let stretch = p.add(Subtract(i1, three));
-    let half_mu = p.add(Multiply(half, mu));
-    let first = p.add(Multiply(half_mu, stretch));
-    let ln_j = p.add(Logarithm(j));
-    let second = p.add(Multiply(mu, ln_j));
-    let square = p.add(Multiply(ln_j, ln_j));
-    let half_lam = p.add(Multiply(half, lam));
-    let third = p.add(Multiply(half_lam, square));
-    let sum = p.add(Subtract(first, second));
-    p.add(Add(sum, third));
-    Law::Energy(p)
-}
-
-/// `psi = c1 (I1 J^(-2/3) - 3) + c2 (I2 J^(-4/3) - 3) + kappa/8 (J^2 - 1)^2`.
-pub fn mooney_rivlin() -> Law {
-    use Operation::*;
-    let mut p = Program::new();
-    let [c1, c2, kappa] = [0, 1, 2].map(|k| p.add(Parameter(k)));
-    let [i1, i2, j] = viscera_gpu::Invariant::ALL.map(|i| p.add(Invariant(i)));
-    let [one, three, eighth] = [1.0, 3.0, 0.125].map(|c| p.constant(c));
-    let part = |p: &mut Program, c, i, exponent| {
-        let exponent = p.constant(exponent);
-        let power = p.add(Power(j, exponent));
-        let product = p.add(Multiply(i, power));
-        let change = p.add(Subtract(product, three));
-        p.add(Multiply(c, change))
-    };
-    let first = part(&mut p, c1, i1, -2.0 / 3.0);
-    let second = part(&mut p, c2, i2, -4.0 / 3.0);
-    let square = p.add(Multiply(j, j));
-    let swelling = p.add(Subtract(square, one));
-    let square = p.add(Multiply(swelling, swelling));
-    let factor = p.add(Multiply(eighth, kappa));
-    let third = p.add(Multiply(factor, square));
-    let sum = p.add(Add(first, second));
-    p.add(Add(sum, third));
-    Law::Energy(p)
-}
-
-/// `psi = c/2 (exp(b (I1 - 3)) - 1) / b - c ln J + kappa/2 (J - 1)^2 + c step(J - 1) (J - 1)^5`, with every operation that
-/// the others lack.
-pub fn stiffening() -> Law {
-    use Operation::*;
-    let mut p = Program::new();
-    let [c, b, kappa] = [0, 1, 2].map(|k| p.add(Parameter(k)));
-    let [i1, _, j] = viscera_gpu::Invariant::ALL.map(|i| p.add(Invariant(i)));
-    let [one, three, half] = [1.0, 3.0, 0.5].map(|c| p.constant(c));
-    let stretch = p.add(Subtract(i1, three));
-    let exponent = p.add(Multiply(b, stretch));
-    let exponential = p.add(Exponential(exponent));
-    let growth = p.add(Subtract(exponential, one));
-    let per_b = p.add(Reciprocal(b));
-    let half_c = p.add(Multiply(half, c));
-    let factor = p.add(Multiply(half_c, per_b));
-    let first = p.add(Multiply(factor, growth));
-    let ln_j = p.add(Logarithm(j));
-    let second = p.add(Multiply(c, ln_j));
-    let second = p.add(Negate(second));
-    let swelling = p.add(Subtract(j, one));
-    let square = p.add(Multiply(swelling, swelling));
-    let half_kappa = p.add(Multiply(half, kappa));
-    let third = p.add(Multiply(half_kappa, square));
-    let fourth_power = p.add(Multiply(square, square));
-    let fifth_power = p.add(Multiply(fourth_power, swelling));
-    let is_swollen = p.add(Step(swelling));
-    let one_sided = p.add(Multiply(is_swollen, fifth_power));
-    let fourth = p.add(Multiply(c, one_sided));
-    let sum = p.add(Add(first, second));
-    let sum = p.add(Add(sum, third));
-    p.add(Add(sum, fourth));
-    Law::Energy(p)
-}
-
-/// Laws with parameters of tissue, `nu` between 0.3 and 0.49.
-pub fn laws(nu: f64) -> Vec<(&'static str, Law, Vec<f64>)> {
+/// The laws of the core that are functions of `I1`, `I2` and `J`, and a formula with what they lack; each with rows of
+/// parameters of tissue for Poisson's ratio `nu` between 0.3 and 0.49.
+pub fn laws(nu: f64) -> Vec<(String, Law, Vec<Vec<f64>>)> {
     let (mu, lam) = moduli(nu);
     let kappa = lam + 2.0 / 3.0 * mu;
-    vec![
-        ("linear", Law::Linear, vec![mu, lam]),
-        ("corotated", Law::Corotated, vec![mu, lam]),
-        ("neo-Hookean", neo_hookean(), vec![mu, lam]),
-        ("Mooney-Rivlin", mooney_rivlin(), vec![0.4 * mu, 0.1 * mu, kappa]),
-        ("stiffening", stiffening(), vec![mu, 1.5, kappa]),
-    ]
+    let step = "formula mu/2*(I1 - 3) - mu*log(J) + kappa/2*(J - 1)**2 + mu*max(J - 1, 0)**5";
+    let known: [(&str, Vec<f64>); 11] = [
+        ("linear", vec![mu, lam]),
+        ("corotated", vec![mu, lam]),
+        ("saint_venant_kirchhoff", vec![mu, lam]),
+        ("neo_hookean", vec![mu, lam]),
+        ("stable_neo_hookean", vec![mu, lam]),
+        ("mooney_rivlin J-1", vec![0.4 * mu, 0.1 * mu, kappa]),
+        ("mooney_rivlin J^2-1", vec![0.4 * mu, 0.1 * mu, kappa]),
+        ("mooney_rivlin ln J", vec![0.4 * mu, 0.1 * mu, kappa]),
+        ("yeoh", vec![0.5 * mu, 0.1 * mu, 0.02 * mu, kappa]),
+        ("arruda_boyce", vec![mu, 1.4, kappa]),
+        ("fung", vec![mu, 1.5, kappa]),
+    ];
+    let more = [("veronda_westmann", vec![mu, 1.5, kappa]), (step, vec![mu, kappa])];
+    let law = |(name, row): (&str, Vec<f64>)| {
+        let (law, rows) = recorded(name, vec![row]);
+        (name.to_string(), law, rows)
+    };
+    known.into_iter().chain(more).map(law).collect()
+}
+
+/// A law of the core by its name, and the rows of parameters of its program.
+pub fn recorded(name: &str, rows: Vec<Vec<f64>>) -> (Law, Vec<Vec<f64>>) {
+    let material = Material::new(name, rows).unwrap();
+    let program = material.program(&[]).unwrap();
+    let operations = viscera_device::law::operations(&program).unwrap();
+    (Law::of(viscera_device::law::model(&program), &operations).unwrap(), program.rows)
 }
 
 /// Lame's constants of a Young's modulus of 10 kPa.
@@ -159,7 +101,7 @@ impl Block {
     }
 
     pub fn solid<'a>(&'a self, law: &'a Law, parameters: &'a [Vec<f64>]) -> Solid<'a> {
-        Solid { points: &self.points, cells: &self.cells, law, parameters }
+        Solid { points: &self.points, cells: &self.cells, law, parameters, clusters: None }
     }
 
     /// Blocks of the tangent's upper triangle.
@@ -245,9 +187,9 @@ pub fn internal_force(solid: &Solid<'_>, u: &[f64]) -> Vec<f64> {
         for i in 0..3 {
             let stress: [f64; 3] = std::array::from_fn(|k| {
                 let h = 1e-3;
-                let at = |way: f64| {
+                let at = |by: f64| {
                     let mut moved = f;
-                    moved[i][k] += way * h;
+                    moved[i][k] += by * h;
                     energy(solid.law, row, &moved)
                 };
                 (8.0 * (at(1.0) - at(-1.0)) - (at(2.0) - at(-2.0))) / (12.0 * h)

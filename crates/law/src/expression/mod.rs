@@ -8,7 +8,7 @@ mod parse;
 mod symbol;
 mod tape;
 
-pub use symbol::Symbol;
+pub use symbol::{PRESSURE, Symbol};
 pub use tape::{Constants, Tape};
 
 use std::collections::HashMap;
@@ -114,6 +114,11 @@ impl Graph {
     /// Whether it depends on a variable.
     pub fn varies(&self, id: Id) -> bool {
         self.varies[id as usize]
+    }
+
+    /// All of them.
+    pub fn nodes(&self) -> &[Node] {
+        &self.nodes
     }
 
     /// Number of nodes.
@@ -308,14 +313,15 @@ impl Graph {
         self.insert(Node::TraceOfPower(i1, i2, s))
     }
 
-    /// The same expression with a node in the place of each variable.
-    pub fn substitute(&mut self, root: Id, with: &dyn Fn(&mut Graph, Variable) -> Id) -> Id {
+    /// The same expression with a node in the place of each number, parameter and variable.
+    pub fn substitute(&mut self, root: Id, with: &dyn Fn(&mut Graph, Node) -> Id) -> Id {
         let mut image: HashMap<Id, Id> = HashMap::new();
         for id in 0..=root {
             let at = |a: Id, image: &HashMap<Id, Id>| image[&a];
             let new = match self.node(id) {
-                Node::Number(_) | Node::Parameter(_) => id,
-                Node::Variable(v) => with(self, v),
+                leaf @ (Node::Number(_) | Node::Parameter(_) | Node::Variable(_)) => {
+                    with(self, leaf)
+                }
                 Node::Add(a, b) => self.add(at(a, &image), at(b, &image)),
                 Node::Sub(a, b) => self.sub(at(a, &image), at(b, &image)),
                 Node::Mul(a, b) => self.mul(at(a, &image), at(b, &image)),
@@ -374,7 +380,8 @@ impl Expression {
 
     /// The energy of a pure dilatation, a function of `J` alone: `I1 = 3 J^(2/3)`, `I2 = 3 J^(4/3)`, `I4 = J^(2/3)`.
     pub fn dilatation(&mut self) -> Id {
-        let image = |graph: &mut Graph, variable: Variable| {
+        let image = |graph: &mut Graph, leaf: Node| {
+            let Node::Variable(variable) = leaf else { return graph.insert(leaf) };
             let j = graph.variable(Variable::J);
             let (factor, exponent) = match variable {
                 Variable::J => return j,

@@ -7,35 +7,71 @@ use std::ops::{Add, Mul, Neg, Sub};
 use std::rc::Rc;
 use viscera_number::Scalar;
 
+/// The parameter that stands for the pressure of a cell's cluster.
+pub const PRESSURE: u16 = u16::MAX;
+
 /// A node of a graph that grows as the arithmetic goes on.
 #[derive(Clone)]
 pub struct Symbol {
-    graph: Rc<RefCell<Graph>>,
+    record: Rc<RefCell<Record>>,
     id: Id,
+}
+
+/// The graph, and its numbers where they are kept apart.
+#[derive(Default)]
+struct Record {
+    graph: Graph,
+    numbers: Option<Vec<f64>>,
+}
+
+impl Record {
+    fn number(&mut self, value: f64) -> Id {
+        let Some(numbers) = &mut self.numbers else { return self.graph.number(value) };
+        numbers.push(value);
+        self.graph.parameter(numbers.len() as u16 - 1)
+    }
 }
 
 impl Symbol {
     /// Records an energy of the invariants `I1, I2, J, I4, I6`. The law's parameters become numbers.
     pub fn record(energy: impl FnOnce([Symbol; 5]) -> Symbol) -> Expression {
-        let graph = Rc::new(RefCell::new(Graph::default()));
-        let variables = Variable::ALL.map(|v| {
-            let id = graph.borrow_mut().variable(v);
-            Symbol { graph: graph.clone(), id }
-        });
-        let Symbol { graph, id } = energy(variables);
-        Expression { graph: graph.borrow().clone(), energy: id, parameters: Vec::new() }
+        let (expression, _) = Self::run(Record::default(), |variables, _| energy(variables));
+        expression
+    }
+
+    /// The same with every number as a parameter, in the order in which they appear, and their values. Beside the
+    /// invariants the energy gets a parameter of its own, [`PRESSURE`].
+    pub fn record_apart(
+        energy: impl FnOnce([Symbol; 5], Symbol) -> Symbol,
+    ) -> (Expression, Vec<f64>) {
+        Self::run(Record { numbers: Some(Vec::new()), ..Record::default() }, energy)
+    }
+
+    fn run(
+        record: Record,
+        energy: impl FnOnce([Symbol; 5], Symbol) -> Symbol,
+    ) -> (Expression, Vec<f64>) {
+        let record = Rc::new(RefCell::new(record));
+        let symbol = |node: &dyn Fn(&mut Graph) -> Id| {
+            let id = node(&mut record.borrow_mut().graph);
+            Symbol { record: record.clone(), id }
+        };
+        let variables = Variable::ALL.map(|v| symbol(&|graph| graph.variable(v)));
+        let pressure = symbol(&|graph| graph.parameter(PRESSURE));
+        let Symbol { record, id } = energy(variables, pressure);
+        let Record { graph, numbers } = &*record.borrow();
+        let expression = Expression { graph: graph.clone(), energy: id, parameters: Vec::new() };
+        (expression, numbers.clone().unwrap_or_default())
     }
 
     fn with(&self, node: impl FnOnce(&mut Graph) -> Id) -> Self {
-        let id = node(&mut self.graph.borrow_mut());
-        Symbol { graph: self.graph.clone(), id }
+        let id = node(&mut self.record.borrow_mut().graph);
+        Symbol { record: self.record.clone(), id }
     }
 
     fn with_number(&self, value: f64, node: impl FnOnce(&mut Graph, Id) -> Id) -> Self {
-        self.with(|graph| {
-            let number = graph.number(value);
-            node(graph, number)
-        })
+        let number = self.record.borrow_mut().number(value);
+        self.with(|graph| node(graph, number))
     }
 }
 

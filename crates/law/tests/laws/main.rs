@@ -2,6 +2,7 @@
 #![allow(non_snake_case)]
 
 mod formulas;
+mod programs;
 mod several;
 mod wrapped;
 

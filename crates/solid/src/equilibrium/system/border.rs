@@ -9,10 +9,21 @@ use crate::mesh::Patch;
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
-/// Patches on the degrees of freedom that are not held.
+/// A row of `W`: degrees of freedom and their weights.
+pub type Row = Vec<(u32, f64)>;
+
+/// The rows of the mean displacements of patches, three of each.
+pub fn mean_rows(patches: &[Patch]) -> Vec<Row> {
+    let row = |patch: &Patch, i: u32| {
+        patch.nodes.iter().map(|node| 3 * node + i).zip(patch.weights.iter().copied()).collect()
+    };
+    patches.iter().flat_map(|patch| (0..3).map(move |i| row(patch, i))).collect()
+}
+
+/// What tools prescribe on the degrees of freedom that are not held.
 pub(super) struct Border {
-    /// Rows of `W`: degree of freedom and weight.
-    rows: Vec<Vec<(u32, f64)>>,
+    /// Rows of `W`.
+    rows: Vec<Row>,
     /// `(W Wᵀ)⁻¹`.
     gram: Mat<f64>,
     n_dofs: usize,
@@ -25,17 +36,8 @@ pub(super) struct Border {
 }
 
 impl Border {
-    pub fn new(patches: Vec<Patch>, is_held: &[bool]) -> Self {
-        let row = |patch: &Patch, i: u32| {
-            let dofs =
-                patch.nodes.iter().map(move |node| 3 * node + i).zip(patch.weights.iter().copied());
-            dofs.filter(|&(dof, _)| !is_held[dof as usize]).collect::<Vec<_>>()
-        };
-        let rows: Vec<Vec<(u32, f64)>> = patches
-            .iter()
-            .flat_map(|patch| (0..3).map(|i| row(patch, i)).collect::<Vec<_>>())
-            .collect();
-        let mut dense = vec![0.0; is_held.len()];
+    pub fn new(rows: Vec<Row>, n_dofs: usize) -> Self {
+        let mut dense = vec![0.0; n_dofs];
         let mut gram = Mat::zeros(rows.len(), rows.len());
         for (k, row) in rows.iter().enumerate() {
             row.iter().for_each(|&(dof, w)| dense[dof as usize] = w);
@@ -45,17 +47,16 @@ impl Border {
             row.iter().for_each(|&(dof, _)| dense[dof as usize] = 0.0);
         }
         let gram = inverse(&gram);
-        let (n_dofs, influence) = (is_held.len(), Vec::new());
-        Border { rows, gram, n_dofs, column: dense, influence, schur: Mat::zeros(0, 0) }
+        Border { rows, gram, n_dofs, column: dense, influence: Vec::new(), schur: Mat::zeros(0, 0) }
     }
 
-    /// Patch means that do not change.
+    /// Means that do not change.
     pub fn zeros(&self) -> Vec<f64> {
         vec![0.0; self.rows.len()]
     }
 
-    /// Rows of `W`: degree of freedom and weight.
-    pub fn rows(&self) -> &[Vec<(u32, f64)>] {
+    /// Rows of `W`.
+    pub fn rows(&self) -> &[Row] {
         &self.rows
     }
 

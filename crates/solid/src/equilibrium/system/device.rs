@@ -1,23 +1,29 @@
 //! A machine beside the processor that conjugate gradients may run on, a graphics processor for one. The core knows only
 //! this interface; who links a device in hands it over with the settings.
 //!
-//! The device works in single precision on a copy of the tangent. What it finds is a step of Newton's method, whose
-//! residual stays in double precision here: each step corrects the last one. A device that fails is left, and the
-//! processor goes on with the same system.
+//! The device works in single precision. It forms the tangent from the displacement where it can, or takes a copy of the
+//! one that is assembled here. What it finds is a step of Newton's method, whose residual stays in double precision
+//! here: each step corrects the last one. A device that fails is left, and the processor goes on with the same system.
 
 use super::border::Border;
-use crate::body::BlockPattern;
+use crate::body::{Body, ProgrammedCells};
 use crate::clock::Instant;
+use crate::equilibrium::tangent::{ProductOperator, RestBlock};
 use std::fmt;
 
 /// Where conjugate gradients may run.
 pub trait Device: Send + Sync {
-    /// Allocates memory for the tangents of one body, whose upper triangle has blocks at `pairs`.
+    /// Allocates memory for the tangents of one body, whose upper triangle has blocks at `pairs`; with `cells`, for a
+    /// system that forms them.
     ///
     /// # Errors
-    /// A sentence: no device, too little memory, a limit exceeded.
-    fn system(&self, n_nodes: usize, pairs: &[(u32, u32)])
-    -> Result<Box<dyn DeviceSystem>, String>;
+    /// A sentence: no device, too little memory, a limit exceeded, cells that it has no kernels for.
+    fn system(
+        &self,
+        n_nodes: usize,
+        pairs: &[(u32, u32)],
+        cells: Option<&ProgrammedCells<'_>>,
+    ) -> Result<Box<dyn DeviceSystem>, String>;
 }
 
 /// A linear system on a device, its preconditioner the inverse of each node's block. Every error is a sentence.
@@ -34,11 +40,47 @@ pub trait DeviceSystem: Send + Sync {
     /// The device is lost.
     fn load(&mut self, values: &[f64], shift: f64) -> Result<(), String>;
 
+    /// Forms the tangent of the cells that the system was made with.
+    ///
+    /// # Errors
+    /// The device is lost; the system has no cells.
+    fn form(&mut self, tangent: &DeviceTangent<'_>) -> Result<(), String>;
+
+    /// The product of its matrix with a vector, zero on what is held.
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String>;
+
+    /// `| |K| |x| |` on what is free.
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn magnitude(&mut self, x: &[f64]) -> Result<f64, String>;
+
     /// Solves for a right-hand side as far as asked.
     ///
     /// # Errors
     /// The device is lost, or returned values that are not finite.
     fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String>;
+}
+
+/// A tangent that a device forms: `factor K + rest + shift I`.
+pub struct DeviceTangent<'a> {
+    /// Displacement [m].
+    pub u: &'a [f64],
+    /// Pressure of each cluster; none where cells share nothing.
+    pub pressures: &'a [f64],
+    /// Derivatives of the clusters' volume ratios by their nodes' displacements, and the same times their moduli: each
+    /// cluster adds their product.
+    pub slopes: [&'a [[f64; 3]]; 2],
+    /// Factor of the law's tangent.
+    pub factor: f64,
+    /// What is added to it: row and column of blocks of the upper triangle, row-major, any number at each place. None if
+    /// it is what it was.
+    pub rest: Option<&'a [RestBlock]>,
+    /// Multiple of the identity.
+    pub shift: f64,
 }
 
 /// Where a device stops.
@@ -61,8 +103,29 @@ pub struct DeviceSolution {
     pub direction: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
+    /// Residual in single precision, relative to the right-hand side.
+    pub residual: f64,
     /// Whether the direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
+}
+
+/// Where the tangent on a device comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// The device formed it from the displacement.
+    Formed,
+    /// It was assembled on the processor.
+    Uploaded,
+}
+
+impl Origin {
+    /// Its name in other languages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Origin::Formed => "formed",
+            Origin::Uploaded => "uploaded",
+        }
+    }
 }
 
 /// A device by reference: settings are copied and compared.
@@ -86,27 +149,55 @@ pub(super) enum Remote {
     /// None was asked for.
     Absent,
     /// It works.
-    Working {
-        system: Box<dyn DeviceSystem>,
-        is_held: Vec<bool>,
-        is_border_new: bool,
-        is_tangent_new: bool,
-    },
+    Working(Box<Working>),
     /// It failed, and the processor continues.
     Failed(String),
 }
 
+/// A system on a device, and what of it is out of date.
+pub(super) struct Working {
+    system: Box<dyn DeviceSystem>,
+    can_form: bool,
+    origin: Option<Origin>,
+    /// What was added to the tangent when it was formed last.
+    rest: Vec<RestBlock>,
+    is_held: Vec<bool>,
+    is_border_new: bool,
+    is_tangent_new: bool,
+}
+
+/// A tangent with a multiple of the identity, as its operand has it.
+#[derive(Clone, Copy)]
+pub(super) enum Given<'a> {
+    /// Values of its blocks, and the shift.
+    Assembled(&'a [f64], f64),
+    /// What it is formed from, and the shift.
+    Product(&'a ProductOperator, f64),
+}
+
 impl Remote {
-    pub fn new(device: Option<OnDevice>, pattern: &BlockPattern, n_dofs: usize) -> Self {
+    pub fn new(device: Option<OnDevice>, body: &Body) -> Self {
         let Some(OnDevice(device)) = device else { return Remote::Absent };
-        let pairs: Vec<(u32, u32)> = pattern.pairs().collect();
-        match device.system(n_dofs / 3, &pairs) {
-            Ok(system) => Remote::Working {
+        let (n_dofs, pairs) = (body.n_dofs(), body.pattern().pairs().collect::<Vec<_>>());
+        let forming = body
+            .programmed()
+            .ok()
+            .and_then(|cells| device.system(n_dofs / 3, &pairs, Some(&cells)).ok());
+        let can_form = forming.is_some();
+        let system = match forming {
+            Some(system) => Ok(system),
+            None => device.system(n_dofs / 3, &pairs, None),
+        };
+        match system {
+            Ok(system) => Remote::Working(Box::new(Working {
                 system,
+                can_form,
+                origin: None,
+                rest: Vec::new(),
                 is_held: vec![false; n_dofs],
                 is_border_new: true,
                 is_tangent_new: true,
-            },
+            })),
             Err(fault) => Remote::Failed(fault),
         }
     }
@@ -119,47 +210,109 @@ impl Remote {
         }
     }
 
+    /// Whether it forms tangents by itself.
+    pub fn can_form(&self) -> bool {
+        matches!(self, Remote::Working(working) if working.can_form)
+    }
+
+    /// Where its last tangent came from; none if it had none, or failed.
+    pub fn origin(&self) -> Option<Origin> {
+        match self {
+            Remote::Working(working) => working.origin,
+            _ => None,
+        }
+    }
+
     pub fn hold(&mut self, held: &[bool]) {
-        if let Remote::Working { is_held, is_border_new, .. } = self {
-            is_held.copy_from_slice(held);
-            *is_border_new = true;
+        if let Remote::Working(working) = self {
+            working.is_held.copy_from_slice(held);
+            working.is_border_new = true;
+        }
+    }
+
+    /// The border has changed.
+    pub fn bind(&mut self) {
+        if let Remote::Working(working) = self {
+            working.is_border_new = true;
         }
     }
 
     /// The tangent has changed.
     pub fn renew(&mut self) {
-        if let Remote::Working { is_tangent_new, .. } = self {
-            *is_tangent_new = true;
+        if let Remote::Working(working) = self {
+            working.is_tangent_new = true;
         }
     }
 
-    /// The solution under the border, where there is a device that finds one, of the matrix of `values` and `shift`.
+    /// The solution under the border, where there is a device that finds one.
     pub fn solve(
         &mut self,
         border: &Border,
-        (values, shift): (&[f64], f64),
+        given: Given<'_>,
         b: &[f64],
         end: &DeviceEnd,
     ) -> Option<DeviceSolution> {
-        let Remote::Working { system, is_held, is_border_new, is_tangent_new } = self else {
-            return None;
-        };
-        let mut attempt = || {
-            let is_border_new = std::mem::take(is_border_new);
-            if is_border_new {
-                system.hold(is_held, border.rows())?;
+        self.attempt(border, given, |system| system.solve(b, end))
+    }
+
+    /// The product with a vector.
+    pub fn multiply(&mut self, border: &Border, given: Given<'_>, x: &[f64]) -> Option<Vec<f64>> {
+        self.attempt(border, given, |system| system.multiply(x))
+    }
+
+    /// `| |K| |x| |`.
+    pub fn magnitude(&mut self, border: &Border, given: Given<'_>, x: &[f64]) -> Option<f64> {
+        self.attempt(border, given, |system| system.magnitude(x))
+    }
+
+    /// What a device that has this tangent under this border does; none if there is no device, or it fails.
+    fn attempt<T>(
+        &mut self,
+        border: &Border,
+        given: Given<'_>,
+        act: impl FnOnce(&mut dyn DeviceSystem) -> Result<T, String>,
+    ) -> Option<T> {
+        let Remote::Working(working) = self else { return None };
+        let done = working.update(border, given).and_then(|()| act(&mut *working.system));
+        done.map_err(|fault| *self = Remote::Failed(fault)).ok()
+    }
+}
+
+impl Working {
+    /// Brings border and tangent up to date.
+    fn update(&mut self, border: &Border, given: Given<'_>) -> Result<(), String> {
+        let is_border_new = std::mem::take(&mut self.is_border_new);
+        if is_border_new {
+            self.system.hold(&self.is_held, border.rows())?;
+        }
+        // The preconditioner goes by what is held, too.
+        if !std::mem::take(&mut self.is_tangent_new) && !is_border_new {
+            return Ok(());
+        }
+        match given {
+            Given::Assembled(values, shift) => {
+                self.origin = Some(Origin::Uploaded);
+                self.system.load(values, shift)
             }
-            // The preconditioner goes by what is held, too.
-            if std::mem::take(is_tangent_new) || is_border_new {
-                system.load(values, shift)?;
-            }
-            system.solve(b, end)
-        };
-        match attempt() {
-            Ok(found) => Some(found),
-            Err(fault) => {
-                *self = Remote::Failed(fault);
-                None
+            Given::Product(operator, shift) => {
+                let (cells, factor, rest) = operator.parts();
+                let (u, shared) = cells.at();
+                let ties = cells.tie_blocks();
+                let ties =
+                    ties.map(|(row, column, block)| (row, column, block.map(|k| factor * k)));
+                let rest: Vec<RestBlock> = rest.iter().copied().chain(ties).collect();
+                // Ties and inertia stay what they were from frame to frame.
+                let is_rest_new = rest != self.rest;
+                self.rest = rest;
+                self.origin = Some(Origin::Formed);
+                self.system.form(&DeviceTangent {
+                    u,
+                    pressures: &shared.pressures,
+                    slopes: [&shared.slopes, &shared.weighted],
+                    factor,
+                    rest: is_rest_new.then_some(&self.rest),
+                    shift,
+                })
             }
         }
     }

@@ -30,6 +30,12 @@ const SINGLE: f64 = 1e-5;
 /// Factor by which a residual may exceed the tolerance if it had reached it in single precision.
 const SLACK: f64 = 1.02;
 
+/// Largest relative error of a number in single precision.
+const UNIT: f64 = 0.5 * f32::EPSILON as f64;
+
+/// Part of the tolerance that rounding to single precision may leave where a residual in single precision is believed.
+const TRUSTED: f64 = 0.1;
+
 /// Refinement continues only if a solution in single precision reduces the residual at least by this factor.
 const PROGRESS: f64 = 0.5;
 
@@ -59,6 +65,8 @@ pub(super) struct Iterative {
     workspace: Workspace,
     residual: Vec<f64>,
     correction: Vec<f64>,
+    /// What the guess leaves of the residual.
+    left: Vec<f64>,
     last: Vec<f64>,
 }
 
@@ -95,12 +103,13 @@ impl Iterative {
             settings,
             operand,
             inverse,
-            remote: Remote::new(settings.device, body.pattern(), n_dofs),
+            remote: Remote::new(settings.device, body),
             is_stale: true,
             fresh_iterations: None,
             workspace: Workspace::new(n_dofs),
             residual: vec![0.0; n_dofs],
             correction: vec![0.0; n_dofs],
+            left: vec![0.0; n_dofs],
             last: vec![0.0; n_dofs],
         })
     }
@@ -119,11 +128,19 @@ impl Iterative {
         self.is_stale = true;
     }
 
+    /// Another border: the last step, from which the next solve sets out, must leave its means alone.
+    pub fn bind(&mut self, border: &Border) {
+        self.remote.bind();
+        border.project(&mut self.last);
+    }
+
     /// Takes a new tangent over; whether the preconditioner changed.
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<bool, FactorError> {
         let shift = self.operand.take(tangent, shift)?;
-        let is_stale = std::mem::take(&mut self.is_stale);
+        let (is_stale, is_formed) = (std::mem::take(&mut self.is_stale), self.is_formed());
         let renewed = match &mut self.inverse {
+            // The device has its own; this one only leads to steps that move the patches.
+            Inverse::BlockJacobi(_) if !is_stale && is_formed => Ok(false),
             Inverse::BlockJacobi(inverse) => self.operand.factorize(inverse).map(|()| true),
             Inverse::IncompleteCholesky(incomplete) if is_stale => {
                 incomplete.matrix.fill(self.operand.values()?, shift);
@@ -157,9 +174,14 @@ impl Iterative {
         Some(renewed)
     }
 
-    /// Why the requested device is not used, if it is not.
-    pub fn device_fault(&self) -> Option<&str> {
-        self.remote.fault()
+    /// The requested device.
+    pub fn remote(&self) -> &Remote {
+        &self.remote
+    }
+
+    /// Whether the device forms the tangent.
+    fn is_formed(&self) -> bool {
+        self.operand.is_product() && self.remote.can_form()
     }
 
     /// `z = M⁻¹ r`.
@@ -240,17 +262,29 @@ impl Iterative {
     }
 
     /// The same on the device, in single precision, from the guess. What is left is formed in double precision, and
-    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). None if there is no
-    /// device, or where it failed on the way: the processor goes on from what there is.
+    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). Where the device forms
+    /// the tangent, its own residual is believed unless rounding comes near the tolerance: the residual of Newton's
+    /// method is in double precision anyway. None if there is no device, or where it failed on the way: the processor
+    /// goes on from what there is.
     fn iterate_on_device(&mut self, border: &Border, deadline: Option<Instant>) -> Option<Solved> {
-        let matrix = self.operand.matrix()?;
-        if !matches!(self.remote, Remote::Working { .. }) {
+        if !matches!(self.remote, Remote::Working(_)) {
             return None;
         }
-        let (mut left, mut solved) = (vec![0.0; self.residual.len()], Solved::default());
-        let whole = norm(&self.residual);
+        let mut left = std::mem::take(&mut self.left);
+        let solved = self.refine(border, deadline, &mut left);
+        self.left = left;
+        solved
+    }
+
+    fn refine(
+        &mut self,
+        border: &Border,
+        deadline: Option<Instant>,
+        left: &mut [f64],
+    ) -> Option<Solved> {
+        let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
+        let mut solved = Solved { residual: norm(left) / whole, ..Solved::default() };
         loop {
-            let before = std::mem::replace(&mut solved.residual, self.remainder(border, &mut left));
             solved.is_complete = solved.residual <= SLACK * self.settings.tolerance;
             let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
             let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
@@ -260,7 +294,7 @@ impl Iterative {
             }
             let wanted = self.settings.tolerance / solved.residual;
             let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
-            let found = self.remote.solve(border, matrix, &left, &end)?;
+            let found = self.remote.solve(border, self.operand.given(), left, &end)?;
             if !found.x.iter().all(|x| x.is_finite()) {
                 return None;
             }
@@ -277,7 +311,15 @@ impl Iterative {
                 return Some(solved);
             }
             self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
-            solved.floor = solved.floor.max(self.operand.rounding(&found.x) / whole);
+            let given = self.operand.given();
+            let magnitude = self.remote.magnitude(border, given, &self.correction)?;
+            solved.floor = UNIT * magnitude / whole;
+            before = solved.residual;
+            let expected = before * found.residual;
+            let is_believed = self.is_formed()
+                && solved.floor <= TRUSTED * self.settings.tolerance
+                && expected <= SLACK * self.settings.tolerance;
+            solved.residual = if is_believed { expected } else { self.remainder(border, left) };
         }
     }
 
@@ -297,15 +339,26 @@ impl Iterative {
 
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.
     fn guess(&mut self, border: &Border) {
-        let Iterative { operand, residual, correction, last, .. } = self;
+        let is_formed = self.is_formed();
+        let Iterative { operand, residual, correction, left, last, remote, .. } = self;
+        left.copy_from_slice(residual);
         let along = dot(last, residual);
         if along == 0.0 {
             correction.fill(0.0);
             return;
         }
-        Projected { operand, border }.apply(last, correction);
+        let remotely = || remote.multiply(border, operand.given(), last);
+        let is_finite = |product: &Vec<f64>| product.iter().all(|k| k.is_finite());
+        match is_formed.then(remotely).flatten().filter(is_finite) {
+            Some(product) => {
+                correction.copy_from_slice(&product);
+                border.project(correction);
+            }
+            None => Projected { operand, border }.apply(last, correction),
+        }
         let curvature = dot(last, correction);
         let factor = if curvature > 0.0 { along / curvature } else { 0.0 };
+        left.iter_mut().zip(&*correction).for_each(|(r, k)| *r -= factor * k);
         correction.iter_mut().zip(&*last).for_each(|(x, p)| *x = factor * p);
     }
 

@@ -25,8 +25,12 @@ use crate::linear::FactorError;
 use crate::mesh::Patch;
 use crate::settings;
 use border::Border;
+pub use border::{Row, mean_rows};
 pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
-pub use device::{Device, DeviceEnd, DeviceSolution, DeviceSystem, OnDevice};
+use device::Remote;
+pub use device::{
+    Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice, Origin,
+};
 use direct::{Direct, Held};
 use factor::TangentFactor;
 use indefinite::Indefinite;
@@ -74,6 +78,7 @@ impl Method {
     pub fn tangent(&self, body: &Body) -> Tangent {
         match self {
             Method::ConjugateGradients(cg) if cg.is_matrix_free => Tangent::product(body),
+            Method::ConjugateGradients(cg) if cg.device.is_some() => Tangent::either(body),
             _ => Tangent::matrix(body),
         }
     }
@@ -138,9 +143,9 @@ impl ConstrainedSystem {
                 Solver::Iterative(Box::new(Numbered::new(settings, body, &free)?))
             }
         };
-        let border = Border::new(Vec::new(), &is_held);
+        let border = Border::new(Vec::new(), n_dofs);
         let mut system = ConstrainedSystem { free, rows, is_held, border, solver };
-        system.hold(&[], patches);
+        system.hold(&[], mean_rows(&patches));
         Ok(system)
     }
 
@@ -156,16 +161,25 @@ impl ConstrainedSystem {
         Ok(system)
     }
 
-    /// Holds `dofs`, beside the fixed ones, and the means of `patches`, until the next call.
-    pub fn hold(&mut self, dofs: &[u32], patches: Vec<Patch>) {
+    /// Holds `dofs`, beside the fixed ones, and prescribes `W s` for these rows of `W`, until the next call.
+    pub fn hold(&mut self, dofs: &[u32], rows: Vec<Row>) {
         self.is_held.iter_mut().zip(&self.rows).for_each(|(held, row)| *held = row.is_none());
         dofs.iter().for_each(|&dof| self.is_held[dof as usize] = true);
-        self.border = Border::new(patches.clone(), &self.is_held);
         match &mut self.solver {
             Solver::Direct(direct) => direct.hold(&self.is_held),
             Solver::Indefinite(_) => {}
-            Solver::Iterative(iterative) => iterative.hold(&self.is_held, patches),
+            Solver::Iterative(iterative) => iterative.hold(&self.is_held),
         }
+        self.bind(rows);
+    }
+
+    /// Prescribes `W s` for these rows of `W` in place of those before; what is held stays so.
+    pub fn bind(&mut self, mut rows: Vec<Row>) {
+        rows.iter_mut().for_each(|row| row.retain(|&(dof, _)| !self.is_held[dof as usize]));
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            iterative.bind(rows.clone());
+        }
+        self.border = Border::new(rows, self.is_held.len());
     }
 
     /// Whether a degree of freedom is fixed or held.
@@ -175,9 +189,23 @@ impl ConstrainedSystem {
 
     /// Why the requested device is not used, if it is not.
     pub fn device_fault(&self) -> Option<&str> {
+        self.remote().and_then(Remote::fault)
+    }
+
+    /// Where the last tangent on the requested device came from; none without a device.
+    pub fn origin(&self) -> Option<Origin> {
+        self.remote().and_then(Remote::origin)
+    }
+
+    /// Whether a device forms the matrix of tangents that are left to it.
+    pub fn forms_tangents(&self) -> bool {
+        self.remote().is_some_and(Remote::can_form)
+    }
+
+    fn remote(&self) -> Option<&Remote> {
         match &self.solver {
             Solver::Direct(_) | Solver::Indefinite(_) => None,
-            Solver::Iterative(iterative) => iterative.device_fault(),
+            Solver::Iterative(iterative) => Some(iterative.remote()),
         }
     }
 

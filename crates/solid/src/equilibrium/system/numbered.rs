@@ -1,14 +1,14 @@
 //! Conjugate gradients in an order of nodes of their own, behind an interface in that of the body: what goes in is
 //! gathered, what comes out scattered, once for a solution.
 
-use super::border::Border;
+use super::border::{Border, Row};
+use super::device::Remote;
 use super::iterative::Iterative;
 use super::{ConjugateGradients, FIRST_SHIFT, Preconditioner, Solved};
 use crate::body::Body;
 use crate::clock::Instant;
 use crate::equilibrium::Tangent;
 use crate::linear::{FactorError, Numbering, next_shift};
-use crate::mesh::Patch;
 
 /// Nodes up to which vectors stay in the cache, whatever the order.
 const CACHED: usize = 10_000;
@@ -39,7 +39,7 @@ impl Numbered {
         let n = body.n_dofs();
         Ok(Numbered {
             iterative: Iterative::new(settings, body, free, numbering.as_ref())?,
-            border: Border::new(Vec::new(), &vec![false; n]),
+            border: Border::new(Vec::new(), n),
             is_border_new: true,
             numbering,
             load: vec![0.0; n],
@@ -47,22 +47,29 @@ impl Numbered {
         })
     }
 
-    /// Holds what is said of all degrees of freedom, and the means of `patches`, until the next call.
-    pub fn hold(&mut self, is_held: &[bool], mut patches: Vec<Patch>) {
+    /// Holds what is said of all degrees of freedom, until the next call.
+    pub fn hold(&mut self, is_held: &[bool]) {
         let mut held = is_held.to_vec();
         if let Some(numbering) = &self.numbering {
             numbering.gather(is_held, &mut held);
-            let nodes = patches.iter_mut().flat_map(|patch| &mut patch.nodes);
-            nodes.for_each(|node| *node = numbering.place()[*node as usize]);
         }
-        self.border = Border::new(patches, &held);
-        self.is_border_new = true;
         self.iterative.hold(&held);
     }
 
-    /// Why the device that was asked for takes no part, if it does not.
-    pub fn device_fault(&self) -> Option<&str> {
-        self.iterative.device_fault()
+    /// Prescribes `W s` for these rows of `W`, until the next call.
+    pub fn bind(&mut self, mut rows: Vec<Row>) {
+        if let Some(numbering) = &self.numbering {
+            let place = |dof: u32| 3 * numbering.place()[dof as usize / 3] + dof % 3;
+            rows.iter_mut().flatten().for_each(|(dof, _)| *dof = place(*dof));
+        }
+        self.border = Border::new(rows, self.load.len());
+        self.is_border_new = true;
+        self.iterative.bind(&self.border);
+    }
+
+    /// The device that was asked for.
+    pub fn remote(&self) -> &Remote {
+        self.iterative.remote()
     }
 
     /// Makes ready to solve with a new tangent; `shift` is over its mean diagonal.

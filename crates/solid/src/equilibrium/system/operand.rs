@@ -3,14 +3,12 @@
 //! stiffnesses in single precision.
 
 use super::absolute;
+use super::device::Given;
 use crate::body::{BlockPattern, Body, Source, SymmetricBlocks};
 use crate::equilibrium::Tangent;
 use crate::equilibrium::tangent::{Product, ProductOperator};
 use crate::linear::conjugate_gradients::{BlockJacobi, Operator};
 use crate::linear::{FactorError, Numbering};
-
-/// Largest relative error of a number in single precision.
-const UNIT: f64 = 0.5 * f32::EPSILON as f64;
 
 /// A tangent with a multiple of the identity added; held rows are zero.
 pub(super) struct Operand {
@@ -45,21 +43,38 @@ impl Operand {
 
     /// Takes a new tangent, with a shift given over its mean diagonal; returns the shift.
     pub fn take(&mut self, tangent: &Tangent, shift: f64) -> Result<f64, FactorError> {
-        match (&mut self.kind, tangent) {
-            (Kind::Product(operator), Tangent::Product(product)) => *operator = product.operator(),
-            (Kind::Product(_), Tangent::Matrix(_)) => return Err(FactorError::NotFactorized),
-            (Kind::Matrix(matrix), tangent) => matrix.copy_from(tangent.blocks()?),
-            (Kind::Renumbered(matrix, sources), tangent) => {
+        match (&mut self.kind, tangent.product_part()) {
+            (Kind::Product(operator), Some(product)) => *operator = product.operator(),
+            (Kind::Renumbered(matrix, sources), _) => {
                 matrix.copy_renumbered(tangent.blocks()?, sources);
             }
+            // A device forms one tangent, and takes the next assembled.
+            (kind @ Kind::Matrix(_), Some(product)) if matches!(tangent, Tangent::Either(_)) => {
+                *kind = Kind::Product(product.operator());
+            }
+            (kind @ Kind::Product(_), None) if matches!(tangent, Tangent::Either(_)) => {
+                *kind = Kind::Matrix(tangent.blocks()?.clone());
+            }
+            (Kind::Matrix(matrix), _) => matrix.copy_from(tangent.blocks()?),
+            (Kind::Product(_), None) => return Err(FactorError::NotFactorized),
         }
         self.shift = absolute(shift, || self.mean_diagonal());
         Ok(self.shift)
     }
 
-    /// Values of the assembled matrix and the shift, where it is assembled.
-    pub fn matrix(&self) -> Option<(&[f64], f64)> {
-        self.blocks().map(|matrix| (matrix.values(), self.shift))
+    /// The tangent as a device takes it.
+    pub fn given(&self) -> Given<'_> {
+        match &self.kind {
+            Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => {
+                Given::Assembled(matrix.values(), self.shift)
+            }
+            Kind::Product(operator) => Given::Product(operator, self.shift),
+        }
+    }
+
+    /// Whether it multiplies cell by cell.
+    pub fn is_product(&self) -> bool {
+        matches!(self.kind, Kind::Product(_))
     }
 
     /// Values of the assembled matrix.
@@ -85,27 +100,6 @@ impl Operand {
             Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => Some(matrix),
             Kind::Product(_) => None,
         }
-    }
-
-    /// What rounding matrix and vector to single precision may add to `K x`: `u | |K| |x| |`, `u` half the spacing of
-    /// numbers (Higham 2002, eq. 3.12). Zero without a matrix.
-    pub fn rounding(&self, x: &[f64]) -> f64 {
-        let Some(matrix) = self.blocks() else { return 0.0 };
-        let mut sums = vec![0.0; x.len()];
-        for ((row, column), block) in
-            matrix.pattern().pairs().zip(matrix.values().as_chunks::<9>().0)
-        {
-            let (row, column) = (3 * row as usize, 3 * column as usize);
-            for k in 0..9 {
-                let (i, j, value) = (row + k / 3, column + k % 3, block[k].abs());
-                sums[i] += value * x[j].abs();
-                if row != column {
-                    sums[j] += value * x[i].abs();
-                }
-            }
-        }
-        let free = sums.iter().zip(&self.is_held).filter(|(_, held)| !**held);
-        UNIT * free.map(|(sum, _)| sum * sum).sum::<f64>().sqrt()
     }
 
     /// The block of each node with itself, without the shift.

@@ -76,7 +76,7 @@ fn every_method_solves_the_bordered_system_of_every_grasp() {
         let mut solver =
             ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
         for (dofs, patches) in &grasps {
-            solver.hold(dofs, patches.clone());
+            solver.hold(dofs, mean_rows(patches));
             solver.prepare(&tangent, 0.0).unwrap();
             let c = noise(3 * patches.len(), 3);
             let (mut b, mut s, mut forces) = (load.clone(), vec![0.0; n], Vec::new());
@@ -216,7 +216,7 @@ fn bad_settings_are_refused() {
         ConjugateGradients { tolerance: f64::NAN, ..cg },
         ConjugateGradients { max_iterations: 0, ..cg },
         ConjugateGradients { is_matrix_free: true, ..cg },
-        ConjugateGradients { device: Some(OnDevice(&Fragile(0))), ..cg },
+        ConjugateGradients { device: Some(OnDevice(&Fragile(0, None))), ..cg },
     ] {
         assert!(Method::ConjugateGradients(bad).check().is_err(), "{bad:?}");
     }

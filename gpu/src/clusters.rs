@@ -1,0 +1,128 @@
+//! Clusters of cells that share their volume ratio: the caller forms the ratios, their pressures and slopes in double
+//! precision; the device adds what follows from them to the tangent.
+
+use crate::cells::{Gathered, Tangent};
+use crate::device::Gpu;
+use crate::{Error, System};
+use wgpu::{BindGroup, Buffer, ComputePipeline};
+
+/// Cells that share their volume ratio. What that ratio depends on is formed by the caller, see [`Tangent`].
+#[derive(Clone, Copy, Debug)]
+pub struct Clusters<'a> {
+    /// The cluster of each cell.
+    pub of: &'a [u32],
+    /// Where the nodes of each cluster start, and the last end.
+    pub starts: &'a [u32],
+    /// Nodes of the clusters, ascending within each.
+    pub nodes: &'a [u32],
+}
+
+/// What the clusters of a body have at a displacement.
+pub(crate) struct ClusterBuffers {
+    pub kernel: ComputePipeline,
+    pub pressures: Buffer,
+    slopes: Buffer,
+    n_clusters: usize,
+    n_places: usize,
+}
+
+/// The pressure of cells on their own.
+pub(crate) const ALONE: &str = "fn pressure_of(cell: u32) -> f32 { return 0.0; }";
+
+/// That of cells in clusters.
+pub(crate) const IN_CLUSTERS: &str = "\
+@group(0) @binding(6) var<storage, read> pressures: array<f32>;
+@group(0) @binding(7) var<storage, read> clusters: array<u32>;
+fn pressure_of(cell: u32) -> f32 { return pressures[clusters[cell]]; }";
+
+impl ClusterBuffers {
+    pub fn new(gpu: &Gpu, clusters: Clusters<'_>) -> Result<Self, Error> {
+        let kernel = gpu.kernel(include_str!("kernels/clusters.wgsl"), "add_clusters")?;
+        let (n_clusters, n_places) = (clusters.len(), clusters.nodes.len());
+        let pressures = gpu.zeros::<f32>("pressures of clusters", n_clusters)?;
+        let slopes = gpu.zeros::<f32>("slopes of clusters", 6 * n_places)?;
+        Ok(ClusterBuffers { kernel, pressures, slopes, n_clusters, n_places })
+    }
+
+    /// Takes what the clusters have at a displacement.
+    pub fn move_to(&self, gpu: &Gpu, tangent: &Tangent<'_>) -> Result<(), Error> {
+        let [slopes, weighted] = tangent.slopes;
+        let given = [tangent.pressures.len(), slopes.len(), weighted.len()];
+        if given != [self.n_clusters, self.n_places, self.n_places] {
+            return Err(Error::Input(format!(
+                "{given:?} pressures, slopes and weighted slopes for {} clusters with {} nodes",
+                self.n_clusters, self.n_places
+            )));
+        }
+        let pressures: Vec<f32> = tangent.pressures.iter().map(|&p| p as f32).collect();
+        let both = slopes.iter().zip(weighted).flat_map(|(j, m)| [*j, *m]);
+        let both: Vec<f32> = both.flatten().map(|x| x as f32).collect();
+        gpu.write(&self.pressures, &pressures);
+        gpu.write(&self.slopes, &both);
+        Ok(())
+    }
+
+    /// The products of clusters that belong to each place.
+    pub fn commands(
+        &self,
+        gpu: &Gpu,
+        system: &System,
+        k: usize,
+        clusters: Clusters<'_>,
+    ) -> Result<BindGroup, Error> {
+        let (chunk, row_of) = (&system.layout.chunks[k], &system.layout.row_of);
+        let mut products = Vec::new();
+        for places in clusters.places() {
+            for row in places.clone() {
+                let own = row_of[clusters.nodes[row] as usize];
+                if !chunk.rows.contains(&(own as usize)) {
+                    continue;
+                }
+                for column in places.clone() {
+                    let other = row_of[clusters.nodes[column] as usize];
+                    products.push((chunk.place(own, other)?, [row as u32, column as u32]));
+                }
+            }
+        }
+        let products = Gathered::new(chunk.columns.len(), &products);
+        let starts = gpu.buffer("products of clusters", &products.starts)?;
+        let parts = gpu.buffer("products of clusters", &products.parts)?;
+        let size = gpu.uniform([chunk.columns.len() as u32, 0, 0, 0]);
+        let values = &system.chunks[k].values;
+        Ok(gpu.bind(&self.kernel, &[&starts, &parts, &self.slopes, values, &size]))
+    }
+}
+
+impl Clusters<'_> {
+    fn len(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// Places of the nodes of each cluster.
+    fn places(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+        self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
+    }
+
+    /// Number of products that each row has in all its blocks.
+    pub(crate) fn products_of_rows(&self, n_nodes: usize) -> Vec<u32> {
+        let mut count = vec![0; n_nodes];
+        for places in self.places() {
+            let more = places.len() as u32;
+            self.nodes[places].iter().for_each(|&node| count[node as usize] += more);
+        }
+        count
+    }
+
+    /// Whether they are clusters of these cells.
+    pub(crate) fn check(&self, n_nodes: usize, n_cells: usize) -> Result<(), Error> {
+        let ascends = self.starts.windows(2).all(|w| w[0] <= w[1]);
+        let ends = self.starts.first() == Some(&0)
+            && self.starts.last().is_some_and(|&end| end as usize == self.nodes.len());
+        let is_sound = self.of.len() == n_cells
+            && ascends
+            && ends
+            && self.of.iter().all(|&cluster| (cluster as usize) < self.len())
+            && self.nodes.iter().all(|&node| (node as usize) < n_nodes);
+        if is_sound { Ok(()) } else { Err(Error::Input("clusters that make no sense".to_string())) }
+    }
+}

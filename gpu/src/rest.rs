@@ -1,0 +1,96 @@
+//! What belongs to a tangent beside the law's: a factor, and blocks that are added. They stay until others come.
+
+use crate::device::{Gpu, dispatch, workgroups};
+use crate::{Error, System};
+use std::collections::HashMap;
+use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
+
+/// A block of the upper triangle that is added to a tangent: row, column and entries, row-major; any number at each
+/// place.
+pub type RestBlock = (u32, u32, [f64; 9]);
+
+/// The blocks that are added to the tangent of a body.
+pub(crate) struct Rest {
+    kernel: ComputePipeline,
+    /// Number of each block of the upper triangle.
+    number_of: HashMap<(u32, u32), usize>,
+    /// By chunk, from when they were needed first.
+    chunks: Vec<ChunkRest>,
+    is_empty: bool,
+}
+
+/// Those of a run of rows, as many as the matrix has there.
+struct ChunkRest {
+    values: Buffer,
+    size: Buffer,
+    n_values: usize,
+    commands: BindGroup,
+}
+
+impl Rest {
+    /// Of a matrix with blocks at `pairs`; nothing is added yet.
+    pub fn new(gpu: &Gpu, pairs: &[(u32, u32)]) -> Result<Self, Error> {
+        Ok(Rest {
+            kernel: gpu.kernel(include_str!("kernels/rest.wgsl"), "add_rest")?,
+            number_of: pairs.iter().copied().zip(0..).collect(),
+            chunks: Vec::new(),
+            is_empty: true,
+        })
+    }
+
+    /// Takes what is added from now on.
+    pub fn take(&mut self, gpu: &Gpu, system: &System, rest: &[RestBlock]) -> Result<(), Error> {
+        let mut blocks: HashMap<usize, [f64; 9]> = HashMap::with_capacity(rest.len());
+        for (row, column, block) in rest {
+            let number = self.number_of.get(&(*row, *column)).ok_or_else(|| {
+                Error::Input(format!("the pattern has no block ({row}, {column}) to add to"))
+            })?;
+            let sum = blocks.entry(*number).or_insert([0.0; 9]);
+            sum.iter_mut().zip(block).for_each(|(sum, more)| *sum += more);
+        }
+        self.is_empty = rest.is_empty();
+        if self.is_empty && self.chunks.is_empty() {
+            return Ok(());
+        }
+        self.make_room(gpu, system)?;
+        for (chunk, own) in system.layout.chunks.iter().zip(&self.chunks) {
+            gpu.write(&own.values, &chunk.packed(|number| blocks.get(&number)));
+        }
+        Ok(())
+    }
+
+    /// Multiplies the matrix by a factor and adds the blocks.
+    pub fn encode(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut CommandEncoder,
+        system: &System,
+        factor: f64,
+    ) -> Result<(), Error> {
+        if self.is_empty && factor == 1.0 {
+            return Ok(());
+        }
+        self.make_room(gpu, system)?;
+        for own in &self.chunks {
+            gpu.write(&own.size, &[own.n_values as u32, (factor as f32).to_bits(), 0, 0]);
+            let groups = workgroups(own.n_values, usize::MAX);
+            dispatch(encoder, &self.kernel, &own.commands, groups);
+        }
+        Ok(())
+    }
+
+    fn make_room(&mut self, gpu: &Gpu, system: &System) -> Result<(), Error> {
+        if self.chunks.is_empty() {
+            let of_chunks = system.layout.chunks.iter().zip(&system.chunks);
+            let made = of_chunks.map(|(chunk, buffers)| {
+                let n_values = 9 * chunk.columns.len();
+                let values = gpu.zeros::<f32>("what is added to the tangent", n_values)?;
+                let size = gpu.uniform([0; 4]);
+                let commands = gpu.bind(&self.kernel, &[&buffers.values, &values, &size]);
+                Ok(ChunkRest { values, size, n_values, commands })
+            });
+            self.chunks = made.collect::<Result<_, Error>>()?;
+        }
+        Ok(())
+    }
+}
