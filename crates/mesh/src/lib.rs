@@ -6,6 +6,7 @@
 mod closest;
 mod conformity;
 mod locate;
+mod overlap;
 mod patch;
 mod quadratic;
 mod report;
@@ -14,6 +15,7 @@ mod surface;
 
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use locate::{Located, Locator};
+pub use overlap::{Piece, overlap};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};

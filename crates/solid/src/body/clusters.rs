@@ -12,6 +12,7 @@ use super::blocks::{BlockPattern, Grouped};
 use super::cells::{CellBatches, Slot, tissues};
 use super::curvature::Curvature;
 use super::partition::Partition;
+use super::programmed::ClusterNodes;
 use super::tasks::{RUN, TASK, tasks};
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{LawKernels, Material, Shared};
@@ -73,9 +74,9 @@ pub struct SharedTangent {
     /// `s U'(J_c)`.
     pub pressures: Vec<f64>,
     /// `j_c` over the nodes of the clusters.
-    slopes: Vec<[f64; 3]>,
+    pub slopes: Vec<[f64; 3]>,
     /// The same times `s V_c U''(J_c)`.
-    weighted: Vec<[f64; 3]>,
+    pub weighted: Vec<[f64; 3]>,
 }
 
 impl Clusters {
@@ -114,6 +115,20 @@ impl Clusters {
             nodes: partition.nodes.clone(),
             volume,
         }
+    }
+
+    /// Which cells and nodes they have.
+    pub fn nodes(&self) -> ClusterNodes {
+        let members = (0..self.members.len()).map(|cluster| self.members.of(cluster));
+        let mut of = vec![0; members.clone().map(<[Member]>::len).sum()];
+        for (cluster, members) in (0u32..).zip(members) {
+            members.iter().for_each(|member| of[member.cell as usize] = cluster);
+        }
+        let ranges = (0..self.nodes.len()).map(|cluster| self.nodes.range(cluster));
+        let starts = std::iter::once(0).chain(ranges.map(|range| range.end as u32)).collect();
+        let nodes =
+            (0..self.nodes.len()).flat_map(|cluster| self.nodes.of(cluster).iter().copied());
+        ClusterNodes { of, starts, nodes: nodes.collect() }
     }
 
     /// Volume ratios of cells and clusters.

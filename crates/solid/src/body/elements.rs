@@ -39,7 +39,7 @@ fn cell_by_cell<E: Shape<N>, const N: usize>(
     nodes: Vec<[u32; N]>,
 ) -> (BlockPattern, Arc<dyn ElementIntegrals>) {
     let n = layout.n_nodes();
-    let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of));
+    let pattern = BlockPattern::new(n, nodes.iter().flat_map(pairs_of).chain(layout.ties.pairs()));
     let cells = CellBatches::<E, N>::new(nodes, layout.geometry, layout.material, &pattern, n);
     (pattern, Arc::new(cells))
 }

@@ -7,6 +7,7 @@ use super::cells::CellBatches;
 use super::clusters::{Around, SharedTangent};
 use super::curvature::Curvature;
 use super::outliers::Outlier;
+use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
 use super::series::{Along, SeriesIntegrals};
 use crate::element::{Geometry, Shape};
@@ -70,6 +71,11 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     /// The cluster of each cell at a displacement; none if cells share nothing.
     fn clusters(&self, _law: &dyn LawKernels, _u: &[f64]) -> Vec<Cluster> {
         Vec::new()
+    }
+
+    /// Which cells share their volume ratio; none if none do.
+    fn cluster_nodes(&self) -> Option<ClusterNodes> {
+        None
     }
 
     /// Number of the smallest units that have an energy of their own.

@@ -1,5 +1,6 @@
 //! The cells and nodes over which the integrals of a body are made.
 
+use super::ties::Ties;
 use crate::element::Geometry;
 use crate::law::Material;
 
@@ -10,6 +11,8 @@ pub(super) struct Layout<'a> {
     pub n_corners: usize,
     pub geometry: &'a [Geometry],
     pub material: &'a Material,
+    /// Their pairs of nodes are in the pattern too.
+    pub ties: &'a Ties,
 }
 
 impl Layout<'_> {

@@ -8,6 +8,7 @@ use super::integrals::ElementIntegrals;
 use super::layout::Layout;
 use super::outliers::Outlier;
 use super::partition::Partition;
+use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
 use super::series::{Along, SeriesIntegrals};
 use crate::element::{Geometry, Tet4};
@@ -26,7 +27,7 @@ impl MeanVolume {
     pub fn new(layout: &Layout<'_>, parts: &Partition) -> (BlockPattern, Self) {
         let Layout { cells, geometry, material, .. } = *layout;
         let n = layout.n_nodes();
-        let pattern = BlockPattern::new(n, parts.pairs());
+        let pattern = BlockPattern::new(n, parts.pairs().chain(layout.ties.pairs()));
         let batches = CellBatches::new(cells.to_vec(), geometry, material, &pattern, n);
         let slots = &batches.slots;
         let clusters = Clusters::new(parts, cells, slots, geometry, material, &pattern);
@@ -125,6 +126,10 @@ impl ElementIntegrals for MeanVolume {
             }
         }
         of_cells
+    }
+
+    fn cluster_nodes(&self) -> Option<ClusterNodes> {
+        Some(self.clusters.nodes())
     }
 
     fn n_units(&self) -> usize {

@@ -16,10 +16,12 @@ mod elements;
 mod integrals;
 mod kernels;
 mod layout;
+mod links;
 mod mean_volume;
 mod outliers;
 mod partition;
 mod product;
+mod programmed;
 mod quadrature_points;
 mod series;
 mod subset;
@@ -27,14 +29,20 @@ mod tangent;
 mod tasks;
 #[cfg(test)]
 mod tests;
+mod ties;
 
 pub use blocks::{BlockPattern, Source, SymmetricBlocks, add_block_product};
+pub use clusters::SharedTangent;
+use clusters::averaged_part;
 pub use curvature::Curvature;
 pub use kernels::UPRIGHT;
+pub use links::Link;
 pub use outliers::Outlier;
 pub use product::TangentProduct;
+pub use programmed::{ClusterNodes, ProgrammedCells};
 pub use quadrature_points::QuadraturePoint;
 pub use subset::{SharedNodes, WeightedSubset};
+pub use ties::Ties;
 
 use crate::element::{Element, Geometry};
 use crate::error::Error;
@@ -48,6 +56,7 @@ use layout::Layout;
 use partition::Partition;
 use series::{Along, SeriesIntegrals};
 use std::sync::Arc;
+use ties::Tied;
 
 /// A hyperelastic body of tetrahedra, Total Lagrangian.
 pub struct Body {
@@ -60,6 +69,7 @@ pub struct Body {
     material: Arc<Material>,
     pattern: Arc<BlockPattern>,
     integrals: Arc<dyn ElementIntegrals>,
+    tied: Option<Arc<Tied>>,
 }
 
 impl Body {
@@ -88,10 +98,26 @@ impl Body {
         cells: Vec<[u32; 4]>,
         material: Material,
     ) -> Result<Self, Error> {
+        Self::tied(element, points, cells, material, Ties::default())
+    }
+
+    /// As [`Body::with_element`], with elastic supports and bonds; their nodes are those of the element.
+    ///
+    /// # Errors
+    /// As there, and those of [`Ties::check`].
+    pub fn tied(
+        element: Element,
+        points: Vec<[f64; 3]>,
+        cells: Vec<[u32; 4]>,
+        material: Material,
+        ties: Ties,
+    ) -> Result<Self, Error> {
         simd::check().map_err(Error::input)?;
         let geometry = check::mesh(&points, &cells)?;
         check::parameter_rows(&material, cells.len())?;
-        Ok(Self::assemble(element, points, cells, geometry, material, Partition::new))
+        let edges = if element.is_quadratic() { mesh::edges(&cells).len() } else { 0 };
+        ties.check(points.len() + edges)?;
+        Ok(Self::assemble(element, points, cells, geometry, (material, ties), Partition::new))
     }
 
     /// Builds the body from checked cells of this geometry; `partition` puts them in clusters if the element needs
@@ -101,7 +127,7 @@ impl Body {
         points: Vec<[f64; 3]>,
         cells: Vec<[u32; 4]>,
         geometry: Vec<Geometry>,
-        material: Material,
+        (material, ties): (Material, Ties),
         partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
     ) -> Self {
         let edges = if element.is_quadratic() { mesh::edges(&cells) } else { Vec::new() };
@@ -111,11 +137,13 @@ impl Body {
             n_corners: points.len(),
             geometry: &geometry,
             material: &material,
+            ties: &ties,
         };
         let (pattern, integrals) = elements::integrals(element, &layout, partition);
         let points = mesh::with_midpoints(&points, &edges);
+        let tied = Tied::new(ties, &pattern).map(Arc::new);
         let (material, pattern) = (Arc::new(material), Arc::new(pattern));
-        Body { element, points, cells, edges, geometry, material, pattern, integrals }
+        Body { element, points, cells, edges, geometry, material, pattern, integrals, tied }
     }
 
     /// The element.
@@ -155,6 +183,16 @@ impl Body {
     /// The law.
     pub fn material(&self) -> &Material {
         &self.material
+    }
+
+    /// Its elastic supports and bonds, if it has some.
+    pub fn ties(&self) -> Option<&Ties> {
+        self.tied.as_deref().map(|tied| &tied.ties)
+    }
+
+    /// Whether springs or cables act on it, which no series knows.
+    pub fn has_links(&self) -> bool {
+        self.ties().is_some_and(|ties| !ties.links.is_empty())
     }
 
     /// Number of degrees of freedom, three per node.
@@ -237,9 +275,10 @@ impl Body {
         Ok(force)
     }
 
-    /// Strain energy [J]; infinite if a cell is inverted and the law forbids that.
+    /// Strain energy and that of the ties [J]; infinite if a cell is inverted and the law forbids that.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        self.integrals.energy(self.material.law(), u)
+        let energy = self.integrals.energy(self.material.law(), u);
+        self.ties().map_or(energy, |ties| energy + ties.energy(u))
     }
 
     /// Internal force `f_int = dW/du` [N], in place; returns [`Body::energy`]. If that is infinite, the force has no
@@ -251,7 +290,8 @@ impl Body {
     /// As [`Body::internal_force`], but for laws that forbid inversion the energy is infinite if the `J` of a cell is
     /// outside a range.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
-        self.integrals.force(self.material.law(), (u, range), force)
+        let energy = self.integrals.force(self.material.law(), (u, range), force);
+        self.tied.as_ref().map_or(energy, |tied| energy + tied.ties.add_internal_force(u, force))
     }
 
     /// Internal force and tangent `d f_int / du`, in place.
@@ -273,13 +313,17 @@ impl Body {
         tangent: &mut SymmetricBlocks,
     ) {
         self.integrals.force_and_tangent(self.material.law(), (u, curvature), force, tangent);
+        if let Some(tied) = &self.tied {
+            tied.ties.add_internal_force(u, force);
+            tied.add_stiffness(u, curvature, tangent);
+        }
     }
 
     /// Degree-p coefficients of the internal force, p being the order of `table`.
     ///
     /// `displacement` holds `stride >= table.len()` coefficients for each degree of freedom (the
     /// displacement of the base state first); only those of degree below p are read, so that the
-    /// result is the nonlinear right-hand side with `u_p = 0`. `force` receives
+    /// result is the nonlinear right-hand side with `u_p = 0`, to which ties, being linear, add nothing; springs and cables are left out. `force` receives
     /// `table.of_degree(p).len()` coefficients for each degree of freedom.
     pub fn force_series<T: Real>(
         &self,

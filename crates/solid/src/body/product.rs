@@ -10,6 +10,7 @@ use super::curvature::Curvature;
 use super::integrals::ElementIntegrals;
 use super::tangent::{Purpose, TangentLoop};
 use super::tasks::for_tasks;
+use super::ties::Tied;
 use super::{Body, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::{LawKernels, Material};
@@ -23,6 +24,7 @@ pub struct TangentProduct {
     material: Arc<Material>,
     integrals: Arc<dyn ElementIntegrals>,
     pattern: Arc<BlockPattern>,
+    tied: Option<Arc<Tied>>,
     u: Vec<f64>,
     curvature: Curvature,
     /// What clusters share at `u`.
@@ -36,6 +38,7 @@ impl Body {
             material: self.material.clone(),
             integrals: self.integrals.clone(),
             pattern: self.pattern.clone(),
+            tied: self.tied.clone(),
             u: Vec::new(),
             curvature: Curvature::Exact,
             shared: SharedTangent::default(),
@@ -54,16 +57,29 @@ impl TangentProduct {
         self.shared = self.integrals.shared(self.material.law(), (u, curvature));
     }
 
+    /// The displacement, and what clusters share there.
+    pub fn at(&self) -> (&[f64], &SharedTangent) {
+        (&self.u, &self.shared)
+    }
+
+    /// Row, column and entries of the blocks that ties add, row <= column.
+    pub fn tie_blocks(&self) -> impl Iterator<Item = (u32, u32, [f64; 9])> + '_ {
+        self.tied.iter().flat_map(|tied| tied.blocks(&self.u, self.curvature))
+    }
+
     /// `y = K x` over all degrees of freedom.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         let at = (self.u.as_slice(), self.curvature);
         self.integrals.tangent_times(self.material.law(), at, &self.shared, x, y);
+        self.tied.iter().for_each(|tied| tied.add_product(at, x, y));
     }
 
     /// The block of each node with itself, entries `[i][k]`, nine per node.
     pub fn diagonal(&self) -> Vec<[f64; 9]> {
         let at = (self.u.as_slice(), self.curvature);
-        self.integrals.tangent_diagonal(self.material.law(), at, &self.shared)
+        let mut diagonal = self.integrals.tangent_diagonal(self.material.law(), at, &self.shared);
+        self.tied.iter().for_each(|tied| tied.add_diagonal(at, &mut diagonal));
+        diagonal
     }
 
     /// A zero matrix for additions to the tangent.

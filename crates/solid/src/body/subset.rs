@@ -5,6 +5,7 @@
 
 use super::Body;
 use super::partition::Partition;
+use super::ties::Ties;
 use crate::element::Geometry;
 use std::collections::HashMap;
 
@@ -48,9 +49,10 @@ impl Body {
             }
         }
         let points = corners.nodes.iter().map(|&node| self.points[node as usize]).collect();
-        let material = self.material.of_cells(&origin);
+        // Ties belong to no unit.
+        let parts = (self.material.of_cells(&origin), Ties::default());
         let partition = |cells: &[[u32; 4]], _: &_| Partition::given(cells, unit_of, units.len());
-        let body = Body::assemble(self.element, points, cells, geometry, material, partition);
+        let body = Body::assemble(self.element, points, cells, geometry, parts, partition);
         let (mut nodes, mut first) = (corners.nodes, corners.units);
         for &[a, b] in &body.edges {
             nodes.push(self.midpoint(nodes[a as usize], nodes[b as usize]));

@@ -1,0 +1,235 @@
+"""A scene: several organs, each with its own mesh, law and supports, joined as one body, with bonds between them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viscera import law as laws
+from viscera.bond import Bond
+from viscera.contact import AnyShape, Tool, tools_of
+from viscera.errors import VisceraError, did_you_mean
+from viscera.loads import faces_within
+from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.organ import Organ
+from viscera.quantity import refused
+from viscera.select import length
+from viscera.spring import Spring
+from viscera.ties import Tied, Ties
+
+
+class Scene(Organ):
+    """Several organs, rigid bodies, and bonds between the organs, solved and stepped together.
+
+    A scene is an organ whose parts are the organs: `solve`, `path`, `stepper`, `reduce` and what they return work as
+    for one organ. `state["liver"]`, or the same of a frame, is the part of one organ.
+
+    organs: `{name: Organ}`, all of one element. Each keeps its mesh, law, fixed nodes and elastic supports. The sets of
+        the scene's mesh are `"liver"` for all nodes or cells of an organ and `"liver/hilum"` for its sets;
+        `Scene.place` gives any other place.
+    bodies: rigid bodies, as the tools of `Organ.solve(contact=)`: a table, a retractor. They act in every solve and in
+        every stepper. They touch all organs.
+    bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
+    Raises `VisceraError` for organs of several elements, for names that are unknown, for a bond of surfaces that do not
+    lie on each other, and if nothing holds an organ.
+
+    >>> import viscera as vs
+    >>> beam = vs.organs.beam()
+    >>> above = vs.mesh(beam.points + [0.0, 0.0, 0.2], beam.cells)
+    >>> lower = vs.Organ(beam, vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> upper = vs.Organ(above, vs.NeoHookean(young=2e4, poisson=0.3), supports=[vs.ElasticSupport("x < 1%", 1e3)])
+    >>> scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
+    >>> state = scene.solve(force={"lower/tip": (0, 0, -10.0)})
+    >>> state.is_converged, f"{1e3 * state['upper'].displacement[:, 2].min():.0f} mm"
+    (True, '-121 mm')
+    """
+
+    def __init__(
+        self,
+        organs: Mapping[str, Organ],
+        bodies: Sequence[Tool | AnyShape] = (),
+        bonds: Sequence[Bond | Spring] = (),
+    ) -> None:
+        self.organs = _checked(organs)
+        """The organs by name."""
+        self.bonds = tuple(bonds)
+        """The bonds."""
+        first = next(iter(self.organs.values()))
+        self._numbers = _numbers(self.organs)
+        mesh, law = _joined_mesh(self.organs), _joined_law(self.organs)
+        nodal = mesh.quadratic() if first.element == "P2" else mesh
+        fixed = np.concatenate([self._numbers[name][organ.fixed] for name, organ in self.organs.items()])
+        held: list[Tied] = [
+            Placed(support, _renumbered(ties, self._numbers[name]))
+            for name, organ in self.organs.items()
+            for support, ties in zip(organ.supports, organ._tied, strict=True)
+        ]
+        for bond in self.bonds:
+            held.append(bond if isinstance(bond, Spring) else Placed(bond, self._samples(bond, nodal, law)))
+        super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
+        self._bodies = tools_of(list(bodies))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """For pickle and copy: the organs are joined again."""
+        return Scene, (self.organs, self._bodies, self.bonds)
+
+    def __repr__(self) -> str:
+        words = [f"{name}: {len(organ.mesh.points)} points" for name, organ in self.organs.items()]
+        return f"Scene({', '.join(words)}, {len(self._bodies)} bodies, {len(self.bonds)} bonds)"
+
+    @property
+    def bodies(self) -> tuple[Tool, ...]:
+        """The rigid bodies."""
+        return tuple(self._bodies)
+
+    def place(self, organ: str, where: Where) -> tuple[int, ...]:
+        """The nodes of a place of an organ in the numbering of the scene, for loads and displacements.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> scene = vs.Scene({"beam": beam})
+        >>> len(scene.place("beam", "x > 99%"))
+        25
+        """
+        nodes = self.organ(organ).mesh.nodes(where)
+        return tuple(self._numbers[organ][nodes].tolist())
+
+    def organ(self, name: str) -> Organ:
+        """An organ of the scene by its name.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> vs.Scene({"beam": beam}).organ("beam") is beam
+        True
+        """
+        if name not in self.organs:
+            raise VisceraError(f"no organ of the scene is called {name!r}; {did_you_mean(str(name), self.organs)}")
+        return self.organs[name]
+
+    def part(self, name: str, field: Floats) -> Floats:
+        """The rows of a nodal field (n, 3) that belong to an organ, in the organ's own numbering.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> scene = vs.Scene({"beam": beam})
+        >>> scene.part("beam", scene.mesh.points).shape
+        (525, 3)
+        """
+        self.organ(name)
+        return np.asarray(field[self._numbers[name]])
+
+    def _samples(self, bond: Bond, mesh: Mesh, law: laws.Law) -> Ties:
+        if not isinstance(bond, Bond):
+            raise refused("a bond of a scene", "a Bond or a Spring, such as Bond('liver', 'gallbladder')", bond)
+        sides = []
+        for name, where in (bond.first, bond.second):
+            organ = self.organ(name).mesh
+            nodes = organ.surface_nodes if where is None else organ.nodes(where)
+            sides.append(self._numbers[name][faces_within(organ, nodes)].astype(np.uint32))
+        diagonal = min(self.organ(name).mesh.diagonal for name, _ in (bond.first, bond.second))
+        shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
+        modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
+        return bond._samples(mesh, (sides[0], sides[1]), modulus, length(bond.reach, diagonal, "the reach of a bond"))
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A support or a bond in the numbering of a scene."""
+
+    origin: Tied | Bond
+    found: Ties
+
+    def ties(self, mesh: Mesh) -> Ties:
+        """Its samples."""
+        return self.found
+
+    def on(self, mesh: Mesh) -> Placed:
+        """The same."""
+        return self
+
+    def is_same(self, other: object) -> bool:
+        """Whether it is this support or bond."""
+        return other is self.origin or (isinstance(self.origin, Tied) and self.origin.is_same(other))
+
+
+def _checked(organs: Mapping[str, Organ]) -> dict[str, Organ]:
+    if not isinstance(organs, Mapping) or not organs:
+        raise refused("the organs of a scene", "a table, such as {'liver': Organ(...)}", organs)
+    for name, organ in organs.items():
+        if not isinstance(name, str) or not name or "/" in name:
+            raise refused("the name of an organ", "words without '/'", name)
+        if not isinstance(organ, Organ) or isinstance(organ, Scene):
+            raise refused(f"the organ {name!r}", "a viscera.Organ", organ)
+    elements = {organ.element for organ in organs.values()}
+    if len(elements) > 1:
+        raise VisceraError(
+            f"the organs of a scene must be of one element, got {', '.join(sorted(elements))}; choose one for all, as "
+            "in Organ(..., element='P1 mean volume')"
+        )
+    return dict(organs)
+
+
+def _numbers(organs: Mapping[str, Organ]) -> dict[str, NDArray[np.int64]]:
+    """Of each organ: the nodes of the scene that are its own. The midpoints of all organs come after all corners."""
+    corners = np.cumsum([0, *(organ.mesh.n_corners for organ in organs.values())])
+    edges = corners[-1] + np.cumsum([0, *(len(organ.mesh.edges) for organ in organs.values())])
+    starts = zip(organs.items(), corners[:-1], edges[:-1], strict=True)
+    return {
+        name: np.concatenate(
+            [first + np.arange(organ.mesh.n_corners), middle + np.arange(len(organ.mesh.edges))]
+        ).astype(np.int64)
+        for (name, organ), first, middle in starts
+    }
+
+
+def _joined_mesh(organs: Mapping[str, Organ]) -> Mesh:
+    """The linear meshes side by side. They are checked already, and may lie on each other."""
+    points, cells = [], []
+    sets, cell_sets = dict[str, Indices](), dict[str, Indices]()
+    first = n_cells = 0
+    for name, organ in organs.items():
+        mesh = organ.mesh.linear()
+        points.append(mesh.points)
+        cells.append(mesh.cells + np.uint32(first))
+        sets[name] = np.arange(first, first + len(mesh.points), dtype=np.uint32)
+        sets |= {f"{name}/{own}": sets[name][nodes] for own, nodes in mesh.sets.items()}
+        cell_sets[name] = np.arange(n_cells, n_cells + len(mesh.cells), dtype=np.uint32)
+        cell_sets |= {f"{name}/{own}": cell_sets[name][chosen] for own, chosen in mesh.cell_sets.items()}
+        first, n_cells = first + len(mesh.points), n_cells + len(mesh.cells)
+    all_points, all_cells = np.concatenate(points), np.concatenate(cells).astype(np.uint32)
+    all_points.flags.writeable = all_cells.flags.writeable = False
+    axes = {organ.mesh.axes for organ in organs.values()}
+    return Mesh(all_points, all_cells, sets, cell_sets=cell_sets, axes=axes.pop() if len(axes) == 1 else "")
+
+
+def _joined_law(organs: Mapping[str, Organ]) -> laws.Law:
+    """One law with parameters per cell for all organs of one law; laws of several kinds side by side."""
+    rows: dict[str, Floats] = {}
+    total = sum(len(organ.mesh.cells) for organ in organs.values())
+    of_cell, first = np.empty(total, dtype=np.int64), 0
+    for organ in organs.values():
+        count = len(organ.mesh.cells)
+        several = organ.law if isinstance(organ.law, laws.Several) else None
+        parts = several.laws if several else (organ.law,)
+        owner = several.of_cell if several else np.zeros(count, dtype=np.int64)
+        for k, part in enumerate(parts):
+            own = np.flatnonzero(owner == k)
+            if not len(own):
+                continue
+            kind = rows.setdefault(part.name, np.tile(part.parameters[:1], (total, 1)))
+            kind[first + own] = part.parameters[own] if len(part.parameters) > 1 else part.parameters
+            of_cell[first + own] = list(rows).index(part.name)
+        first += count
+    whole = [laws.from_core(name, each[:1] if (each == each[0]).all() else each) for name, each in rows.items()]
+    return whole[0] if len(whole) == 1 else laws.Several.of_cells(tuple(whole), of_cell)
+
+
+def _renumbered(ties: Ties, numbers: Indices | NDArray[np.int64]) -> Ties:
+    links = tuple(
+        replace(link, ends=tuple((int(numbers[node]), weight) for node, weight in link.ends)) for link in ties.links
+    )
+    return Ties(ties.start, numbers[ties.nodes].astype(np.uint32), ties.weights, ties.stiffness, links)

@@ -1,0 +1,145 @@
+"""Linear elastic ties as the core sums them: samples of a surface that are tied to the ground, or to another surface.
+
+With the displacement `j = sum_a w_a u_a` at a sample, or the difference of two, the energy is the sum of `1/2 j . k j`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from viscera import _core
+from viscera.mesh import Floats, Indices, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A spring or a cable between two ends."""
+
+    ends: tuple[tuple[int, float], ...]
+    """Nodes and weights: those of the first end add up to 1, those of the second, unless it is in space, to -1."""
+    rest: Floats
+    """Vector (3,) from the second end to the first at rest [m]."""
+    stiffness: float
+    """[N/m]."""
+    length: float
+    """Length without force [m]."""
+    is_cable: bool
+
+    def offset(self, displacement: Floats) -> Floats:
+        """What of a field (n, 3) lies between its ends (3,)."""
+        nodes, weights = zip(*self.ends, strict=True)
+        return np.asarray(np.array(weights) @ displacement[list(nodes)])
+
+    def force(self, displacement: Floats) -> Floats:
+        """Force (3,) [N] on its first end."""
+        between = self.rest + self.offset(displacement)
+        now = float(np.linalg.norm(between))
+        stretch = now - self.length
+        if now == 0.0 or (self.is_cable and stretch <= 0.0):
+            return np.zeros(3)
+        return -self.stiffness * stretch / now * between
+
+
+@dataclass(frozen=True, eq=False)
+class Ties:
+    """Samples of ties, in compressed rows."""
+
+    start: Indices
+    """(s + 1,) where the nodes of each sample begin, and where the last ones end."""
+    nodes: Indices
+    weights: Floats
+    """Of the nodes; their sum over a sample is 1 at a support, 0 between two surfaces."""
+    stiffness: Floats
+    """(s, 9) symmetric positive semidefinite `k`, row by row [N/m]."""
+    links: tuple[Link, ...] = ()
+    """Springs and cables."""
+
+    def __len__(self) -> int:
+        return len(self.stiffness)
+
+    def __repr__(self) -> str:
+        return f"Ties({len(self)} samples)"
+
+    @property
+    def counts(self) -> Indices:
+        """(s,) how many nodes each sample has."""
+        return self.start[1:] - self.start[:-1]
+
+    @property
+    def arrays(self) -> tuple[Indices, Indices, Floats, Floats]:
+        """Its samples as the core takes them."""
+        return self.start, self.nodes, self.weights, self.stiffness
+
+    @property
+    def core(self) -> _core.Ties:
+        """As the core takes them."""
+        links = [
+            (list(link.ends), link.rest.tolist(), link.stiffness, link.length, link.is_cable) for link in self.links
+        ]
+        return *self.arrays, links
+
+    def force(self, displacement: Floats) -> Floats:
+        """Total force (3,) [N] on what the positive weights belong to, at a displacement (n, 3) [m]."""
+        pull = np.sum([link.force(displacement) for link in self.links], axis=0) if self.links else np.zeros(3)
+        if not len(self):
+            return np.asarray(pull)
+        stretch = np.add.reduceat(self.weights[:, None] * displacement[self.nodes], self.start[:-1].astype(np.int64))
+        return np.asarray(pull - np.einsum("sij,sj->i", self.stiffness.reshape(-1, 3, 3), stretch))
+
+    def ties(self, mesh: Mesh) -> Ties:
+        """These, whatever the mesh: ties that a model file keeps are among the supports of its organ."""
+        return self
+
+    def on(self, mesh: Mesh) -> Ties:
+        return self
+
+    def is_same(self, other: object) -> bool:
+        return other is self
+
+
+@runtime_checkable
+class Tied(Protocol):
+    """What ties the nodes of a mesh: an elastic support, a bond."""
+
+    def ties(self, mesh: Mesh) -> Ties:
+        """Its samples on a mesh."""
+
+    def on(self, mesh: Mesh) -> Tied:
+        """The same at the nodes it has on this mesh, also where the organ takes another shape."""
+
+    def is_same(self, other: object) -> bool:
+        """Whether it is this one, on whatever mesh."""
+
+
+NONE = Ties(np.zeros(1, dtype=np.uint32), np.empty(0, dtype=np.uint32), np.empty(0), np.empty((0, 9)))
+
+
+def joined(parts: Sequence[Ties]) -> Ties:
+    """The samples of several, one after the other."""
+    if not parts:
+        return NONE
+    shifts = np.cumsum([0, *(len(part.nodes) for part in parts)])[:-1]
+    starts = [part.start[:-1] + shift for part, shift in zip(parts, shifts, strict=True)]
+    nodes = np.concatenate([part.nodes for part in parts])
+    return Ties(
+        np.append(np.concatenate(starts), len(nodes)).astype(np.uint32),
+        nodes.astype(np.uint32),
+        np.concatenate([part.weights for part in parts]),
+        np.concatenate([part.stiffness for part in parts]),
+        tuple(link for part in parts for link in part.links),
+    )
+
+
+def rows(nodes: Indices, weights: Floats, stiffness: Floats) -> Ties:
+    """Samples of equally many nodes (s, k) with weights (s, k) and stiffnesses (s, 3, 3) [N/m]."""
+    start = np.arange(len(nodes) + 1, dtype=np.uint32) * nodes.shape[1]
+    return Ties(
+        start.astype(np.uint32),
+        np.ascontiguousarray(nodes, dtype=np.uint32).ravel(),
+        np.ascontiguousarray(weights, dtype=float).ravel(),
+        np.ascontiguousarray(stiffness, dtype=float).reshape(-1, 9),
+    )

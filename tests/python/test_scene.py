@@ -1,0 +1,188 @@
+"""Scenes: bonds through meshes that do not match, parts given back, rigid bodies, and refusals."""
+
+import itertools
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+SIDE = 0.1
+SOFT = vs.NeoHookean(young=10e3, poisson=0.3)
+STIFF = vs.Yeoh(c10=8e3, poisson=0.3)
+ELEMENTS = ("P1", "P1 mean volume", "P2")
+SYMMETRY = {"west": (0, None, None), "south": (None, 0, None)}
+WRONG: Any = 3
+
+
+def block(n: int, height: float = 0.0) -> vs.Mesh:
+    """A cube of n^3 cubes, six cells each, on a height."""
+    line = np.linspace(0.0, SIDE, n + 1)
+    points = np.array([(x, y, z) for z in line for y in line for x in line])
+    corner = np.array([i + (n + 1) * (j + (n + 1) * k) for k, j, i in itertools.product(range(n), repeat=3)])
+    cells = []
+    for order in itertools.permutations((1, n + 1, (n + 1) ** 2)):
+        cells.append(np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1))
+    sides = {name: np.flatnonzero(points[:, axis] == 0.0) for axis, name in enumerate(("west", "south", "base"))}
+    sets = {**sides, "top": np.flatnonzero(points[:, 2] == SIDE)}
+    return vs.mesh(points + np.array([0.0, 0.0, height]), np.vstack(cells), sets)
+
+
+def tower(element: str = "P1", laws: tuple[vs.laws.Law, ...] = (SOFT, SOFT), **told: bool | float) -> vs.Scene:
+    """A block of 2^3 cubes on springs, one of 3^3 bonded on it."""
+    bed = vs.ElasticSupport("base", stiffness=1e8, tangential=0.0)
+    lower = vs.Organ(block(2), laws[0], supports=[bed], element=element)
+    upper = vs.Organ(block(3, SIDE), laws[1], fixed="top", element=element)
+    bonds = [vs.Bond(("lower", "top"), ("upper", "base"), **told)]  # type: ignore[arg-type]
+    return vs.Scene({"lower": lower, "upper": upper}, bonds=bonds)
+
+
+def free_top(element: str, laws: tuple[vs.laws.Law, ...], **told: bool | float) -> tuple[vs.Scene, vs.State]:
+    """A tower whose sides slide on planes of symmetry and whose top is pressed by 800 Pa."""
+    lower = vs.Organ(block(2), laws[0], supports=[vs.ElasticSupport("base", 1e8, 0.0)], element=element)
+    upper = vs.Organ(block(3, SIDE), laws[1], supports=[vs.ElasticSupport("west", 1e2, 0.0)], element=element)
+    bonds = [vs.Bond(("lower", "top"), ("upper", "base"), **told)]  # type: ignore[arg-type]
+    scene = vs.Scene({"lower": lower, "upper": upper}, bonds=bonds)
+    held = {f"{name}/{side}": move for name in scene.organs for side, move in SYMMETRY.items()}
+    return scene, scene.solve(displacement=held, traction={"upper/top": (0.0, 0.0, -800.0)})
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_uniform_stress_passes_meshes_that_do_not_match(element: str) -> None:
+    scene, state = free_top(element, (SOFT, SOFT))
+    assert state.is_converged
+    for name in scene.organs:
+        stress = state[name].stress("pk1", at="points")
+        exact = np.zeros((3, 3))
+        exact[2, 2] = -800.0
+        assert abs(stress - exact).max() < 1e-8 * 800.0, name
+    (bond,) = scene.bonds
+    assert state.support_force(bond) == pytest.approx([0, 0, -8.0], rel=1e-9, abs=1e-8)
+    gap = state["upper"].displacement[scene.organ("upper").mesh.nodes("base"), 2].mean()
+    gap -= state["lower"].displacement[scene.organ("lower").mesh.nodes("top"), 2].mean()
+    # The layer of the bond is a hundredth of a cell as compliant as the cell.
+    assert 0.0 < -gap < 1e-2 * 800.0 / 10e3 * SIDE / 2
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_sliding_bond_carries_pressure_alone(element: str) -> None:
+    """Two laws side by side: each is in its own uniaxial stress and widens as it likes."""
+    scene, state = free_top(element, (SOFT, STIFF), sliding=True)
+    widths = []
+    for name in scene.organs:
+        stress = state[name].stress("pk1", at="points")
+        assert abs(stress[..., 2, 2] + 800.0).max() < 1e-5, name
+        assert abs(stress[..., 0, 0]).max() < 1e-5, name
+        widths.append(state[name].displacement[:, 0].max())
+    assert widths[0] > 2.0 * widths[1]
+
+
+def test_a_bonded_tower_is_one_block() -> None:
+    """Bent sideways, two bonded blocks do as one of the same cells, up to their meshes."""
+    whole, tops = block(4), []
+    double = vs.mesh(whole.points * [1.0, 1.0, 2.0], whole.cells, whole.sets)
+    one = vs.Organ(double, SOFT, fixed="base", element="P2").solve(force={"top": (0.2, 0.0, 0.0)})
+    for n in (2, 3):
+        lower = vs.Organ(block(n), SOFT, fixed="base", element="P2")
+        bond = vs.Bond("lower", "upper")
+        upper = vs.Organ(block(5 - n, SIDE), SOFT, supports=[vs.ElasticSupport("top", 1e-3)], element="P2")
+        scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[bond])
+        state = scene.solve(force={"upper/top": (0.2, 0.0, 0.0)})
+        tops.append(state["upper"].at([[SIDE / 2, SIDE / 2, 2 * SIDE]]).displacement[0, 0])
+        assert state.support_force(bond) == pytest.approx([0.2, 0.0, 0.0], rel=1e-3, abs=1e-3)
+    top = one.at([[SIDE / 2, SIDE / 2, 2 * SIDE]]).displacement[0, 0]
+    assert np.array(tops) == pytest.approx(top, rel=0.03)
+
+
+@pytest.mark.parametrize("solver", ["cg", "multigrid"])
+def test_solvers_and_frames_find_the_same(solver: str) -> None:
+    scene = tower("P1 mean volume", (SOFT, STIFF))
+    loads = {"force": {"lower/west": (1.0, 0.5, 0.0)}}
+    direct = scene.solve(**loads)  # type: ignore[arg-type]
+    assert direct.is_converged
+    size = direct.max_displacement
+    assert abs(scene.solve(solver=solver, **loads).displacement - direct.displacement).max() < 1e-6 * size  # type: ignore[arg-type]
+    stepper = scene.stepper(iterations=30, settled=1e-7, solver=solver)
+    frame = stepper.frame(**loads)  # type: ignore[arg-type]
+    assert abs(frame.displacement - direct.displacement).max() < 1e-5 * size
+    lower = scene.organ("lower")
+    assert frame["lower"].displacement.shape == lower.mesh.points.shape
+    path = scene.path(force=loads["force"], order=10)
+    assert abs(path.curve(samples=2)[1][-1] - direct.displacement).max() < 1e-5 * size
+
+
+def test_parts_places_and_copies() -> None:
+    scene = tower("P2", (SOFT, STIFF))
+    for name, organ in scene.organs.items():
+        assert np.array_equal(scene.part(name, scene.mesh.points), organ.mesh.points)
+        for place in ("top", "x < 1%"):
+            nodes = list(scene.place(name, place))
+            assert np.array_equal(scene.mesh.points[nodes], organ.mesh.points[organ.mesh.nodes(place)])
+        assert np.array_equal(scene.mesh.nodes(f"{name}/top"), scene.place(name, "top"))
+    state = scene.solve(gravity=(0, 0, -9.81), density={"lower": 1000.0, "upper": 2000.0})
+    (bed,) = scene.organ("lower").supports
+    held = state.support_force(bed)[2] + state.reaction("upper/top")[2]
+    assert held == pytest.approx(3000.0 * 9.81 * SIDE**3, rel=1e-6)
+    again = pickle.loads(pickle.dumps(scene))
+    assert abs(again.solve(gravity=(0, 0, -9.81), density=1000.0).displacement).max() > 0.0
+    assert repr(again) == repr(scene)
+
+
+def test_a_scene_is_reduced_with_its_bonds() -> None:
+    scene = tower("P1 mean volume")
+    touch = scene.reduce("lower/west", radius=0.03, depth=0.004, order=3)
+    assert touch.check(touches=3).verdict == "passed"
+
+
+def test_organs_lie_on_a_table() -> None:
+    """A rigid body of the scene carries what the springs leave, in a solve and in frames."""
+    table = vs.Tool(vs.HalfSpace())
+    side = vs.ElasticSupport("west", stiffness=1e3)
+    scene = vs.Scene({"block": vs.Organ(block(3, 1e-5), SOFT, supports=[side])}, bodies=[table])
+    weight = 1000.0 * 9.81 * SIDE**3
+    state = scene.solve(gravity=(0, 0, -9.81), density=1000.0)
+    assert state.is_converged
+    assert state.force(table)[2] + state.support_force(side)[2] == pytest.approx(weight, rel=1e-6)
+    assert state.force(table)[2] > 0.9 * weight
+    stepper = scene.stepper(start=state, iterations=40, settled=1e-6, density=1000.0)
+    for _ in range(3):
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    assert frame.is_settled
+    assert frame.contact(table).force == pytest.approx(state.force(table), abs=1e-3 * weight)
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda a, b: vs.Scene({}), "the organs of a scene must be a table"),
+        (lambda a, b: vs.Scene({"a/b": a}), "must be words without '/'"),
+        (lambda a, b: vs.Scene({"a": a.mesh}), "the organ 'a' must be a viscera.Organ"),
+        (lambda a, b: vs.Scene({"a": a, "b": vs.Organ(b.mesh, SOFT, fixed="top", element="P2")}), "of one element"),
+        (lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[vs.Bond("a", "c")]), "no organ of the scene is called 'c'"),
+        (lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[WRONG]), "a bond of a scene must be a Bond"),
+        (
+            lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[vs.Bond(("a", "base"), "b")]),
+            "no triangle of the one surface",
+        ),
+        (lambda a, b: vs.Bond("a", WRONG), "a side of a bond must be the name of an organ"),
+        (lambda a, b: vs.Bond("a", "b", stiffness=0), "the stiffness of a bond must be a number above 0"),
+        (lambda a, b: vs.Scene({"a": a, "b": b}).solve(density={"a": 1e3}, gravity=(0, 0, -1)), "have no density"),
+        (lambda a, b: a.solve()["a"], "this is no scene but one organ"),
+    ],
+)
+def test_what_is_no_scene_is_refused(made: object, said: str) -> None:
+    lower = vs.Organ(block(2), SOFT, fixed="base")
+    upper = vs.Organ(block(3, SIDE), SOFT, fixed="top")
+    with pytest.raises(vs.VisceraError, match=said):
+        made(lower, upper)  # type: ignore[operator]
+
+
+def test_a_chain_of_bonds_must_be_held_somewhere() -> None:
+    """Bonds join what they hold; a scene that slides as a whole is refused."""
+    soft = [vs.ElasticSupport("west", 1e3, 0.0)]
+    lower, upper = vs.Organ(block(2), SOFT, supports=soft), vs.Organ(block(3, SIDE), SOFT, supports=soft)
+    scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
+    with pytest.raises(vs.VisceraError, match="3 of its 6 rigid motions are free"):
+        scene.solve(force={"upper/top": (0.1, 0.0, 0.0)})

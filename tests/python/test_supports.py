@@ -1,0 +1,180 @@
+"""Elastic supports: closed forms, every analysis that meets them, files that keep them, and refusals."""
+
+import itertools
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import viscera as vs
+
+SIDE = 0.1
+SPRING = 4e5
+TISSUE = vs.NeoHookean(young=10e3, poisson=0.3)
+ELEMENTS = ("P1", "P1 mean volume", "P2")
+
+
+def block(n: int = 3) -> vs.Mesh:
+    """A cube of n^3 cubes, six cells each."""
+    line = np.linspace(0.0, SIDE, n + 1)
+    points = np.array([(x, y, z) for z in line for y in line for x in line])
+    corner = np.array([i + (n + 1) * (j + (n + 1) * k) for k, j, i in itertools.product(range(n), repeat=3)])
+    cells = []
+    for order in itertools.permutations((1, n + 1, (n + 1) ** 2)):
+        cells.append(np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1))
+    sides = {name: np.flatnonzero(points[:, axis] == 0.0) for axis, name in enumerate(("west", "south", "base"))}
+    return vs.mesh(points, np.vstack(cells), {**sides, "top": np.flatnonzero(points[:, 2] == SIDE)})
+
+
+def bed(stiffness: float = SPRING, tangential: float | None = None) -> vs.ElasticSupport:
+    return vs.ElasticSupport("base", stiffness, tangential)
+
+
+def lying(element: str = "P1", tangential: float | None = None) -> vs.Organ:
+    return vs.Organ(block(), TISSUE, supports=[bed(tangential=tangential)], element=element)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_uniform_pressure_passes_through_springs(element: str) -> None:
+    """Patch test: with springs along the normal alone, the stress is uniform and the base sinks by p / k everywhere."""
+    organ, p = lying(element, tangential=0.0), 500.0
+    symmetry = {"west": (0, None, None), "south": (None, 0, None)}
+    state = organ.solve(traction={"top": (0, 0, -p)}, displacement=symmetry)
+    base = state.displacement[organ.mesh.nodes("base"), 2]
+    assert state.is_converged
+    assert base == pytest.approx(-p / SPRING, rel=1e-9)
+    (support,) = organ.supports
+    assert state.support_force(support) == pytest.approx([0, 0, p * SIDE**2], rel=1e-9, abs=1e-9)
+    stress = state.stress("pk1")[:, 2, 2]
+    assert stress == pytest.approx(-p, rel=1e-8)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_stiff_block_on_springs_sinks_slides_and_tilts(element: str) -> None:
+    """The closed form of a rigid block: F / (k A), F / (k_t A), and M / (k I) about the middle of its base."""
+    organ = vs.Organ(block(2), vs.Linear(young=1e12, poisson=0.3), supports=[bed(tangential=1e5)], element=element)
+    area, inertia, arm = SIDE**2, SIDE**4 / 12, SIDE
+    state = organ.solve(force={"top": (0.3, 0.0, -2.0)})
+    base = organ.mesh.nodes("base")
+    x, u = organ.mesh.points[base], state.displacement[base]
+    sunk, tilt = -2.0 / (SPRING * area), 0.3 * arm / (SPRING * inertia)
+    assert u[:, 2] == pytest.approx(sunk - tilt * (x[:, 0] - SIDE / 2), rel=1e-4)
+    assert u[:, 0] == pytest.approx(0.3 / (1e5 * area), rel=1e-4)
+    # Springs hold half the product of force and displacement.
+    top = state.displacement[organ.mesh.nodes("top")].mean(axis=0)
+    assert state.energy == pytest.approx(0.5 * (0.3 * top[0] - 2.0 * top[2]), rel=1e-3)
+
+
+@pytest.mark.parametrize("solver", ["cg", "multigrid", vs.ConjugateGradients("block_jacobi", matrix_free=True)])
+def test_every_solver_frames_and_series_find_the_same(solver: vs.ConjugateGradients | str) -> None:
+    organ, load = lying("P1 mean volume"), {"top": (0.1, 0.0, -1.0)}
+    direct = organ.solve(force=load)
+    size = direct.max_displacement
+    other = organ.solve(force=load, solver=solver)
+    assert abs(other.displacement - direct.displacement).max() < 1e-6 * size
+    stepper = organ.stepper(iterations=30, settled=1e-7, solver=solver)
+    frame = stepper.frame(force=load)
+    assert frame.is_settled
+    assert abs(frame.displacement - direct.displacement).max() < 1e-5 * size
+    (support,) = organ.supports
+    assert frame.support_force(support) == pytest.approx([-0.1, 0.0, 1.0], abs=1e-5)
+    path = organ.path(force=load, order=10).curve(samples=2)[1][-1]
+    assert abs(path - direct.displacement).max() < 1e-5 * size
+
+
+def test_inertia_swings_on_the_springs() -> None:
+    """A stiff block on springs oscillates with sqrt(k A / m); Newmark's rule keeps its energy."""
+    mass, step = 1000.0 * SIDE**3, 1e-3
+    organ = vs.Organ(block(1), vs.Linear(young=1e9, poisson=0.0), supports=[bed()])
+    stepper = organ.stepper(iterations=5, settled=1e-9, dynamics="newmark", time_step=step, density=1000.0)
+    weight = -mass * 9.81
+    heights = [stepper.frame(gravity=(0, 0, -9.81)).displacement[:, 2].mean() for _ in range(400)]
+    rate = np.sqrt(SPRING * SIDE**2 / mass)
+    exact = weight / (SPRING * SIDE**2) * (1.0 - np.cos(rate * step * np.arange(1, 401)))
+    assert np.abs(heights - exact).max() < 0.02 * np.abs(exact).max()
+
+
+def test_a_model_keeps_its_supports(tmp_path: Path) -> None:
+    organ = lying("P1 mean volume")
+    touch = organ.reduce("top", radius=0.03, depth=0.004, order=3)
+    assert touch.check(touches=4).verdict == "passed"
+    touch.save(tmp_path / "lying.viscera")
+    again = vs.load(tmp_path / "lying.viscera")
+    full = again.organ()
+    (kept,) = full.supports
+    answer = again((0.05, 0.05, SIDE), (0, 0, -0.002))
+    # The support feels the field, which is compressed to a per cent; the force is not.
+    assert answer.support_force(kept) == pytest.approx(-answer.force, abs=0.01 * abs(answer.force[2]))
+    patch = again.patch((0.05, 0.05, SIDE))
+    state = full.solve(displacement={patch: (0, 0, -0.002)})
+    assert state.reaction(patch) == pytest.approx(answer.force, rel=5e-3, abs=1e-4)
+    with pytest.raises(vs.VisceraError, match="several touches at once do not know elastic supports"):
+        again.galerkin(order=2)
+    with pytest.raises(vs.VisceraError, match="cannot be registered yet"):
+        organ.register(landmarks={"top": (0.05, 0.05, SIDE)})
+
+
+def test_a_model_about_a_posture_of_a_supported_organ() -> None:
+    organ = lying()
+    posture = organ.solve(gravity=(0, 0, -9.81), density=1000)
+    touch = organ.reduce("top", radius=0.03, depth=0.004, order=3, start=posture)
+    assert touch.check(touches=3).verdict == "passed"
+
+
+def test_the_scan_of_a_supported_organ_is_unloaded() -> None:
+    rest = lying().unloaded(gravity=(0, 0, -9.81), density=1000.0)
+    assert rest.is_converged
+    (support,) = rest.organ.supports
+    weight = 9.81 * 1000 * SIDE**3
+    assert rest.state.support_force(support)[2] == pytest.approx(weight * rest.organ.mesh.volume / SIDE**3, rel=1e-6)
+
+
+def test_copies_keep_supports_and_know_them() -> None:
+    organ, load = lying(), {"top": (0.0, 0.0, -1.0)}
+    (support,) = organ.supports
+    state = organ.solve(force=load)
+    for other in (pickle.loads(pickle.dumps(organ)), organ.with_law(TISSUE), organ.with_mesh(organ.mesh)):
+        assert abs(other.solve(force=load).displacement - state.displacement).max() < 1e-12
+    assert organ.with_mesh(organ.mesh).solve(force=load).support_force(support)[2] == pytest.approx(1.0)
+    with pytest.raises(vs.VisceraError, match="is no elastic support of this organ"):
+        state.support_force(bed())
+
+
+def test_a_case_file_keeps_supports(tmp_path: Path) -> None:
+    organ, load = lying(tangential=1e5), {"top": (0.1, 0.0, -1.0)}
+    case = organ.to_case(tmp_path / "lying.toml", loads={"force": load})
+    assert case.supports == {"base": {"stiffness": SPRING, "tangential": 1e5}}
+    again = case.organ()
+    state = case.solve(again)
+    assert abs(state.displacement - organ.solve(force=load).displacement).max() < 1e-9
+    assert case.reactions(again, state)["base"] == pytest.approx([-0.1, 0.0, 1.0], abs=1e-9)
+    with pytest.raises(vs.VisceraError, match="the key 'fixed' is missing"):
+        vs.Case(mesh=case.mesh, units="m", material=case.material)
+    with pytest.raises(vs.VisceraError, match="must be a number from 0"):
+        vs.Case(mesh="organ:beam", material=case.material, supports={"base": {"stiffness": 1e6, "tangential": -1}})
+
+
+@pytest.mark.parametrize(
+    ("held", "said"),
+    [
+        ({}, "nothing is fixed: the organ would float away"),
+        ({"supports": bed()}, "supports must be a list"),
+        ({"supports": ["base"]}, "a support of an organ must be an ElasticSupport"),
+        ({"supports": [vs.ElasticSupport([0], 1e6)]}, "holds no whole triangle of the surface"),
+        ({"supports": [vs.ElasticSupport("bottom", 1e6)]}, "the elastic support of 'bottom'"),
+        ({"supports": [bed(tangential=0.0)]}, "3 of its 6 rigid motions are free"),
+    ],
+)
+def test_what_does_not_hold_is_refused(held: dict[str, object], said: str) -> None:
+    with pytest.raises(vs.VisceraError, match=said):
+        vs.Organ(block(), TISSUE, **held).solve(force={"top": (0, 0, -1.0)})  # type: ignore[arg-type]
+
+
+REFUSED = [(0.0, None), (-1.0, None), (np.nan, None), (1e6, -1.0), ("1", 0)]
+
+
+@pytest.mark.parametrize(("stiffness", "tangential"), REFUSED)
+def test_stiffnesses_out_of_range_are_refused(stiffness: float, tangential: float) -> None:
+    with pytest.raises(vs.VisceraError, match="stiffness of an elastic support must be a number"):
+        vs.ElasticSupport("base", stiffness, tangential)
