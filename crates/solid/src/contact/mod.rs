@@ -111,7 +111,7 @@ impl Contact {
         Ok(())
     }
 
-    /// Moves every tool to the part `load` of its way.
+    /// Moves every tool to the part `load` of its motion.
     pub fn advance(&mut self, load: f64) {
         self.each(|held| held.pose = held.tool.pose_at(load));
     }

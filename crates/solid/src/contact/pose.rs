@@ -44,9 +44,9 @@ impl Pose {
         mul_vector(&self.rotation, &y)
     }
 
-    /// Moved by a way and turned about its origin by a rotation vector [rad], both in axes of the world.
-    pub fn moved(&self, way: [f64; 3], turn: [f64; 3]) -> Self {
-        let position = std::array::from_fn(|i| self.position[i] + way[i]);
+    /// Moved by a displacement and turned about its origin by a rotation vector [rad], both in axes of the world.
+    pub fn moved(&self, displacement: [f64; 3], turn: [f64; 3]) -> Self {
+        let position = std::array::from_fn(|i| self.position[i] + displacement[i]);
         let columns: [[f64; 3]; 3] =
             std::array::from_fn(|j| rotated(turn, std::array::from_fn(|i| self.rotation[i][j])));
         let rotation = std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]));

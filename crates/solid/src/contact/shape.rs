@@ -73,7 +73,7 @@ impl Shape {
 }
 
 /// Outside, the closest point of the box is fixed along the axes on which the point lies beyond it, and goes along on the
-/// others: with `q` the way from it, `g = |q| - r`, `g' = q / |q|`, `g'' = (D - g' g'^T) / |q|`, `D` one on the former axes.
+/// others: with `q` the vector from it, `g = |q| - r`, `g' = q / |q|`, `g'' = (D - g' g'^T) / |q|`, `D` one on the former axes.
 fn rounded(half: [f64; 3], radius: f64, x: [f64; 3]) -> Distance {
     let q: [f64; 3] = std::array::from_fn(|i| x[i] - x[i].clamp(-half[i], half[i]));
     let distance = q.iter().map(|q| q * q).sum::<f64>().sqrt();

@@ -85,7 +85,7 @@ impl Solid {
         };
         let triangle = self.triangles[closest.triangle as usize];
         let on: Vec<usize> = (0..3).filter(|&i| closest.barycentric[i] > 0.0).collect();
-        let way = sub(x, closest.point);
+        let offset = sub(x, closest.point);
         let (outward, along) = match on[..] {
             [i] => (self.corners[triangle[i] as usize], None),
             [i, j] => {
@@ -96,16 +96,16 @@ impl Solid {
             }
             _ => {
                 let normal = self.faces[closest.triangle as usize];
-                return Distance { gap: dot(way, normal), normal, curvature: [[0.0; 3]; 3] };
+                return Distance { gap: dot(offset, normal), normal, curvature: [[0.0; 3]; 3] };
             }
         };
         let size = norm(outward);
-        let side = if dot(way, outward) < 0.0 { -1.0 } else { 1.0 };
+        let side = if dot(offset, outward) < 0.0 { -1.0 } else { 1.0 };
         if closest.distance <= f64::EPSILON * self.reach {
             let normal = outward.map(|n| n / size);
             return Distance { gap: 0.0, normal, curvature: [[0.0; 3]; 3] };
         }
-        let normal = way.map(|w| side * w / closest.distance);
+        let normal = offset.map(|w| side * w / closest.distance);
         let along = along.unwrap_or([0.0; 3]);
         let curvature = std::array::from_fn(|i| {
             std::array::from_fn(|j| {
@@ -119,14 +119,14 @@ impl Solid {
 
 /// Every edge must be passed once in each direction.
 fn check_closed(triangles: &[[u32; 3]]) -> Result<(), Error> {
-    let mut ways: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
+    let mut directions: BTreeMap<[u32; 2], [usize; 2]> = BTreeMap::new();
     for triangle in triangles {
         for i in 0..3 {
             let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
-            ways.entry(ascending(a, b)).or_default()[usize::from(a > b)] += 1;
+            directions.entry(ascending(a, b)).or_default()[usize::from(a > b)] += 1;
         }
     }
-    let open = ways.iter().find(|(_, count)| **count != [1, 1]);
+    let open = directions.iter().find(|(_, count)| **count != [1, 1]);
     match open {
         Some((edge, [one, other])) if one + other == 2 => Err(Error::input(format!(
             "the triangles of the shape at edge {edge:?} face opposite ways; orient them all outwards"

@@ -136,21 +136,22 @@ fn forces_are_slopes_of_the_energy_and_the_tangent_theirs() {
         let mut force = vec![0.0; u.len()];
         contact.add_force(&mut force);
         assert!(contact.report(0).unwrap().touching > 10);
-        let way = noise(u.len(), 11);
-        let at =
-            |length: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + length * w).collect() };
+        let direction = noise(u.len(), 11);
+        let at = |length: f64| -> Vec<f64> {
+            u.iter().zip(&direction).map(|(u, w)| u + length * w).collect()
+        };
         let step = 1e-8;
         let slope = (contact.energy(&at(step)) - contact.energy(&at(-step))) / (2.0 * step);
-        let power: f64 = force.iter().zip(&way).map(|(f, w)| -f * w).sum();
+        let power: f64 = force.iter().zip(&direction).map(|(f, w)| -f * w).sum();
         assert!((slope - power).abs() < 1e-5 * power.abs(), "{friction:?}: {slope} {power}");
 
         // The derivative of the force, friction with the bound it has: the tangent, which says so of itself.
         let mut blocks = body.zero_tangent();
         contact.add_stiffness(Curvature::Exact, &mut blocks);
         let mut product = vec![0.0; u.len()];
-        blocks.multiply(&way, &mut product);
+        blocks.multiply(&direction, &mut product);
         let mut own = vec![0.0; u.len()];
-        contact.add_product(1.0, &way, &mut own);
+        contact.add_product(1.0, &direction, &mut own);
         let largest = product.iter().fold(0.0f64, |m, p| m.max(p.abs()));
         assert!(product.iter().zip(&own).all(|(p, o)| (p - o).abs() < 1e-12 * largest));
         if friction == Friction::Coulomb(0.0) {
@@ -199,7 +200,7 @@ fn a_half_space_presses_evenly() {
         position: [0.0, 0.0, SIDE],
     };
     let mut tool = Tool::new(Shape::HalfSpace, Friction::Coulomb(0.0), down);
-    tool.way = [0.0, 0.0, -0.01];
+    tool.displacement = [0.0, 0.0, -0.01];
     let mut contact = Contact::new(&body);
     contact.add(&body, tool, &vec![0.0; body.n_dofs()]).unwrap();
     let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
@@ -221,7 +222,7 @@ fn what_pushes_is_pushed() {
     let problem = problem(&body, base(&body));
     for friction in [Friction::Coulomb(0.0), Friction::Coulomb(0.5), Friction::Bonded] {
         let mut tool = Tool::new(sphere(0.03), friction, Pose::at([0.05, 0.05, SIDE + 0.03]));
-        tool.way = [0.004, 0.0, -0.01];
+        tool.displacement = [0.004, 0.0, -0.01];
         let mut contact = Contact::new(&body);
         contact.add(&body, tool, &vec![0.0; body.n_dofs()]).unwrap();
         let found =
@@ -258,7 +259,9 @@ fn tools_that_cannot_be_are_refused() {
         refusal(Tool { friction: Friction::Coulomb(-0.1), ..free.clone() }).contains("friction")
     );
     assert!(refusal(Tool { pose: Pose::at([f64::NAN; 3]), ..free.clone() }).contains("finite"));
-    assert!(refusal(Tool { way: [f64::INFINITY; 3], ..free.clone() }).contains("way"));
+    assert!(
+        refusal(Tool { displacement: [f64::INFINITY; 3], ..free.clone() }).contains("displacement")
+    );
     assert!(refusal(Tool { stiffness: 0.0, ..free.clone() }).contains("stiffness"));
     let skewed: Mat3<f64> = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let skewed = Pose { rotation: skewed, position: [0.0, 0.0, 1.0] };
@@ -271,7 +274,7 @@ fn a_frame_that_settles_is_the_equilibrium() {
     let problem = problem(&body, base(&body));
     let mut tool =
         Tool::new(sphere(0.03), Friction::Coulomb(0.0), Pose::at([0.05, 0.05, SIDE + 0.03]));
-    tool.way = [0.0, 0.0, -0.01];
+    tool.displacement = [0.0, 0.0, -0.01];
     let mut contact = Contact::new(&body);
     contact.add(&body, tool.clone(), &vec![0.0; body.n_dofs()]).unwrap();
     let exact = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
@@ -279,8 +282,7 @@ fn a_frame_that_settles_is_the_equilibrium() {
     let settings = StepperSettings { iterations: 20, settled: 1e-8, ..StepperSettings::default() };
     let mut stepper = Stepper::new(&body, &fixed, None, settings).unwrap();
     let number = stepper.add_tool(&body, tool.clone()).unwrap();
-    let still =
-        crate::equilibrium::Input { values: &[], means: &[], force: &[], gravity: [0.0; 3] };
+    let still = crate::equilibrium::Input::default();
     for k in 1..=10 {
         stepper.place_tool(number, tool.pose_at(0.1 * f64::from(k))).unwrap();
         let frame = stepper.frame(&body, &still).unwrap();
@@ -322,7 +324,7 @@ fn slide(slope: f64, frames: usize) -> Vec<[f64; 2]> {
     stepper.add_tool(&body, table).unwrap();
     let (sine, cosine) = slope.atan().sin_cos();
     let gravity = [GRAVITY * sine, 0.0, -GRAVITY * cosine];
-    let input = crate::equilibrium::Input { values: &[], means: &[], force: &[], gravity };
+    let input = crate::equilibrium::Input { gravity, ..Default::default() };
     let mean = |v: &[f64]| v.iter().step_by(3).sum::<f64>() / (v.len() / 3) as f64;
     let one = |_| {
         let frame = stepper.frame(&body, &input).unwrap();
@@ -334,16 +336,16 @@ fn slide(slope: f64, frames: usize) -> Vec<[f64; 2]> {
 
 #[test]
 fn a_block_on_an_incline_sticks_below_the_angle_of_friction() {
-    let way = slide(0.9 * COEFFICIENT, 150);
-    let creep = way[149][0] - way[49][0];
+    let path = slide(0.9 * COEFFICIENT, 150);
+    let creep = path[149][0] - path[49][0];
     assert!(creep.abs() < 1e-3 * SIDE, "{creep}");
 }
 
 #[test]
 fn and_slides_above_it_as_coulomb_says() {
     let slope = 1.25 * COEFFICIENT;
-    let way = slide(slope, 60);
-    let acceleration = (way[59][1] - way[29][1]) / 0.3;
+    let path = slide(slope, 60);
+    let acceleration = (path[59][1] - path[29][1]) / 0.3;
     let (sine, cosine) = f64::sin_cos(slope.atan());
     let expected = GRAVITY * (sine - COEFFICIENT * cosine);
     assert!((acceleration / expected - 1.0).abs() < 0.01, "{acceleration} {expected}");

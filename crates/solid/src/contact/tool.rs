@@ -20,7 +20,7 @@ const STEADY: f64 = 0.5;
 /// How far below its bound, relative to it, friction is at the bound.
 const ROUNDING: f64 = 1e-6;
 
-/// A rigid tool and its way in a solve.
+/// A rigid tool and its motion in a solve.
 #[derive(Clone, Debug)]
 pub struct Tool {
     /// Its shape.
@@ -32,7 +32,7 @@ pub struct Tool {
     /// Where it starts.
     pub pose: Pose,
     /// Displacement [m] up to the full load.
-    pub way: [f64; 3],
+    pub displacement: [f64; 3],
     /// Rotation about its origin up to the full load: a rotation vector [rad] in axes of the world.
     pub turn: [f64; 3],
 }
@@ -108,22 +108,22 @@ pub(super) struct ActiveTool {
 impl Tool {
     /// At rest in a pose.
     pub fn new(shape: Shape, friction: Friction, pose: Pose) -> Self {
-        Tool { shape, friction, stiffness: STIFFNESS, pose, way: [0.0; 3], turn: [0.0; 3] }
+        Tool { shape, friction, stiffness: STIFFNESS, pose, displacement: [0.0; 3], turn: [0.0; 3] }
     }
 
-    /// The pose at a part of its way.
+    /// The pose at a part of its motion.
     pub fn pose_at(&self, load: f64) -> Pose {
-        self.pose.moved(self.way.map(|w| load * w), self.turn.map(|t| load * t))
+        self.pose.moved(self.displacement.map(|w| load * w), self.turn.map(|t| load * t))
     }
 
     pub(super) fn check(&self, number: usize) -> Result<(), Error> {
         self.shape.check(number)?;
         self.friction.check(number)?;
         self.pose.check(number)?;
-        if self.way.iter().chain(&self.turn).any(|v| !v.is_finite()) {
+        if self.displacement.iter().chain(&self.turn).any(|v| !v.is_finite()) {
             return Err(Error::input(format!(
-                "the way of tool {number} is {:?} m with a turn of {:?}; both must be finite",
-                self.way, self.turn
+                "the displacement of tool {number} is {:?} m with a turn of {:?}; both must be finite",
+                self.displacement, self.turn
             )));
         }
         if !(self.stiffness > 0.0 && self.stiffness.is_finite()) {
@@ -236,11 +236,11 @@ impl ActiveTool {
         }
         let mut slides = vec![[0.0; 3]; self.slides.len()];
         for touching in &mut self.touching {
-            let way = touching.slide;
-            slides[touching.sample] = way;
-            if dot(way, self.slides[touching.sample]) > STEADY {
-                for (row, a) in touching.stiffness.iter_mut().zip(way) {
-                    row.iter_mut().zip(way).for_each(|(k, b)| *k -= touching.pull * a * b);
+            let slide = touching.slide;
+            slides[touching.sample] = slide;
+            if dot(slide, self.slides[touching.sample]) > STEADY {
+                for (row, a) in touching.stiffness.iter_mut().zip(slide) {
+                    row.iter_mut().zip(slide).for_each(|(k, b)| *k -= touching.pull * a * b);
                 }
             }
         }

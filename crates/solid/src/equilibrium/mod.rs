@@ -20,9 +20,11 @@ pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};
 pub use pressure::Pressure;
 pub use problem::{PatchLoad, Problem, patch_mean};
-pub use stepper::{Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings};
+pub use stepper::{
+    Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, Torque, Turn,
+};
 pub use system::{
-    ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem, Method,
-    OnDevice, Preconditioner, Solved, dofs_of,
+    ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem,
+    DeviceTangent, Method, OnDevice, Origin, Preconditioner, Row, Solved, dofs_of, mean_rows,
 };
 pub use tangent::Tangent;

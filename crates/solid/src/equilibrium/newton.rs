@@ -296,13 +296,14 @@ impl<'a> Run<'a> {
         first: &[f64],
         load: f64,
     ) -> Result<(f64, Vec<f64>, Vec<f64>), Cut> {
-        let (clock, way) = (Instant::now(), load - self.load);
-        let predictor = Predictor::new(self.problem, &mut self.solver, u, first, [self.load, way])
-            .map_err(Cut::Factor)?;
-        let mut part = predictor.range.max(self.settings.smallest_step / way).min(1.0);
+        let (clock, increment) = (Instant::now(), load - self.load);
+        let predictor =
+            Predictor::new(self.problem, &mut self.solver, u, first, [self.load, increment])
+                .map_err(Cut::Factor)?;
+        let mut part = predictor.range.max(self.settings.smallest_step / increment).min(1.0);
         let (mut force, still) = (vec![0.0; u.len()], vec![0.0; u.len()]);
         let predicted = loop {
-            let reached = if part == 1.0 { load } else { self.load + part * way };
+            let reached = if part == 1.0 { load } else { self.load + part * increment };
             let mut ahead = predictor.at(part);
             // Exactly where what is prescribed should be.
             let (closing, ..) = self.newton_step(&ahead, &still, reached, true)?;
@@ -313,7 +314,7 @@ impl<'a> Run<'a> {
                 let carried = self.solver.patch_forces(&residual);
                 break (reached, ahead, carried.iter().map(|f| -f).collect());
             }
-            if part * way < self.settings.smallest_step {
+            if part * increment < self.settings.smallest_step {
                 let (jacobian, cell) = self.body().smallest_jacobian(&ahead);
                 return Err(Cut::Inverted { cell, jacobian });
             }
@@ -356,6 +357,7 @@ impl<'a> Run<'a> {
             status: ending.status(),
             message: ending.message(self.problem),
             device_fault: self.solver.device_fault().map(str::to_string),
+            origin: self.solver.origin(),
             load: self.load,
             iterations: self.iterations,
             factorizations: self.factorizations,

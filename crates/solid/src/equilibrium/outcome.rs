@@ -1,5 +1,7 @@
 //! A solution: the state, the status, and the history of the iteration.
 
+use super::system::Origin;
+
 /// How a solution ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Status {
@@ -64,6 +66,8 @@ pub struct Equilibrium {
     pub message: String,
     /// Why the requested device failed, if it did; the processor then continued.
     pub device_fault: Option<String>,
+    /// Where the last tangent on the requested device came from; none without one.
+    pub origin: Option<Origin>,
     /// Load fraction reached, 1 for the full load.
     pub load: f64,
     /// Newton iterations in all, failed load steps included.

@@ -26,7 +26,7 @@ pub(super) struct Predictor {
 }
 
 impl Predictor {
-    /// From the equilibrium `u` at `load` with the linear step to `load + way`, the solver holding the tangent at `u`.
+    /// From the equilibrium `u` at `load` with the linear step to `load + increment`, the solver holding the tangent at `u`.
     ///
     /// # Errors
     /// Those of the solves.
@@ -35,14 +35,14 @@ impl Predictor {
         solver: &mut ConstrainedSystem,
         u: &[f64],
         first: &[f64],
-        [load, way]: [f64; 2],
+        [load, increment]: [f64; 2],
     ) -> Result<Self, FactorError> {
         let (body, pressure, stride) = (problem.body, &problem.pressure, ORDER + 1);
         let mut coefficients = vec![0.0; u.len() * stride];
         for (dof, run) in coefficients.chunks_exact_mut(stride).enumerate() {
             (run[0], run[1]) = (u[dof], first[dof]);
         }
-        let (mut series, mut loads) = (vec![u.to_vec(), first.to_vec()], vec![load, way]);
+        let (mut series, mut loads) = (vec![u.to_vec(), first.to_vec()], vec![load, increment]);
         let stay = vec![0.0; 3 * problem.patches.len()];
         for p in 2..=ORDER {
             let mut force = vec![0.0; u.len()];

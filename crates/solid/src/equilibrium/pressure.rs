@@ -135,7 +135,7 @@ impl Pressure {
         });
     }
 
-    /// Work on the way from `u` along `length * step` [J]: the power is a quadratic in the length, so Simpson's rule
+    /// Work from `u` along `length * step` [J]: the power is a quadratic in the length, so Simpson's rule
     /// is exact.
     pub fn work(&self, body: &Body, u: &[f64], step: &[f64], length: f64) -> f64 {
         if self.is_empty() {

@@ -26,7 +26,7 @@ pub fn patch_mean(patch: &Patch, u: &[f64]) -> [f64; 3] {
     mean
 }
 /// Part of a patch that must be independent of the others; with less, the forces of the patches become meaningless.
-const DEPENDENT: f64 = 1e-4;
+pub(super) const DEPENDENT: f64 = 1e-4;
 
 /// One static load case.
 pub struct Problem<'a> {
@@ -174,6 +174,17 @@ impl Problem<'_> {
             for &node in &load.patch.nodes {
                 held[labels[node as usize] as usize] = [true; 3];
             }
+        }
+        let ties = self.body.ties().into_iter();
+        for (ties, sample) in ties.flat_map(|ties| (0..ties.len()).map(move |s| (ties, s))) {
+            for (node, _) in ties.sample(sample) {
+                let held = &mut held[labels[node as usize] as usize];
+                (0..3).for_each(|i| held[i] |= ties.stiffness[sample][4 * i] > 0.0);
+            }
+        }
+        let links = self.body.ties().into_iter().flat_map(|ties| &ties.links);
+        for (node, _) in links.flat_map(|link| &link.ends) {
+            held[labels[*node as usize] as usize] = [true; 3];
         }
         for (part, held) in held.iter().enumerate() {
             if let Some(component) = held.iter().position(|h| !h) {

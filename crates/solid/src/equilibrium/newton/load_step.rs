@@ -85,7 +85,8 @@ impl<'r, 'a> LoadStep<'r, 'a> {
             return Ok(false);
         }
         let is_sound = !run.follows_series && run.is_in_proportion(u, step, force);
-        if !run.contact.is_empty() || is_sound {
+        let has_series = run.contact.is_empty() && !run.body().has_links();
+        if !has_series || is_sound {
             return Ok(false);
         }
         (self.load, self.u, self.multipliers) = run.predict(u, step, *load)?;
@@ -101,6 +102,7 @@ impl Iteration for LoadStep<'_, '_> {
         let LoadStep { run, u, load, force, .. } = self;
         let clock = Instant::now();
         run.contact.linearize(u);
+        run.tangent.leave_to_device(run.solver.forms_tangents());
         run.tangent.linearize(run.body(), u, Curvature::Exact, force);
         let external = run.external_force(*load, u);
         run.add_stiffness_of_loads(u, *load);

@@ -29,7 +29,7 @@ impl Stepper {
         motion.begin(|dof| solver.is_held(dof));
     }
 
-    /// The way of what is held, in `step`; and with it the motion that the frame would end with.
+    /// The increment of what is held, in `step`; and with it the motion that the frame would end with.
     pub(super) fn move_hands(&mut self, input: &Input<'_>) {
         self.step.fill(0.0);
         for (&dof, value) in self.grasped.iter().zip(input.values) {
@@ -86,10 +86,10 @@ impl Stepper {
         self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {
             let (u, start, solver) = (&self.displacement, &self.start, &self.solver);
-            let way = |dof: usize| u[dof] - start[dof];
-            motion.follow(way, |dof| solver.is_held(dof));
+            let increment = |dof: usize| u[dof] - start[dof];
+            motion.follow(increment, |dof| solver.is_held(dof));
             if is_cut {
-                motion.soften(way);
+                motion.soften(increment);
             }
             let (velocity, acceleration) = (&motion.trial_velocity, &motion.trial_acceleration);
             motion.mass.add_product(1.0, acceleration, &mut self.inertia);

@@ -1,16 +1,22 @@
 //! Input and result of a frame.
 
+use super::turn::{Torque, Turn};
 use crate::error::Error;
+use crate::mesh::Patch;
 
 /// Motion of the hands and loads in a frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Input<'a> {
     /// Displacements of the grasped degrees of freedom [m].
     pub values: &'a [f64],
     /// Mean displacements of the grasped patches [m].
     pub means: &'a [[f64; 3]],
+    /// Mean rotations of grasped patches; of the others only the mean displacement is held.
+    pub turns: &'a [Turn],
     /// Dead nodal forces [N]; none if empty.
     pub force: &'a [f64],
+    /// Torques on places that no hand holds.
+    pub torques: &'a [Torque],
     /// Gravity [m/s^2].
     pub gravity: [f64; 3],
 }
@@ -49,16 +55,24 @@ pub struct Frame {
     pub kinetic_energy: f64,
     /// Force of each patch's tool on the body [N].
     pub patch_forces: Vec<[f64; 3]>,
+    /// Torque of each patch's tool on the body [N m] about the patch's weighted centre; 0 if its rotation is not held.
+    pub patch_torques: Vec<[f64; 3]>,
 }
 
 impl Input<'_> {
     /// Whether there is a value for every grasped degree of freedom and patch, and all are finite.
-    pub(super) fn check(&self, grasped: usize, patches: usize, dofs: usize) -> Result<(), Error> {
+    pub(super) fn check(
+        &self,
+        grasped: usize,
+        patches: &[Patch],
+        dofs: usize,
+    ) -> Result<(), Error> {
         let has_force = self.force.is_empty() || self.force.len() == dofs;
-        if (self.values.len(), self.means.len()) != (grasped, patches) || !has_force {
+        if (self.values.len(), self.means.len()) != (grasped, patches.len()) || !has_force {
             return Err(Error::input(format!(
-                "a frame needs {grasped} grasped values, {patches} patch displacements and {dofs} force components or \
+                "a frame needs {grasped} grasped values, {} patch displacements and {dofs} force components or \
                  none; got {}, {} and {}",
+                patches.len(),
                 self.values.len(),
                 self.means.len(),
                 self.force.len()
@@ -68,7 +82,8 @@ impl Input<'_> {
         if !moves.chain(self.force).chain(&self.gravity).all(|v| v.is_finite()) {
             return Err(Error::input("a frame's values must be finite"));
         }
-        Ok(())
+        self.turns.iter().try_for_each(|turn| turn.check(patches))?;
+        self.torques.iter().try_for_each(|torque| torque.check(dofs / 3))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A frame moves what the hands hold, takes one full Newton step towards the new equilibrium, of forces alone or of
 //! forces and inertia, and reports what is left. A step that would crush or tear a cell is cut back, and said so;
-//! then the hands have moved only that part of the way, and go on at a slower pace until a step is taken whole again:
+//! then the hands have moved only that part of their motion, and go on at a slower pace until a step is taken whole again:
 //! the body gives way before it is pressed further.
 
 mod balance;
@@ -17,15 +17,17 @@ mod settings;
 mod step;
 #[cfg(test)]
 mod tests;
+mod turn;
 
 pub use frame::{Frame, Input};
 pub use relaxation::Prony;
 pub use settings::{Dynamics, Integration, Mass, StepperSettings};
+pub use turn::{Torque, Turn};
 
 use super::iteration::Rounding;
 use super::pressure::Pressure;
 use super::problem::{PatchLoad, Problem};
-use super::system::ConstrainedSystem;
+use super::system::{ConstrainedSystem, Origin, mean_rows};
 use super::tangent::Tangent;
 use crate::body::{Body, UPRIGHT};
 use crate::clock::Instant;
@@ -40,6 +42,7 @@ use motion::Motion;
 use relaxation::Relaxation;
 use std::time::Duration;
 use step::SOUND;
+use turn::Turning;
 
 /// Part of the budget that is planned for, since an iteration may end a little late.
 const SPENDABLE: f64 = 0.97;
@@ -56,6 +59,10 @@ pub struct Stepper {
     fixed: Vec<u32>,
     grasped: Vec<u32>,
     patches: Vec<Patch>,
+    /// What holds the mean rotation of patches.
+    turning: Vec<Turning>,
+    /// Torques on places that no hand holds.
+    torques: Vec<Torque>,
     solver: ConstrainedSystem,
     tangent: Tangent,
     motion: Option<Motion>,
@@ -159,6 +166,8 @@ impl Stepper {
             fixed,
             grasped: Vec::new(),
             patches: Vec::new(),
+            turning: Vec::new(),
+            torques: Vec::new(),
             motion,
             relaxation,
             nodal_mass,
@@ -209,7 +218,8 @@ impl Stepper {
         problem.check_grasp()?;
         self.grasped = dofs.to_vec();
         self.patches = patches.to_vec();
-        self.solver.hold(dofs, patches.to_vec());
+        self.turning.clear();
+        self.solver.hold(dofs, mean_rows(patches));
         self.motion_fraction = 1.0;
         Ok(())
     }
@@ -222,6 +232,11 @@ impl Stepper {
     /// Why the requested device is not used, if it is not.
     pub fn device_fault(&self) -> Option<&str> {
         self.solver.device_fault()
+    }
+
+    /// Where the last tangent on the requested device came from; none without one.
+    pub fn origin(&self) -> Option<Origin> {
+        self.solver.origin()
     }
 
     /// Velocity after the last frame [m/s]; none without inertia.
@@ -267,7 +282,7 @@ impl Stepper {
 
     fn frame_here(&mut self, body: &Body, input: &Input<'_>) -> Result<Frame, Error> {
         let clock = Instant::now();
-        input.check(self.grasped.len(), self.patches.len(), self.displacement.len())?;
+        input.check(self.grasped.len(), &self.patches, self.displacement.len())?;
         if self.nodal_mass.is_empty() && input.gravity != [0.0; 3] {
             return Err(Error::input("gravity needs a density [kg/m^3]"));
         }
@@ -275,6 +290,7 @@ impl Stepper {
             let budget = Duration::from_secs_f64(budget.min(LONGEST_BUDGET));
             clock + budget.mul_f64(SPENDABLE).saturating_sub(self.tail.min(budget / 2))
         });
+        self.turn(body, input.turns)?;
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
         self.contact.begin(&self.displacement);
@@ -305,11 +321,14 @@ impl Stepper {
             seconds,
             energy: progress.energy,
             kinetic_energy: self.motion.as_ref().map_or(0.0, |m| m.mass.energy(&m.velocity)),
-            patch_forces: self.forces.chunks_exact(3).map(|f| [f[0], f[1], f[2]]).collect(),
+            patch_forces: self.patch_forces(),
+            patch_torques: self.patch_torques(body),
         })
     }
 
     fn apply_loads(&mut self, input: &Input<'_>) {
+        self.torques.clear();
+        self.torques.extend_from_slice(input.torques);
         if input.force.is_empty() {
             self.dead.fill(0.0);
         } else {

@@ -1,10 +1,10 @@
 //! Time: displacement, velocity and acceleration from frame to frame.
 //!
-//! With `D` the way of a frame of length `h`, both rules read `a = c_a D - a*`, `v = c_v D - v*`:
+//! With `D` the increment of a frame of length `h`, both rules read `a = c_a D - a*`, `v = c_v D - v*`:
 //!   backward Euler:  c_a = 1/h^2,        c_v = 1/h,            a* = v/h,                         v* = 0;
 //!   Newmark:         c_a = 1/(beta h^2), c_v = gamma/(beta h), a* = v/(beta h) + (1/(2 beta) - 1) a,
 //!                    v* = (gamma/beta - 1) v + h (gamma/(2 beta) - 1) a.
-//! What is held moves with the mean velocity of the frame: a hand's way is given, and the trapezoidal rule would
+//! What is held moves with the mean velocity of the frame: a hand's motion is given, and the trapezoidal rule would
 //! make its velocity swing.
 
 use super::mass::MassMatrix;
@@ -22,7 +22,7 @@ pub(super) struct Motion {
     pub has_started: bool,
     velocity_offset: Vec<f64>,
     acceleration_offset: Vec<f64>,
-    /// Velocity and acceleration that end the frame on the way taken so far.
+    /// Velocity and acceleration that end the frame after the displacement so far.
     pub trial_velocity: Vec<f64>,
     pub trial_acceleration: Vec<f64>,
 }
@@ -77,21 +77,21 @@ impl Motion {
         }
     }
 
-    /// Velocity and acceleration that the way `D` of the frame means.
-    pub fn follow(&mut self, way: impl Fn(usize) -> f64, is_held: impl Fn(usize) -> bool) {
+    /// Velocity and acceleration that the displacement `D` within the frame means.
+    pub fn follow(&mut self, increment: impl Fn(usize) -> f64, is_held: impl Fn(usize) -> bool) {
         let h = self.time_step;
         let free = self.rates();
         for dof in 0..self.velocity.len() {
             let [ca, cv] = if is_held(dof) { [1.0 / (h * h), 1.0 / h] } else { free };
-            self.trial_velocity[dof] = cv * way(dof) - self.velocity_offset[dof];
-            self.trial_acceleration[dof] = ca * way(dof) - self.acceleration_offset[dof];
+            self.trial_velocity[dof] = cv * increment(dof) - self.velocity_offset[dof];
+            self.trial_acceleration[dof] = ca * increment(dof) - self.acceleration_offset[dof];
         }
     }
 
     /// A frame that was cut back ends with its mean velocity and no acceleration, like a soft blow.
-    pub fn soften(&mut self, way: impl Fn(usize) -> f64) {
+    pub fn soften(&mut self, increment: impl Fn(usize) -> f64) {
         for (dof, v) in self.trial_velocity.iter_mut().enumerate() {
-            *v = way(dof) / self.time_step;
+            *v = increment(dof) / self.time_step;
         }
         self.trial_acceleration.fill(0.0);
     }

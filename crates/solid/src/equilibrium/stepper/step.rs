@@ -156,9 +156,10 @@ impl Stepper {
         self.shift = if taken == 0.0 { larger } else { 0.0 };
     }
 
-    /// Forces and tangent where the body is, and what is out of balance there with the hands' way.
+    /// Forces and tangent where the body is, and what is out of balance there with the hands' motion.
     fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
         let clock = Instant::now();
+        self.tangent.leave_to_device(self.solver.forms_tangents());
         self.tangent.linearize(body, &self.displacement, curvature, &mut self.internal);
         if let Some(relaxation) = &self.relaxation {
             relaxation.apply(&self.displacement, &mut self.internal);
@@ -194,7 +195,7 @@ impl Stepper {
         let mut curvature = if projects_next { Curvature::Projected } else { Curvature::Exact };
         self.linearize(body, input, curvature, is_first);
         let residual = self.constraint_residual(input);
-        self.hands_move = residual.iter().chain(&self.step).any(|&way| way != 0.0);
+        self.hands_move = residual.iter().chain(&self.step).any(|&by| by != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let unbalanced = (!self.contact.is_empty()).then(|| self.residual.clone());
@@ -230,14 +231,19 @@ impl Stepper {
         deadline.is_none_or(|end| Instant::now() + self.convex < end)
     }
 
-    /// The constraint residual: how far the means of the patches have to go, at the hands' fraction, beside the motion of
-    /// what is grasped.
+    /// The constraint residual: how far the means of the patches and their turns have to go, at the hands' fraction,
+    /// beside the motion of what is grasped.
     fn constraint_residual(&self, input: &Input<'_>) -> Vec<f64> {
-        let mut residual = Vec::with_capacity(3 * self.patches.len());
+        let mut residual = Vec::with_capacity(3 * (self.patches.len() + self.turning.len()));
         for (patch, mean) in self.patches.iter().zip(input.means) {
             let now = patch_mean(patch, &self.displacement);
             let held = patch_mean(patch, &self.step);
             residual.extend((0..3).map(|i| self.motion_fraction * (mean[i] - now[i]) - held[i]));
+        }
+        for turning in &self.turning {
+            let now = turning.value(&self.displacement);
+            let held = turning.change(&self.step);
+            residual.extend((0..3).map(|i| -self.motion_fraction * now[i] - held[i]));
         }
         residual
     }

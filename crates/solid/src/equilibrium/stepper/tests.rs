@@ -4,6 +4,7 @@
 mod inertia;
 mod memory;
 mod overload;
+mod turn;
 
 use super::*;
 use crate::equilibrium::{ConjugateGradients, Method, Newton, Preconditioner};
@@ -12,7 +13,8 @@ use crate::mesh::samples::{block, noise};
 
 const DEPTH: f64 = -0.06;
 const DENSITY: f64 = 1000.0;
-const STILL: Input<'_> = Input { values: &[], means: &[], force: &[], gravity: [0.0; 3] };
+const STILL: Input<'_> =
+    Input { values: &[], means: &[], turns: &[], force: &[], torques: &[], gravity: [0.0; 3] };
 
 fn body(law: &str, parameters: &[f64], n: [usize; 3], size: [f64; 3]) -> Body {
     let (points, cells) = block(n, size);

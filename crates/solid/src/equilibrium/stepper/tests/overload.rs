@@ -113,13 +113,14 @@ fn slopes_of_the_volume_ratio_are_its_derivative() {
         let nothing = [1.0, 1.0];
         let points = body.outliers(&u, nothing);
         assert_eq!(points.len(), body.volume_ratios(&u).len());
-        let way = noise(u.len(), 12);
-        let moved = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let direction = noise(u.len(), 12);
+        let moved =
+            |h: f64| -> Vec<f64> { u.iter().zip(&direction).map(|(u, w)| u + h * w).collect() };
         let [ahead, behind] = [1e-6, -1e-6].map(|h| body.volume_ratios(&moved(h)));
         for (point, exact) in points.iter().zip(body.volume_ratios(&u)) {
             assert!((point.volume_ratio - exact).abs() < 1e-14);
             let along = |(node, slope): &(u32, [f64; 3])| -> f64 {
-                (0..3).map(|i| slope[i] * way[3 * *node as usize + i]).sum()
+                (0..3).map(|i| slope[i] * direction[3 * *node as usize + i]).sum()
             };
             let slope: f64 = point.slopes.iter().map(along).sum();
             let difference = (ahead[point.point] - behind[point.point]) / 2e-6;
@@ -133,13 +134,14 @@ fn slopes_of_the_volume_ratio_are_its_derivative() {
 fn the_barrier_pushes_with_the_derivative_of_its_energy() {
     for element in Element::ALL {
         let (body, u) = strained(element);
-        let (way, h) = (noise(u.len(), 13), 1e-6);
+        let (direction, h) = (noise(u.len(), 13), 1e-6);
         // Bounds between which every point is next to the one or the other.
         let ratios = body.volume_ratios(&u);
         let [least, most] =
             ratios.iter().fold([f64::INFINITY, 0.0f64], |[a, b], &j| [a.min(j), b.max(j)]);
         let barrier = |u: &[f64]| VolumeBarrier::new([0.6 * least, 1.2 * most], &body, u);
-        let moved = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let moved =
+            |h: f64| -> Vec<f64> { u.iter().zip(&direction).map(|(u, w)| u + h * w).collect() };
         let energy = |h: f64| -> f64 {
             let u = moved(h);
             let barrier = barrier(&u);
@@ -150,7 +152,7 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         };
         let here = barrier(&u);
         assert!(!here.is_idle(), "{element:?}");
-        let dot = |a: &[f64]| a.iter().zip(&way).map(|(a, w)| a * w).sum::<f64>();
+        let dot = |a: &[f64]| a.iter().zip(&direction).map(|(a, w)| a * w).sum::<f64>();
         let mut force = vec![0.0; u.len()];
         here.add_force(&body, &mut force);
         let slope = (energy(h) - energy(-h)) / (2.0 * h);
@@ -159,7 +161,7 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         let mut tangent = Tangent::matrix(&body);
         here.add_stiffness(&body, tangent.blocks_mut());
         let mut product = vec![0.0; u.len()];
-        tangent.multiply(&way, &mut product);
+        tangent.multiply(&direction, &mut product);
         let ratios = [h, 0.0, -h].map(|h| body.volume_ratios(&moved(h)));
         let curved = |point: &crate::body::Outlier| {
             let [ahead, now, behind] = [0, 1, 2].map(|k| ratios[k][point.point]);

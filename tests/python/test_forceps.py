@@ -1,0 +1,166 @@
+"""Forceps: what they hold by friction, when it slips, how far they close, and every way they can be refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.errors import VisceraError
+
+Block = Callable[..., tuple[np.ndarray, np.ndarray]]
+FRICTION, GRIP = 0.3, 1.0
+ALONG_Y = (0, 0, np.pi / 2)
+JAW = vs.Box((0.01, 0.06, 0.04), rounding=0.002)
+
+
+@pytest.fixture(scope="module")
+def organ(block: Block) -> vs.Organ:
+    """A tab, 40 x 20 x 60 mm, upright on its base."""
+    points, cells = block((4, 2, 6), (0.04, 0.02, 0.06))
+    mesh = vs.mesh(
+        points, cells, {"base": np.flatnonzero(points[:, 2] == 0.0), "top": np.flatnonzero(points[:, 2] == 0.06)}
+    )
+    return vs.Organ(mesh, vs.NeoHookean(young=10e3, poisson=0.3), fixed="base")
+
+
+def gripping(organ: vs.Organ, opening: float = 0.021) -> tuple[vs.Stepper, vs.Forceps]:
+    """Forceps whose jaws are larger than the upper part of the tab, on both sides of it."""
+    stepper = organ.stepper(iterations=30)
+    return stepper, stepper.forceps(JAW, (0.02, 0.01, 0.055), ALONG_Y, opening=opening, friction=FRICTION)
+
+
+def squeezed(organ: vs.Organ) -> tuple[vs.Stepper, vs.Forceps]:
+    stepper, forceps = gripping(organ)
+    forceps.squeeze(GRIP, by=0.0005)
+    for _ in range(14):
+        frame = stepper.frame()
+        assert forceps.grip < 1.02 * GRIP
+    assert frame.is_settled
+    return stepper, forceps
+
+
+def test_a_squeeze_stops_at_its_force_and_keeps_it(organ: vs.Organ) -> None:
+    stepper, forceps = squeezed(organ)
+    assert forceps.grip == pytest.approx(GRIP, rel=0.01)
+    opening = forceps.opening
+    assert 0.015 < opening < 0.0199
+    frame = stepper.frame()
+    assert forceps.opening == opening
+    assert frame.grip(forceps) == forceps.grip
+    one, other = forceps.jaws
+    assert forceps.grip == min(frame.force(one)[1], -frame.force(other)[1])
+    assert frame.force(forceps) == pytest.approx(frame.force(one) + frame.force(other), abs=1e-15)
+
+
+def test_the_tab_is_lifted_by_friction_and_slips_beyond_it(organ: vs.Organ) -> None:
+    """It sticks and stretches first. Pulled farther, it slips at twice the coefficient times the grip, within 1 %."""
+    stepper, forceps = squeezed(organ)
+    top, limit = organ.mesh.nodes("top"), 2.0 * FRICTION * GRIP
+    began = stepper.displacement[top, 2].mean()
+    pulls, follows = [], []
+    for _ in range(12):
+        forceps.move((0, 0, 0.0005))
+        frame = stepper.frame()
+        pulls.append(frame.force(forceps)[2])
+        follows.append(frame.displacement[top, 2].mean() - began)
+    assert frame.is_settled
+    assert pulls[0] < pulls[2] < pulls[4] < 0.8 * limit
+    assert follows[4] == pytest.approx(5 * 0.0005, rel=0.05)  # it has followed the jaws
+    assert follows[-1] < 0.75 * 12 * 0.0005  # and no more
+    assert pulls[-2:] == pytest.approx([limit, limit], rel=0.01)
+    for jaw in forceps.jaws:
+        contact = frame.contact(jaw)
+        assert contact.sliding == contact.touching > 20
+    assert frame.reaction("base")[2] == pytest.approx(-pulls[-1], rel=1e-3)
+
+
+def test_force_and_torque_balance_the_support(organ: vs.Organ) -> None:
+    stepper = organ.stepper(iterations=40, settled=1e-8)
+    forceps = stepper.forceps(JAW, (0.02, 0.01, 0.055), ALONG_Y, opening=0.021, friction=2.0)
+    for _ in range(4):
+        forceps.close("0.5 mm")
+        stepper.frame()
+    forceps.turn((0, 0.05, 0))
+    forceps.move((0.0003, 0, 0.0003))
+    frame = stepper.frame()
+    assert frame.is_settled
+    force, torque = frame.force(forceps), frame.torque(forceps)
+    forces = frame._reactions[organ.fixed]
+    moment = np.cross(organ.mesh.points[organ.fixed], forces).sum(axis=0)
+    assert abs(torque[1]) > 1e-4
+    assert forces.sum(axis=0) == pytest.approx(-force, abs=1e-6)
+    assert moment == pytest.approx(-torque - np.cross(forceps.position, force), abs=1e-7)
+
+
+def test_jaws_that_meet_stop_and_grip_nothing(organ: vs.Organ) -> None:
+    stepper = organ.stepper()
+    forceps = stepper.forceps(JAW, (0.02, 0.01, 0.2), opening="3 mm")
+    forceps.squeeze(1.0, by="2 mm")
+    for _ in range(4):
+        frame = stepper.frame()
+    assert frame.is_settled
+    assert forceps.opening == forceps.grip == 0.0
+    forceps.open("1 mm")
+    stepper.frame()
+    assert forceps.opening == 0.001
+
+
+def test_what_is_let_go_comes_back(organ: vs.Organ) -> None:
+    stepper, forceps = squeezed(organ)
+    forceps.open("5 mm")
+    for _ in range(4):
+        frame = stepper.frame()
+    assert forceps.grip == 0.0
+    assert np.abs(frame.displacement).max() < 1e-6
+    forceps.remove()
+    assert stepper.frame().is_settled
+    with pytest.raises(VisceraError, match="were not in this frame"):
+        stepper.frame().force(forceps)
+
+
+Act = Callable[[vs.Stepper, vs.Forceps], object]
+REFUSED: list[tuple[str, Act]] = [
+    ("the jaw of forceps must be", lambda stepper, forceps: stepper.forceps(vs.HalfSpace(), opening=0.1)),  # type: ignore[arg-type]
+    ("the opening of forceps must be", lambda stepper, forceps: stepper.forceps(JAW, opening=-0.1)),
+    (
+        "a box, starts .* inside",
+        lambda stepper, forceps: stepper.forceps(JAW, (0.02, 0.01, 0.055), ALONG_Y, opening=0.0),
+    ),
+    ("the position of forceps must be", lambda stepper, forceps: forceps.place((0, 0))),
+    ("the rotation of forceps must be", lambda stepper, forceps: forceps.place(rotation=np.ones((3, 3)))),
+    ("the motion of forceps must be", lambda stepper, forceps: forceps.move((0, float("nan"), 0))),
+    ("the turn of forceps must be", lambda stepper, forceps: forceps.turn("x")),
+    ("forceps open by must be", lambda stepper, forceps: forceps.open(-0.001)),
+    ("the force of a squeeze must be", lambda stepper, forceps: forceps.squeeze(float("inf"), by=0.001)),
+    ("were removed", lambda stepper, forceps: removed(forceps).close(0.001)),
+    ("were removed", lambda stepper, forceps: removed(forceps).squeeze(1.0, by=0.001)),
+    ("removed by itself", lambda stepper, forceps: without_a_jaw(forceps)._stepper.frame()),
+    ("none since they were made", lambda stepper, forceps: forceps.grip),
+    ("were not in this frame", lambda stepper, forceps: forceps._stepper._organ.stepper().frame().grip(forceps)),
+]
+
+
+def removed(forceps: vs.Forceps) -> vs.Forceps:
+    forceps.remove()
+    return forceps
+
+
+def without_a_jaw(forceps: vs.Forceps) -> vs.Forceps:
+    forceps.jaws[1].remove()
+    return forceps
+
+
+def test_forceps_without_a_jaw_can_be_removed(organ: vs.Organ) -> None:
+    stepper, forceps = gripping(organ)
+    without_a_jaw(forceps).remove()
+    assert stepper.frame().is_settled
+
+
+@pytest.mark.parametrize(("message", "act"), REFUSED)
+def test_what_makes_no_sense_is_said(organ: vs.Organ, message: str, act: Act) -> None:
+    stepper, forceps = gripping(organ)
+    with pytest.raises(VisceraError, match=message):
+        act(stepper, forceps)
