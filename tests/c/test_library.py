@@ -34,8 +34,8 @@ def write_answers(touch: vs.Touch, path: Path) -> None:
     with path.open("w") as file:
         for depth in np.linspace(0.05, 1.3, 20) * touch.depth:
             point = np.array([random.uniform(0.35, 0.65), random.uniform(0.02, 0.18), 0.2])
-            way = random.normal(size=3) * (1, 1, 0.3) - (0, 0, 1)
-            push = depth * way / np.linalg.norm(way)
+            direction = random.normal(size=3) * (1, 1, 0.3) - (0, 0, 1)
+            push = depth * direction / np.linalg.norm(direction)
             answer = touch(point, push)
             reasons = (answer.reason, answer.shape_reason)
             status, shape = (next(c for start, c in STATUS.items() if why.startswith(start)) for why in reasons)
@@ -70,12 +70,32 @@ def test_the_comparison_sees_a_wrong_answer(touch: vs.Touch, model: Path, build:
     assert subprocess.run([program, model, answers], capture_output=True).returncode == 1
 
 
+def test_a_probe_in_c_feels_what_it_feels_in_python(touch: vs.Touch, model: Path, build: Build, tmp_path: Path) -> None:
+    probe, lines = touch.probe(friction=0.3), []
+    statuses = {"free": 3, "inside": 10, "sticks": 0, "slides": 0}
+    for n in range(60):
+        center = (0.45 + 0.001 * max(n - 20, 0), 0.1, 0.2 + touch.radius + 0.001 - 0.001 * min(n, 20))
+        felt = probe.place(center)
+        lines.append([*center, statuses[felt.grip], *felt.force, *felt.torque])
+    assert len({line[3] for line in lines}) == 2
+    assert felt.is_trusted
+    assert felt.grip == "slides"
+    np.savetxt(tmp_path / "poses.txt", lines, fmt=["%.17g"] * 3 + ["%d"] + ["%.17g"] * 6)
+    output = run(build("examples/probe.c", linkage="shared"), model, tmp_path / "poses.txt")
+    assert "60 poses; largest difference from Python" in output
+    assert len(re.findall(r"the hand feels", output)) == 8
+
+
 def test_misuse_is_told_by_a_status(model: Path, build: Build) -> None:
     assert run(build("tests/refusals.c", linkage="shared"), model) == "0 faults\n"
 
 
 def test_the_header_and_frames_in_cpp(model: Path, build: Build) -> None:
     run(build("tests/millimetres.cpp"), model)
+
+
+def test_the_wrapper_and_a_probe_in_cpp(model: Path, build: Build) -> None:
+    run(build("tests/wrapper.cpp"), model)
 
 
 def test_topology_is_that_of_the_model(touch: vs.Touch, model: Path, libraries: Path) -> None:
@@ -98,7 +118,7 @@ def test_topology_is_that_of_the_model(touch: vs.Touch, model: Path, libraries: 
 RUST_TYPES = {
     **{"double": "f64", "float": "f32", "char": "c_char", "size_t": "usize"},
     **{"int32_t": "i32", "uint8_t": "u8", "uint32_t": "u32", "uint64_t": "u64"},
-    **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard")},
+    **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard", "Probe", "Felt")},
     "viscera_info_t": "Info",
 }
 
@@ -133,7 +153,7 @@ def test_the_header_declares_what_the_library_exports() -> None:
     assert re.findall(r"VISCERA_ABI_VERSION (\d+)", header) == re.findall(r"ABI_VERSION: u32 = (\d+)", rust)
 
 
-@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard"])
+@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard", "Felt"])
 def test_structs_have_the_same_fields(name: str) -> None:
     header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
     rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))

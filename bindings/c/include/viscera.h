@@ -36,7 +36,8 @@ enum viscera_status {
     VISCERA_SHORT_BUFFER = 6,
     VISCERA_BAD_MODEL = 7,       /* the file cannot be read, or file or bytes hold no usable model */
     VISCERA_BAD_SETTING = 8,     /* a setting of a frame or a guard is out of its range */
-    VISCERA_STALE = 9            /* passed to viscera_guard_step by a loop that has no new answer */
+    VISCERA_STALE = 9,           /* passed to viscera_guard_step by a loop that has no new answer */
+    VISCERA_INSIDE = 10          /* a probe came into the organ in one step: no force until it is lifted off */
 };
 
 typedef struct viscera_model viscera_model;
@@ -171,6 +172,60 @@ int32_t viscera_guard_keep_passive(viscera_guard *guard, double energy_limit, do
 int32_t viscera_guard_step_moved(viscera_guard *guard, const double force_in[3], int32_t status, const double moved[3],
                                  double dt, double force_out[3]);
 
+/* A rigid probe: a sphere on the touchable surface that presses, sticks, slides and lets go. */
+typedef struct viscera_probe viscera_probe;
+
+enum viscera_probe_grip {
+    VISCERA_PROBE_FREE = 0,   /* it touches nothing, or there is no answer */
+    VISCERA_PROBE_STICKS = 1, /* it holds the point that it touches */
+    VISCERA_PROBE_SLIDES = 2  /* it slides along the surface; without friction always */
+};
+
+typedef struct viscera_felt {
+    double force[3];         /* of the probe on the organ, within the friction cone */
+    double torque[3];        /* on the organ about the centre of the sphere */
+    double center[3];        /* of the sphere; it differs from the device if there is a coupling */
+    double contact_point[3]; /* the point at rest that the probe holds, or the nearest: for viscera_surface */
+    double displacement[3];  /* of the contact there: for viscera_surface */
+    double gap;              /* distance of the sphere from the surface at rest; negative if it has entered */
+    double error_estimate;   /* of the force, relative to its norm: of the model, and of the patch for the contact */
+    double shape_error_estimate;
+    int64_t grip;            /* an enum viscera_probe_grip */
+} viscera_felt;
+
+/* Makes a probe of 0.8 to 1.25 times the radius of the model's contact patch, with Coulomb's coefficient of friction.
+ * The model must be freed after the probe, and viscera_set_frame be called before. On failure *probe is null and
+ * `message`, which may be null, says why in one sentence. A probe is used by one thread at a time. */
+int32_t viscera_probe_new(const viscera_model *model, double radius, double friction, viscera_probe **probe,
+                          char *message, size_t message_len);
+
+/* Frees a probe; null is allowed. */
+void viscera_probe_free(viscera_probe *probe);
+
+/* REAL TIME. Puts a spring (force per length) and a damper (force per velocity) between device and probe, for
+ * viscera_probe_follow. After VISCERA_BAD_SETTING the old coupling stays; a new probe has none. */
+int32_t viscera_probe_couple(viscera_probe *probe, double stiffness, double damping);
+
+/* REAL TIME. Sets the largest estimated error of a trusted force, relative to its norm, above 0 and at most 1. */
+int32_t viscera_probe_tolerate(viscera_probe *probe, double tolerance);
+
+/* REAL TIME. Puts the centre of the sphere at a place, and tells what it feels there. The status is for
+ * viscera_guard_step:
+ * - VISCERA_OK, VISCERA_ERROR_TOO_LARGE: as for viscera_evaluate.
+ * - VISCERA_BEYOND_DEPTH: the probe has entered deeper than the model serves; the force is that at the largest depth.
+ * - VISCERA_OFF_SURFACE: the probe is free, or beyond the end of the touchable surface.
+ * - VISCERA_INSIDE: the probe came into the organ in one step. There is no force until it has been outside.
+ * - VISCERA_NOT_FINITE: the place is not a number; the probe stays where it was, and its touch is over. */
+int32_t viscera_probe_place(viscera_probe *probe, const double center[3], viscera_felt *felt);
+
+/* REAL TIME. Draws the probe by its coupling towards a device, `dt` seconds after the last step. The probe goes where
+ * spring, damper and tissue are in balance, by at most a quarter of its radius, and stays on the side of the organ that
+ * it touches. The force is that of the tissue. Without a coupling the probe is where the device is. */
+int32_t viscera_probe_follow(viscera_probe *probe, const double device[3], double dt, viscera_felt *felt);
+
+/* REAL TIME. Takes the probe from the organ: the next place is a first one, so it must be outside. */
+int32_t viscera_probe_lift(viscera_probe *probe);
+
 #if defined(__cplusplus) ? __cplusplus >= 201103L : (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L)
 #ifdef __cplusplus
 #define VISCERA_ASSERT(claim) static_assert(claim, "viscera.h: a struct is not laid out as in the library")
@@ -181,6 +236,7 @@ VISCERA_ASSERT(sizeof(viscera_info_t) == 56);
 VISCERA_ASSERT(sizeof(viscera_answer) == 136);
 VISCERA_ASSERT(sizeof(viscera_frame) == 112);
 VISCERA_ASSERT(sizeof(viscera_guard) == 120);
+VISCERA_ASSERT(sizeof(viscera_felt) == 152);
 #undef VISCERA_ASSERT
 #endif
 

@@ -69,6 +69,16 @@ impl Frame {
         self.back(f).map(|f| f / self.newtons_per_unit)
     }
 
+    /// A torque turns over in a reflected frame.
+    pub fn torque_out(&self, t: [f64; 3]) -> [f64; 3] {
+        let sign = if self.is_reflected() { -1.0 } else { 1.0 };
+        self.back(t).map(|t| sign * t / (self.newtons_per_unit * self.metres_per_unit))
+    }
+
+    pub fn length_out(&self, d: [f64; 3]) -> [f64; 3] {
+        self.back(d).map(|d| d / self.metres_per_unit)
+    }
+
     /// `R^T K R`, in force units per length unit of the caller.
     pub fn stiffness_out(&self, k: &Matrix) -> Matrix {
         let r = &self.rotation;

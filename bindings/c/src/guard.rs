@@ -148,14 +148,14 @@ impl Guard {
         self.target = shortened(wanted, self.force_limit);
         let damped = std::array::from_fn(|i| self.target[i] + damping[i]);
         let goal = shortened(damped, self.force_limit);
-        let way = std::array::from_fn(|i| goal[i] - self.force[i]);
-        let step = shortened(way, self.rate_limit * dt);
+        let change = std::array::from_fn(|i| goal[i] - self.force[i]);
+        let step = shortened(change, self.rate_limit * dt);
         self.force = std::array::from_fn(|i| self.force[i] + step[i]);
         // Rounding must not carry the force over the limit.
         self.force = shortened(self.force, self.force_limit);
         match news {
             News::NotTrusted | News::Nothing => HOLDS,
-            _ if self.target != wanted || goal != damped || step != way => LIMITS,
+            _ if self.target != wanted || goal != damped || step != change => LIMITS,
             _ => FOLLOWS,
         }
     }

@@ -8,6 +8,7 @@ mod frame;
 mod guard;
 mod load;
 mod model;
+mod probe;
 mod status;
 #[cfg(test)]
 mod tests;

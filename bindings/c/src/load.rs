@@ -97,7 +97,7 @@ unsafe fn finish(
 }
 
 /// Writes a sentence as a C string, cut at a whole character if the buffer is short.
-unsafe fn write_message(sentence: &str, message: *mut c_char, message_len: usize) {
+pub unsafe fn write_message(sentence: &str, message: *mut c_char, message_len: usize) {
     if message.is_null() || message_len == 0 {
         return;
     }

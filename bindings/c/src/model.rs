@@ -7,10 +7,10 @@ use viscera_touch::{Contact, ReducedModel, Trust};
 
 /// `viscera_model`, opaque to C.
 pub struct Model {
-    reduced: ReducedModel,
+    pub(crate) reduced: ReducedModel,
     /// Surface triangles in the numbering of surface nodes.
     triangles: Vec<[u32; 3]>,
-    frame: Frame,
+    pub(crate) frame: Frame,
 }
 
 /// `struct viscera_info`.
@@ -161,7 +161,7 @@ impl Model {
     }
 }
 
-fn status_of(trust: Trust) -> viscera_status {
+pub(crate) fn status_of(trust: Trust) -> viscera_status {
     match trust {
         Trust::Trusted => status::OK,
         Trust::BeyondDepth => status::BEYOND_DEPTH,

@@ -16,6 +16,7 @@ pub const SHORT_BUFFER: viscera_status = 6;
 pub const BAD_MODEL: viscera_status = 7;
 pub const BAD_SETTING: viscera_status = 8;
 pub const STALE: viscera_status = 9;
+pub const INSIDE: viscera_status = 10;
 
 /// A status in words, without end: never null.
 #[unsafe(no_mangle)]
@@ -31,6 +32,7 @@ pub extern "C" fn viscera_status_text(status: viscera_status) -> *const c_char {
         BAD_MODEL => c"not a readable, usable model file",
         BAD_SETTING => c"a setting is out of its range",
         STALE => c"no new answer",
+        INSIDE => c"the probe came into the organ in one step; lift it off",
         _ => c"no such status",
     };
     text.as_ptr()

@@ -8,6 +8,8 @@ mod counting;
 use crate::guard::*;
 use crate::load::{viscera_free, viscera_load};
 use crate::model::*;
+use crate::norm;
+use crate::probe::*;
 use crate::status;
 use block::{SIZE, block};
 use counting::allocations;
@@ -334,5 +336,52 @@ fn a_free_hand_is_forgiven_and_lent_nothing() {
     for tick in 1..=10 {
         step_moved(&mut guard, still, still);
         assert!((guard.energy - (-4e-4 + 5e-5 * f64::from(tick)).min(0.0)).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_tick_of_a_probe_allocates_nothing_and_its_guard_stays_passive() {
+    let bytes = block().to_bytes().unwrap();
+    let (mut model, mut probe) = (ptr::null_mut(), ptr::null_mut());
+    let (force_limit, energy_limit, step) = (2.0, 1e-4, 1e-3);
+    let mut guard = guard();
+    // SAFETY: all pointers of this test are to living values of the stated lengths.
+    unsafe {
+        viscera_load(bytes.as_ptr(), bytes.len(), &mut model, ptr::null_mut(), 0);
+        let made = viscera_probe_new(model, 0.012, 0.3, &mut probe, ptr::null_mut(), 0);
+        assert_eq!(made, status::OK);
+        assert_eq!(viscera_probe_couple(probe, 300.0, 1.0), status::OK);
+        viscera_guard_init(&mut guard, force_limit, 1e4, 0.02, 0.1);
+        assert_eq!(viscera_guard_keep_passive(&mut guard, energy_limit, 2.0), status::OK);
+    }
+    let home = [0.5 * SIZE[0], 0.5 * SIZE[1], SIZE[2] + 0.011];
+    let (mut hand, mut energy, mut lowest, mut longest) = (home, 0.0f64, 0.0f64, 0.0f64);
+    let (mut force, mut touching) = ([0.0; 3], 0);
+    for random in samples::noise(30_000, 3).chunks_exact(3) {
+        let moved: [f64; 3] =
+            std::array::from_fn(|i| 6e-4 * random[i] + 0.02 * (home[i] - hand[i]));
+        hand = std::array::from_fn(|i| hand[i] + moved[i]);
+        // The force of the last step acted while the hand moved.
+        energy += (0..3).map(|i| force[i] * moved[i]).sum::<f64>();
+        (lowest, longest) = (lowest.min(energy), longest.max(norm(moved)));
+        let mut felt = std::mem::MaybeUninit::<Felt>::zeroed();
+        let (count, ()) = allocations(|| unsafe {
+            let status = viscera_probe_follow(probe, hand.as_ptr(), step, felt.as_mut_ptr());
+            let (given, by) = ((*felt.as_ptr()).force.as_ptr(), moved.as_ptr());
+            viscera_guard_step_moved(&mut guard, given, status, by, step, force.as_mut_ptr());
+        });
+        assert_eq!(count, 0);
+        touching += usize::from(norm(force) > 0.0);
+        assert!(norm(force) <= force_limit * (1.0 + 1e-12));
+        if force == [0.0; 3] {
+            energy = 0.0; // a touch is over
+        }
+    }
+    assert!((1000..9900).contains(&touching), "{touching} ticks in touch");
+    let bound = energy_limit.max(force_limit * longest);
+    assert!(lowest >= -bound * (1.0 + 1e-9), "{lowest} J, at most {bound} J may be given out");
+    unsafe {
+        viscera_probe_free(probe);
+        viscera_free(model);
     }
 }

@@ -10,6 +10,7 @@ static_assert(std::is_standard_layout<viscera_answer>::value, "an answer is plai
 static_assert(offsetof(viscera_answer, contact_point) == 112, "the contact point comes last");
 static_assert(offsetof(viscera_frame, translation) == 88, "the translation comes last");
 static_assert(offsetof(viscera_guard, energy) == 112, "the energy comes last");
+static_assert(offsetof(viscera_felt, grip) == 144, "the grip comes last");
 static_assert(sizeof(struct viscera_info) == 56 && offsetof(struct viscera_info, radius) == 32, "counts come first");
 
 struct Free {

@@ -186,7 +186,54 @@ static void settings(viscera_model *model) {
         const int32_t mode = viscera_guard_step_moved(&guard, force, VISCERA_OK, still, 1, force);
         EXPECT(mode == VISCERA_GUARD_REFUSES && force[0] == 0);
     }
-    for (int32_t status = -1; status <= VISCERA_STALE + 1; status++) EXPECT(strlen(viscera_status_text(status)) > 5);
+    for (int32_t status = -1; status <= VISCERA_INSIDE + 1; status++) EXPECT(strlen(viscera_status_text(status)) > 5);
+}
+
+static void probing(viscera_model *model) {
+    const double far[3] = {0.5, 0.1, 1e3}, nowhere[3] = {NAN, 0, 0};
+    double top[3];
+    char message[256];
+    viscera_info_t info;
+    viscera_probe *probe = (viscera_probe *)&info; /* anything: a failure must clear it */
+    viscera_felt felt;
+    viscera_info(model, &info);
+    viscera_locate(model, far, top, NULL);
+    const double r = info.radius;
+    EXPECT(viscera_probe_new(model, 0.5 * r, 0, &probe, message, sizeof message) == VISCERA_BAD_SETTING);
+    EXPECT(probe == NULL && strstr(message, "radius of a probe") != NULL);
+    EXPECT(viscera_probe_new(model, NAN, 0, &probe, NULL, 0) == VISCERA_BAD_SETTING && probe == NULL);
+    EXPECT(viscera_probe_new(model, r, -1, &probe, message, sizeof message) == VISCERA_BAD_SETTING);
+    EXPECT(strstr(message, "friction of a probe") != NULL);
+    EXPECT(viscera_probe_new(NULL, r, 0, &probe, message, sizeof message) == VISCERA_NULL_POINTER && probe == NULL);
+    EXPECT(viscera_probe_new(model, r, 0, NULL, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_new(model, r, 0.2, &probe, message, sizeof message) == VISCERA_OK && message[0] == 0);
+    EXPECT(viscera_probe_couple(NULL, 1, 1) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_couple(probe, 0, 1) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_probe_couple(probe, 1, NAN) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_probe_tolerate(NULL, 0.2) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_tolerate(probe, 0) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_probe_lift(NULL) == VISCERA_NULL_POINTER);
+
+    const double deep[3] = {top[0], top[1], top[2] + 0.2 * r}, above[3] = {top[0], top[1], top[2] + 1.1 * r};
+    const double pressed[3] = {top[0], top[1], top[2] + 0.95 * r};
+    EXPECT(viscera_probe_place(probe, deep, &felt) == VISCERA_INSIDE && felt.force[2] == 0);
+    EXPECT(viscera_probe_place(probe, pressed, &felt) == VISCERA_INSIDE && felt.error_estimate == 1);
+    EXPECT(viscera_probe_place(probe, above, &felt) == VISCERA_OFF_SURFACE && felt.gap > 0);
+    EXPECT(viscera_probe_place(probe, pressed, &felt) == VISCERA_OK && felt.force[2] < 0);
+    EXPECT(felt.grip != VISCERA_PROBE_FREE && felt.gap < 0 && felt.displacement[2] < 0);
+    EXPECT(viscera_probe_place(probe, nowhere, &felt) == VISCERA_NOT_FINITE && felt.force[2] == 0);
+    EXPECT(isfinite(felt.center[0]) && isfinite(felt.gap));
+    EXPECT(viscera_probe_lift(probe) == VISCERA_OK);
+    EXPECT(viscera_probe_follow(probe, above, 1e-3, &felt) == VISCERA_OFF_SURFACE);
+    EXPECT(viscera_probe_follow(probe, above, -1e-3, &felt) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_probe_follow(probe, far, NAN, &felt) == VISCERA_NOT_FINITE);
+    EXPECT(viscera_probe_place(probe, NULL, &felt) == VISCERA_NULL_POINTER && felt.force[2] == 0);
+    EXPECT(viscera_probe_place(NULL, above, &felt) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_place(probe, above, NULL) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_follow(NULL, above, 1e-3, &felt) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_probe_follow(probe, NULL, 1e-3, &felt) == VISCERA_NULL_POINTER);
+    viscera_probe_free(probe);
+    viscera_probe_free(NULL);
 }
 
 int main(int argc, char **argv) {
@@ -195,6 +242,7 @@ int main(int argc, char **argv) {
     loading(argv[1]);
     touching(model);
     drawing(model);
+    probing(model);
     settings(model);
     viscera_free(model);
     printf("%d faults\n", faults);

@@ -11,6 +11,14 @@ pub struct Arrays {
     pub cells: Vec<u32>,
     /// Fixed nodes.
     pub fixed: Vec<u32>,
+    /// Elastic supports (`Body::ties`): where the nodes of each sample start (s + 1,), empty without supports.
+    pub tie_start: Vec<u32>,
+    /// Nodes of the samples.
+    pub tie_nodes: Vec<u32>,
+    /// Their weights.
+    pub tie_weights: Vec<f64>,
+    /// Stiffness of each sample (s, 9) [N/m].
+    pub tie_stiffness: Vec<f64>,
     /// Law parameters (1 or m, k).
     pub law_parameters: Vec<f64>,
     /// Boundary triangles of the organ (t, 3), by node.

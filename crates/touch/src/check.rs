@@ -109,6 +109,12 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         ("touchable", a.touchable.len(), 3 * n.touchable),
         ("edges", a.edges.len(), 2 * n.edges),
         ("triangle_edges", a.triangle_edges.len(), 3 * n.touchable),
+        ("tie_weights", a.tie_weights.len(), a.tie_nodes.len()),
+        (
+            "tie_start",
+            a.tie_start.len(),
+            if a.tie_stiffness.is_empty() { 0 } else { a.tie_stiffness.len() / 9 + 1 },
+        ),
         ("patch_start", a.patch_start.len(), n.positions + 1),
         ("patch_weights", a.patch_weights.len(), a.patch_nodes.len()),
         ("compliance", a.answers.compliance.len(), 9 * n.positions),
@@ -148,6 +154,7 @@ fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
     let ranges = [
         ("cells", &a.cells, n.points),
         ("fixed", &a.fixed, n.points),
+        ("tie_nodes", &a.tie_nodes, n.points),
         ("surface", &a.surface, n.points),
         ("surface_nodes", &a.surface_nodes, n.points),
         ("positions", &a.positions, n.points),
@@ -170,8 +177,11 @@ fn check_indices(a: &Arrays, n: &Counts) -> Result<(), Error> {
     if !a.surface_nodes.is_sorted_by(|x, y| x < y) {
         return Err(Error::model_file("surface_nodes is not ascending"));
     }
+    let none = [0];
+    let tie_start = if a.tie_start.is_empty() { &none[..] } else { &a.tie_start };
     for (name, starts, end) in [
-        ("patch_start", &a.patch_start, a.patch_nodes.len()),
+        ("tie_start", tie_start, a.tie_nodes.len()),
+        ("patch_start", &a.patch_start[..], a.patch_nodes.len()),
         ("region_start", &a.region_start, n.modes),
     ] {
         if starts[0] != 0 || !starts.is_sorted() || starts[starts.len() - 1] as usize != end {
@@ -227,6 +237,8 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
     check_finite("", "points", &a.points)?;
     check_finite("", "preload", &a.preload)?;
     check_finite("", "law_parameters", &a.law_parameters)?;
+    check_finite("", "tie_weights", &a.tie_weights)?;
+    check_finite("", "tie_stiffness", &a.tie_stiffness)?;
     check_finite("", "patch_weights", &a.patch_weights)?;
     for (position, patch) in a.patch_start.windows(2).enumerate() {
         let sum: f64 = a.patch_weights[patch[0] as usize..patch[1] as usize].iter().sum();

@@ -93,6 +93,17 @@ impl ReducedModel {
         }
     }
 
+    /// Force and stiffness alone.
+    pub(super) fn reaction(&self, contact: &Contact, d: [f64; 3]) -> ([f64; 3], Mat3<f64>) {
+        let here = Interpolation::new(self, contact);
+        let mut monomials = [0.0; MAX_TERMS];
+        let monomials = &mut monomials[..self.n_terms()];
+        evaluate_monomials(&self.exponents, d, monomials);
+        let (weights, second) = (here.weights(monomials, d), here.second_order(d));
+        let (orders, _) = here.force(monomials, d, second.as_ref());
+        (weighted(&weights, &orders), here.stiffness(d, &orders, &weights, second.as_ref()))
+    }
+
     fn trust(&self, depth: f64, error_estimate: f64) -> Trust {
         // Written so that a displacement that is not a number is not trusted either.
         if !(depth <= self.metadata.depth * (1.0 + 1e-9)) {

@@ -21,7 +21,7 @@ fn is_optional(name: &str) -> bool {
         "linear_compression",
         "parameter_cells",
     ];
-    optional.contains(&name) || name.starts_with("family_")
+    optional.contains(&name) || name.starts_with("family_") || name.starts_with("tie_")
 }
 
 /// A number type with a fixed little-endian form.
@@ -57,6 +57,10 @@ macro_rules! for_each_array {
         $apply!("preload", preload, 3);
         $apply!("cells", cells, 4);
         $apply!("fixed", fixed, 1);
+        $apply!("tie_start", tie_start, 1);
+        $apply!("tie_nodes", tie_nodes, 1);
+        $apply!("tie_weights", tie_weights, 1);
+        $apply!("tie_stiffness", tie_stiffness, 9);
         $apply!("law_parameters", law_parameters, 1);
         $apply!("surface", surface, 3);
         $apply!("surface_nodes", surface_nodes, 1);

@@ -2,6 +2,7 @@
 
 use super::arrays::Arrays;
 use super::check::{check, offsets};
+use super::ground::Ground;
 use super::metadata::Metadata;
 use crate::Error;
 use viscera_mesh::TriangleTree;
@@ -26,6 +27,7 @@ pub struct ReducedModel {
     pub(super) edge_length: f64,
     /// Nodes that are not on the surface, ascending.
     pub(super) interior_nodes: Vec<u32>,
+    pub(super) ground: Ground,
 }
 
 impl ReducedModel {
@@ -56,6 +58,7 @@ impl ReducedModel {
         arrays.surface_nodes.iter().for_each(|&node| is_surface[node as usize] = true);
         let interior_nodes =
             (0..counts.points as u32).filter(|&node| !is_surface[node as usize]).collect();
+        let ground = Ground::new(&positions, &triangles, &arrays.triangle_edges);
         Ok(ReducedModel {
             exponents: Monomials::of(3, metadata.order).exponents()[1..].to_vec(),
             edge_terms: counts.edge_terms,
@@ -67,6 +70,7 @@ impl ReducedModel {
             tree,
             edge_length,
             interior_nodes,
+            ground,
             metadata,
             arrays,
         })

@@ -1,0 +1,107 @@
+// viscera.hpp: viscera.h for C++11. Handles free themselves; what cannot be made throws; a tick neither throws nor
+// allocates, and returns the status of viscera.h.
+//
+// SPDX-License-Identifier: MIT OR Apache-2.0
+#ifndef VISCERA_HPP
+#define VISCERA_HPP
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "viscera.h"
+
+namespace viscera {
+
+/// A refused file, frame or setting; `status` is an enum viscera_status.
+class Error : public std::runtime_error {
+public:
+    Error(int32_t status, const char *message)
+        : std::runtime_error(message && *message ? message : viscera_status_text(status)), status(status) {}
+    const int32_t status;
+};
+
+/// A loaded model. It must outlive its probes.
+class Model {
+public:
+    explicit Model(const std::string &path) {
+        viscera_model *loaded = nullptr;
+        char message[256] = "";
+        const int32_t status = viscera_load_file(path.c_str(), &loaded, message, sizeof message);
+        handle.reset(loaded);
+        if (status != VISCERA_OK) throw Error(status, message);
+    }
+
+    const viscera_model *get() const { return handle.get(); }
+
+    viscera_info_t info() const {
+        viscera_info_t sizes;
+        viscera_info(get(), &sizes);
+        return sizes;
+    }
+
+    void set_frame(const viscera_frame &frame) {
+        const int32_t status = viscera_set_frame(handle.get(), &frame);
+        if (status != VISCERA_OK) throw Error(status, nullptr);
+    }
+
+    /// The workspace of `surface`; make it before the loop.
+    std::vector<float> workspace() const { return std::vector<float>(viscera_workspace_size(get())); }
+
+    /// Room for the positions of `surface`; make it before the loop.
+    std::vector<float> positions() const { return std::vector<float>(3 * static_cast<size_t>(info().surface_nodes)); }
+
+    int32_t evaluate(const double (&point)[3], const double (&displacement)[3], viscera_answer &answer) const {
+        return viscera_evaluate(get(), point, displacement, &answer);
+    }
+
+    int32_t surface(const double (&point)[3], const double (&displacement)[3], std::vector<float> &workspace,
+                    std::vector<float> &positions) const {
+        return viscera_surface(get(), point, displacement, workspace.data(), workspace.size(), positions.data(),
+                               positions.size());
+    }
+
+private:
+    struct Free {
+        void operator()(viscera_model *model) const { viscera_free(model); }
+    };
+    std::unique_ptr<viscera_model, Free> handle;
+};
+
+/// A rigid sphere on the surface of a model, used by one thread at a time.
+class Probe {
+public:
+    Probe(const Model &model, double radius, double friction) {
+        viscera_probe *made = nullptr;
+        char message[256] = "";
+        const int32_t status = viscera_probe_new(model.get(), radius, friction, &made, message, sizeof message);
+        handle.reset(made);
+        if (status != VISCERA_OK) throw Error(status, message);
+    }
+
+    void couple(double stiffness, double damping) { check(viscera_probe_couple(handle.get(), stiffness, damping)); }
+    void tolerate(double tolerance) { check(viscera_probe_tolerate(handle.get(), tolerance)); }
+    void lift() { viscera_probe_lift(handle.get()); }
+
+    int32_t place(const double (&center)[3], viscera_felt &felt) {
+        return viscera_probe_place(handle.get(), center, &felt);
+    }
+
+    int32_t follow(const double (&device)[3], double dt, viscera_felt &felt) {
+        return viscera_probe_follow(handle.get(), device, dt, &felt);
+    }
+
+private:
+    static void check(int32_t status) {
+        if (status != VISCERA_OK) throw Error(status, nullptr);
+    }
+    struct Free {
+        void operator()(viscera_probe *probe) const { viscera_probe_free(probe); }
+    };
+    std::unique_ptr<viscera_probe, Free> handle;
+};
+
+} // namespace viscera
+
+#endif

@@ -1,0 +1,101 @@
+//! A rigid probe on a reduced model.
+
+use crate::convert;
+use crate::exclusive::Exclusive;
+use crate::model::{Model, reason};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use viscera_core::reduced::{self, Coupling, Felt, Grip, Trust, refused};
+
+/// A sphere, and the model it touches.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Probe {
+    model: Py<Model>,
+    probe: Exclusive<reduced::Probe>,
+}
+
+#[pymethods]
+impl Probe {
+    #[new]
+    fn new(
+        model: Py<Model>,
+        radius: f64,
+        friction: f64,
+        tolerance: f64,
+        coupling: Option<(f64, f64)>,
+    ) -> PyResult<Self> {
+        let coupling = coupling.map(|(stiffness, damping)| Coupling { stiffness, damping });
+        let reduced = &model.get().model;
+        let probe = reduced::Probe::new(reduced, radius, friction, tolerance, coupling);
+        let probe = probe.map_err(refused).map_err(convert::error)?;
+        Ok(Probe { model, probe: Exclusive::new("probe", probe) })
+    }
+
+    fn place<'py>(&self, py: Python<'py>, center: [f64; 3]) -> PyResult<Bound<'py, PyDict>> {
+        let model = self.model.get();
+        let felt = self.probe.claim()?.place(&model.model, center);
+        told(py, model, &felt)
+    }
+
+    fn follow<'py>(
+        &self,
+        py: Python<'py>,
+        device: [f64; 3],
+        dt: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let model = self.model.get();
+        let felt = self.probe.claim()?.follow(&model.model, device, dt);
+        told(py, model, &felt)
+    }
+
+    fn lift(&self) -> PyResult<()> {
+        self.probe.claim()?.lift();
+        Ok(())
+    }
+}
+
+fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py, PyDict>> {
+    let (trust, shape) = (felt.trust, felt.shape_trust);
+    let (error, shape_error) = (felt.error_estimate, felt.shape_error_estimate);
+    let d = felt.displacement;
+    let why = |trust: Trust, kind: &str, error: f64| match (felt.grip, trust) {
+        (Grip::Inside, _) => "the probe came into the organ in one step; lift it off".to_string(),
+        (Grip::Lost, _) => "the pose or the time step is not a usable number".to_string(),
+        (_, Trust::BeyondDepth) => {
+            format!(
+                "the probe has entered by {:.1} mm, deeper than the model serves",
+                -1e3 * felt.gap
+            )
+        }
+        _ => reason(trust, kind, error, &model.model, d),
+    };
+    let told = PyDict::new(py);
+    for (name, vector) in [
+        ("center", felt.center),
+        ("contact_point", felt.contact.point),
+        ("push", d),
+        ("force", felt.force),
+        ("torque", felt.torque),
+    ] {
+        told.set_item(name, PyArray1::from_slice(py, &vector))?;
+    }
+    told.set_item("gap", felt.gap)?;
+    told.set_item(
+        "grip",
+        match felt.grip {
+            Grip::Free => "free",
+            Grip::Sticks => "sticks",
+            Grip::Slides => "slides",
+            Grip::Inside => "inside",
+            Grip::Lost => "lost",
+        },
+    )?;
+    told.set_item("error_estimate", error)?;
+    told.set_item("is_trusted", trust == Trust::Trusted)?;
+    told.set_item("reason", why(trust, "error", error))?;
+    told.set_item("shape_error_estimate", shape_error)?;
+    told.set_item("is_shape_trusted", shape == Trust::Trusted)?;
+    told.set_item("shape_reason", why(shape, "error of the shape", shape_error))?;
+    Ok(told)
+}

@@ -1,0 +1,483 @@
+//! A rigid sphere on a reduced model: it presses, sticks, slides and lets go.
+//!
+//! The model holds the mean of a patch. A sphere touches less: at first a point. By Hertz a sphere that enters by `g`
+//! touches a disc of radius `sqrt(R g)` and feels as much less force as the disc is smaller than the patch, whatever
+//! the tissue. So the patch is moved by a share of the motion of the sphere,
+//! `d = share(g) (t - g n)`, `share(g) = min(1, SHARE sqrt(R g + GRAIN h^2) / r)`,
+//! with the normal `n` below the centre, the radius `r` of the patch, the mean edge `h` of the surface, which limits
+//! how small a contact the mesh can show, and the drag `t`: from the point `s` that the sphere holds to the point below
+//! its centre. The force is `F(s, d)` of the model. It is kept in Coulomb's cone by return mapping: where the force
+//! along the surface exceeds the cone, the tissue slips below the sphere, which changes `t` and with it `s`.
+
+use super::contact::Contact;
+use super::error::Error;
+use super::evaluate::{Answer, Trust};
+use super::model::ReducedModel;
+use viscera_mesh::{cross, dot, norm, sub};
+use viscera_number::tensor::{Mat3, mul_vector};
+
+/// Radii of a probe, in units of the radius of the patch.
+pub const RADII: [f64; 2] = [0.8, 1.25];
+/// Of the radius of the contact that Hertz predicts, and the squared edges of the mesh that a contact has at least.
+/// These two and the next are fitted to the paths of `benchmarks/probe.py tuning`.
+const SHARE: f64 = 0.65;
+const GRAIN: f64 = 6.0;
+/// Error of the force, relative to its norm, that comes from the patch in place of the contact.
+pub const CONTACT_ERROR: f64 = 0.25;
+/// Error of a trusted force, relative to its norm, unless a probe is given another.
+pub const TOLERANCE: f64 = 0.35;
+/// How far a probe moves at most in a tick when it follows a device, in units of its radius.
+const STRIDE: f64 = 0.25;
+/// A contact that begins deeper than this part of the radius has not begun outside.
+const ONSET: f64 = 0.5;
+/// The drag is at most this part of the radius.
+const DRAG: f64 = 0.5;
+/// Iterations of the friction, and of the coupling.
+const RETURNS: usize = 3;
+const BALANCES: usize = 4;
+/// Where these end early: a step in units of the radius, a force along the surface in units of that onto it.
+const BALANCED: f64 = 1e-6;
+const RETURNED: f64 = 1e-3;
+/// A force is not trusted from here on, in units of the depth that a probe may enter.
+const BEYOND: f64 = 1.0 + 1e-6;
+
+/// A spring and a damper between a device and a probe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coupling {
+    /// Stiffness [N/m].
+    pub stiffness: f64,
+    /// Damping [N s/m].
+    pub damping: f64,
+}
+
+/// What a probe does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grip {
+    /// It is free of the organ.
+    Free,
+    /// It holds the point that it touches.
+    Sticks,
+    /// It slides along the surface.
+    Slides,
+    /// It has come into the organ in one step. There is no force until it has been lifted off.
+    Inside,
+    /// The pose or the time step is not a usable number. The probe stays where it was.
+    Lost,
+}
+
+/// What a probe feels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Felt {
+    /// What the probe does.
+    pub grip: Grip,
+    /// Centre of the sphere [m].
+    pub center: [f64; 3],
+    /// The point of the surface that is held; the closest if the probe is free.
+    pub contact: Contact,
+    /// Displacement of the patch there [m].
+    pub displacement: [f64; 3],
+    /// Distance of the sphere from the surface before the touch; negative by how far it has entered [m].
+    pub gap: f64,
+    /// Force of the probe on the organ [N].
+    pub force: [f64; 3],
+    /// Torque on the organ about the centre of the sphere [N m].
+    pub torque: [f64; 3],
+    /// Estimated error of the force, relative to its norm; at most 1: of the model, and of the patch for the contact.
+    pub error_estimate: f64,
+    /// Whether the force is trusted.
+    pub trust: Trust,
+    /// The same of the field.
+    pub shape_error_estimate: f64,
+    /// Whether the field is trusted.
+    pub shape_trust: Trust,
+}
+
+/// A rigid sphere on the touchable surface of a model.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probe {
+    radius: f64,
+    friction: f64,
+    tolerance: f64,
+    coupling: Option<Coupling>,
+    center: Option<[f64; 3]>,
+    device: [f64; 3],
+    hold: Option<Hold>,
+    is_inside: bool,
+}
+
+/// What a probe remembers of a touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Hold {
+    /// The point of the surface that is held.
+    point: [f64; 3],
+    /// The triangle below the centre.
+    triangle: usize,
+}
+
+/// A pose tried, before it is taken.
+struct Tried {
+    felt: Felt,
+    hold: Option<Hold>,
+    normal: [f64; 3],
+    /// Derivative of the force with respect to the centre, along the normal and along the surface [N/m].
+    stiffness: [f64; 2],
+}
+
+impl Probe {
+    /// A probe that is not yet at any place. `friction` is Coulomb's coefficient, `tolerance` the largest estimated
+    /// error of a trusted force. Without a coupling the probe is where the device is.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a value is out of its range; the radius is 0.8 to 1.25 times that of the model's patch.
+    pub fn new(
+        model: &ReducedModel,
+        radius: f64,
+        friction: f64,
+        tolerance: f64,
+        coupling: Option<Coupling>,
+    ) -> Result<Self, Error> {
+        let patch = model.metadata.radius;
+        let [low, high] = RADII.map(|part| part * patch);
+        if !(low * (1.0 - 1e-9)..=high * (1.0 + 1e-9)).contains(&radius) {
+            return Err(Error::input(format!(
+                "the radius of a probe is {radius:.6} m; this model's patch of {patch:.6} m serves radii from {low:.6} \
+                 to {high:.6} m. Reduce with another radius, or with a range of it"
+            )));
+        }
+        if !(0.0..=1e3).contains(&friction) {
+            return Err(Error::input(format!(
+                "the friction of a probe is {friction}; it must be from 0 to 1000"
+            )));
+        }
+        let mut probe = Probe {
+            radius,
+            friction,
+            tolerance: TOLERANCE,
+            coupling: None,
+            center: None,
+            device: [0.0; 3],
+            hold: None,
+            is_inside: false,
+        };
+        probe.tolerate(tolerance)?;
+        probe.couple(coupling)?;
+        Ok(probe)
+    }
+
+    /// Sets the largest estimated error of a trusted force, relative to its norm.
+    ///
+    /// # Errors
+    /// [`Error::Input`] unless it is above 0 and at most 1.
+    pub fn tolerate(&mut self, tolerance: f64) -> Result<(), Error> {
+        if !(tolerance > 0.0 && tolerance <= 1.0) {
+            return Err(Error::input(format!(
+                "the tolerance of a probe is {tolerance}; it must be above 0 and at most 1"
+            )));
+        }
+        self.tolerance = tolerance;
+        Ok(())
+    }
+
+    /// Sets the coupling, or takes it away.
+    ///
+    /// # Errors
+    /// [`Error::Input`] unless the stiffness is above 0, the damping at least 0, and both are finite.
+    pub fn couple(&mut self, coupling: Option<Coupling>) -> Result<(), Error> {
+        if let Some(Coupling { stiffness, damping }) = coupling {
+            let is_usable = stiffness > 0.0 && stiffness.is_finite() && damping >= 0.0;
+            if !(is_usable && damping.is_finite()) {
+                return Err(Error::input(format!(
+                    "the coupling of a probe has stiffness {stiffness} N/m and damping {damping} N s/m; the stiffness \
+                     must be above 0, the damping at least 0, both finite"
+                )));
+            }
+        }
+        self.coupling = coupling;
+        Ok(())
+    }
+
+    /// Radius of the sphere [m].
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Takes the probe from the organ: the next place is a first one.
+    pub fn lift(&mut self) {
+        (self.center, self.hold, self.is_inside) = (None, None, false);
+    }
+
+    /// Moves the centre of the sphere to a place, and tells what it feels there.
+    pub fn place(&mut self, model: &ReducedModel, center: [f64; 3]) -> Felt {
+        if !is_finite(center) {
+            return self.lost(model);
+        }
+        match self.attempt(model, center) {
+            Some(tried) => self.take(tried, center),
+            None => self.lost(model),
+        }
+    }
+
+    /// Draws the probe by its coupling to a device, `dt` seconds after the last step: the probe goes where coupling and
+    /// tissue are in balance, by at most a quarter of its radius. The force is that of the tissue.
+    pub fn follow(&mut self, model: &ReducedModel, device: [f64; 3], dt: f64) -> Felt {
+        if !(is_finite(device) && dt > 0.0 && dt.is_finite()) {
+            return self.lost(model);
+        }
+        let (Some(Coupling { stiffness, damping }), Some(last)) = (self.coupling, self.center)
+        else {
+            return self.place(model, device);
+        };
+        let rate = damping / dt;
+        let total = stiffness + rate;
+        let drawn: [f64; 3] = std::array::from_fn(|i| {
+            (stiffness * device[i] + rate * (last[i] + device[i] - self.device[i])) / total
+        });
+        if !is_finite(drawn) {
+            return self.lost(model);
+        }
+        let goal = within(last, drawn, STRIDE * self.radius);
+        let mut center = last;
+        for _ in 0..BALANCES {
+            let Some(tried) = self.attempt(model, center) else { return self.lost(model) };
+            let rest: [f64; 3] =
+                std::array::from_fn(|i| total * (goal[i] - center[i]) - tried.felt.force[i]);
+            let (n, [normal, along]) = (tried.normal, tried.stiffness);
+            let up = dot(rest, n);
+            let step: [f64; 3] = std::array::from_fn(|i| {
+                up * n[i] / (total + normal) + (rest[i] - up * n[i]) / (total + along)
+            });
+            let step = within([0.0; 3], step, 0.5 * self.radius);
+            // Not deeper than the model goes, but so far that the force there is not trusted.
+            let depth = -tried.felt.gap - dot(step, n);
+            let out = (depth - BEYOND * self.deepest(model)).max(0.0);
+            let out = if tried.hold.is_some() { out } else { 0.0 };
+            let next: [f64; 3] = std::array::from_fn(|i| center[i] + step[i] + out * n[i]);
+            if norm(sub(next, center)) <= BALANCED * self.radius {
+                let felt = self.take(tried, center);
+                self.device = device;
+                return felt;
+            }
+            center = next;
+        }
+        let felt = self.place(model, center);
+        self.device = device;
+        felt
+    }
+
+    /// How far a probe may enter: as deep as the model was made for, and not beyond the centre.
+    fn deepest(&self, model: &ReducedModel) -> f64 {
+        model.metadata.depth.min(self.radius)
+    }
+
+    fn take(&mut self, tried: Tried, center: [f64; 3]) -> Felt {
+        (self.center, self.device, self.hold) = (Some(center), center, tried.hold);
+        self.is_inside = tried.felt.grip == Grip::Inside;
+        tried.felt
+    }
+
+    /// No force, at the last place; the touch is over.
+    fn lost(&mut self, model: &ReducedModel) -> Felt {
+        let center = self.center.unwrap_or(model.positions[model.triangles[0][0] as usize]);
+        self.hold = None;
+        let contact = model.locate(center).unwrap_or_else(|| model.centroid(0));
+        untouched(Grip::Lost, center, contact, contact.distance - self.radius)
+    }
+
+    /// What the probe feels with its centre at a finite place; none if the model overflows there.
+    fn attempt(&self, model: &ReducedModel, center: [f64; 3]) -> Option<Tried> {
+        let foot = match self.hold {
+            Some(hold) => model.walk(hold.triangle, center),
+            None => model.locate(center)?,
+        };
+        let normal = model.normal(&foot);
+        let above = dot(sub(center, foot.point), normal) >= 0.0;
+        let entered = self.radius - if above { foot.distance } else { -foot.distance };
+        let free = |grip| {
+            let felt = untouched(grip, center, foot, -entered);
+            Some(Tried { felt, hold: None, normal, stiffness: [0.0; 2] })
+        };
+        if !entered.is_finite() {
+            return None;
+        }
+        if entered <= 0.0 || model.overhang(&foot, center) > model.edge_length {
+            return free(Grip::Free);
+        }
+        let deepest = self.deepest(model);
+        if self.is_inside || (self.hold.is_none() && entered > ONSET * self.radius) {
+            return free(Grip::Inside);
+        }
+        let press = Press::new(model, self.radius, entered.min(deepest), normal);
+        let (contact, drag, grip) = self.settle(model, &press, &foot);
+        let d = press.displacement(drag);
+        let answer = model.respond(&contact, d);
+        if !(is_finite(answer.force) && answer.stiffness.iter().all(|&row| is_finite(row))) {
+            return None;
+        }
+        let pressing = -dot(answer.force, normal);
+        // Tissue does not pull at a probe.
+        if pressing <= 0.0 {
+            return free(Grip::Free);
+        }
+        // What the iterations have left of the path to the cone.
+        let along = within([0.0; 3], press.along(answer.force), self.friction * pressing);
+        let force = std::array::from_fn(|i| along[i] - pressing * normal[i]);
+        let torque = cross(normal.map(|x| -self.radius * x), force);
+        let is_beyond = entered > deepest * (0.5 + 0.5 * BEYOND);
+        let (error_estimate, trust) = self.worth(answer.error_estimate, answer.trust, is_beyond);
+        let (shape_error_estimate, shape_trust) =
+            self.worth(answer.shape_error_estimate, answer.shape_trust, is_beyond);
+        let felt = Felt {
+            grip,
+            center,
+            contact,
+            displacement: d,
+            gap: -entered,
+            force,
+            torque,
+            error_estimate,
+            trust,
+            shape_error_estimate,
+            shape_trust,
+        };
+        let hold = Some(Hold { point: contact.point, triangle: foot.triangle });
+        Some(Tried { felt, hold, normal, stiffness: press.stiffness(&answer, grip) })
+    }
+
+    /// Return mapping: the point that is held, how far it is dragged, and whether it slips.
+    fn settle(
+        &self,
+        model: &ReducedModel,
+        press: &Press,
+        foot: &Contact,
+    ) -> (Contact, [f64; 3], Grip) {
+        let held = self.hold.map_or(foot.point, |hold| hold.point);
+        let most = DRAG * self.radius;
+        let mut drag = within([0.0; 3], press.along(sub(foot.point, held)), most);
+        let mut contact = model.walk(foot.triangle, sub(foot.point, drag));
+        let mut grip = if self.friction > 0.0 { Grip::Sticks } else { Grip::Slides };
+        for _ in 0..RETURNS {
+            let (force, stiffness) = model.reaction(&contact, press.displacement(drag));
+            let pressing = (-dot(force, press.normal)).max(0.0);
+            let bound = self.friction * pressing;
+            let along = press.along(force);
+            let size = norm(along);
+            if size > bound {
+                grip = Grip::Slides;
+            }
+            if !(size > bound + RETURNED * pressing) {
+                break;
+            }
+            let excess = along.map(|x| x * (1.0 - bound / size));
+            let slip = press.slip(&stiffness, excess);
+            drag = within([0.0; 3], sub(drag, slip), most);
+            contact = model.walk(foot.triangle, sub(foot.point, drag));
+        }
+        (contact, drag, grip)
+    }
+
+    /// Estimate and trust, with the error of the patch for the contact.
+    fn worth(&self, model_error: f64, trust: Trust, is_beyond: bool) -> (f64, Trust) {
+        let error = (model_error + CONTACT_ERROR).min(1.0);
+        let trust = match trust {
+            _ if is_beyond => Trust::BeyondDepth,
+            Trust::Trusted if !(error <= self.tolerance) => Trust::ErrorTooLarge,
+            other => other,
+        };
+        (error, trust)
+    }
+}
+
+/// A sphere pressed into the surface along a normal.
+struct Press {
+    normal: [f64; 3],
+    /// Part of the motion of the sphere that the patch follows, and its derivative.
+    share: f64,
+    slope: f64,
+    depth: f64,
+}
+
+impl Press {
+    fn new(model: &ReducedModel, radius: f64, entered: f64, normal: [f64; 3]) -> Self {
+        let per = SHARE / model.metadata.radius;
+        let disc = (radius * entered + GRAIN * model.edge_length.powi(2)).sqrt();
+        let (share, slope) = match per * disc {
+            share if share < 1.0 => (share, share + 0.5 * per * radius * entered / disc),
+            _ => (1.0, 1.0),
+        };
+        Press { normal, share, slope, depth: share * entered }
+    }
+
+    fn displacement(&self, drag: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| self.share * drag[i] - self.depth * self.normal[i])
+    }
+
+    fn along(&self, v: [f64; 3]) -> [f64; 3] {
+        let up = dot(v, self.normal);
+        std::array::from_fn(|i| v[i] - up * self.normal[i])
+    }
+
+    /// The change of the drag that takes an excess from the force along the surface.
+    fn slip(&self, stiffness: &Mat3<f64>, excess: [f64; 3]) -> [f64; 3] {
+        // Two directions along the surface.
+        let flat =
+            (0..3).fold(0, |k, i| if self.normal[i].abs() < self.normal[k].abs() { i } else { k });
+        let axis: [f64; 3] = std::array::from_fn(|i| if i == flat { 1.0 } else { 0.0 });
+        let first = cross(self.normal, axis);
+        let first = first.map(|x| x / norm(first));
+        let plane = [first, cross(self.normal, first)];
+        let k: [[f64; 2]; 2] = std::array::from_fn(|i| {
+            std::array::from_fn(|j| self.share * dot(plane[i], mul_vector(stiffness, &plane[j])))
+        });
+        let e = plane.map(|axis| dot(axis, excess));
+        let determinant = k[0][0] * k[1][1] - k[0][1] * k[1][0];
+        // Tissue near an instability does not say where to slip to.
+        if !(k[0][0] > 0.0 && determinant > 0.0) {
+            return [0.0; 3];
+        }
+        let a = (k[1][1] * e[0] - k[0][1] * e[1]) / determinant;
+        let b = (k[0][0] * e[1] - k[1][0] * e[0]) / determinant;
+        std::array::from_fn(|i| a * plane[0][i] + b * plane[1][i])
+    }
+
+    fn stiffness(&self, answer: &Answer, grip: Grip) -> [f64; 2] {
+        let k: &Mat3<f64> = &answer.stiffness;
+        let normal = dot(self.normal, mul_vector(k, &self.normal));
+        let along = 0.5 * (k[0][0] + k[1][1] + k[2][2] - normal);
+        let sticks = if grip == Grip::Sticks { self.share } else { 0.0 };
+        [(self.slope * normal).max(0.0), (sticks * along).max(0.0)]
+    }
+}
+
+/// A probe without force.
+fn untouched(grip: Grip, center: [f64; 3], contact: Contact, gap: f64) -> Felt {
+    let is_free = grip == Grip::Free;
+    let (error, trust) = if is_free { (0.0, Trust::Trusted) } else { (1.0, Trust::ErrorTooLarge) };
+    Felt {
+        grip,
+        center,
+        contact,
+        displacement: [0.0; 3],
+        gap,
+        force: [0.0; 3],
+        torque: [0.0; 3],
+        error_estimate: error,
+        trust,
+        shape_error_estimate: error,
+        shape_trust: trust,
+    }
+}
+
+/// The point on the line from one to another that is at most a length away from the first.
+fn within(from: [f64; 3], to: [f64; 3], length: f64) -> [f64; 3] {
+    let line = sub(to, from);
+    let size = norm(line);
+    if size <= length {
+        return to;
+    }
+    let part = if size.is_finite() { length / size } else { 0.0 };
+    std::array::from_fn(|i| from[i] + part * line[i])
+}
+
+fn is_finite(v: [f64; 3]) -> bool {
+    v.iter().all(|x| x.is_finite()) && norm(v).is_finite()
+}

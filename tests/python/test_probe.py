@@ -1,0 +1,108 @@
+"""A rigid probe on a reduced model: against true contact on a twentieth of the study's paths, and its behaviour."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.errors import VisceraError
+
+
+@pytest.fixture(scope="module")
+def beam() -> vs.Touch:
+    """The upper side of the beam's free half."""
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    return organ.reduce("x > 50% and z > 99%", depth="5%", order=3)
+
+
+def above(touch: vs.Touch, x: float, entered: float) -> tuple[float, float, float]:
+    return (x, 0.1, 0.2 + touch.radius - entered)
+
+
+def test_the_estimate_covers_true_contact_on_paths_it_has_not_seen(probe_study: ModuleType) -> None:
+    touch = probe_study.model(0.025)
+    rows = list(probe_study.compared(touch, 10, 0, probe_study.SEED["study"]))
+    assert len(rows) >= 50
+    errors = np.array([row.force_error for row in rows])
+    covered = np.array([row.force_error <= row.estimate for row in rows])
+    assert np.median(errors) < 0.15
+    assert covered.mean() >= 0.9
+    assert any(row.is_trusted for row in rows)
+    # The patch alone, without the share of Hertz, would be off by a factor.
+    plain = [np.linalg.norm(row.patch) / row.force for row in rows if row.phase == "press"]
+    assert np.median(plain) > 1.5
+
+
+def test_force_field_and_torque_belong_together(beam: vs.Touch) -> None:
+    probe = beam.probe(friction=0.5)
+    probe.place(above(beam, 0.8, 0.0))
+    probe.move((0, 0, -0.01))
+    felt = probe.move((0.004, 0, 0))
+    assert felt.is_touching
+    assert felt.is_trusted
+    answer = beam(felt.contact_point, felt._push)
+    np.testing.assert_allclose(felt.displacement, answer.displacement)
+    assert felt.force[2] == pytest.approx(answer.force[2])
+    np.testing.assert_allclose(felt.torque, np.cross((0, 0, -probe.radius), felt.force), atol=1e-12)
+    assert felt.error_estimate == pytest.approx(answer.error_estimate + vs.probe.CONTACT_ERROR)
+    free = probe.move((0, 0, 0.02))
+    assert not free.displacement.any()
+    assert free.grip == "free"
+
+
+def test_a_force_above_its_tolerance_is_not_trusted(beam: vs.Touch) -> None:
+    probe = beam.probe(tolerance=0.01)
+    probe.place(above(beam, 0.8, 0.0))
+    felt = probe.move((0, 0, -0.01))
+    assert felt.force[2] < 0.0
+    assert not felt.is_trusted
+    assert "estimated error" in felt.reason
+
+
+def test_a_probe_that_starts_inside_says_so(beam: vs.Touch) -> None:
+    probe = beam.probe()
+    felt = probe.place(above(beam, 0.8, 0.9 * beam.radius))
+    assert felt.grip == "inside"
+    assert not felt.is_trusted
+    assert "lift it off" in felt.reason
+    assert not felt.force.any()
+
+
+def test_a_family_over_the_radius_serves_other_probes() -> None:
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    family = organ.reduce("tip", depth="2%", order=2, vary=vs.Vary("radius", 0.08, 0.12, nodes=2))
+    for radius in (0.08, 0.12):
+        probe = family.at(radius).probe(radius)
+        probe.place((1.0 + radius, 0.1, 0.1))
+        assert probe.move((-0.005, 0, 0)).force[0] < 0.0
+    with pytest.raises(VisceraError, match="radius of a probe"):
+        family.at(0.12).probe(0.08)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"radius": 0.01}, "radius of a probe is 0.010000 m"),
+        ({"friction": -1.0}, "the friction of a probe"),
+        ({"tolerance": 0.0}, "the tolerance of a probe"),
+        ({"stiffness": 0.0}, "the stiffness of the coupling"),
+        ({"stiffness": 100.0, "damping": -1.0}, "the damping of the coupling"),
+        ({"damping": 1.0}, "without stiffness="),
+    ],
+)
+def test_settings_out_of_range_are_refused(beam: vs.Touch, settings: dict[str, float], words: str) -> None:
+    with pytest.raises(VisceraError, match=words):
+        beam.probe(**settings)
+
+
+def test_poses_are_refused_before_they_reach_the_probe(beam: vs.Touch) -> None:
+    probe = beam.probe(stiffness=100.0)
+    with pytest.raises(VisceraError, match="must be placed before it is moved"):
+        probe.move((0, 0, 1))
+    with pytest.raises(VisceraError, match="the position of a probe"):
+        probe.place((0, 0, float("nan")))
+    with pytest.raises(VisceraError, match="the time step"):
+        probe.follow((0, 0, 1), 0.0)
