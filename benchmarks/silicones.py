@@ -20,10 +20,13 @@ import viscera as vs
 from viscera.fitting import Fit, MaterialTest, fit
 from viscera.fitting.homogeneous import incompressible_stress
 from viscera.fitting.materialtest import read_columns
+from viscera.fitting.specimen import SpecimenTest, cylinder
 
 RADIUS, HEIGHT = 0.025, 0.03
-ACROSS, UP = 6, 4
-"""Bricks of the finite-element cylinder."""
+BRICKS = (6, 4)
+"""Of the finite-element cylinder, across and up."""
+UP_TO = 0.35
+"""Compression up to which a cylinder that sticks is fitted: beyond, its side would touch the plates."""
 SHARED = Path(os.environ.get("VISCERA_SHARED", "../shared")) / "measured" / "silicone_compression"
 LAWS = (
     ("NeoHookean", None, "Neo Hookean"),
@@ -46,22 +49,9 @@ def read(path: Path) -> MaterialTest:
     )  # fmt: skip
 
 
-def cylinder(across: int, up: int) -> vs.Mesh:
-    """A cylinder of linear cells: a cube of bricks, each of six cells, its square sections mapped to discs."""
-    grid = np.linspace(-1.0, 1.0, across + 1)
-    x, y, z = np.meshgrid(grid, grid, np.linspace(0.0, HEIGHT, up + 1), indexing="ij")
-    disc_x, disc_y = x * np.sqrt(1.0 - 0.5 * y**2), y * np.sqrt(1.0 - 0.5 * x**2)
-    points = np.column_stack([RADIUS * disc_x.ravel(), RADIUS * disc_y.ravel(), z.ravel()])
-    number = np.arange(len(points)).reshape(x.shape)
-    bricks = [number[i : i + across, j : j + across, k : k + up].ravel() for i, j, k in np.ndindex(2, 2, 2)]
-    paths = ((0, 1, 3, 7), (0, 3, 2, 7), (0, 2, 6, 7), (0, 6, 4, 7), (0, 4, 5, 7), (0, 5, 1, 7))
-    cells = np.concatenate([np.column_stack([bricks[b] for b in path]) for path in paths])
-    return vs.mesh(points, cells)
-
-
 def force_of_cylinder(law: vs.laws.Law, compressions: list[float], *, sticks: bool) -> list[float | None]:
     """Force [N] on the upper plate at growing compression of an FE cylinder that slides on its plates or sticks."""
-    mesh = cylinder(ACROSS, UP)
+    mesh = cylinder(RADIUS, HEIGHT, BRICKS)
     r = np.linalg.norm(mesh.points[:, :2], axis=1)
     bottom = np.flatnonzero(mesh.points[:, 2] < 1e-9)
     top = np.flatnonzero(mesh.points[:, 2] > HEIGHT - 1e-9)
@@ -115,7 +105,24 @@ def main() -> None:
             f"   {'stable' if best.is_stable else 'NOT stable'}   {values}",
             flush=True,
         )
+    bounds(folder, list(published))
     plates(best)
+
+
+def bounds(folder: Path, materials: list[str]) -> None:
+    """Shear moduli of laws fitted to one test of each material as if it slid on its plates, and as if it stuck."""
+    print(f"\nYeoh's law of two terms fitted to the first test up to {UP_TO:.0%}: 2 c10 [kPa] (standard error [kPa])")
+    print(f"{'':12s}        sliding          stuck   ratio")
+    for material in materials:
+        whole = read(sorted(folder.glob(f"{material}_??.csv"))[0])
+        near = whole.stretch >= 1.0 - UP_TO
+        slides = MaterialTest("uniaxial", whole.stretch[near], whole.stress[near], material)
+        travel, force = HEIGHT * (slides.stretch - 1.0), np.pi * RADIUS**2 * slides.stress
+        sticks = SpecimenTest.cylinder(RADIUS, HEIGHT, travel, force, bricks=BRICKS, name=material)
+        found = [fit("Yeoh", test, terms=2) for test in (slides, sticks)]
+        moduli = [2e-3 * each.parameters["c10"] for each in found]
+        cells = [f"{m:8.3f} ({1e-3 * each.standard_error:4.2f})" for m, each in zip(moduli, found, strict=True)]
+        print(f"{material:12s}{cells[0]:>15s}{cells[1]:>15s}{moduli[0] / moduli[1]:8.2f}", flush=True)
 
 
 def scatter(tests: list[MaterialTest]) -> float:
@@ -136,7 +143,7 @@ def plates(found: Fit) -> None:
     law = found.law
     compressions = [0.1, 0.2, 0.35, 0.5, 0.6]
     test = MaterialTest("uniaxial", [1.0 - c for c in compressions], np.ones(len(compressions)))
-    area = cylinder(ACROSS, UP).volume / HEIGHT  # of the polygon that the mesh has for a circle
+    area = cylinder(RADIUS, HEIGHT, BRICKS).volume / HEIGHT  # of the polygon that the mesh has for a circle
     closed = -area * incompressible_stress(law, test)
     slides = force_of_cylinder(law, compressions, sticks=False)
     sticks = force_of_cylinder(law, compressions[:3], sticks=True)

@@ -12,11 +12,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from viscera.cli.options import metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
-from viscera.fitting import Fit, MaterialTest, fit
+from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
 from viscera.fitting.families import FAMILIES
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
@@ -46,6 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--area", type=float, metavar="M2", help="rest cross-section of the specimen [m^2]")
     parser.add_argument(
         "--diameter", type=metres, metavar="LENGTH", help="diameter of a cylindrical specimen, in place of --area"
+    )
+    parser.add_argument(
+        "--stuck", action="store_true",
+        help="the specimen is a cylinder that sticks to its plates: fit through its finite-element model",
+    )  # fmt: skip
+    parser.add_argument(
+        "--up-to", type=float, metavar="STRAIN", help="use the points up to this nominal strain or shear, such as 0.35"
     )
     parser.add_argument("--compression", action="store_true", help="displacement and force are positive in compression")
     parser.add_argument("--poisson", type=float, default=0.499, help="Poisson's ratio of the law (default 0.499)")
@@ -80,8 +89,11 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
 
 def _test(path: Path, args: argparse.Namespace) -> MaterialTest:
     columns = read_columns(path)
+    if args.stuck and (args.mode != "uniaxial" or _find(columns, "stretch") is not None):
+        raise VisceraError("--stuck takes uniaxial curves of displacement and force, with --length and --diameter")
     if _find(columns, "stretch") is not None:
-        return MaterialTest(args.mode, _column(path, columns, "stretch"), _column(path, columns, "stress"), path.stem)
+        stretch, stress = _column(path, columns, "stretch"), _column(path, columns, "stress")
+        return MaterialTest(args.mode, *_up_to(args.up_to, stretch, stress, MODES[args.mode].at_rest, 1.0), path.stem)
     displacement = "displacement" if _find(columns, "displacement") else "compression"
     force = "force" if _find(columns, "force") else "load"
     moved, pulled = _column(path, columns, displacement), _column(path, columns, force)
@@ -90,10 +102,29 @@ def _test(path: Path, args: argparse.Namespace) -> MaterialTest:
         raise VisceraError(
             f"{path}: force and displacement need the specimen's --length and one of --area and --diameter"
         )
+    moved, pulled = _up_to(args.up_to, moved, pulled, 0.0, args.length)
+    counts_down = args.compression or displacement == "compression"
+    if args.stuck:
+        if args.diameter is None:
+            raise VisceraError("--stuck is for cylinders; give --diameter in place of --area")
+        sign = -1.0 if counts_down else 1.0
+        return SpecimenTest.cylinder(args.diameter / 2.0, args.length, sign * moved, sign * pulled, name=path.stem)
     return MaterialTest.from_force(
         args.mode, moved, pulled, length=args.length, area=area, name=path.stem,
-        compression=args.compression or displacement == "compression",
+        compression=counts_down,
     )  # fmt: skip
+
+
+def _up_to(
+    largest: float | None, parameter: Floats, measured: Floats, at_rest: float, length: float
+) -> tuple[Floats, Floats]:
+    """The points whose nominal strain is at most `largest`."""
+    if largest is None:
+        return parameter, measured
+    if not largest > 0.0:
+        raise VisceraError(f"--up-to is {largest:g}; it must be a positive strain, such as 0.35")
+    near = np.abs(parameter - at_rest) <= largest * length
+    return parameter[near], measured[near]
 
 
 def _find(columns: dict[str, Floats], name: str) -> str | None:

@@ -2,5 +2,6 @@
 
 from viscera.fitting.fit import Fit, fit
 from viscera.fitting.materialtest import MaterialTest
+from viscera.fitting.specimen import SpecimenTest
 
-__all__ = ["Fit", "MaterialTest", "fit"]
+__all__ = ["Fit", "MaterialTest", "SpecimenTest", "fit"]

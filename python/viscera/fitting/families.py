@@ -49,6 +49,8 @@ class Family:
     """Exponents to begin the search with."""
     signs: Callable[[Floats], Floats] = lambda exponents: np.ones(1)
     """Sign of each coefficient for these exponents, where the bounds are those of its size."""
+    admits: Callable[[Floats], bool] = lambda coefficients: False
+    """Whether the law takes the best coefficients although they lie beyond their bounds."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,8 +102,10 @@ def _mooney_rivlin(_: int) -> Family:
         shear = 2.0 * (c[0] + c[1])
         return MooneyRivlin(c[0], c[1], kappa=2.0 / 3.0 * shear * (1.0 + nu) / (1.0 - 2.0 * nu), volumetric="J-1")
 
-    # Both positive is sufficient for stability; a millipascal is none in any tissue, and keeps their sum positive.
-    return Family("MooneyRivlin", ("c1", "c2"), make, ((1e-3, INFINITE), (0.0, INFINITE)))
+    # Fits to compression often have a negative c1; the law takes it while the shear modulus is positive. Else both are
+    # kept positive; a millipascal is none in any tissue.
+    bounds = ((1e-3, INFINITE), (0.0, INFINITE))
+    return Family("MooneyRivlin", ("c1", "c2"), make, bounds, admits=lambda c: float(c.sum()) > 1e-3)
 
 
 def _yeoh(terms: int) -> Family:
