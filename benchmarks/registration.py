@@ -158,11 +158,20 @@ def targets(truth: Truth, organ: vs.Organ, count: int = 500) -> tuple[Floats, Fl
     return at[inside], truth.motion(now[inside])
 
 
-def spline(places: Floats, found: Floats, at: Floats, smooth: float = 1e-3) -> Floats:
-    """The thin-plate spline (phi = -r, smoothed) through pairs of places (p, 3), at other places (k, 3)."""
+def spline(places: Floats, found: Floats, at: Floats) -> Floats:
+    """The thin-plate spline (phi = -r) through pairs of places (p, 3), at other places (k, 3).
+
+    Its smoothing is chosen by generalised cross-validation (Wahba 1990, chapter 4).
+    """
     r = np.linalg.norm(places[:, None] - places, axis=2)
     flat = np.column_stack([np.ones(len(places)), places])
-    matrix = np.block([[-r - smooth * np.eye(len(r)), flat], [flat.T, np.zeros((4, 4))]])
+    bent = np.linalg.qr(flat, mode="complete")[0][:, 4:]  # what no affine map can fit
+    stiffness, modes = np.linalg.eigh(-bent.T @ r @ bent)
+    parts = np.square(modes.T @ bent.T @ (found - places)).sum(axis=1)
+    smoothings = np.geomspace(1e-6, 1e3, 46) * stiffness[-1]
+    left = smoothings[:, None] / (stiffness + smoothings[:, None])
+    smooth = smoothings[(np.square(left) @ parts / np.square(left.sum(axis=1))).argmin()]
+    matrix = np.block([[smooth * np.eye(len(r)) - r, flat], [flat.T, np.zeros((4, 4))]])
     c = np.linalg.solve(matrix, np.concatenate([found - places, np.zeros((4, 3))]))
     far = np.linalg.norm(at[:, None] - places, axis=2)
     return np.asarray(at + np.column_stack([-far, np.ones(len(at)), at]) @ c)
