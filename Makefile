@@ -49,7 +49,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-haptic studies study-trust study-contact study-registration pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-contact study-probe study-registration pages check-pages pictures clean
 .PHONY: reduced-liver build-times
 
 help: ## this list
@@ -130,7 +130,7 @@ c-library: ## the C library for haptic loops, shared and static, with its pkg-co
 
 install-c: c-library ## header, libraries and pkg-config file of the C library into PREFIX
 	install -d $(PREFIX)/include $(PREFIX)/lib/pkgconfig
-	install -m 644 bindings/c/include/viscera.h $(PREFIX)/include
+	install -m 644 bindings/c/include/viscera.h bindings/c/include/viscera.hpp $(PREFIX)/include
 	for library in a so dylib; do \
 		test ! -f target/release/libviscera.$$library || install -m 644 target/release/libviscera.$$library $(PREFIX)/lib; done
 	install -m 644 target/release/viscera.pc $(PREFIX)/lib/pkgconfig
@@ -140,6 +140,9 @@ bench: $(development) out/liver.viscera ## the benchmarks
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) run --quiet --release --package viscera-linear --example fronts; }
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
+
+bench-laws: $(development) ## cost and trust of every law and element against those kept in benchmarks/results
+	$(BIN)/viscera bench laws --against benchmarks/results/laws.json -o out/bench
 
 bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
 	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
@@ -169,6 +172,10 @@ study-trust: $(development) ## what trust is worth: 5,000 touches of ten bodies 
 
 study-contact: $(development) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
 	for name in hertz contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
+
+study-probe: $(development) ## the rigid probe against true contact, and what a tick costs; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/probe.py > out/probe.txt && mv out/probe.txt benchmarks/results/probe.txt
 
 study-registration: $(development) ## how well a liver is found again, over twenty truths; goes on where it was interrupted; kept in benchmarks/results
 	mkdir -p out

@@ -4,6 +4,9 @@ import pytest
 
 import viscera  # noqa: F401  before pytest imports a module of it, which would take the place of `viscera.mesh()`
 
+collect_ignore_glob = ["python/viscera/bench/peers/[!_]*.py"]
+"""Each imports a code that need not be installed."""
+
 
 @pytest.fixture(autouse=True)
 def _folder_of_an_example(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ from machine import describe
 import viscera as vs
 
 SIDE, PULL, DRAG = 0.1, 2.0, 4000.0
-"""Of the cube [m]; largest force of the coupling [N]; force over the way of the tool in a frame [N/m]."""
+"""Of the cube [m]; largest force of the coupling [N]; force over the step of the tool in a frame [N/m]."""
 SHAPES = {"sphere": vs.Sphere(0.02), "capsule": vs.Capsule(0.012, 0.04), "box": vs.Box(0.05, rounding=0.015)}
 LARGEST_DEPTH, LARGEST_GAIN = 1e-3, 1e-6
 
@@ -59,13 +59,13 @@ class Soak:
         self.target += 0.05 * (goal - self.target) + self.random.normal(0.0, 0.002, 3)
         pull = DRAG * (self.target - self.tool.position)
         pull *= min(1.0, PULL / max(np.linalg.norm(pull), 1e-12))
-        way = (pull - self.force) / DRAG
-        self.tool.move(way)
+        step = (pull - self.force) / DRAG
+        self.tool.move(step)
         frame = self.stepper.frame()
         told = frame.contact(self.tool)
         self.force = told.force
-        self.work += float(told.force @ way)
-        self.exchanged += abs(float(told.force @ way))
+        self.work += float(told.force @ step)
+        self.exchanged += abs(float(told.force @ step))
         self.dissipated += told.dissipation
         energy = frame.energy + frame.kinetic_energy + told.energy + self.dissipated
         if self.exchanged > 0.0:

@@ -2,15 +2,17 @@
 
     python benchmarks/deep.py [TOUCHES [SNAPSHOTS [FIRST]]]      (FIRST: the number of the first touch, 0 by default)
 
-The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells; random touches of all of the anterior face,
+The built-in liver, neo-Hookean, E = 0.17 MPa, nu = 0.48, linear cells; random touches of the whole anterior face,
 between its nodes, in any direction, up to 15 % of the diagonal in steps of half a per cent. The Galerkin model takes
-hold once, with so many snapshots, and follows the finger from step to step. "Learned" is what it answers after the
-finger has stayed where the answer was not trusted: it has compared itself with the equilibrium of the whole organ next
-to it, at most three times, and taken that in. A touch at which Newton passed an instability may have several answers:
-errors are given with such touches and without. And where an answer of the Galerkin model is farther from Newton's than
-is allowed to a trusted one, although Newton met no instability at the depths that are compared, or although it is
-trusted, Newton starts once more, from that answer: if it stays near, the answer is an equilibrium, another one, and its
-energy tells which of the two is lower.
+hold once, with at most so many snapshots, and follows the finger from step to step. The rows "retrained" repeat the
+answers that were not trusted, after the model has compared itself with the nearest equilibrium of the whole organ and
+added that as a snapshot, at most three times.
+
+A touch at which Newton's method passed an instability may have several answers: errors are given with such touches
+("all") and without ("stable"). Some answers of the Galerkin model are farther from Newton's than a trusted answer may
+be. Where such an answer is trusted, or Newton's method met no instability at the depths compared, Newton's method
+starts again from that answer. If it stays near, the answer is another equilibrium, and the energies tell which of the
+two is lower.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ Row = tuple[float, bool, list[tuple[float, float, bool]]]
 
 
 def main(touches: int, snapshots: int, first: int) -> None:
-    """Reduce, then ask everything once."""
+    """Reduce, then compare."""
     liver = vs.organs.liver()
     organ = vs.Organ(liver, vs.NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")
     print(describe())
@@ -56,7 +58,7 @@ def main(touches: int, snapshots: int, first: int) -> None:
     tries: list[float] = []
 
     def follow(grasp: HyperReducedModel, k: int, ticks: list[float]) -> Iterator[tuple[float, GalerkinAnswer]]:
-        """The answers at the depths, on the way of a finger."""
+        """The answers at the depths, along the path of a finger."""
         for step in range(1, STEPS + 1):
             share = max(DEPTHS) * step / STEPS
             held = grasp.solve([share * liver.diagonal * directions[k]], from_last=step > 1, stiffness=False)
@@ -66,16 +68,16 @@ def main(touches: int, snapshots: int, first: int) -> None:
                 yield DEPTHS[int(at.argmax())], held
 
     def push(k: int) -> dict[float, tuple[Answer, Answer]]:
-        """What the Galerkin model answers at the depths, and what it answers when it has learned there."""
+        """Answers of the Galerkin model at the depths, before and after further snapshots there."""
         grasp = fingers.grasp([points[k]])
         holds.append((grasp.seconds, grasp.modes, grasp.cells, grasp.snapshots))
         first = {share: _answer(held) for share, held in follow(grasp, k, ticks)}
         again = ((share, held) for share, held in follow(grasp, k, []) if not first[share][2])
-        learned = {share: stay(grasp, share * liver.diagonal * directions[k], held) for share, held in again}
-        return {share: (first[share], learned.get(share, first[share])) for share in DEPTHS}
+        retrained = {share: retrain(grasp, share * liver.diagonal * directions[k], held) for share, held in again}
+        return {share: (first[share], retrained.get(share, first[share])) for share in DEPTHS}
 
-    def stay(grasp: HyperReducedModel, there: Floats, held: GalerkinAnswer) -> Answer:
-        """What it answers when it has learned where the finger is."""
+    def retrain(grasp: HyperReducedModel, there: Floats, held: GalerkinAnswer) -> Answer:
+        """The answer after further snapshots where the finger is."""
         for _ in range(TRIES):
             began = perf_counter()
             if not grasp.add_snapshot():
@@ -115,11 +117,11 @@ def main(touches: int, snapshots: int, first: int) -> None:
         print(
             f"{share:5.0%}, Newton converged for {len(at)} of {touches - first}, {unstable} of them past an instability"
         )
-        for method, name in enumerate(("series", "Galerkin", "learned")):
+        for method, name in enumerate(("series", "Galerkin", "retrained")):
             kinds = {"all": at, "stable": [r for r in at if r[1]], "trusted": [r for r in at if r[2][method][2]]}
             for words, some in kinds.items():
                 errors = np.array([r[2][method][:2] for r in some])
-                print(f"      {name:9s}{words:8s}{len(some):5d}  {_errors(errors)}")
+                print(f"      {name:10s}{words:8s}{len(some):5d}  {_errors(errors)}")
 
     trusted = sum(is_trusted for _, _, is_trusted, *_ in others)
     counts = f"{trusted} trusted, {len(others) - trusted} not"

@@ -60,7 +60,7 @@ def press(organ: vs.Organ, stiffness: float = 30.0) -> tuple[vs.State, vs.Tool, 
     held = {"x": (0, None, None), "y": (None, 0, None)}
 
     def go(start: float, end: float, state: vs.State | None) -> tuple[vs.State, vs.Tool]:
-        tool = vs.Tool(vs.Sphere(RADIUS), (0, 0, RADIUS - start), way=(0, 0, start - end), stiffness=stiffness)
+        tool = vs.Tool(vs.Sphere(RADIUS), (0, 0, RADIUS - start), displacement=(0, 0, start - end), stiffness=stiffness)
         solver = "cg" if len(organ.mesh.points) > 40_000 else "cholesky"
         settings = {"tolerance": 1e-7}
         return organ.solve(

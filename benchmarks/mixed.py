@@ -47,8 +47,8 @@ def case(name: str, mesh: vs.Mesh, fixed: str, drives: dict[str, tuple[float | N
     """Sets of nodes driven by so much in x, y and z [m], where not None."""
     organ = vs.Organ(mesh, vs.MooneyRivlin(C1, C2, alpha=ALPHA), fixed=fixed, element="P1")
     target = {3 * int(node) + i: 0.0 for node in organ.fixed for i in range(3)}
-    for place, way in drives.items():
-        target |= {3 * int(node) + i: by for node in mesh.nodes(place) for i, by in enumerate(way) if by is not None}
+    for place, motion in drives.items():
+        target |= {3 * int(node) + i: by for node in mesh.nodes(place) for i, by in enumerate(motion) if by is not None}
     weight = organ._body.gravity(np.array(GRAVITY), np.array([DENSITY])).ravel()
     return Case(name, organ, weight, np.array(list(target)), np.array(list(target.values())))
 

@@ -27,7 +27,7 @@ patch = organ.patch(organ.mesh.points[places[np.argmax(middle[:, 0])]], 0.1 * or
 SIDEWAYS = np.array([0.0, 1.0, 0.0])
 
 
-def way(speed: float) -> np.ndarray:
+def path(speed: float) -> np.ndarray:
     """Where the hand is in every frame (k, 3) [m]: back and forth."""
     gone = speed / RATE * np.arange(1, FRAMES + 1)
     return np.abs((gone + REACH) % (4 * REACH) - 2 * REACH)[:, None] * SIDEWAYS - REACH * SIDEWAYS
@@ -47,7 +47,7 @@ print(f"{FRAMES} frames; force: |F - F_full| / |F_full|")
 print("mm/s  iterations    force: median      90 %     worst    residual: median   settled  steps")
 left, off = [], []
 for speed in SPEEDS:
-    hands = way(speed)
+    hands = path(speed)
     truth = exact(hands)
     for iterations in (1, 2, 3, 20):
         stepper = organ.stepper({patch: (0, 0, 0)}, iterations=iterations)

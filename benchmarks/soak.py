@@ -77,8 +77,8 @@ def soak(name: str, seconds: float, seed: int) -> list[str]:
             turned = rng.normal(size=3)
             gravity = 9.81 * turned / np.linalg.norm(turned)
         if pulls == 0 and rng.random() < 0.003:
-            way = rng.normal(size=3)
-            pull, pulls = rng.choice(OVERLOADS) * way / np.linalg.norm(way), int(rng.integers(5, 60))
+            direction = rng.normal(size=3)
+            pull, pulls = rng.choice(OVERLOADS) * direction / np.linalg.norm(direction), int(rng.integers(5, 60))
         force = {"bottom": pull} if pulls > 0 else None
         pulls = max(pulls - 1, 0)
         frames += 1

@@ -45,7 +45,7 @@ def page() -> str:
 
 
 def _tables() -> Iterator[str]:
-    for table in (schema.LOADS, schema.SCAN, schema.SETTINGS):
+    for table in (schema.SUPPORT, schema.LOADS, schema.SCAN, schema.SETTINGS):
         yield from _table(table)
     newton = schema.SETTINGS.keys["newton"].value
     assert isinstance(newton, schema.Table)

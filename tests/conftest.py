@@ -112,6 +112,13 @@ def locking() -> ModuleType:
 
 
 @pytest.fixture(scope="session")
+def probe_study() -> ModuleType:
+    """The program benchmarks/probe.py."""
+    program("machine")
+    return program("probe")
+
+
+@pytest.fixture(scope="session")
 def stress(locking: ModuleType) -> ModuleType:
     """The program benchmarks/stress.py."""
     return program("stress")

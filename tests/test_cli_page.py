@@ -104,3 +104,13 @@ def test_reduce_check_and_touch(folder: Path) -> None:
 def test_doctor_and_completion(folder: Path) -> None:
     assert set(run(folder, "doctor")) == documented("doctor")
     assert set(run(folder, "completion", "bash")) == documented("completion")
+
+
+@pytest.mark.parametrize(
+    "words", [("newton", "--cells", "48", "--codes", "viscera cg"), ("laws", "--laws", "Linear", "--elements", "P1")]
+)
+def test_bench(folder: Path, words: tuple[str, ...]) -> None:
+    facts = run(folder, "bench", *words)
+    rows = facts["rows"]
+    assert isinstance(rows, list)
+    assert {*facts, *rows[0]} == documented(f"bench {words[0]}") - {"worse"}

@@ -49,8 +49,8 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 @pytest.mark.parametrize("path", sorted(RESULTS.rglob("*.*")), ids=lambda path: str(path.relative_to(RESULTS)))
 def test_a_kept_result_says_when_and_how_it_was_printed(path: Path) -> None:
-    """In one of its first lines; the tables of a study have one stamp for their folder."""
-    stamped = path if path.suffix == ".txt" else path.with_name("printed.txt")
+    """In one of its first lines; JSON in those of its table, the tables of a study have one stamp for their folder."""
+    stamped = path.with_suffix(".txt") if path.suffix in {".txt", ".json"} else path.with_name("printed.txt")
     assert STAMP.search("\n".join(stamped.read_text(encoding="utf-8").splitlines()[:3]))
 
 

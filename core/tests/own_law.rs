@@ -36,8 +36,9 @@ fn a_law_of_another_crate_deforms_a_body() {
             Body::with_element(element, points.clone(), cells.clone(), material.clone()).unwrap();
         let n = body.n_dofs();
         let u: Vec<f64> = (0..n).map(|k| 4e-3 * (k as f64).sin()).collect();
-        let way: Vec<f64> = (0..n).map(|k| (2.0 * k as f64).cos()).collect();
-        let at = |h: f64| -> Vec<f64> { u.iter().zip(&way).map(|(u, w)| u + h * w).collect() };
+        let direction: Vec<f64> = (0..n).map(|k| (2.0 * k as f64).cos()).collect();
+        let at =
+            |h: f64| -> Vec<f64> { u.iter().zip(&direction).map(|(u, w)| u + h * w).collect() };
         let force = |u: &[f64]| {
             let mut f = vec![0.0; n];
             (body.internal_force(u, &mut f), f)
@@ -45,11 +46,11 @@ fn a_law_of_another_crate_deforms_a_body() {
         let (h, (mut f, mut tangent)) = (1e-6, (vec![0.0; n], body.zero_tangent()));
         body.internal_force_and_tangent(&u, &mut f, &mut tangent);
         let slope = (body.energy(&at(h)) - body.energy(&at(-h))) / (2.0 * h);
-        let along: f64 = f.iter().zip(&way).map(|(f, w)| f * w).sum();
+        let along: f64 = f.iter().zip(&direction).map(|(f, w)| f * w).sum();
         assert!((slope - along).abs() < 1e-7 * along.abs(), "{}: {slope} {along}", element.name());
         assert!((force(&u).0 - body.energy(&u)).abs() < 1e-12 * body.energy(&u));
         let mut product = vec![0.0; n];
-        tangent.multiply(&way, &mut product);
+        tangent.multiply(&direction, &mut product);
         let size = product.iter().fold(0.0f64, |max, x| max.max(x.abs()));
         let (plus, minus) = (force(&at(h)).1, force(&at(-h)).1);
         for k in 0..n {

@@ -26,6 +26,7 @@ GROUPS = {
         "StrainEnergy",
         "fit",
         "MaterialTest",
+        "SpecimenTest",
         "Fit",
     ),
     "Organs and equilibrium": (
@@ -39,8 +40,9 @@ GROUPS = {
         "Case",
     ),
     "Stress, strain and results": ("Deformed", "Moved", "Probe", "principal", "write_series"),
-    "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument"),
-    "Reduced models": ("Touch", "Answer", "load", "Vary", "sweep"),
+    "Supports and scenes": ("ElasticSupport", "Spring", "Scene", "Bond"),
+    "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument", "Forceps"),
+    "Reduced models": ("Touch", "Answer", "RigidProbe", "Felt", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),
 }

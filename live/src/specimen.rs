@@ -86,7 +86,7 @@ impl Specimen {
         let holds = self.patches.iter().zip(displacements);
         let means: Vec<[f64; 3]> =
             holds.filter_map(|(patch, d)| patch.as_ref().map(|_| d)).collect();
-        let input = Input { values: &[], means: &means, force: &[], gravity };
+        let input = Input { means: &means, gravity, ..Input::default() };
         let frame = self.stepper.frame(&self.body, &input)?;
         let mut carried = frame.patch_forces.iter().copied();
         let forces = [0, 1].map(|hand: usize| {

@@ -80,10 +80,10 @@ impl Winding {
         let mut angle = 0.0;
         while let Some(group) = open.pop() {
             let Group { middle, radius, area, content } = &self.groups[group];
-            let way = sub(*middle, x);
-            let distance = norm(way);
+            let offset = sub(*middle, x);
+            let distance = norm(offset);
             if distance > FAR * radius {
-                angle += dot(*area, way) / distance.powi(3);
+                angle += dot(*area, offset) / distance.powi(3);
                 continue;
             }
             match content {

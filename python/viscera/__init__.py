@@ -15,6 +15,7 @@ from viscera import law as laws
 from viscera import organs
 from viscera._core import __version__
 from viscera.answer import Answer
+from viscera.bond import Bond
 from viscera.case import Case
 from viscera.case import read_case as case
 from viscera.cluster import sweep
@@ -22,9 +23,11 @@ from viscera.comparison import compare
 from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
 from viscera.deformed import Deformed, Moved, Probe
 from viscera.dynamics import BackwardEuler, Newmark, Prony
+from viscera.elastic_support import ElasticSupport
 from viscera.errors import NotConverged, VisceraError
 from viscera.fibres import helical_fibres
-from viscera.fitting import Fit, MaterialTest, fit
+from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
+from viscera.forceps import Forceps
 from viscera.frame import Frame
 from viscera.hand import Hand
 from viscera.law import (
@@ -46,10 +49,13 @@ from viscera.mesh import Mesh, mesh, read
 from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
+from viscera.probe import Felt, RigidProbe
 from viscera.registration import Registered
 from viscera.scan import Scan, image_fibres, scan
+from viscera.scene import Scene
 from viscera.series import write_series
 from viscera.solver import ConjugateGradients
+from viscera.spring import Spring
 from viscera.state import State
 from viscera.stepper import Stepper
 from viscera.stress import principal
@@ -60,6 +66,7 @@ __all__ = [
     "Answer",
     "ArrudaBoyce",
     "BackwardEuler",
+    "Bond",
     "Box",
     "Capsule",
     "Case",
@@ -67,7 +74,10 @@ __all__ = [
     "Contact",
     "Corotated",
     "Deformed",
+    "ElasticSupport",
+    "Felt",
     "Fit",
+    "Forceps",
     "Frame",
     "Fung",
     "HalfSpace",
@@ -87,10 +97,14 @@ __all__ = [
     "Probe",
     "Prony",
     "Registered",
+    "RigidProbe",
     "SaintVenantKirchhoff",
     "Scan",
+    "Scene",
     "Shape",
+    "SpecimenTest",
     "Sphere",
+    "Spring",
     "StableNeoHookean",
     "State",
     "Stepper",

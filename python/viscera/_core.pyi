@@ -39,6 +39,10 @@ def quadratic(n_points: int, cells: Indices) -> tuple[Indices, Indices]:
 def quadratic_surface(points: Floats, cells: Indices) -> Indices:
     """Boundary triangles of a quadratic mesh, four for each face; points with midpoints, corner cells (m, 4)."""
 
+def overlap(points: Floats, first: Indices, second: Indices, reach: float) -> tuple[Indices, Floats, Floats]:
+    """The pieces that two surfaces of triangles (t, 3) have in common: their triangles (p, 2), by corner of a piece its
+    barycentric coordinates in both (p, 18) = (p, 3, 2, 3), and their areas (p,) [m^2]."""
+
 def inspect(points: Floats, cells: Indices) -> dict[str, Any]:
     """Facts about a mesh, no judgement: `volume` [m^3], `cell_volumes` (m,), `quality` (m,) mean ratio in [0, 1],
     `inverted`, `degenerate`, `duplicate`, `overlapping`, `crowded` (cell indices), `loose_points` (point indices),
@@ -178,13 +182,25 @@ class Shape:
         """Signed distance (n,) of points (n, 3) [m], negative inside."""
 
 Tool = tuple[Shape, float | None, float, list[list[float]], list[float], list[float], list[float]]
-"""Shape, friction (None where bonded), stiffness of the layer, rotation, position, way [m] and turn [rad]."""
+"""Shape, friction (None where bonded), stiffness of the layer, rotation, position, displacement [m] and turn [rad]."""
+
+Ties = tuple[Indices, Indices, Floats, Floats, list[tuple[list[tuple[int, float]], list[float], float, float, bool]]]
+"""Starts, nodes, weights and stiffnesses of samples; ends, rest vector, stiffness, length and kind of springs."""
 
 class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
 
-    def __init__(self, points: Floats, cells: Indices, law: Law, fixed: Indices, element: str) -> None:
-        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 mean volume" or "P2"."""
+    def __init__(
+        self,
+        points: Floats,
+        cells: Indices,
+        law: Law,
+        fixed: Indices,
+        element: str,
+        ties: Ties | None = None,
+    ) -> None:
+        """Points and cells of the linear mesh; fixed nodes of the element's own: "P1", "P1 mean volume" or "P2"; ties
+        are `viscera.ties.Ties.core`."""
     def solve(
         self,
         *,
@@ -203,9 +219,9 @@ class Body:
         on_progress: Callable[[float], None] | None,  # load fraction reached; may raise to stop
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
-        status (str), is_converged, message, device_fault, load (fraction reached), iterations, factorizations,
-        load_steps, residuals (list of lists per load step, relative), seconds (dict), contact (a dict for each tool,
-        see `viscera.contact.Contact`)."""
+        status (str), is_converged, message, device_fault, tangent_on_device (str | None), load (fraction reached),
+        iterations, factorizations, load_steps, residuals (list of lists per load step, relative), seconds (dict),
+        contact (a dict for each tool, see `viscera.contact.Contact`)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
@@ -282,6 +298,10 @@ def load_gpu(path: str) -> None:
 def gpu() -> tuple[str, str, str, bool]:
     """Name, driver and interface of the graphics processor, and whether it is software; raises `VisceraError`."""
 
+def gpu_traffic() -> tuple[int, int, int]:
+    """Bytes written to graphics processors since the library was loaded, after their buffers were made; bytes read;
+    kernels dispatched."""
+
 def lose_gpu() -> None:
     """Shut the graphics processor down, as after a fault of its driver."""
 
@@ -323,13 +343,15 @@ class Stepper:
         *,
         values: Floats,  # (k,) displacements of the grasped degrees of freedom [m]
         means: Floats,  # (p, 3) of the patches [m]
+        turns: list[tuple[int, Floats]],  # patches that hold their rotation, and where their arms (k, 3) point [m]
         force: Floats | None,  # (n, 3) nodal forces [N]
+        torques: list[tuple[Patch, list[float]]],  # on places that nothing holds (3,) [N m]
         gravity: tuple[float, float, float],  # [m/s^2]
     ) -> dict[str, Any]:
-        """displacement (n, 3), reactions (n, 3), patch_forces (p, 3), residual (left, relative), is_settled, steps
-        (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the linear solver),
-        is_solved, floor, within_budget, seconds, energy, kinetic_energy, device_fault (str | None: why the graphics
-        processor that was asked for takes no part)."""
+        """displacement (n, 3), reactions (n, 3), patch_forces and patch_torques (p, 3), residual (left, relative),
+        is_settled, steps (Newton iterations), cells_at_bound, taken (part of the step), is_unstable, iterations (of the
+        linear solver), is_solved, floor, within_budget, seconds, energy, kinetic_energy, device_fault (str | None: why
+        the graphics processor that was asked for takes no part), tangent_on_device (str | None)."""
 
 class Model:
     """A loaded reduced model and its evaluator."""
@@ -361,6 +383,22 @@ class Model:
         """With other notes (JSON) under `user` in its metadata."""
     def weights(self, point: Floats) -> Patch:
         """The contact patch the model uses at this point: what a full solution must prescribe to compare."""
+
+CONTACT_ERROR: float
+PROBE_TOLERANCE: float
+
+class Probe:
+    """A rigid sphere on a model. The coupling is stiffness [N/m] and damping [N s/m]."""
+
+    def __init__(
+        self, model: Model, radius: float, friction: float, tolerance: float, coupling: tuple[float, float] | None
+    ) -> None: ...
+    def place(self, center: list[float]) -> dict[str, Any]:
+        """center, contact_point, push (displacement of the patch), force, torque (3,), gap, grip (str), and of force
+        and shape what `Model.evaluate` gives: error_estimate, is_trusted, reason."""
+    def follow(self, device: list[float], dt: float) -> dict[str, Any]:
+        """The same after a step towards a device."""
+    def lift(self) -> None: ...
 
 class Galerkin:
     """The series model of an organ with its body, for several touches at once."""

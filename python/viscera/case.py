@@ -13,6 +13,9 @@
     [material.nodule]             # what differs in a set of cells, or where a condition such as "x > 80%" holds
     young = 1.7e6
 
+    [supports.capsule]            # springs spread over a piece of surface
+    stiffness = 1e6               # N/m^3, along the normal; `tangential` along the surface
+
     [loads]
     gravity = [0, 0, -9.81]
     density = 1060
@@ -55,6 +58,7 @@ import numpy as np
 
 from viscera import law, organs, schema
 from viscera.checkpoint import Checkpoint
+from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import helical_fibres
 from viscera.mesh import Indices, Mesh, read
@@ -86,8 +90,9 @@ class Case:
     """
 
     mesh: str
-    fixed: Any
     material: Mapping[str, Any]
+    fixed: Any = None
+    supports: Mapping[str, Any] = field(default_factory=dict)
     units: str | float | None = None
     element: str | None = None
     loads: Mapping[str, Any] = field(default_factory=dict)
@@ -100,6 +105,8 @@ class Case:
         """Raise `VisceraError` naming the first key that a case does not have."""
         words = {name: getattr(self, NAMES.get(name, name)) for name in schema.CASE.keys}
         schema.CASE({name: word for name, word in words.items() if word is not None}, "a case")
+        if self.fixed is None and not self.supports:
+            raise VisceraError("the key 'fixed' is missing; only an organ that `supports` hold needs no fixed nodes")
 
     def organ(self) -> Organ:
         """The organ: mesh, law and supports; each place of the case becomes a named set of its mesh.
@@ -111,12 +118,14 @@ class Case:
         Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
         """
         plain = load_mesh(self.mesh, self.units, self.folder)
-        places = [self.fixed]
+        places = [self.fixed, *self.supports]
         for kind in ("displacement", "force", "traction", "pressure"):
             places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
-        return Organ(named_mesh, material(self.material, plain), fixed=self.fixed, element=self.element)
+        supports = [ElasticSupport(place, **words) for place, words in self.supports.items()]
+        held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}
+        return Organ(named_mesh, material(self.material, plain), element=self.element, **held)
 
     def loading(self) -> dict[str, Any]:
         """Loads and settings as `Organ.solve` takes them.
@@ -202,7 +211,13 @@ class Case:
         {'clamp': 10.0}
         """
         moved = {place: state.reaction(place).tolist() for place in self.loads.get("displacement", {})}
-        return {self.fixed if isinstance(self.fixed, str) else "fixed": state.reaction(organ.fixed).tolist(), **moved}
+        found = {
+            place: state.support_force(own).tolist() for place, own in zip(self.supports, organ.supports, strict=True)
+        }
+        if self.fixed is not None:
+            place = self.fixed if isinstance(self.fixed, str) else "fixed"
+            found[place] = state.reaction(organ.fixed).tolist()
+        return {**found, **moved}
 
     def reduce(self, organ: Organ, progress: Progress | None = None, checkpoint: Checkpoint | None = None) -> Touch:
         """The reduced model of the organ by the case's [reduce] table, about the equilibrium that `start` names.

@@ -12,6 +12,7 @@ import numpy as np
 from viscera import _core, law, schema
 from viscera.atomic import replacing
 from viscera.case import NAMES, Case, read_case
+from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError
 from viscera.loads import by_place
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -47,7 +48,8 @@ def write(
     words: dict[str, Any] = {
         "mesh": mesh_file.name,
         "units": "m",
-        "fixed": places.word(organ.fixed, "fixed"),
+        "fixed": places.word(organ.fixed, "fixed") if len(organ.fixed) else {},
+        "supports": _supports(organ, places),
         "element": organ.element,
         "material": _material(organ.law, places),
         "loads": _loads(loads or {}, places),
@@ -157,6 +159,19 @@ def _parameters(material: law.Law) -> dict[str, Any]:
     assert isinstance(material, law.HolzapfelGasserOgden)
     names = dict(zip(("c", "k1", "k2", "dispersion", "kappa"), row, strict=False))
     return {**names, "fibres": material.fibres[:, 0].tolist(), "bear_compression": material.bear_compression}
+
+
+def _supports(organ: Organ, places: _Places) -> dict[str, Any]:
+    """The elastic supports, each by its place."""
+    words: dict[str, Any] = {}
+    for k, support in enumerate(organ.supports):
+        if not isinstance(support, ElasticSupport):
+            raise VisceraError("a case file has no word for springs, or for the ties that a model file keeps")
+        place = places.of(support.where, f"support {k + 1}")
+        if place in words:
+            raise VisceraError(f"a case file gives one elastic support for each place; {place!r} has two")
+        words[place] = {"stiffness": support.stiffness, "tangential": support.tangential}
+    return words
 
 
 def _loads(loads: Mapping[str, Any], places: _Places) -> dict[str, Any]:

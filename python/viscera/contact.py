@@ -13,6 +13,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import Number, numbers_of, refused, vector
+from viscera.rotation import rotation_matrix
 from viscera.select import Lengths, length
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 BONDED = "bonded"
 STIFFNESS = 30.0
 """Stiffness factor of the layer between tool and organ, as in `crates/solid/src/contact/layer.rs`."""
-UNTURNED = np.eye(3)
 
 
 class Sphere:
@@ -142,7 +142,7 @@ class Tool:
         rotation vector (3,) [rad].
     friction: Coulomb's coefficient, 0 for none, or "bonded": tissue that has touched the tool sticks to it, also under
         tension.
-    way: displacement (3,) [m], turn: a rotation vector (3,) [rad] about its origin. `Organ.solve` moves it by these.
+    displacement: (3,) [m], turn: a rotation vector (3,) [rad] about its origin. `Organ.solve` moves it by these.
     stiffness: of the layer between tool and organ, in units of E / (1 - nu^2) / h, with the moduli and the height h of
         the cell behind, at most 1.5 % of the organ's diagonal. A pressure p presses the tool by about
         p h (1 - nu^2) / (E stiffness) into the surface. A higher stiffness lets the tool enter less, and takes more
@@ -150,7 +150,7 @@ class Tool:
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
     >>> state = beam.solve(contact=[tool])
     >>> bool(state.force(tool)[2] < 0.0)
     True
@@ -163,7 +163,7 @@ class Tool:
         rotation: ArrayLike | None = None,
         *,
         friction: float | str = 0.0,
-        way: ArrayLike = (0.0, 0.0, 0.0),
+        displacement: ArrayLike = (0.0, 0.0, 0.0),
         turn: ArrayLike = (0.0, 0.0, 0.0),
         stiffness: float = STIFFNESS,
     ) -> None:
@@ -173,7 +173,7 @@ class Tool:
         self.position = vector(position, "the position of a tool", "m")
         self.rotation = rotation_matrix(rotation)
         self.friction = friction if friction == BONDED else FRICTION(friction, "the friction of a tool")
-        self.way = vector(way, "the way of a tool", "m")
+        self.displacement = vector(displacement, "the displacement of a tool", "m")
         self.turn = vector(turn, "the turn of a tool", "")
         self.stiffness = Number(above=0)(stiffness, "the stiffness of a tool")
 
@@ -181,26 +181,26 @@ class Tool:
         return f"Tool({self.shape!r}, position={self.position.tolist()}, friction={self.friction!r})"
 
     def arrived(self) -> Tool:
-        """The tool at the end of its way, for a solve that continues from there.
+        """The tool at the end of its motion, for a solve that continues from there.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
         >>> state = beam.solve(contact=[tool])
         >>> back = tool.arrived()
-        >>> back.way = -tool.way
+        >>> back.displacement = -tool.displacement
         >>> state = beam.solve(contact=[back], start=state)
         >>> bool(abs(state.force(back)[2]) < 0.01)
         True
         """
         rotation = rotation_matrix(self.turn) @ self.rotation
         kept: dict[str, Any] = {"friction": self.friction, "stiffness": self.stiffness}
-        return Tool(self.shape, self.position + self.way, rotation, **kept)
+        return Tool(self.shape, self.position + self.displacement, rotation, **kept)
 
     def _spec(self) -> _core.Tool:
         friction = None if isinstance(self.friction, str) else self.friction
         rows = self.rotation.tolist()
-        places = (self.position.tolist(), self.way.tolist(), self.turn.tolist())
+        places = (self.position.tolist(), self.displacement.tolist(), self.turn.tolist())
         return self.shape._core, friction, self.stiffness, rows, *places
 
 
@@ -210,7 +210,7 @@ class Contact:
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+    >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
     >>> state = beam.solve(contact=[tool])
     >>> contact = state.contact(tool)
     >>> contact.touching > 0, contact.sliding, bool(-1e-3 * beam.mesh.diagonal < contact.gap < 0.0)
@@ -255,6 +255,7 @@ class Instrument:
     def __init__(self, stepper: Stepper, tool: Tool, number: int) -> None:
         self._stepper = stepper
         self._number = number
+        self._tool = tool
         self.shape = tool.shape
         self.position = tool.position
         """Position of its origin for the next frame (3,) [m]."""
@@ -337,25 +338,6 @@ def tools_of(contact: Sequence[Tool | AnyShape] | None) -> list[Tool]:
 def contacts(reports: list[dict[str, Any]]) -> list[Contact]:
     """The contacts of all tools, from the core's result."""
     return [Contact(**report) for report in reports]
-
-
-def rotation_matrix(rotation: ArrayLike | None) -> Floats:
-    """A rotation matrix (3, 3) of one, or of a rotation vector (3,) [rad] by Rodrigues' formula."""
-    if rotation is None:
-        return np.array(UNTURNED)
-    given = numbers_of(rotation)
-    if given is None or given.shape not in {(3,), (3, 3)} or not np.isfinite(given).all():
-        raise refused("the rotation of a tool", "a matrix (3, 3) or a rotation vector (3,) [rad], finite", rotation)
-    if given.shape == (3, 3):
-        if np.abs(given @ given.T - UNTURNED).max() > 1e-6 or np.linalg.det(given) < 0.0:
-            raise refused("the rotation of a tool", "an orthogonal matrix of determinant 1", rotation)
-        return np.asarray(given)
-    angle = float(np.linalg.norm(given))
-    if angle == 0.0:
-        return np.array(UNTURNED)
-    x, y, z = given / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(UNTURNED + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
 
 
 FRICTION = Number(low=0.0, high=1e3)

@@ -21,8 +21,10 @@ from viscera.stress import STRAINS, STRESSES, Response, corner_values, pressure,
 if TYPE_CHECKING:
     import os
 
+    from viscera.bond import Bond
     from viscera.grid import Field
     from viscera.organ import Organ
+    from viscera.ties import Tied
 
 
 class Deformed:
@@ -74,6 +76,37 @@ class Deformed:
         """
         response = self._response.even() if at == "nodes" else self._response
         return response.at(response.stress(measure), at)
+
+    def __getitem__(self, organ: str) -> Moved:
+        """The part of one organ of a `Scene`, by its name.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = vs.Scene({"beam": beam}).solve(force={"beam/tip": (0, 0, -10.0)})
+        >>> f"{state['beam'].von_mises().max():.0f} Pa"
+        '5619 Pa'
+        """
+        from viscera.scene import Scene
+
+        whole, displacement = self._from_rest()
+        if not isinstance(whole, Scene):
+            raise VisceraError(f"{organ!r} names a part of a scene, and this is no scene but one organ")
+        return Moved(whole.organ(organ), whole.part(organ, displacement))
+
+    def support_force(self, support: Tied | Bond) -> Floats:
+        """Total force (3,) [N] of one of the organ's elastic supports on it; of a bond, on its first organ.
+
+        >>> import viscera as vs
+        >>> bed = vs.ElasticSupport("z < 1%", stiffness=1e6)
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), supports=[bed])
+        >>> beam.solve(force={"tip": (0, 0, 10.0)}).support_force(bed).round(6).tolist()[2]
+        -10.0
+        """
+        organ, displacement = self._from_rest()
+        for own, ties in zip(organ.supports, organ._tied, strict=True):
+            if own.is_same(support):
+                return ties.force(displacement)
+        raise VisceraError(f"{support!r} is no elastic support of this organ; see organ.supports")
 
     def strain(self, measure: str = "green", at: str = "cells") -> Floats:
         """Strain (m, 3, 3): "green" E = (F^T F - I) / 2, or "log" ln V = ln(F F^T) / 2.

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viscera import _core
-from viscera.contact import Contact, Instrument
+from viscera.contact import Contact, Instrument, Tool
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
+from viscera.forceps import Forceps, JawForces
 from viscera.hand import Hand
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
@@ -58,6 +59,9 @@ class Frame(Deformed, Pictured):
     floor: float
     """Residual of the linear systems, relative to their right-hand sides, that rounding to single precision may leave:
     that of `|K| |s|`. The solver corrects what is above its tolerance. 0 without a graphics processor."""
+    tangent_on_device: str | None
+    """"formed" if the graphics processor formed the last tangent by itself, "uploaded" if it took that of the
+    processor; None without one."""
     within_budget: bool
     """Whether the frame took no longer than its budget."""
     seconds: float
@@ -72,6 +76,8 @@ class Frame(Deformed, Pictured):
     _organ: Organ
     _relaxes: bool
     _contacts: list[tuple[Instrument, Contact]]
+    _hands: list[tuple[Hand, Floats, Floats]]
+    _grips: list[tuple[Forceps, JawForces]]
 
     def __repr__(self) -> str:
         flags = {
@@ -125,8 +131,8 @@ class Frame(Deformed, Pictured):
         mesh = self._organ.mesh
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
-    def contact(self, tool: Instrument) -> Contact:
-        """What a tool did to the organ at the end of the frame: force, torque, area, pressures, gap.
+    def contact(self, tool: Instrument | Tool) -> Contact:
+        """What a tool, or a rigid body of a scene, did to the organ at the end of the frame.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -138,12 +144,12 @@ class Frame(Deformed, Pictured):
         True
         """
         for known, contact in self._contacts:
-            if known is tool:
+            if tool is known or tool is known._tool:
                 return contact
         raise VisceraError(f"{tool!r} was no tool of this frame; make it by Stepper.tool")
 
-    def force(self, tool: Instrument) -> Floats:
-        """Force (3,) of a tool on the organ [N].
+    def force(self, tool: Instrument | Forceps | Hand) -> Floats:
+        """Force (3,) of a tool, of both jaws of forceps, or of a hand on the organ [N].
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -154,10 +160,10 @@ class Frame(Deformed, Pictured):
         >>> bool(frame.force(tool)[2] < 0.0)
         True
         """
-        return self.contact(tool).force
+        return self._felt(tool)[0]
 
-    def torque(self, tool: Instrument) -> Floats:
-        """Torque (3,) of a tool on the organ about the tool's origin [N m].
+    def torque(self, tool: Instrument | Forceps | Hand) -> Floats:
+        """Torque (3,) on the organ [N m]: of a tool or forceps about the origin, of a hand about its present centre.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -168,7 +174,40 @@ class Frame(Deformed, Pictured):
         >>> bool(abs(frame.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
         True
         """
-        return self.contact(tool).torque
+        return self._felt(tool)[1]
+
+    def grip(self, forceps: Forceps) -> float:
+        """Force [N] with which the jaws of forceps press what is between them: the smaller of both along their x axis.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=20)
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.21)
+        >>> forceps.close("2 cm")
+        >>> frame = stepper.frame()
+        >>> bool(frame.grip(forceps) > 0.0)
+        True
+        """
+        return self._grip(forceps).grip
+
+    def _grip(self, forceps: Forceps) -> JawForces:
+        for known, grip in self._grips:
+            if known is forceps:
+                return grip
+        raise VisceraError("these forceps were not in this frame; make them by Stepper.forceps of its stepper")
+
+    def _felt(self, tool: Instrument | Forceps | Hand) -> tuple[Floats, Floats]:
+        """Force and torque of what touches the organ."""
+        if isinstance(tool, Forceps):
+            grip = self._grip(tool)
+            return grip.force, grip.torque
+        if not isinstance(tool, Hand):
+            contact = self.contact(tool)
+            return contact.force, contact.torque
+        for known, force, torque in self._hands:
+            if known is tool:
+                return force, torque
+        raise VisceraError("this hand held nothing in this frame; make it by Stepper.grasp of the stepper of the frame")
 
     def reaction(self, where: Where | Hand) -> Floats:
         """Force (3,) [N] with which a place is held: by a hand, on a grasped patch, or summed over nodes.
@@ -181,10 +220,11 @@ class Frame(Deformed, Pictured):
         >>> stepper.frame().reaction(hand)[2].round(3).item()
         -1.839
         """
-        place = where._where if isinstance(where, Hand) else where
-        if isinstance(place, _core.Patch):
+        if isinstance(where, Hand):
+            return self.force(where)
+        if isinstance(where, _core.Patch):
             for patch, force in zip(self._patches, self._patch_forces, strict=True):
-                if patch is place:
+                if patch is where:
                     return np.asarray(force)
             raise VisceraError("this contact patch is not held by the stepper")
-        return np.asarray(self._reactions[self._organ.mesh.nodes(place)].sum(axis=0))
+        return np.asarray(self._reactions[self._organ.mesh.nodes(where)].sum(axis=0))

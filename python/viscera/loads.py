@@ -29,6 +29,9 @@ Tractions: TypeAlias = Mapping[Any, ArrayLike] | Sequence[tuple[Any, ArrayLike]]
 Pressures: TypeAlias = Mapping[Any, float] | Sequence[tuple[Any, float]]
 """`{where: value}`, or pairs `[(where, value)]`, since an array of indices can be no key."""
 
+Density: TypeAlias = ArrayLike | Mapping[Any, float]
+"""One number, one per cell, or `{where: value}` of the cells of places [kg/m^3]."""
+
 PRESSURE = Number("Pa")
 DENSITY = Number("kg/m^3", above=0)
 LIGHT = 100.0
@@ -112,10 +115,10 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
         return given
     nodal = np.zeros_like(mesh.points)
     for where, total in by_place(force, "force").items():
-        nodes, shares = _shares(mesh, where)
+        nodes, parts = shares_of(mesh, where)
         if np.isin(nodes, fixed).all():
             raise VisceraError(f"all nodes of {name_of(where)} are fixed: a force there would move nothing")
-        nodal[nodes] += shares[:, None] * vector(total, f"force on {name_of(where)}", "N")
+        nodal[nodes] += parts[:, None] * vector(total, f"force on {name_of(where)}", "N")
     return nodal
 
 
@@ -147,8 +150,24 @@ def pressed_faces(
     return np.ascontiguousarray(np.concatenate(faces)), np.concatenate(values)
 
 
-def density_per_cell(mesh: Mesh, density: ArrayLike) -> Floats:
-    """Density (1,) or (m,) [kg/m^3], checked."""
+def shares(mesh: Mesh, nodes: Indices) -> Floats:
+    """The share (k,) of each node in a total force on them all: that of a uniform traction over the surface triangles
+    among them, equal shares where there is none."""
+    faces = faces_within(mesh, nodes)
+    parts = _lumped_areas(mesh, faces)[nodes] if len(faces) else np.ones(len(nodes))
+    return np.asarray(parts / parts.sum())
+
+
+def density_per_cell(mesh: Mesh, density: Density) -> Floats:
+    """Density (1,) or (m,) [kg/m^3], checked; by place, later places count over earlier ones."""
+    if isinstance(density, Mapping):
+        values = np.full(len(mesh.cells), np.nan)
+        for where, value in density.items():
+            values[mesh.cells_in(where)] = DENSITY(value, f"the density of {where!r}")
+        if np.isnan(values).any():
+            cell = int(np.argmax(np.isnan(values)))
+            raise VisceraError(f"{np.isnan(values).sum()} cells have no density, the first of them cell {cell}")
+        return values
     given = numbers_of(density)
     if given is None or given.ndim == 0:
         given = np.array([DENSITY(density, "density")])
@@ -201,22 +220,19 @@ def _components(target: Any, mesh: Mesh, count: int, name: str) -> list[Floats |
     return [None if free else filled[axis] for axis, free in enumerate(is_free)]
 
 
-def _shares(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
-    """The nodes of a place and the share of each in a total force: a uniform traction over the set's own surface
-    triangles, equal shares where it has none, the weights of a patch."""
+def shares_of(mesh: Mesh, where: Where) -> tuple[Indices, Floats]:
+    """The nodes of a place and the share of each in a total force; the weights of a patch."""
     if isinstance(where, _core.Patch):
         return where.nodes, where.weights
     nodes = mesh.nodes(where)
-    faces = _faces(mesh, nodes)
-    shares = _lumped_areas(mesh, faces)[nodes] if len(faces) else np.ones(len(nodes))
-    return nodes, shares / shares.sum()
+    return nodes, shares(mesh, nodes)
 
 
 def _loaded(mesh: Mesh, fixed: Indices, where: Any, load: str) -> Indices:
     """The faces of a place under a load of the surface, some of their nodes free."""
     if isinstance(where, _core.Patch):
         raise VisceraError(f"a {load} acts on the surface of a set; a contact patch takes a force")
-    faces = _faces(mesh, mesh.nodes(where))
+    faces = faces_within(mesh, mesh.nodes(where))
     if len(faces) == 0:
         raise VisceraError(
             f"{name_of(where)} holds no whole triangle of the surface, so a {load} has nothing to act on; "
@@ -227,7 +243,7 @@ def _loaded(mesh: Mesh, fixed: Indices, where: Any, load: str) -> Indices:
     return faces
 
 
-def _faces(mesh: Mesh, nodes: Indices) -> Indices:
+def faces_within(mesh: Mesh, nodes: Indices) -> Indices:
     """The surface triangles (t, 3) all of whose corners are among the nodes; in a quadratic mesh the faces (t, 6),
     corners first, then the midpoints of the edges that follow them."""
     inside = np.isin(mesh.surface, nodes).all(axis=1)

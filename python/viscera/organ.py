@@ -23,6 +23,7 @@ from viscera.errors import NotConverged, VisceraError
 from viscera.frame import Frame
 from viscera.law import Law, Several, StrainEnergy
 from viscera.loads import (
+    Density,
     Displacements,
     Forces,
     Pressures,
@@ -48,7 +49,8 @@ from viscera.select import point as point_of
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
 from viscera.stepper import Stepper, settings_of
-from viscera.support import fixed_nodes, require_held
+from viscera.support import fixed_nodes, require_held, supports_of
+from viscera.ties import Tied, joined
 from viscera.touch import Touch
 from viscera.vary import Vary
 
@@ -80,7 +82,8 @@ class Organ(Pictured):
     element: "P1" (linear cells), "P1 mean volume" (linear cells in clusters that share one change of volume) or "P2"
         (quadratic cells). By default it is "P1 mean volume" above a Poisson's ratio of 0.45 at rest, where "P1" locks,
         and "P1" below (docs/elements.md). With "P2" the organ's own `mesh` also has the midpoints of edges as points.
-    Raises `VisceraError` if nothing is fixed, or if a disconnected part of the mesh has no fixed nodes.
+    supports: `[ElasticSupport(where, stiffness), Spring(where, ...)]`. An organ that they hold needs no fixed nodes.
+    Raises `VisceraError` if nothing holds the organ, or a disconnected part of its mesh.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -89,7 +92,15 @@ class Organ(Pictured):
     (True, 10.0)
     """
 
-    def __init__(self, mesh: Mesh, law: Law | Mapping[Any, Law], fixed: Where, *, element: str | None = None) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        law: Law | Mapping[Any, Law],
+        fixed: Where | None = None,
+        *,
+        element: str | None = None,
+        supports: Sequence[Tied] = (),
+    ) -> None:
         if not isinstance(mesh, Mesh):
             raise refused("the mesh", "a viscera.Mesh, as read(path) or mesh(points, cells) gives it", mesh)
         if isinstance(law, Mapping):
@@ -104,18 +115,25 @@ class Organ(Pictured):
         self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
         """The mesh with the nodes of the element."""
         self.law = law
-        self.fixed = fixed_nodes(self.mesh, fixed)
+        self.supports = supports_of(supports)
+        """Elastic supports."""
+        self._bodies: list[Tool] = []
+        self._tied = [support.ties(self.mesh) for support in self.supports]
+        self._ties = joined(self._tied)
+        self.fixed = fixed_nodes(self.mesh, fixed, self._ties)
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
-        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element)
+        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the compiled body is made again."""
-        return _again, (self.mesh, self.law, self.fixed, self.element)
+        return _again, (self.mesh, self.law, self.fixed, self.element, self.supports)
 
     def __repr__(self) -> str:
         size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
-        return f"Organ({size}, {type(self.law).__name__}, {self.element}, {len(self.fixed)} fixed nodes)"
+        held = [f"{len(self.fixed)} fixed nodes"] if len(self.fixed) or not self.supports else []
+        held += [f"{len(self.supports)} elastic supports"] if self.supports else []
+        return f"Organ({size}, {type(self.law).__name__}, {self.element}, {', '.join(held)})"
 
     def with_law(self, law: Law | Mapping[Any, Law]) -> Organ:
         """The same mesh, supports and element with another law.
@@ -125,7 +143,7 @@ class Organ(Pictured):
         >>> beam.with_law(vs.Corotated(young=1e5, poisson=0.3)).law
         Corotated(mu=38461.5, lam=57692.3)
         """
-        return Organ(self.mesh, law, fixed=self.fixed, element=self.element)
+        return Organ(self.mesh, law, fixed=self.fixed, element=self.element, supports=self.supports)
 
     def with_mesh(self, mesh: Mesh) -> Organ:
         """The same law, fixed nodes and element on another mesh with the same numbers of nodes and cells.
@@ -136,7 +154,8 @@ class Organ(Pictured):
         >>> beam.with_mesh(longer).mesh.diagonal / beam.mesh.diagonal
         2.0
         """
-        return Organ(mesh, self.law, fixed=self.fixed, element=self.element)
+        supports = [support.on(self.mesh) for support in self.supports]
+        return Organ(mesh, self.law, fixed=self.fixed, element=self.element, supports=supports)
 
     @shown
     def solve(
@@ -147,7 +166,7 @@ class Organ(Pictured):
         traction: Tractions | None = None,
         pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
-        density: ArrayLike | None = None,
+        density: Density | None = None,
         contact: Sequence[Tool | AnyShape] | None = None,
         steps: int = 1,
         start: State | Frame | Floats | None = None,
@@ -166,10 +185,12 @@ class Organ(Pictured):
         traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
         pressure: `{where: p}` [Pa] on the same triangles. It pushes against their outward normal as they deform, so a
             positive pressure on a `lumen` inflates a vessel.
-        gravity: acceleration (3,) [m/s^2]; it needs `density` [kg/m^3], one number or one per cell.
-        contact: rigid tools, `[Tool(Sphere(0.01), position=..., way=...)]`, which move by their `way` in proportion to
-            the load. They must start outside the organ. `State.contact(tool)` gives their forces. Friction is
-            integrated from load step to load step; if a tool reverses its direction, solve each direction separately.
+        gravity: acceleration (3,) [m/s^2]; it needs `density` [kg/m^3], one number, one per cell, or by place:
+            `{"liver": 1060, "gallbladder": 1010}`.
+        contact: rigid tools, `[Tool(Sphere(0.01), position=..., displacement=...)]`, which move by their `displacement`
+            in proportion to the load. They must start outside the organ. `State.contact(tool)` gives their forces.
+            Friction is integrated from load step to load step; if a tool reverses its direction, solve each direction
+            separately.
         steps: initial number of load steps; more are taken where needed.
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
         settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
@@ -187,7 +208,7 @@ class Organ(Pictured):
             raise VisceraError("gravity needs a density [kg/m^3]")
         steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
         moved = prescribed(self.mesh, self.fixed, displacement or {})
-        require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches])
+        require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches], self._ties)
         applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
         applied += traction_forces(self.mesh, self.fixed, traction or {})
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
@@ -196,7 +217,7 @@ class Organ(Pictured):
             acceleration = vector(gravity, "gravity", "m/s^2")
             weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
         means = [mean for _, mean in moved.patches]
-        tools = tools_of(contact)
+        tools = [*tools_of(contact), *self._bodies]
         began = perf_counter()
         result = self._body.solve(
             prescribed=moved.dofs,
@@ -232,7 +253,7 @@ class Organ(Pictured):
         iterations: int = 1,
         settled: float = 1e-3,
         budget: float | None = None,
-        density: ArrayLike | None = None,
+        density: Density | None = None,
         time_step: float | None = None,
         dynamics: Integration | None = None,
         mass: str = "lumped",
@@ -339,7 +360,7 @@ class Organ(Pictured):
         self,
         *,
         gravity: ArrayLike | None = None,
-        density: ArrayLike | None = None,
+        density: Density | None = None,
         force: Forces | None = None,
         traction: Tractions | None = None,
         pressure: Pressures | None = None,
@@ -416,6 +437,11 @@ class Organ(Pictured):
         """
         from viscera import registration
 
+        if self.supports:
+            raise VisceraError(
+                "an organ with elastic supports cannot be registered yet: the springs would have to move with it; "
+                "register it with fixed nodes"
+            )
         deviation = self._length("noise", noise)
         other = deviation if landmark_noise is None else self._length("landmark_noise", landmark_noise)
         seen = registration.observed(self.mesh, surface, weights, landmarks, points, deviation, other)
@@ -464,7 +490,9 @@ class Organ(Pictured):
             advice = "the touchable set holds no whole free triangle of the surface; choose a larger one"
         else:
             reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
-            nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
+            nodes = surface
+            if len(self.fixed):
+                nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
             advice = f"no surface triangle is farther than {reach:g} m from the fixed nodes; lower the radius"
         if not np.isin(self.mesh.surface, nodes).all(axis=1).any():
             raise VisceraError(advice)
@@ -529,8 +557,9 @@ class Organ(Pictured):
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
                 "are compressed; reduce with bear_compression=True, or use solve"
             )
+        self._require_no_springs()
         nodes = self.touchable(touchable, radius)
-        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
         organ, family = (self, None) if vary is None else vary.on(self.mesh).family(self, radius)
         preload = None if start is None else preload_of(self, start)
         numbers: dict[str, Any] = {
@@ -574,7 +603,8 @@ class Organ(Pictured):
             members = [[value, radius] for value, _, radius in family["members"]]
             words["family"] = [family["name"], family["value"], family["cells"], members]
         rest = np.empty(0) if preload is None else preload
-        arrays = (self.mesh.points, self.mesh.cells, self.law.parameters, self.fixed, nodes, rest)
+        arrays = [self.mesh.points, self.mesh.cells, self.law.parameters, self.fixed, nodes, rest]
+        arrays += self._ties.arrays if self.supports else ()
         return keeper.batches(fingerprint(arrays, words))
 
     def to_case(
@@ -650,12 +680,13 @@ class Organ(Pictured):
         >>> model.displacement((1, 0.1, 0.1), a=0.5).shape
         (525, 3)
         """
+        self._require_no_springs()
         order = Whole(1, 15)(order, "order")
         max_terms = Whole(1, 10_000)(max_terms, "max_terms")
         max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
         load, stagnation = Number("N")(load, "load"), TOLERANCE(stagnation, "stagnation")
         radius = length(radius, self.mesh.diagonal, "radius")
-        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [])
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
         rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
         return separate(
             self,
@@ -666,6 +697,10 @@ class Organ(Pictured):
             enrichment=None if tolerance is None else {"tolerance": TOLERANCE(tolerance, "tolerance"), **rules},
             progress=progress,
         )
+
+    def _require_no_springs(self) -> None:
+        if self._ties.links:
+            raise VisceraError("a series does not know springs and cables; leave them out, or solve in load steps")
 
     def _length(self, name: str, value: float | str) -> float:
         metres = length(value, self.mesh.diagonal, name)
@@ -685,8 +720,8 @@ def _element(name: str | None, law: Law) -> str:
     return Choice(ELEMENTS)(name, "the element")
 
 
-def _again(mesh: Mesh, law: Law, fixed: Indices, element: str) -> Organ:
-    return Organ(mesh, law, fixed, element=element)
+def _again(mesh: Mesh, law: Law, fixed: Indices, element: str, supports: Sequence[Tied]) -> Organ:
+    return Organ(mesh, law, fixed, element=element, supports=supports)
 
 
 def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:

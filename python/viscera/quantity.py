@@ -15,7 +15,20 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError, did_you_mean
 
-LARGEST = {"": 1e15, "m": 1e3, "N": 1e9, "Pa": 1e15, "m/s^2": 1e6, "kg/m^3": 1e6, "s": 1e6, "1/s": 1e9}
+LARGEST = {
+    "": 1e15,
+    "m": 1e3,
+    "rad": 1e6,
+    "N": 1e9,
+    "N m": 1e9,
+    "Pa": 1e15,
+    "N/m": 1e12,
+    "N/m^3": 1e18,
+    "m/s^2": 1e6,
+    "kg/m^3": 1e6,
+    "s": 1e6,
+    "1/s": 1e9,
+}
 """For each unit the largest magnitude that is accepted. Beyond it, a number is a mistake, and products overflow."""
 
 Check = Callable[[Any, str], Any]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from viscera import defaults, law, organ, vary
+from viscera import defaults, elastic_support, law, organ, vary
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import METRES
 from viscera.quantity import Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
@@ -445,6 +445,14 @@ REDUCE = Table(
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },
 )
+SUPPORT = Table(
+    "supports.PLACE",
+    "Springs spread over the surface of a place, where PLACE stands for its name or condition in quotes.",
+    {
+        "stiffness": Key(elastic_support.STIFFNESS, "force per area and displacement across it", is_required=True),
+        "tangential": Key(elastic_support.TANGENTIAL, "the same along the surface", "the `stiffness`"),
+    },
+)
 CASE = Table(
     "",
     "One organ, with its loads, settings and reduction.",
@@ -453,7 +461,8 @@ CASE = Table(
             Text(), 'path of a mesh file, from the folder of the case; or an organ: "organ:liver"', is_required=True
         ),
         "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
-        "fixed": Key(Place("node"), "fixed nodes", is_required=True),
+        "fixed": Key(Place("node"), "fixed nodes", "required, unless there are `supports`"),
+        "supports": Key(Places("supports", SUPPORT), "elastic supports", "none"),
         "element": Key(Choice(organ.ELEMENTS), "element of the mesh", "chosen for the material"),
         "material": Key(Material(), "law and parameters", is_required=True),
         "loads": Key(LOADS, "loads", "no load"),

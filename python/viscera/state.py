@@ -49,7 +49,7 @@ class State(Deformed, Pictured):
         """Displacement (n, 3) [m]."""
         self._displacement_from_rest = self.displacement
         self.energy: float = result["energy"]
-        """Strain energy [J]."""
+        """Strain energy [J], and that of elastic supports."""
         self.volume_ratio: float = result["volume"] / organ.mesh.volume
         """Deformed over rest volume."""
         self.status: str = result["status"]
@@ -67,8 +67,11 @@ class State(Deformed, Pictured):
         """Wall time of the solve."""
         self.timings: dict[str, float] = result["seconds"]
         """Wall time [s] by stage."""
+        self.tangent_on_device: str | None = result.get("tangent_on_device")
+        """"formed" if the graphics processor formed the last tangent by itself, "uploaded" if it took that of the
+        processor; None without one."""
         self.internal_force: Floats = result["internal_force"]
-        """Nodal forces (n, 3) [N] of the stress."""
+        """Nodal forces (n, 3) [N] of the stress and of elastic supports."""
         self.external_force: Floats = result["external_force"]
         """Nodal forces (n, 3) [N] of the load; where the solve converged, equal but for what is held."""
         self.has_pressure = has_pressure
@@ -113,7 +116,7 @@ class State(Deformed, Pictured):
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
         >>> state = beam.solve(contact=[tool])
         >>> state.contact(tool).touching > 0
         True
@@ -128,7 +131,7 @@ class State(Deformed, Pictured):
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
         >>> state = beam.solve(contact=[tool])
         >>> bool(abs(state.force(tool) + state.reaction("clamp")).max() < 1e-6)
         True
@@ -140,7 +143,7 @@ class State(Deformed, Pictured):
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), way=(0, 0, -0.01))
+        >>> tool = vs.Tool(vs.Sphere(0.1), position=(0.9, 0.1, 0.3), displacement=(0, 0, -0.01))
         >>> state = beam.solve(contact=[tool])
         >>> bool(abs(state.torque(tool)).max() < 1e-9)  # a sphere without friction turns nothing
         True

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from viscera import _core, gpu
-from viscera.contact import AnyShape, Instrument, Tool, contacts
+from viscera.contact import AnyShape, Box, Capsule, Instrument, Sphere, Tool, contacts
 from viscera.dynamics import Integration, Prony, core_integration
 from viscera.errors import VisceraError
+from viscera.forceps import Forceps
 from viscera.frame import Frame
 from viscera.hand import Hand
 from viscera.loads import (
+    Density,
     Displacements,
     Forces,
     Pressures,
@@ -24,6 +26,7 @@ from viscera.loads import (
     name_of,
     nodal_forces,
     pressed_faces,
+    shares,
     traction_forces,
 )
 from viscera.mesh import Floats, Indices, Mesh
@@ -55,6 +58,7 @@ class Stepper:
         self._organ = organ
         self._hands: list[Hand] = []
         self._tools: list[Instrument] = []
+        self._forceps: list[Forceps] = []
         self._motion = PrescribedMotion(organ.mesh, organ.fixed, grasped)
         self._named: Displacements = grasped
         self._pressure: Pressures = {}
@@ -65,6 +69,8 @@ class Stepper:
         self._relaxes = settings["relaxation"] is not None
         self._core = _core.Stepper(organ._body, start=start, **settings)
         self._hold(self._motion)
+        for body in organ._bodies:
+            self.tool(body)
 
     @property
     def displacement(self) -> Floats:
@@ -95,14 +101,13 @@ class Stepper:
         >>> f"{1e3 * stepper.frame().at([[1, 0.1, 0.1]]).displacement[0, 2]:.1f} mm"
         '2.0 mm'
         """
-        displacement = self._core.displacement()
         if isinstance(where, _core.Patch):
-            hand = Hand(self, where, where.weights @ displacement[where.nodes])
+            hand = Hand(self, where, where.weights)
         else:
             nodes = np.setdiff1d(self._organ.mesh.nodes(where), self._organ.fixed)
             if len(nodes) == 0:
                 raise VisceraError(f"all nodes of {name_of(where)} are fixed: a hand cannot move them")
-            hand = Hand(self, tuple(nodes.tolist()), displacement[nodes])
+            hand = Hand(self, tuple(nodes.tolist()), shares(self._organ.mesh, nodes))
         self._hands.append(hand)
         return hand
 
@@ -133,6 +138,32 @@ class Stepper:
         self._tools.append(made)
         return made
 
+    def forceps(
+        self,
+        jaw: Sphere | Capsule | Box,
+        position: ArrayLike = (0.0, 0.0, 0.0),
+        rotation: ArrayLike | None = None,
+        *,
+        opening: float | str,
+        friction: float | str = 0.5,
+    ) -> Forceps:
+        """Add forceps: two equal jaws that close along their x axis, `opening` [m] apart, with Coulomb's friction.
+
+        The jaws must start outside the organ, on both sides of what they are to grip.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> stepper = beam.stepper(iterations=20)
+        >>> forceps = stepper.forceps(vs.Capsule(0.03, 0.1), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.21)
+        >>> forceps.close("2 cm")
+        >>> frame = stepper.frame()
+        >>> frame.is_settled, f"{forceps.grip:.1f} N"
+        (True, '70.8 N')
+        """
+        made = Forceps(self, jaw, position, rotation, opening=opening, friction=friction)
+        self._forceps.append(made)
+        return made
+
     def view(self, name: str = "Organ", height: int = 560) -> Any:
         """Show the organ in a notebook, stepped in the kernel by up to two hands on the page, or from Python.
 
@@ -161,7 +192,7 @@ class Stepper:
         traction: Tractions | None = None,
         pressure: Pressures | None = None,
         gravity: ArrayLike | None = None,
-        density: ArrayLike | None = None,
+        density: Density | None = None,
     ) -> Frame:
         """One frame: the hands move, the organ follows.
 
@@ -180,20 +211,35 @@ class Stepper:
         """
         named = self._named if displacement is None else by_place(displacement, "displacement")
         targets: dict[Any, Any] = dict(named)
+        turned: dict[Any, Floats | None] = {}
         for hand in self._hands:
+            if hand._pull is not None:
+                continue
             if hand._where in targets:
                 raise VisceraError(f"{name_of(hand._where)} is held twice; let one hand go")
             targets[hand._where] = hand.displacement
+            turned[hand._where] = hand._arms_turned() if hand._holds_turn else None
         if not self._motion.fits(targets):
             motion = PrescribedMotion(self._organ.mesh, self._organ.fixed, targets)
             self._hold(motion)
             self._motion = motion
         values, means = self._motion.move(targets)
         applied, acceleration = self._loads(force, traction, gravity, density)
+        applied, torques = self._pulls(applied)
+        for forceps in self._forceps:
+            forceps._adjust()
         self._press(by_place(pressure or {}, "pressure"))
-        result = self._core.frame(values=values, means=means, force=applied, gravity=acceleration)
+        patches = self._motion.patches
+        turns = [(k, arms) for k, patch in enumerate(patches) if (arms := turned.get(patch)) is not None]
+        result = self._core.frame(
+            values=values, means=means, turns=turns, force=applied, torques=torques, gravity=acceleration
+        )
         self._named = named
+        carried = dict(zip(patches, zip(result["patch_forces"], result["patch_torques"], strict=True), strict=True))
+        for hand in self._hands:
+            hand._feel(result["displacement"], result["reactions"], carried)
         told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
+        felt = dict(zip(self._tools, told, strict=True))
         self._fault = gpu.report(result["device_fault"], self._fault)
         return Frame(
             displacement=result["displacement"],
@@ -206,22 +252,40 @@ class Stepper:
             iterations=result["iterations"],
             is_solved=result["is_solved"],
             floor=result["floor"],
+            tangent_on_device=result["tangent_on_device"],
             within_budget=result["within_budget"],
             seconds=result["seconds"],
             energy=result["energy"],
             kinetic_energy=result["kinetic_energy"],
             _reactions=result["reactions"],
-            _patches=self._motion.patches,
+            _patches=patches,
             _patch_forces=result["patch_forces"],
             _organ=self._organ,
             _relaxes=self._relaxes,
-            _contacts=list(zip(self._tools, told, strict=True)),
+            _contacts=list(felt.items()),
+            _hands=[(hand, *hand._last()) for hand in self._hands],
+            _grips=[
+                (each, each._feel([felt[jaw] for jaw in each.jaws], result["is_settled"])) for each in self._forceps
+            ],
         )
 
     def _hold(self, motion: PrescribedMotion) -> None:
         if not self._may_float:
-            require_held(self._organ.mesh, self._organ.fixed, motion.dofs, motion.patches)
+            require_held(self._organ.mesh, self._organ.fixed, motion.dofs, motion.patches, self._organ._ties)
         self._core.grasp(motion.dofs, motion.patches)
+
+    def _pulls(self, applied: Floats | None) -> tuple[Floats | None, list[tuple[_core.Patch, list[float]]]]:
+        """Nodal forces with those of the hands that pull, and their torques."""
+        torques = []
+        for hand in self._hands:
+            if hand._pull is None:
+                continue
+            force, torque = hand._pull
+            applied = np.zeros_like(self._organ.mesh.points) if applied is None else applied.copy()
+            applied[hand._nodes] += hand._weights[:, None] * force
+            if torque.any():
+                torques.append((_core.Patch(hand._nodes, hand._weights), torque.tolist()))
+        return applied, torques
 
     def _press(self, pressure: Pressures) -> None:
         if pressure == self._pressure:
@@ -235,7 +299,7 @@ class Stepper:
         force: Forces | None,
         traction: Tractions | None,
         gravity: ArrayLike | None,
-        density: ArrayLike | None,
+        density: Density | None,
     ) -> tuple[Floats | None, tuple[float, float, float]]:
         """Nodal forces, and the gravity from which the core computes further ones."""
         organ = self._organ
@@ -263,7 +327,7 @@ def settings_of(
     iterations: int,
     settled: float,
     budget: float | None,
-    density: ArrayLike | None,
+    density: Density | None,
     time_step: float | None,
     dynamics: Integration | None,
     mass: str,

@@ -5,7 +5,8 @@ Parts that meet at points or edges only, without a common face, turn about these
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,38 +15,56 @@ from numpy.typing import NDArray
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.quantity import refused
+from viscera.ties import NONE, Link, Tied, Ties
 
 
-def fixed_nodes(mesh: Mesh, where: Where) -> Indices:
-    """The fixed nodes; raises `VisceraError` if nothing is fixed, everything is, or a connected part is not."""
-    if not isinstance(where, str) and not callable(where) and np.size(where) == 0:
-        raise VisceraError("nothing is fixed: the organ would float away; fix a node set, indices or a predicate")
+def fixed_nodes(mesh: Mesh, where: Where | None, ties: Ties = NONE) -> Indices:
+    """The fixed nodes; raises `VisceraError` if nothing holds the organ or a part of it, or everything is fixed."""
+    is_none = where is None or (not isinstance(where, str) and not callable(where) and np.size(where) == 0)
+    if is_none and not len(ties) and not ties.links:
+        raise VisceraError(
+            "nothing is fixed: the organ would float away; fix a node set, indices or a predicate, or give it elastic "
+            "supports"
+        )
     try:
-        fixed = mesh.nodes(where)
+        fixed = np.empty(0, dtype=np.uint32) if where is None or is_none else mesh.nodes(where)
     except VisceraError as error:
         raise VisceraError(f"fixed: {error}") from error
     if len(fixed) == len(mesh.points):
         raise VisceraError("every node is fixed: nothing is left to move; fix a smaller set")
     body = np.array(mesh.facts["body"], dtype=np.int64)
     body[mesh.n_corners :] = body[mesh.edges[:, 0]]
-    loose = np.setdiff1d(body, body[fixed])
+    linked = np.array([node for link in ties.links for node, _ in link.ends], dtype=np.uint32)
+    loose = np.setdiff1d(body, body[np.concatenate([fixed, ties.nodes, linked])])
     if len(loose):
         nodes = np.flatnonzero(body == loose[0])
         raise VisceraError(
-            f"{len(loose)} of the mesh's {body.max() + 1} disconnected parts have no fixed node, the first with "
-            f"{len(nodes)} nodes (node {nodes[0]} among them); fix nodes of every part, or remove the loose ones"
+            f"{len(loose)} of the mesh's {body.max() + 1} disconnected parts have no fixed node nor support, the first "
+            f"with {len(nodes)} nodes (node {nodes[0]} among them); fix nodes of every part, or remove the loose ones"
         )
     return fixed
 
 
-def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.Patch]) -> None:
+def supports_of(supports: Sequence[Tied]) -> tuple[Tied, ...]:
+    """The elastic supports of an organ, checked."""
+    if isinstance(supports, Tied) or not isinstance(supports, Sequence) or isinstance(supports, str):
+        raise refused("supports", "a list, such as [ElasticSupport('back', stiffness=1e6)]", supports)
+    for support in supports:
+        if not isinstance(support, Tied):
+            raise refused("a support of an organ", "an ElasticSupport", support)
+    return tuple(supports)
+
+
+def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.Patch], ties: Ties = NONE) -> None:
     """Raise `VisceraError` if a part can still move rigidly.
 
-    fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means.
+    fixed: node indices; dofs (k,): prescribed degrees of freedom 3 * node + component; patches: prescribed means; ties:
+    elastic supports and bonds.
     """
     parts = _Parts(mesh)
     held = np.concatenate([(3 * fixed[:, None].astype(np.int64) + np.arange(3)).ravel(), dofs.astype(np.int64)])
-    for labels in parts.bodies():
+    for labels in parts.bodies(ties):
         place = {label: k for k, label in enumerate(labels)}
         rows = [np.zeros((1, 6 * len(labels)))]
         for label in labels:
@@ -57,6 +76,7 @@ def require_held(mesh: Mesh, fixed: Indices, dofs: Indices, patches: list[_core.
                 moved = [parts.motion(patch.nodes[owners == k], k, place) for k in np.unique(owners).tolist()]
                 weights = [patch.weights[owners == k] for k in np.unique(owners).tolist()]
                 rows.append(np.einsum("i,ijk->jk", np.concatenate(weights), np.concatenate(moved)))
+        rows.append(parts.stretches(ties, place))
         for node, first, second in parts.hinges:
             if second in place:
                 at = np.array([node])
@@ -90,12 +110,40 @@ class _Parts:
             self.box.append((mesh.points[nodes].mean(axis=0), float(np.ptp(mesh.points[nodes], axis=0).max())))
             self.first_node.append(int(nodes[is_new][0] if is_new.any() else nodes[0]))
 
-    def bodies(self) -> list[list[int]]:
+    def bodies(self, ties: Ties) -> list[list[int]]:
         """The parts that hang together, however loosely."""
-        together: dict[int, list[int]] = {}
-        for label, node in enumerate(self.first_node):
-            together.setdefault(int(self.body[node]), []).append(label)
-        return list(together.values())
+        group = np.array(self.body[self.first_node], dtype=np.int64)
+        sample = np.repeat(np.arange(len(ties)), ties.counts)
+        tied = np.stack([self.owner[ties.nodes[:-1]], self.owner[ties.nodes[1:]]], axis=1)[sample[:-1] == sample[1:]]
+        linked = [[self.owner[a], self.owner[b]] for link in ties.links for (a, _), (b, _) in pairwise(link.ends)]
+        for first, second in np.unique(np.concatenate([tied, np.array(linked, dtype=np.int64).reshape(-1, 2)]), axis=0):
+            group[group == group[second]] = group[first]
+        return [np.flatnonzero(group == label).tolist() for label in np.unique(group)]
+
+    def stretches(self, ties: Ties, place: Mapping[int, int]) -> Floats:
+        """What ties feel (k, 6 parts) of the rigid motions of some parts, relative to their stiffness."""
+        rows = [self._stretch_of(link, place) for link in ties.links if not link.is_cable]
+        owner = self.owner[ties.nodes]
+        motion = np.zeros((len(owner), 3, 6 * len(place)))
+        for label in place:
+            mine = owner == label
+            motion[mine] = self.motion(ties.nodes[mine], label, place)
+        if not len(ties) or not np.isin(owner, list(place)).any():
+            return np.array(rows).reshape(-1, 6 * len(place))
+        moved = np.add.reduceat(ties.weights[:, None, None] * motion, ties.start[:-1].astype(np.int64))
+        scale = np.abs(ties.stiffness).max(axis=1).clip(min=np.finfo(float).tiny)
+        felt = np.einsum("sij,sjk->sik", (ties.stiffness / scale[:, None]).reshape(-1, 3, 3), moved)
+        return np.concatenate([np.array(rows).reshape(-1, felt.shape[2]), felt.reshape(-1, felt.shape[2])])
+
+    def _stretch_of(self, link: Link, place: Mapping[int, int]) -> Floats:
+        """Change (6 parts) of the length of a spring by rigid motions."""
+        along = link.rest / max(float(np.linalg.norm(link.rest)), np.finfo(float).tiny)
+        change = np.zeros(6 * len(place))
+        for node, weight in link.ends:
+            label = int(self.owner[node])
+            if label in place:
+                change += weight * along @ self.motion(np.array([node]), label, place)[0]
+        return change
 
     def motion(self, nodes: NDArray[Any], label: int, place: Mapping[int, int]) -> Floats:
         """Displacement (k, 3, 6 parts) of nodes by the rigid motions of a part, whose columns `place` tells."""

@@ -25,6 +25,7 @@ from viscera.parts import cell_sets
 from viscera.quantity import Whole, vector
 from viscera.select import Lengths, has_words, length, offset
 from viscera.select import point as point_of
+from viscera.ties import Ties
 from viscera.vary import law_at
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from viscera.check import Check
     from viscera.galerkin import Galerkin
     from viscera.organ import Organ
+    from viscera.probe import RigidProbe
 
 
 log = logging.getLogger("viscera")
@@ -145,6 +147,32 @@ class Touch(Pictured):
 
         return check(self, touches=touches, seed=seed, depths=depths, executor=executor, progress=progress)
 
+    def probe(
+        self,
+        radius: float | str | None = None,
+        friction: float = 0.0,
+        *,
+        tolerance: float = _core.PROBE_TOLERANCE,
+        stiffness: float | None = None,
+        damping: float = 0.0,
+    ) -> RigidProbe:
+        """A rigid sphere that presses, sticks, slides and lets go; see `RigidProbe` and docs/probe.md.
+
+        radius: of the sphere [m], 0.8 to 1.25 times that of the patch, which is the default.
+        friction: Coulomb's coefficient.
+        tolerance: largest estimated error of a trusted force, relative to its norm.
+        stiffness, damping: of a coupling to a device [N/m], [N s/m]; without one the sphere is where the device is.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("x > 70% and z > 99%", depth="5%", order=3)
+        >>> touch.probe("100 mm", friction=0.3)
+        RigidProbe(radius=0.1, friction=0.3)
+        """
+        from viscera.probe import RigidProbe
+
+        return RigidProbe(self, radius, friction, tolerance, stiffness, damping)
+
     def galerkin(
         self,
         *,
@@ -187,7 +215,14 @@ class Touch(Pictured):
         from viscera.organ import Organ
 
         full = law.from_core(self.metadata["law"], self._model.array("law_parameters"))
-        return Organ(self.rest, full, fixed=self._model.array("fixed"), element=self.element)
+        fixed = self._model.array("fixed")
+        return Organ(self.rest, full, fixed=fixed, element=self.element, supports=self._supports)
+
+    @cached_property
+    def _supports(self) -> list[Ties]:
+        kept = [self._model.array(f"tie_{name}") for name in ("start", "nodes", "weights", "stiffness")]
+        start, nodes, weights, stiffness = kept
+        return [Ties(start, nodes, weights, stiffness)] if len(start) else []
 
     @cached_property
     def _full(self) -> Organ:

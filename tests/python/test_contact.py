@@ -39,7 +39,7 @@ def above(shape: vs.Sphere, height: float, **told: object) -> vs.Tool:
 @pytest.mark.parametrize("element", ["P1", "P2"])
 def test_a_pressed_sphere_is_carried_by_the_base(solver: str, element: str) -> None:
     organ = vs.Organ(block(3), SOFT, fixed="base", element=element)
-    tool = above(vs.Sphere("30 mm"), 0.03, way=(0, 0, -0.008))
+    tool = above(vs.Sphere("30 mm"), 0.03, displacement=(0, 0, -0.008))
     state = organ.solve(contact=[tool], solver=solver, throw=True)
     contact = state.contact(tool)
     assert np.allclose(state.force(tool), -state.reaction("base"), atol=1e-6 * abs(contact.force[2]))
@@ -51,17 +51,19 @@ def test_a_pressed_sphere_is_carried_by_the_base(solver: str, element: str) -> N
 def test_unloading_is_loading_backwards(organ: vs.Organ) -> None:
     """Without friction contact has a potential: the force depends on where the sphere is, not on how it came there."""
     shape = vs.Sphere(0.03)
-    once = above(shape, 0.03, way=(0, 0, -0.006))
-    deep = above(shape, 0.03, way=(0, 0, -0.012))
+    once = above(shape, 0.03, displacement=(0, 0, -0.006))
+    deep = above(shape, 0.03, displacement=(0, 0, -0.012))
     state = organ.solve(contact=[deep], throw=True)
-    back = vs.Tool(shape, deep.arrived().position, way=(0, 0, 0.006))
+    back = vs.Tool(shape, deep.arrived().position, displacement=(0, 0, 0.006))
     returned = organ.solve(contact=[back], start=state, throw=True)
     loaded = organ.solve(contact=[once], throw=True)
     assert np.allclose(returned.force(back), loaded.force(once), atol=1e-6 * abs(loaded.force(once)[2]))
 
 
 def test_a_capsule_presses_as_far_as_it_reaches(organ: vs.Organ) -> None:
-    lying = vs.Tool(vs.Capsule("10 mm", "40 mm"), (0.05, 0.05, SIDE + 0.01), (0, np.pi / 2, 0), way=(0, 0, -0.005))
+    lying = vs.Tool(
+        vs.Capsule("10 mm", "40 mm"), (0.05, 0.05, SIDE + 0.01), (0, np.pi / 2, 0), displacement=(0, 0, -0.005)
+    )
     state = organ.solve(contact=[lying], throw=True)
     touched = organ.mesh.points[state.contact(lying).pressures > 0.0]
     assert np.ptp(touched[:, 0]) > np.ptp(touched[:, 1])
@@ -70,8 +72,8 @@ def test_a_capsule_presses_as_far_as_it_reaches(organ: vs.Organ) -> None:
 
 def test_a_box_and_the_closed_surface_of_it_are_the_same_tool(organ: vs.Organ) -> None:
     box = block(1, 0.04)
-    corner = vs.Tool(vs.Shape(box), (0.03, 0.03, SIDE), way=(0, 0, -0.004))
-    centred = vs.Tool(vs.Box(0.04), (0.05, 0.05, SIDE + 0.02), way=(0, 0, -0.004))
+    corner = vs.Tool(vs.Shape(box), (0.03, 0.03, SIDE), displacement=(0, 0, -0.004))
+    centred = vs.Tool(vs.Box(0.04), (0.05, 0.05, SIDE + 0.02), displacement=(0, 0, -0.004))
     one, other = (organ.solve(contact=[tool], throw=True).force(tool) for tool in (corner, centred))
     assert np.allclose(one, other, atol=1e-5 * abs(one[2]))
 
@@ -79,10 +81,10 @@ def test_a_box_and_the_closed_surface_of_it_are_the_same_tool(organ: vs.Organ) -
 def test_friction_drags_and_is_bounded(organ: vs.Organ) -> None:
     drags = {}
     for friction in (0.0, 0.3, "bonded"):
-        tool = above(vs.Sphere(0.03), 0.03, friction=friction, way=(0, 0, -0.008))
+        tool = above(vs.Sphere(0.03), 0.03, friction=friction, displacement=(0, 0, -0.008))
         state = organ.solve(contact=[tool], throw=True)
         dragged = tool.arrived()
-        dragged.way = np.array((0.02, 0.0, 0.0))
+        dragged.displacement = np.array((0.02, 0.0, 0.0))
         drawn = organ.solve(contact=[dragged], start=state, steps=4, throw=True)
         drags[friction] = drawn.force(dragged)
     assert drags[0.3][0] > drags[0.0][0]
@@ -96,7 +98,7 @@ def test_a_tool_moves_with_frames_and_lets_go(organ: vs.Organ) -> None:
         tool.move((0, 0, -0.001))
         frame = stepper.frame()
     assert frame.is_settled
-    still = above(vs.Sphere(0.03), 0.03, way=(0, 0, -0.008))
+    still = above(vs.Sphere(0.03), 0.03, displacement=(0, 0, -0.008))
     exact = organ.solve(contact=[still], throw=True)
     assert np.allclose(frame.force(tool), exact.force(still), rtol=1e-4, atol=1e-6)
     assert np.allclose(frame.displacement, exact.displacement, atol=1e-7)

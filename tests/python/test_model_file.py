@@ -58,8 +58,13 @@ def test_the_page_describes_every_array_of_the_file(reader: ModuleType, file: Pa
     described = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in rows[0].splitlines()[2:] if line]
     organ = vs.Organ(bar, vs.NeoHookean(young=1e5, poisson=0.3), fixed="root")
     state, vary = organ.solve(force={"tip": (0, 0, -1.0)}), vs.Vary("young", 1e4, 1e6, part=[0, 1], nodes=2)
+    lying = vs.Organ(bar, organ.law, supports=[vs.ElasticSupport("root", stiffness=1e6)])
     names = set(reader.read(file)[1])
-    for touch in (organ.reduce("tip", order=2, start=state), organ.reduce("tip", order=2, vary=vary)):
+    for touch in (
+        organ.reduce("tip", order=2, start=state),
+        organ.reduce("tip", order=2, vary=vary),
+        lying.reduce("tip", order=2),
+    ):
         touch.save(file.with_name("bar.viscera"))
         names |= set(reader.read(file.with_name("bar.viscera"))[1])
     assert sorted(name for row in described for name in row) == sorted(names)

@@ -34,8 +34,8 @@ def test_a_column_pushed_by_a_tool_buckles_where_euler_says(column: vs.Organ, so
     # would buckle at an eighth of the load.
     head = column.patch((THICK / 2, THICK / 2, LONG), 0.8 * THICK)
     little = column.solve(displacement={head: (0, 0, -1e-6)}).reaction(head)[2]
-    way = CRITICAL / abs(little) * 1e-6
-    pushed = {part: column.solve(displacement={head: (0, 0, -part * way)}, solver=solver) for part in (0.9, 1.1)}
+    critical = CRITICAL / abs(little) * 1e-6
+    pushed = {part: column.solve(displacement={head: (0, 0, -part * critical)}, solver=solver) for part in (0.9, 1.1)}
     assert pushed[0.9].status == "converged", pushed[0.9].message
     assert pushed[0.9].reaction(head)[2] == pytest.approx(0.9 * -CRITICAL, rel=0.01)
     assert pushed[0.9].iterations <= 10
@@ -45,14 +45,14 @@ def test_a_column_pushed_by_a_tool_buckles_where_euler_says(column: vs.Organ, so
 @pytest.mark.parametrize("solver", ["cholesky", "cg", "multigrid"])
 def test_frames_with_a_tool_are_stable_as_long_as_the_column_is(column: vs.Organ, solver: Solver) -> None:
     head = column.patch((THICK / 2, THICK / 2, LONG), 0.8 * THICK)
-    way = CRITICAL / abs(column.solve(displacement={head: (0, 0, -1e-6)}).reaction(head)[2]) * 1e-6
+    critical = CRITICAL / abs(column.solve(displacement={head: (0, 0, -1e-6)}).reaction(head)[2]) * 1e-6
     stepper = column.stepper(solver=solver)
     tool = stepper.grasp(head)
     for _ in range(9):
-        tool.move((0, 0, -0.1 * way))
+        tool.move((0, 0, -0.1 * critical))
         assert not stepper.frame().is_unstable
     # Pushed too fast to bend on the way, it stands straight beyond Euler's load for a frame.
-    tool.move((0, 0, -0.6 * way))
+    tool.move((0, 0, -0.6 * critical))
     assert any(stepper.frame().is_unstable for _ in range(4))
 
 

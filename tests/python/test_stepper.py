@@ -285,13 +285,13 @@ OVERLOADED = [
 
 @pytest.mark.parametrize("law", OVERLOADED, ids=lambda law: type(law).__name__)
 @pytest.mark.parametrize("dynamics", [None, "backward_euler", "newmark"])
-@pytest.mark.parametrize("way", [{}, {"solver": "cg"}, {"iterations": 3}], ids=str)
-def test_an_overload_does_not_freeze_an_organ(bar: vs.Mesh, law: Any, dynamics: Any, way: dict[str, Any]) -> None:
+@pytest.mark.parametrize("options", [{}, {"solver": "cg"}, {"iterations": 3}], ids=str)
+def test_an_overload_does_not_freeze_an_organ(bar: vs.Mesh, law: Any, dynamics: Any, options: dict[str, Any]) -> None:
     """Seven times the force that would double the length of a linear bar, sideways: let go, the bar comes back."""
-    if isinstance(law, vs.Corotated) and "iterations" in way:
+    if isinstance(law, vs.Corotated) and "iterations" in options:
         pytest.skip("comes back too slowly: see the next test")
     moving = {"dynamics": dynamics, "time_step": 0.02, "damping": (0.1, 0.1)} if dynamics else {}
-    stepper = vs.Organ(bar, law, fixed="root", element="P1").stepper(density=1060, **moving, **way)
+    stepper = vs.Organ(bar, law, fixed="root", element="P1").stepper(density=1060, **moving, **options)
     largest, rest, at_bound = overloaded(bar, stepper, (0, 0, -750), 60)
     assert at_bound > 0
     assert largest > 0.2

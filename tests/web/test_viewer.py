@@ -92,6 +92,34 @@ def test_a_kept_touch_stays(viewer: Viewer) -> None:
     viewer.call("setKeeping", False)
 
 
+def test_a_probe_stands_where_the_arrow_does(viewer: Viewer, touch: vs.Touch) -> None:
+    shown = """() => {
+        const { shaft, head, probe } = viscera.display.arrow;
+        const { group, radius } = probe;
+        return [shaft.visible, head.visible, group.visible, radius, ...group.position.toArray()];
+    }"""
+    viewer.call("setKeeping", True)
+    x, y = viewer.place(TOP)
+    viewer.page.mouse.move(x, y)
+    viewer.page.mouse.down()
+    viewer.page.mouse.move(x, y + 20, steps=2)
+    viewer.page.mouse.up()
+    button = viewer.page.locator("button", has_text="Probe")
+    assert viewer.page.evaluate(shown)[:3] == [True, True, False]
+    viewer.page.keyboard.press("f")
+    assert button.get_attribute("aria-pressed") == "true"
+    *visible, radius, px, py, pz = viewer.page.evaluate(shown)
+    assert visible == [False, False, True]
+    assert radius == pytest.approx(0.5 * touch.radius, rel=1e-5)  # as the ring
+    state = viewer.state
+    point, push = np.array(state["point"]), np.array(state["displacement"])
+    # Its tip touches the moved contact point from outside.
+    assert np.linalg.norm(np.array([px, py, pz]) - point - push) == pytest.approx(radius, rel=0.05)
+    viewer.page.keyboard.press("f")
+    assert viewer.page.evaluate(shown)[:3] == [True, True, False]
+    viewer.call("setKeeping", False)
+
+
 @pytest.mark.parametrize("push", [(0.0, 0.0, -0.02), (0.004, -0.006, 0.008)])
 def test_what_every_order_says(viewer: Viewer, touch: vs.Touch, push: tuple[float, float, float]) -> None:
     viewer.call("touch", TOP, push)

@@ -1,4 +1,4 @@
-// What a load path leaves behind, as in paper A's figure 15: the way of the contact, and the shapes at some of its stations.
+// What a load path leaves behind, as in paper A's figure 15: the path of the contact, and the shapes at some of its stations.
 import * as THREE from "three";
 import { colourAt, VIRIDIS, type Rgb } from "./colour";
 import type { Evaluator } from "./evaluator";
@@ -13,7 +13,7 @@ export class Trail {
   readonly group = new THREE.Group();
   /** Shapes that stay so far. */
   shapes = 0;
-  private readonly way: THREE.Line<THREE.BufferGeometry, THREE.LineBasicMaterial>;
+  private readonly line: THREE.Line<THREE.BufferGeometry, THREE.LineBasicMaterial>;
   private readonly footprints: THREE.LineSegments<THREE.BufferGeometry, THREE.LineBasicMaterial>[] = [];
 
   constructor(
@@ -23,20 +23,20 @@ export class Trail {
     const places = stations.map(({ point, displacement }) => new THREE.Vector3(...point).add(new THREE.Vector3(...displacement)));
     const geometry = new THREE.BufferGeometry().setFromPoints(places);
     geometry.setDrawRange(0, 0);
-    this.way = new THREE.Line(geometry, seenThrough(0xffd166, 0.95));
-    this.way.renderOrder = 2;
-    this.group.add(this.way);
+    this.line = new THREE.Line(geometry, seenThrough(0xffd166, 0.95));
+    this.line.renderOrder = 2;
+    this.group.add(this.line);
   }
 
-  /** Comes as far as a share of the way, in the field of an order. */
+  /** Comes as far as a share of the path, in the field of an order. */
   reach(share: number, order: number): void {
-    const { drawRange } = this.way.geometry;
+    const { drawRange } = this.line.geometry;
     drawRange.count = Math.max(drawRange.count, Math.round(share * this.stations.length));
     while (this.shapes < SHAPES && share >= at(this.shapes)) this.leave(this.shapes++, order);
   }
 
   clear(): void {
-    this.way.geometry.setDrawRange(0, 0);
+    this.line.geometry.setDrawRange(0, 0);
     this.shapes = 0;
     for (const footprint of this.footprints.splice(0)) {
       this.group.remove(footprint);
@@ -47,8 +47,8 @@ export class Trail {
 
   dispose(): void {
     this.clear();
-    this.way.geometry.dispose();
-    this.way.material.dispose();
+    this.line.geometry.dispose();
+    this.line.material.dispose();
   }
 
   /** The station of a shape that stays. */
@@ -56,7 +56,7 @@ export class Trail {
     return this.stations[Math.round(at(shape) * (this.stations.length - 1))]!;
   }
 
-  /** Leaves the shape of a station around its contact: the surface's edges, coloured by the way. */
+  /** Leaves the shape of a station around its contact: the surface's edges, coloured by the share of the path. */
   private leave(shape: number, order: number): void {
     const { evaluator } = this;
     const { point, displacement } = this.station(shape);
@@ -82,7 +82,7 @@ export class Trail {
   }
 }
 
-/** Share of the way where a shape stays: evenly, not at the ends, where the contact does not push. */
+/** Share of the path where a shape stays: evenly, not at the ends, where the contact does not push. */
 function at(shape: number): number {
   return (shape + 0.5) / SHAPES;
 }

@@ -16,7 +16,7 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
-use viscera_core::equilibrium::{Equilibrium, Newton, PatchLoad, Problem};
+use viscera_core::equilibrium::{Equilibrium, Newton, Origin, PatchLoad, Problem};
 use viscera_core::reduced::{Batches, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -24,6 +24,37 @@ use viscera_core::{body, mesh};
 /// Deformation gradients and stresses (m, q, 3, 3), energy densities (m, q).
 type Responses<'py> =
     (Bound<'py, PyArray4<f64>>, Bound<'py, PyArray4<f64>>, Bound<'py, PyArray2<f64>>);
+
+/// A spring or a cable: nodes and weights of its ends, vector between them at rest, stiffness, length, whether it is a cable.
+type Link = (Vec<(u32, f64)>, [f64; 3], f64, f64, bool);
+
+/// Elastic supports and bonds: where the nodes of each sample start, nodes, weights, and stiffness (s, 9); springs.
+#[derive(FromPyObject)]
+struct Ties<'py>(
+    PyReadonlyArray1<'py, u32>,
+    PyReadonlyArray1<'py, u32>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    Vec<Link>,
+);
+
+impl Ties<'_> {
+    fn arrays(&self) -> body::Ties {
+        let rows = self.3.as_array();
+        body::Ties {
+            start: self.0.as_array().to_vec(),
+            nodes: self.1.as_array().to_vec(),
+            weights: self.2.as_array().to_vec(),
+            links: self.4.iter().map(link).collect(),
+            stiffness: rows.rows().into_iter().map(|k| std::array::from_fn(|i| k[i])).collect(),
+        }
+    }
+}
+
+fn link((ends, rest, stiffness, length, is_cable): &Link) -> body::Link {
+    let (ends, rest) = (ends.clone(), *rest);
+    body::Link { ends, rest, stiffness: *stiffness, length: *length, is_cable: *is_cable }
+}
 
 /// Mesh + law + fixed nodes.
 #[pyclass(frozen, module = "viscera._core")]
@@ -36,16 +67,19 @@ pub struct Body {
 #[pymethods]
 impl Body {
     #[new]
+    #[pyo3(signature = (points, cells, law, fixed, element, ties=None))]
     fn new(
         points: PyReadonlyArray2<f64>,
         cells: PyReadonlyArray2<u32>,
         law: &Law,
         fixed: PyReadonlyArray1<u32>,
         element: &str,
+        ties: Option<Ties<'_>>,
     ) -> PyResult<Self> {
         let (points, cells) = (convert::points("points", &points)?, convert::cells(&cells)?);
         let element = Element::named(element).map_err(convert::error)?;
-        let body = body::Body::with_element(element, points, cells, law.material.clone())
+        let ties = ties.map(|ties| ties.arrays()).unwrap_or_default();
+        let body = body::Body::tied(element, points, cells, law.material.clone(), ties)
             .map_err(convert::error)?;
         let surface = mesh::Surface::new(body.points(), &body.surface());
         let mut fixed = fixed.as_array().to_vec();
@@ -273,6 +307,7 @@ fn state_dict<'py>(
     dict.set_item("is_converged", state.status.is_converged())?;
     dict.set_item("message", state.message)?;
     dict.set_item("device_fault", state.device_fault)?;
+    dict.set_item("tangent_on_device", state.origin.map(Origin::name))?;
     dict.set_item("load", state.load)?;
     dict.set_item("iterations", state.iterations)?;
     dict.set_item("factorizations", state.factorizations)?;

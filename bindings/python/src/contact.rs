@@ -44,18 +44,20 @@ impl Shape {
     }
 }
 
-/// Shape, friction (None if bonded), stiffness of the layer, rotation, position, way and turn.
+/// Shape, friction (None if bonded), stiffness of the layer, rotation, position, displacement and turn.
 pub type Tool<'py> =
     (PyRef<'py, Shape>, Option<f64>, f64, [[f64; 3]; 3], [f64; 3], [f64; 3], [f64; 3]);
 
 /// The core's tool.
-pub fn tool((shape, friction, stiffness, rotation, position, way, turn): &Tool) -> contact::Tool {
+pub fn tool(
+    (shape, friction, stiffness, rotation, position, displacement, turn): &Tool,
+) -> contact::Tool {
     contact::Tool {
         shape: shape.shape.clone(),
         friction: friction.map_or(Friction::Bonded, Friction::Coulomb),
         stiffness: *stiffness,
         pose: Pose { rotation: *rotation, position: *position },
-        way: *way,
+        displacement: *displacement,
         turn: *turn,
     }
 }

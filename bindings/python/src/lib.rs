@@ -19,6 +19,7 @@ mod mesher;
 mod model;
 mod path;
 mod pgd;
+mod probe;
 mod settings;
 mod stepper;
 mod touch;
@@ -30,6 +31,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(mesh::surface, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::inspect, m)?)?;
+    m.add_function(wrap_pyfunction!(mesh::overlap, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::quadratic, m)?)?;
     m.add_function(wrap_pyfunction!(mesh::quadratic_surface, m)?)?;
     m.add_function(wrap_pyfunction!(mesher::mesh_labels, m)?)?;
@@ -44,6 +46,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(settings::solver_settings, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::load_gpu, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::gpu, m)?)?;
+    m.add_function(wrap_pyfunction!(gpu::gpu_traffic, m)?)?;
     m.add_function(wrap_pyfunction!(gpu::lose_gpu, m)?)?;
     m.add_class::<factor::Factor>()?;
     m.add_function(wrap_pyfunction!(law::laws, m)?)?;
@@ -57,6 +60,9 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
+    m.add_class::<probe::Probe>()?;
+    m.add("CONTACT_ERROR", viscera_core::reduced::CONTACT_ERROR)?;
+    m.add("PROBE_TOLERANCE", viscera_core::reduced::TOLERANCE)?;
     m.add_class::<galerkin::Galerkin>()?;
     m.add_class::<galerkin::HyperReducedModel>()?;
     m.add_class::<galerkin::GalerkinAnswer>()?;

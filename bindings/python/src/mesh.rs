@@ -63,6 +63,36 @@ pub fn quadratic_surface<'py>(
     convert::table(py, &mesh::quadratic_surface(n_corners, &triangles, &edges))
 }
 
+/// Triangles of both surfaces, barycentric coordinates of the corners, areas.
+type Pieces<'py> = (Table<'py>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+
+#[pyfunction]
+pub fn overlap<'py>(
+    py: Python<'py>,
+    points: PyReadonlyArray2<f64>,
+    first: PyReadonlyArray2<u32>,
+    second: PyReadonlyArray2<u32>,
+    reach: f64,
+) -> PyResult<Pieces<'py>> {
+    let points = convert::points("points", &points)?;
+    let [first, second] = [convert::triangles(&first)?, convert::triangles(&second)?];
+    if let Some(node) = first.iter().chain(&second).flatten().find(|n| **n as usize >= points.len())
+    {
+        return Err(VisceraError::new_err(format!(
+            "a triangle uses point {node}; there are {} points",
+            points.len()
+        )));
+    }
+    let pieces = py.detach(|| mesh::overlap(&points, &first, &second, reach));
+    let triangles: Vec<[u32; 2]> = pieces.iter().map(|piece| piece.triangles).collect();
+    let corners: Vec<[f64; 18]> = pieces
+        .iter()
+        .map(|piece| std::array::from_fn(|k| piece.corners[k / 6][k / 3 % 2][k % 3]))
+        .collect();
+    let areas = PyArray1::from_vec(py, pieces.iter().map(|piece| piece.area).collect());
+    Ok((convert::table(py, &triangles)?, convert::table(py, &corners)?, areas))
+}
+
 #[pyfunction]
 pub fn inspect<'py>(
     py: Python<'py>,

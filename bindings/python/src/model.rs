@@ -148,7 +148,13 @@ impl Model {
     }
 }
 
-fn reason(trust: Trust, kind: &str, estimate: f64, model: &ReducedModel, d: [f64; 3]) -> String {
+pub fn reason(
+    trust: Trust,
+    kind: &str,
+    estimate: f64,
+    model: &ReducedModel,
+    d: [f64; 3],
+) -> String {
     let depth = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
     match trust {
         Trust::Trusted => String::new(),

@@ -5,10 +5,14 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use viscera_core::contact::Pose;
-use viscera_core::equilibrium::{self, Dynamics, Input, Integration, Mass, Prony, StepperSettings};
+use viscera_core::equilibrium::{
+    self, Dynamics, Input, Integration, Mass, Origin, Prony, StepperSettings, Torque, Turn,
+};
 
 /// `beta` and `gamma` of Newmark's rule or none for backward Euler; whether the mass is lumped; Rayleigh's damping.
 type Inertia = (Option<(f64, f64)>, bool, [f64; 2]);
+/// The number of a grasped patch, and where its arms (k, 3) are to point.
+type Turned<'py> = (usize, PyReadonlyArray2<'py, f64>);
 
 /// A body in the hands of a simulator.
 #[pyclass(frozen, module = "viscera._core")]
@@ -117,30 +121,50 @@ impl Stepper {
         convert::field(py, self.stepper.claim()?.reactions().collect())
     }
 
-    #[pyo3(signature = (*, values, means, force, gravity))]
+    #[pyo3(signature = (*, values, means, turns, force, torques, gravity))]
+    #[allow(clippy::too_many_arguments)]
     fn frame<'py>(
         &self,
         py: Python<'py>,
         values: PyReadonlyArray1<f64>,
         means: PyReadonlyArray2<f64>,
+        turns: Vec<Turned<'py>>,
         force: Option<PyReadonlyArray2<f64>>,
+        torques: Vec<(PyRef<'py, Patch>, [f64; 3])>,
         gravity: [f64; 3],
     ) -> PyResult<Bound<'py, PyDict>> {
         let body = &self.body.get().body;
         let values = values.as_array().to_vec();
         let means = convert::points("means", &means)?;
+        let turn = |(patch, arms): &Turned| {
+            convert::points("arms", arms).map(|arms| Turn { patch: *patch, arms })
+        };
+        let turns = turns.iter().map(turn).collect::<PyResult<Vec<_>>>()?;
+        let torque = |(place, torque): &(PyRef<Patch>, _)| Torque {
+            place: place.patch.clone(),
+            torque: *torque,
+        };
+        let torques: Vec<_> = torques.iter().map(torque).collect();
         let force = match force {
             Some(force) => convert::dofs("force", &force, body.points().len())?,
             None => Vec::new(),
         };
         let mut claimed = self.stepper.claim()?;
         let stepper = &mut *claimed;
-        let input = Input { values: &values, means: &means, force: &force, gravity };
+        let input = Input {
+            values: &values,
+            means: &means,
+            turns: &turns,
+            force: &force,
+            torques: &torques,
+            gravity,
+        };
         let frame = py.detach(|| stepper.frame(body, &input)).map_err(convert::error)?;
         let dict = PyDict::new(py);
         dict.set_item("displacement", field(py, stepper.displacement())?)?;
         dict.set_item("reactions", convert::field(py, stepper.reactions().collect())?)?;
         dict.set_item("patch_forces", convert::table(py, &frame.patch_forces)?)?;
+        dict.set_item("patch_torques", convert::table(py, &frame.patch_torques)?)?;
         dict.set_item("residual", frame.residual)?;
         dict.set_item("is_settled", frame.is_settled)?;
         dict.set_item("steps", frame.steps)?;
@@ -155,6 +179,7 @@ impl Stepper {
         dict.set_item("energy", frame.energy)?;
         dict.set_item("kinetic_energy", frame.kinetic_energy)?;
         dict.set_item("device_fault", stepper.device_fault())?;
+        dict.set_item("tangent_on_device", stepper.origin().map(Origin::name))?;
         Ok(dict)
     }
 }

@@ -88,8 +88,8 @@ impl BackgroundTraining {
     /// question.
     pub fn ask(&mut self, contacts: &Arc<ReducedContacts>, q: &[f64], displacements: &[[f64; 3]]) {
         let moved = |(d, asked): (&[f64; 3], &[f64; 3])| {
-            let way: [f64; 3] = std::array::from_fn(|i| d[i] - asked[i]);
-            norm(&way) > MOVED * contacts.owner.sampling.depth
+            let moved: [f64; 3] = std::array::from_fn(|i| d[i] - asked[i]);
+            norm(&moved) > MOVED * contacts.owner.sampling.depth
         };
         let is_new = self.asked.is_empty() || displacements.iter().zip(&self.asked).any(moved);
         if self.is_busy || !is_new {

@@ -122,8 +122,8 @@ impl ReducedContacts {
         }
         let u = self.displacement(solution);
         Ok(match self.owner.newton_step(&self.patches(), &u)? {
-            Some(Step { way, is_stable }) => {
-                let error = norm(&way) / norm(&u);
+            Some(Step { increment, is_stable }) => {
+                let error = norm(&increment) / norm(&u);
                 (if error < 1.0 { error } else { 1.0 }, is_stable)
             }
             None => (1.0, false),

@@ -44,6 +44,11 @@ impl Galerkin {
 
 fn check(model: &ReducedModel, sampling: &Sampling) -> Result<(), Error> {
     let metadata = model.metadata();
+    if !model.arrays().tie_start.is_empty() {
+        return Err(Error::input(
+            "several touches at once do not know elastic supports yet; touch with one finger, or fix nodes instead",
+        ));
+    }
     if !(1..=metadata.order).contains(&sampling.order) {
         return Err(Error::input(format!(
             "order {}; it must be between 1 and {}, the order of the series",

@@ -157,9 +157,9 @@ impl ReducedNewton {
     pub fn solve(&mut self, d: &[f64], search: &mut Search) -> ReducedStatus {
         let limits = Limits { tolerance: self.tolerance, steps: MAX_STEPS, waits: false };
         let size = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        let (last, is_fresh, way, is_feasible) = (f64::INFINITY, false, 0.0, false);
+        let (last, is_fresh, step_norm, is_feasible) = (f64::INFINITY, false, 0.0, false);
         let mut run =
-            ReducedRun { newton: self, d, size, search, last, is_fresh, way, is_feasible };
+            ReducedRun { newton: self, d, size, search, last, is_fresh, step_norm, is_feasible };
         match iterate(&mut run, limits) {
             Ok(Stop::Converged) => ReducedStatus::Converged,
             Ok(Stop::TooManySteps) => ReducedStatus::TooManyIterations,
@@ -242,7 +242,7 @@ struct ReducedRun<'a> {
     last: f64,
     is_fresh: bool,
     /// Norm of the step that was found, and whether it starts on the constraint.
-    way: f64,
+    step_norm: f64,
     is_feasible: bool,
 }
 
@@ -258,9 +258,10 @@ impl Iteration for ReducedRun<'_> {
                 (self.last, self.is_fresh) = (f64::INFINITY, true);
             }
             let lacks = newton.find_step(self.d, self.last < f64::INFINITY);
-            (self.way, self.is_feasible) = (norm(&newton.step), lacks <= FEASIBLE * self.size);
-            search.residual = self.way / norm(&newton.q).max(SMALLEST * newton.unit);
-            if search.residual <= newton.tolerance || !(self.way > SLOW * self.last) {
+            (self.step_norm, self.is_feasible) =
+                (norm(&newton.step), lacks <= FEASIBLE * self.size);
+            search.residual = self.step_norm / norm(&newton.q).max(SMALLEST * newton.unit);
+            if search.residual <= newton.tolerance || !(self.step_norm > SLOW * self.last) {
                 return Ok(search.residual);
             }
             newton.factor.forget();
@@ -277,7 +278,7 @@ impl Iteration for ReducedRun<'_> {
             newton.factor.forget();
             return if self.is_fresh { Err(ReducedStatus::StepTooSmall) } else { Ok(()) };
         };
-        (self.last, self.is_fresh) = (self.way, false);
+        (self.last, self.is_fresh) = (self.step_norm, false);
         if length < 1.0 || newton.factor.is_shifted() {
             newton.factor.forget();
         }

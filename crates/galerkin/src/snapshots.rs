@@ -59,7 +59,7 @@ impl Galerkin {
 
 /// A step of Newton's method on the whole body.
 pub(super) struct Step {
-    pub way: Vec<f64>,
+    pub increment: Vec<f64>,
     /// Whether the tangent is positive definite, so that the state is stable.
     pub is_stable: bool,
 }
@@ -72,13 +72,13 @@ fn newton_step(
     n_means: usize,
     u: &[f64],
 ) -> Option<Step> {
-    let (mut force, mut way) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let (mut force, mut increment) = (vec![0.0; u.len()], vec![0.0; u.len()]);
     let tangent = &mut Tangent::matrix(&origin.body);
     let is_stable = prepare(origin, solver, tangent, u, &mut force)?;
     force.iter_mut().for_each(|f| *f = -*f);
     let stay = vec![0.0; n_means];
-    solver.solve(&mut force, &stay, &mut way, &mut Vec::new(), None).ok()?;
-    Some(Step { way, is_stable })
+    solver.solve(&mut force, &stay, &mut increment, &mut Vec::new(), None).ok()?;
+    Some(Step { increment, is_stable })
 }
 
 /// Readies the solver for the tangent at `u`, made convex where it is not positive definite, and says whether it is;
@@ -179,11 +179,11 @@ impl Iteration for Settling<'_> {
         let (length, energy) = backtrack(1.0, self.patience.cuts, lower).ok_or(LeadsNowhere)?;
         self.energy = energy;
         std::mem::swap(u, trial);
-        let (way, is_whole) = (norm(step), length == 1.0);
+        let (length_of_step, is_whole) = (norm(step), length == 1.0);
         let size = norm(u).max(f64::MIN_POSITIVE);
-        self.residual = if is_whole { way / size } else { f64::INFINITY };
-        self.is_stale = !is_whole || way > SHRINKS * self.last;
-        self.last = way;
+        self.residual = if is_whole { length_of_step / size } else { f64::INFINITY };
+        self.is_stale = !is_whole || length_of_step > SHRINKS * self.last;
+        self.last = length_of_step;
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! Solvers of the whole body, kept for reuse.
 
 use super::origin::Origin;
-use crate::equilibrium::{ConstrainedSystem, Method};
+use crate::equilibrium::{ConstrainedSystem, Method, mean_rows};
 use crate::error::Error;
 use crate::mesh::Patch;
 use std::sync::{Mutex, PoisonError};
@@ -29,7 +29,7 @@ impl Solvers {
                 ConstrainedSystem::new(Method::Cholesky, &origin.body, fixed, Vec::new())?
             }
         };
-        solver.hold(&[], patches.to_vec());
+        solver.hold(&[], mean_rows(patches));
         let done = work(&mut solver);
         idle().push(solver);
         Ok(done)

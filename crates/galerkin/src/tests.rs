@@ -134,8 +134,8 @@ fn newton_of(
     };
     let state = Newton::default().solve(&problem, &mut |_| true).unwrap();
     assert!(state.status.is_converged());
-    let way = state.displacement.iter().zip(&origin.displacement).map(|(u, start)| u - start);
-    (way.collect(), state.patch_forces)
+    let moved = state.displacement.iter().zip(&origin.displacement).map(|(u, start)| u - start);
+    (moved.collect(), state.patch_forces)
 }
 
 fn relative(a: &[f64], exact: &[f64]) -> f64 {

@@ -25,10 +25,15 @@ pub(super) fn assemble(
     let mut is_surface = vec![false; n];
     surface_nodes.iter().for_each(|&node| is_surface[node as usize] = true);
     let (p, e) = (positions.nodes.len(), positions.edges.len());
+    let ties = body.ties().cloned().unwrap_or_default();
     let mut arrays = Arrays {
         points: surface.points().iter().flatten().copied().collect(),
         cells: body.cells().iter().flatten().copied().collect(),
         fixed: fixed.to_vec(),
+        tie_start: ties.start,
+        tie_nodes: ties.nodes,
+        tie_weights: ties.weights,
+        tie_stiffness: ties.stiffness.into_flattened(),
         law_parameters: body.material().parameters().concat(),
         surface: surface.triangles().iter().flatten().copied().collect(),
         surface_nodes,

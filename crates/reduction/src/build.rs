@@ -83,7 +83,15 @@ impl Reduction {
         preload::check(body, fixed, &self.preload)?;
         let surface = &preload::shape(surface, &self.preload);
         let diagonal = diagonal(surface.points());
-        self.check(fixed, diagonal)?;
+        if fixed.is_empty() && body.ties().is_none() {
+            return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
+        }
+        if body.has_links() {
+            return Err(Error::input(
+                "a series does not know springs and cables; leave them out, or solve",
+            ));
+        }
+        self.check(diagonal)?;
         let expand = |member: &Member<'a>| {
             Ok(Expanded {
                 positions: Positions::new(surface, &self.touchable, fixed, member.radius)?,
@@ -156,10 +164,7 @@ impl Reduction {
         Ok(model)
     }
 
-    fn check(&self, fixed: &[u32], diagonal: f64) -> Result<(), Error> {
-        if fixed.is_empty() {
-            return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
-        }
+    fn check(&self, diagonal: f64) -> Result<(), Error> {
         if !(2..=8).contains(&self.order) {
             return Err(Error::input(format!("order {}; it must be between 2 and 8", self.order)));
         }

@@ -28,8 +28,8 @@ pub use recompress::recompressed;
 pub use refused::refused;
 pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{
-    Answer, Answers, Arrays, Contact, Errors, Metadata, Parameter, ReducedModel, Trust, View,
-    allowance,
+    Answer, Answers, Arrays, CONTACT_ERROR, Contact, Coupling, Errors, Felt, Grip, Metadata,
+    Parameter, Probe, RADII, ReducedModel, TOLERANCE, Trust, View, allowance,
 };
 
 #[cfg(test)]

@@ -98,6 +98,11 @@ impl Continuation {
         pressure: &Pressure,
     ) -> Result<Vec<Expansion>, Error> {
         self.check(body, force, pressure)?;
+        if body.has_links() {
+            return Err(Error::input(
+                "a series does not know springs and cables; leave them out, or solve in load steps",
+            ));
+        }
         let mut follower = Follower {
             settings: *self,
             body,

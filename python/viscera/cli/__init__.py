@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from viscera import _core, startup
 from viscera.cli import (
+    bench,
     check,
     compare,
     completion,
@@ -32,7 +33,7 @@ from viscera.cli import (
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 from viscera.errors import VisceraError
 
-VERBS = (demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, warp, study, doctor, completion)
+VERBS = (demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, warp, study, bench, doctor, completion)
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 

@@ -52,7 +52,7 @@ class Output:
         if self.json_path is None:
             return
         facts = {"status": outcome.status, "seconds": round(seconds, 3), **outcome.facts}
-        text = json.dumps(_plain(facts), indent=1, allow_nan=False) + "\n"
+        text = json.dumps(plain(facts), indent=1, allow_nan=False) + "\n"
         if self.json_path == "-":
             sys.stdout.write(text)
             return
@@ -60,14 +60,14 @@ class Output:
             scratch.write_text(text, encoding="utf-8")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """NumPy values as JSON knows them; a number that is not finite becomes null."""
     if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
+        return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(entry) for entry in value]
+        return [plain(entry) for entry in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

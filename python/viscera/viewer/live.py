@@ -18,6 +18,7 @@ from websockets.sync.server import ServerConnection
 
 from viscera import _core, defaults, law
 from viscera.case import Case
+from viscera.errors import VisceraError
 from viscera.loads import density_per_cell
 from viscera.organ import Organ
 from viscera.support import require_held
@@ -54,6 +55,11 @@ def live_case(case: Case, name: str) -> LiveCase:
     """Pack a case under a name to show; raises `VisceraError` if it cannot be stepped."""
     case.require_unloaded("view")
     organ = case.organ()
+    if organ.supports:
+        raise VisceraError(
+            "an organ with elastic supports cannot be stepped in a page yet; fix nodes instead, or `viscera reduce` it "
+            "and view the model"
+        )
     require_held(organ.mesh, organ.fixed, organ.fixed[:0], [])
     return _packed(
         organ,
@@ -69,11 +75,13 @@ def first_case(touch: Touch, name: str) -> LiveCase | None:
     """The organ of a model, for a page to step until the model has arrived; None if no page can step it.
 
     The same organ, law and contact patch as the model's, touchable where the model is. A model about a preload or
-    without its cells has none.
+    without its cells has none, nor has one with elastic supports.
     """
     if touch.preload is not None or not len(touch._model.array("cells")):
         return None
     organ = touch.organ()
+    if organ.supports:
+        return None
     nodes = touch.surface_nodes
     touchable = np.searchsorted(nodes, touch.touchable_triangles).astype(np.uint32)
     own = {type(organ.law).__name__: organ.law}

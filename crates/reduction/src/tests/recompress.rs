@@ -14,10 +14,10 @@ fn touches() -> Vec<(Contact, [f64; 3])> {
     let touch = |(k, r): (usize, &[f64])| {
         let corners = [1.0 + r[0], 1.0 + r[1], 1.0 + r[2]];
         let sum: f64 = corners.iter().sum();
-        let way: [f64; 3] = [r[3], r[4], r[5]];
+        let direction: [f64; 3] = [r[3], r[4], r[5]];
         let depth = DEPTH * (k % 20 + 1) as f64 / 20.0;
         let contact = inside(k % MODEL.triangles().len(), corners.map(|w| w / sum));
-        (contact, way.map(|x| depth * x / norm(&way)))
+        (contact, direction.map(|x| depth * x / norm(&direction)))
     };
     random.chunks_exact(6).enumerate().map(touch).collect()
 }

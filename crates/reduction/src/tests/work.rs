@@ -11,12 +11,12 @@ const GAUSS: [(f64, f64); 5] = [
     (0.953089922969332, 0.118463442528095),
 ];
 
-/// Work along the straight way between two displacements of a contact.
+/// Work along the straight line between two displacements of a contact.
 fn work(model: &ReducedModel, contact: &Contact, from: [f64; 3], to: [f64; 3]) -> f64 {
-    let way: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let line: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
     let power = |s: f64| {
-        let force = model.respond(contact, std::array::from_fn(|i| from[i] + s * way[i])).force;
-        (0..3).map(|i| force[i] * way[i]).sum::<f64>()
+        let force = model.respond(contact, std::array::from_fn(|i| from[i] + s * line[i])).force;
+        (0..3).map(|i| force[i] * line[i]).sum::<f64>()
     };
     GAUSS.iter().map(|&(s, weight)| weight * power(s)).sum()
 }

@@ -93,10 +93,10 @@ fn coefficients_are_those_of_the_path() {
             let (start, n) = (series[0][body.n_dofs()], body.n_dofs());
             let (small, large) = (0.03, 0.06);
             for order in 1..=4 {
-                let error = |way: f64| {
-                    let u = newton(&body, &fixed, &force, pressure, start + way);
+                let error = |further: f64| {
+                    let u = newton(&body, &fixed, &force, pressure, start + further);
                     let sum: Vec<f64> = (0..n)
-                        .map(|d| (0..=order).map(|p| way.powi(p as i32) * series[p][d]).sum())
+                        .map(|d| (0..=order).map(|p| further.powi(p as i32) * series[p][d]).sum())
                         .collect();
                     let gap: Vec<f64> = sum.iter().zip(&u).map(|(a, b)| a - b).collect();
                     norm(&gap)
