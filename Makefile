@@ -11,8 +11,24 @@ CARGO  := cargo
 core_sources := Cargo.toml Cargo.lock $(shell find core crates live mesher bindings/python -name '*.rs' -o -name Cargo.toml)
 extension    := python/viscera/_core.abi3.so
 c_tests      := tests/c
-c_system     := $(if $(filter Darwin,$(shell uname)),-lSystem -lm,-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc)
 PREFIX       ?= /usr/local
+
+# The C library: what it is linked to, its names, and what is taken out of the static one.
+c_folder     := target/c
+c_version    := $(shell sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)
+c_major      := $(firstword $(subst ., ,$(c_version)))
+ifeq ($(shell uname),Darwin)
+c_system     := -lSystem -lm
+c_shared     := libviscera.$(c_version).dylib libviscera.$(c_major).dylib libviscera.dylib
+c_strip       = strip -S $(1) -o $(2)
+else
+c_system     := -lgcc_s -lutil -lrt -lpthread -lm -ldl -lc
+c_shared     := libviscera.so.$(c_version) libviscera.so.$(c_major) libviscera.so
+c_strip       = objcopy --strip-debug --remove-section=.llvmbc --remove-section=.llvmcmd $(1) $(2)
+endif
+c_link       := $(lastword $(c_shared))
+c_packages   := viscera.pc VisceraConfig.cmake VisceraConfigVersion.cmake
+
 # What GPU=1 adds: the library that the solver "gpu" loads. What is built and tested every day has no wgpu in it.
 gpu_name     := $(if $(filter Darwin,$(shell uname)),libviscera_gpu.dylib,libviscera_gpu.so)
 gpu_library  := python/viscera/$(gpu_name)
@@ -89,7 +105,7 @@ format: $(VENV)/development $(VENV)/rust-tools ## put every file in its standard
 test-core: ## the Rust tests
 	$(CARGO) test --release --workspace --quiet
 
-test-c: $(development) c-library ## the C library: programs in C and C++ against Python
+test-c: $(development) c-library $(VENV)/cmake ## the C library: programs in C and C++ against Python
 	$(BIN)/pytest $(c_tests)
 
 test-python: $(development) $(node_viewer) ## the Python tests and doctests
@@ -123,19 +139,27 @@ fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_
 			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
 			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=128 -artifact_prefix=out/fuzz/ || exit; done
 
-c-library: ## the C library for haptic loops, shared and static, with its pkg-config file, in target/release
-	$(CARGO) build --release --package viscera-c
-	sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e "s|@VERSION@|$$(sed -n 's/^version = "\(.*\)"/\1/p' Cargo.toml)|" \
-		bindings/c/viscera.pc.in > target/release/viscera.pc
+c-library: ## the C library for haptic loops, shared and static, with what pkg-config and CMake read, in target/c
+	$(CARGO) build --profile library --package viscera-c
+	install -d $(c_folder)
+	install -m 644 target/library/$(c_link) $(c_folder)/$(firstword $(c_shared))
+	ln -sf $(word 1,$(c_shared)) $(c_folder)/$(word 2,$(c_shared))
+	ln -sf $(word 2,$(c_shared)) $(c_folder)/$(word 3,$(c_shared))
+	$(call c_strip,target/library/libviscera.a,$(c_folder)/libviscera.a)
+	for package in $(c_packages); do \
+		sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e 's|@VERSION@|$(c_version)|' -e 's|@MAJOR@|$(c_major)|' \
+			-e 's|@SHARED@|$(word 1,$(c_shared))|' -e 's|@SONAME@|$(word 2,$(c_shared))|' \
+			bindings/c/packages/$$package.in > $(c_folder)/$$package; done
 
-install-c: c-library ## header, libraries and pkg-config file of the C library into PREFIX
-	install -d $(PREFIX)/include $(PREFIX)/lib/pkgconfig
+install-c: c-library ## headers and libraries of the C library, and what pkg-config and CMake read, into PREFIX
+	install -d $(PREFIX)/include $(PREFIX)/lib/pkgconfig $(PREFIX)/lib/cmake/Viscera
 	install -m 644 bindings/c/include/viscera.h bindings/c/include/viscera.hpp $(PREFIX)/include
-	for library in a so dylib; do \
-		test ! -f target/release/libviscera.$$library || install -m 644 target/release/libviscera.$$library $(PREFIX)/lib; done
-	install -m 644 target/release/viscera.pc $(PREFIX)/lib/pkgconfig
+	install -m 644 $(c_folder)/libviscera.a $(PREFIX)/lib
+	cp -P $(addprefix $(c_folder)/,$(c_shared)) $(PREFIX)/lib
+	install -m 644 $(c_folder)/viscera.pc $(PREFIX)/lib/pkgconfig
+	install -m 644 $(c_folder)/*.cmake $(PREFIX)/lib/cmake/Viscera
 
-bench: $(development) out/liver.viscera ## the benchmarks
+bench: $(development) c-library out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) run --quiet --release --package viscera-linear --example fronts; }
@@ -145,7 +169,7 @@ bench-laws: $(development) ## cost and trust of every law and element against th
 	$(BIN)/viscera bench laws --against benchmarks/results/laws.json -o out/bench
 
 bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
-	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c target/release/libviscera.a $(c_system) -lm -o out/haptic_loop
+	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c $(c_folder)/libviscera.a $(c_system) -lm -o out/haptic_loop
 	$(BIN)/python benchmarks/machine.py 1 > out/haptic.txt
 	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) >> out/haptic.txt; status=$$?; \
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
@@ -220,6 +244,10 @@ viewer/node_modules/.package-lock.json: viewer/package-lock.json
 
 $(VENV)/chromium: | $(VENV)/development
 	command -v chromium chromium-browser google-chrome || $(debian) chromium
+	touch $@
+
+$(VENV)/cmake: | $(VENV)/development
+	command -v cmake || $(debian) cmake
 	touch $@
 
 clean: ## forget .venv, build products and results

@@ -18,7 +18,7 @@ STRICT = ["-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 @pytest.fixture(scope="session")
 def libraries() -> Path:
-    folder = ROOT / "target" / "release"
+    folder = ROOT / "target" / "c"
     if not (folder / "libviscera.a").is_file():
         pytest.skip(f"no C library in {folder}; `make c-library` builds it")
     if shutil.which("cc") is None or shutil.which("c++") is None:
