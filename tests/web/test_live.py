@@ -196,6 +196,33 @@ def test_two_laws_side_by_side(live: Viewer) -> None:
     settle(live)
 
 
+def test_several_laws_in_one_organ(look_at: Look, server: Server, bar: vs.Mesh, tmp_path: Path) -> None:
+    """A bar of two laws, each in its own cells, stepped in the page from its case file."""
+    mesh = bar.with_cell_sets(near=lambda x: x[:, 0] < 0.2, far=lambda x: x[:, 0] >= 0.2)
+    laws = {"near": vs.NeoHookean(young=1e5, poisson=0.45), "far": vs.Yeoh(c10=3e3, c20=2e3, poisson=0.45)}
+    organ = vs.Organ(mesh, laws, fixed="root")
+    push = (0.0, 0.01, -0.04)
+    with serve_live(organ.to_case(tmp_path / "pair.toml"), "Pair", in_page=True) as running:
+        viewer = look_at(running.url)
+        assert viewer.state["place"] == "in this page"
+        assert viewer.state["laws"] == ["Several"]
+        viewer.call("touch", TIP, push)
+        settle(viewer)
+        [specimen] = viewer.state["specimens"]
+        assert viewer.complaints == []
+        viewer.close()
+    patch = organ.patch(TIP, 0.1 * bar.diagonal)
+    exact = organ.solve(displacement={patch: push})
+    size = np.abs(exact.displacement).max()
+    shown = np.reshape(specimen["field"], (-1, 3))
+    assert shown == pytest.approx(exact.displacement[bar.surface_nodes], abs=1e-5 * size)
+    force = exact.reaction(patch)
+    assert specimen["force"] == pytest.approx(force.tolist(), abs=1e-5 * np.linalg.norm(force))
+    # One law in all cells answers otherwise.
+    other = vs.Organ(mesh, laws["near"], fixed="root").solve(displacement={patch: push}).reaction(patch)
+    assert np.linalg.norm(force - other) > 0.05 * np.linalg.norm(force)
+
+
 def test_stress_as_colours(live: Viewer, bar: vs.Mesh, organ: vs.Organ) -> None:
     live.call("setLaws", ["NeoHookean"])
     live.call("setColouring", "stress")

@@ -16,6 +16,17 @@ if TYPE_CHECKING:
 
 expect = pytest.importorskip("playwright.sync_api").expect
 TOP = (0.3, 0.05, 0.1)
+# Keeps what a probe feels at every place it comes to.
+RECORD = """() => {
+    const { evaluator } = viscera;
+    const place = evaluator.place.bind(evaluator);
+    window.felt = [];
+    evaluator.place = (center) => {
+        const felt = place(center);
+        window.felt.push([center, felt.grip, felt.force]);
+        return felt;
+    };
+}"""
 # Lets seconds pass on a load path.
 WALK = "(seconds) => window.viscera.stage.onFrame(seconds)"
 
@@ -92,7 +103,46 @@ def test_a_kept_touch_stays(viewer: Viewer) -> None:
     viewer.call("setKeeping", False)
 
 
-def test_a_probe_stands_where_the_arrow_does(viewer: Viewer, touch: vs.Touch) -> None:
+def test_a_probe_presses_and_slides_by_the_numbers_of_python(viewer: Viewer, touch: vs.Touch) -> None:
+    """Pressed in, then drawn along: the same probe in Python goes through the same centres."""
+    viewer.page.evaluate(RECORD)
+    viewer.page.keyboard.press("f")
+    viewer.call("setKeeping", True)
+    x, y = viewer.place(TOP)
+    mouse = viewer.page.mouse
+    mouse.move(x, y)
+    mouse.down()
+    mouse.move(x, y + 20, steps=4)
+    pressed = viewer.state
+    viewer.call("setTool", "drag")
+    mouse.move(x + 20, y + 20, steps=4)
+    mouse.up()
+    slid = viewer.state
+    viewer.shoot("probe")
+    probe = touch.probe()
+    found = viewer.page.evaluate("() => window.felt")
+    felt = [probe.place(center) for center, *_ in found]
+    assert [grip for _, grip, _ in found] == [told.grip for told in felt]
+    for (_, _, force), told in zip(found, felt, strict=True):
+        assert force == pytest.approx(told.force.tolist(), abs=1e-5 * np.linalg.norm(felt[-1].force))
+    last = felt[-1]
+    assert last.grip == "slides"
+    assert slid["probe"]["gap"] == pytest.approx(last.gap, abs=1e-9)
+    assert close(slid["force"], last.force)
+    assert close(slid["field"], last.displacement[touch.surface_nodes])
+    assert slid["error_estimate"] == pytest.approx(last.error_estimate, rel=1e-5)
+    assert slid["is_trusted"] == last.is_trusted
+    # Without friction the contact goes along with the sphere.
+    assert np.linalg.norm(np.subtract(slid["point"], pressed["point"])) > 0.1 * touch.radius
+    # Kept where it is without the probe: the contact itself is held from now on.
+    viewer.page.keyboard.press("f")
+    assert viewer.state["probe"] is None
+    assert close(viewer.state["force"], touch(slid["point"], slid["displacement"]).force)
+    viewer.call("setTool", "push")
+    viewer.call("setKeeping", False)
+
+
+def test_a_probe_stands_where_it_is_held(viewer: Viewer, touch: vs.Touch) -> None:
     shown = """() => {
         const { shaft, head, probe } = viscera.display.arrow;
         const { group, radius } = probe;
@@ -110,13 +160,14 @@ def test_a_probe_stands_where_the_arrow_does(viewer: Viewer, touch: vs.Touch) ->
     assert button.get_attribute("aria-pressed") == "true"
     *visible, radius, px, py, pz = viewer.page.evaluate(shown)
     assert visible == [False, False, True]
-    assert radius == pytest.approx(0.5 * touch.radius, rel=1e-5)  # as the ring
-    state = viewer.state
-    point, push = np.array(state["point"]), np.array(state["displacement"])
-    # Its tip touches the moved contact point from outside.
-    assert np.linalg.norm(np.array([px, py, pz]) - point - push) == pytest.approx(radius, rel=0.05)
+    assert radius == pytest.approx(touch.radius, rel=1e-5)
+    assert (px, py, pz) == pytest.approx(viewer.state["probe"]["center"])
+    # Lifted off it is still there, and feels nothing.
+    viewer.call("move", [0.0, 0.0, 0.02])
+    assert viewer.state["probe"]["grip"] == "free"
+    assert np.linalg.norm(viewer.state["force"]) == 0
+    assert viewer.page.evaluate(shown)[:3] == [False, False, True]
     viewer.page.keyboard.press("f")
-    assert viewer.page.evaluate(shown)[:3] == [True, True, False]
     viewer.call("setKeeping", False)
 
 

@@ -18,27 +18,33 @@ export class Arrow {
   private readonly probe: Probe;
   private isProbe = false;
   private isForce = false;
+  /** Whether the hand holds a probe, which is there without a force, too. */
+  private isHeld = false;
   /** The contact, and the arrow's far end, where its number belongs [m]. */
   private readonly foot = new THREE.Vector3();
   private readonly tail = new THREE.Vector3();
 
-  /** Lengths follow the organ's diagonal [m]; the ring is the contact patch. */
+  /** Lengths follow the organ's diagonal [m]; the ring marks the contact. */
   constructor(
     private readonly diagonal: number,
     radius: number,
+    tip = radius,
   ) {
     const width = 0.0085 * diagonal;
     this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(width, width, 1, 24).translate(0, 0.5, 0), this.material);
     this.head = new THREE.Mesh(new THREE.ConeGeometry(2.6 * width, 5 * width, 32).translate(0, 2.5 * width, 0), this.material);
     const torus = new THREE.TorusGeometry(radius, 0.003 * diagonal, 12, 64);
     this.ring = new THREE.Mesh(torus, new THREE.MeshBasicMaterial({ color: 0xffffff, transparent: true, opacity: 0.75 }));
-    this.probe = new Probe(diagonal, radius, this.material);
+    this.probe = new Probe(diagonal, tip, this.material);
     this.group.add(this.shaft, this.head, this.ring, this.probe.group);
     this.group.visible = false;
   }
 
-  /** A force at a point: its length is the share of the reference force; a push ends at the surface, a pull starts there. */
-  show(at: Vec3, force: Vec3, outward: Vec3, reference: number, standing: Standing): void {
+  /**
+   * A force at a point: its length is the share of the reference force; a push ends at the surface, a pull
+   * starts there. A probe that the hand holds has its centre where it is; a picture of one touches the point.
+   */
+  show(at: Vec3, force: Vec3, outward: Vec3, reference: number, standing: Standing, center: Vec3 | null = null): void {
     const F = new THREE.Vector3(...force);
     const size = F.length();
     const direction = size > 0 ? F.clone().divideScalar(size) : new THREE.Vector3(...outward).negate();
@@ -54,9 +60,11 @@ export class Arrow {
     this.head.position.copy(start).addScaledVector(direction, length - headLength);
     this.head.quaternion.copy(turn);
     const normal = new THREE.Vector3(...outward);
-    this.probe.place(point, normal);
+    const tip = center ? new THREE.Vector3(...center) : point.clone().addScaledVector(normal, this.probe.radius);
+    this.probe.place(tip, normal);
+    this.isHeld = center !== null;
     this.foot.copy(point);
-    if (this.isProbe) this.tail.copy(this.probe.end(point, normal));
+    if (this.isProbe) this.tail.copy(this.probe.end(tip, normal));
     else this.tail.copy(isPull ? start.clone().addScaledVector(direction, length) : start);
     this.isForce = size > 1e-3 * reference;
     this.choose();
@@ -73,7 +81,7 @@ export class Arrow {
   }
 
   hover(at: Vec3, outward: Vec3): void {
-    this.isForce = false;
+    this.isForce = this.isHeld = false;
     this.shaft.visible = this.head.visible = this.probe.group.visible = false;
     this.mark(at, outward);
   }
@@ -99,7 +107,7 @@ export class Arrow {
 
   private choose(): void {
     this.shaft.visible = this.head.visible = this.isForce && !this.isProbe;
-    this.probe.group.visible = this.isForce && this.isProbe;
+    this.probe.group.visible = (this.isForce || this.isHeld) && this.isProbe;
   }
 
   dispose(): void {

@@ -39,7 +39,7 @@ export class Display {
     this.speech = new Speech(stage);
     this.body = new Body(evaluator);
     this.painter = new Painter(evaluator, this.body, this.legend);
-    this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius);
+    this.arrow = new Arrow(metadata.diagonal, 0.5 * metadata.radius, metadata.radius);
     this.inside = new Inside(evaluator.rest, evaluator.notes.inside ?? []);
     this.readings = new Readings(metadata.order, chooseOrder);
     this.gauge = new Gauge(stage, evaluator.notes.axes);
@@ -54,7 +54,8 @@ export class Display {
       this.body.move(touching.field);
       this.inside.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
-      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order));
+      const center = touching.felt?.center ?? null;
+      this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order), center);
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
     this.inside.show(this.shifts(touching, order), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));

@@ -20,6 +20,19 @@ export interface Answer {
   shapeTrust: Trust;
 }
 
+/** What a sphere does at a place. */
+export type Grip = "free" | "sticks" | "slides" | "inside" | "lost";
+const GRIP: Grip[] = ["free", "sticks", "slides", "inside", "lost"];
+
+/** What a sphere feels at a place, and how it displaces the contact that it holds [m]. */
+export interface Felt extends Answer {
+  center: Vec3;
+  displacement: Vec3;
+  /** From the surface at rest [m]; negative where the sphere has entered it. */
+  gap: number;
+  grip: Grip;
+}
+
 /** What Python writes for the page (viscera/viewer/surface.py). */
 export interface Notes {
   name?: string;
@@ -66,6 +79,9 @@ interface Exports {
   organ_evaluate(organ: number, x: number, y: number, z: number): number;
   organ_shape_trust(organ: number): number;
   organ_answer(organ: number): number;
+  organ_place(organ: number, x: number, y: number, z: number): number;
+  organ_felt(organ: number): number;
+  organ_lift(organ: number): void;
   organ_force(organ: number, x: number, y: number, z: number, order: number): number;
   organ_surface(organ: number, x: number, y: number, z: number, order: number, slot: number): number;
   organ_volume(organ: number, slot: number): number;
@@ -146,7 +162,22 @@ export class Evaluator {
 
   /** The answer to the contact displaced by d [m]. */
   evaluate(d: Vec3): Answer {
-    const trust = TRUST[this.wasm.organ_evaluate(this.organ, ...d)] ?? "no-number";
+    return this.answer(this.wasm.organ_evaluate(this.organ, ...d));
+  }
+
+  /** Moves a sphere, as wide as the patch, to a place [m]; what it holds there is the contact from now on. */
+  place(center: Vec3): Felt {
+    const answer = this.answer(this.wasm.organ_place(this.organ, ...center));
+    const [x, y, z, gap, grip] = [...this.doubles(this.wasm.organ_felt(this.organ), 5)] as [number, number, number, number, number];
+    return { ...answer, center, displacement: [x, y, z], gap, grip: GRIP[grip] ?? "lost" };
+  }
+
+  /** Takes the sphere from the organ: the next place is a first one. */
+  lift(): void {
+    this.wasm.organ_lift(this.organ);
+  }
+
+  private answer(trust: number): Answer {
     const numbers = [...this.doubles(this.wasm.organ_answer(this.organ), 17)];
     for (let i = 3; i < 15; i++) numbers[i]! *= this.factor;
     return {
@@ -154,7 +185,7 @@ export class Evaluator {
       force: numbers.slice(3, 6) as Vec3,
       stiffness: numbers.slice(6, 15),
       error: numbers[15] ?? 1,
-      trust,
+      trust: TRUST[trust] ?? "no-number",
       shapeError: numbers[16] ?? 1,
       shapeTrust: TRUST[this.wasm.organ_shape_trust(this.organ)] ?? "no-number",
     };

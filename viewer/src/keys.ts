@@ -32,7 +32,7 @@ export const KEYS: readonly [string, string][] = [
   ["Esc", "let go, close this help"],
   ["1 … 8", "order of the series; 1 is linear theory"],
   ["C  W  K", "colour, wireframe at rest, keep the touch"],
-  ["F  I", "force: arrow or probe; look: solid, translucent, cut open"],
+  ["F  I", "take a probe, or the contact itself; look: solid, translucent, cut open"],
   ["P  M", "play a load path, show the modes ([ and ] step through them)"],
   ["T  R  ?", "light or dark theme, reset, this help"],
 ];

@@ -74,7 +74,7 @@ export class Tools {
     this.switches = {
       keep: button("Keep", "keep the touch after release", () => view.toggleKeeping(), "K"),
       outline: button("Wireframe", "show the shape at rest as a wireframe", () => view.toggleOutline(), "W"),
-      probe: button("Probe", "show a probe in place of the force's arrow", () => view.toggleProbe(), "F"),
+      probe: button("Probe", "press with a round probe that slides over the surface", () => view.toggleProbe(), "F"),
       path: button("▶ Path", "move a contact along a path over the surface", () => view.togglePath(), "P"),
       modes: button("Modes", "show the modes of the reduced model", () => view.toggleModes(), "M"),
     };

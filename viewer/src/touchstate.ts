@@ -2,11 +2,14 @@
 import type { Standing } from "./arrow";
 import { sample, type Curves } from "./curve";
 import { fixed, newtons } from "./dom";
-import type { Answer, Evaluator, Vec3 } from "./evaluator";
+import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
 import type { OrderReading } from "./readings";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 const BEYOND = 1.3;
+
+/** How far a probe goes in one step, in units of its radius: one that comes into the organ at once feels nothing. */
+const STRIDE = 0.25;
 
 /** Directions that differ by no more than this, in each component, have the same curves. */
 const SAME = 1e-6;
@@ -23,12 +26,19 @@ export const NOBODY = {
   is_shape_trusted: null,
   field: null,
   orders: null,
+  probe: null,
 };
 
 export class TouchState {
   point: Vec3 = [0, 0, 0];
   normal: Vec3 = [0, 0, 1];
   displacement: Vec3 = [0, 0, 0];
+  /** How far the hand has moved since it took hold [m]: so much as the contact, but for a probe's. */
+  motion: Vec3 = [0, 0, 0];
+  /** What a probe in the hand feels; null without one. */
+  felt: Felt | null = null;
+  /** Where its centre was when the hand took hold [m]. */
+  private readonly outset: Vec3 = [0, 0, 0];
   answer: Answer;
   force: Vec3 = [0, 0, 0];
   curves: Curves | null = null;
@@ -44,6 +54,7 @@ export class TouchState {
     private readonly evaluator: Evaluator,
     point: Vec3,
     normal: Vec3,
+    hasProbe = false,
   ) {
     this.field = new Float32Array(evaluator.rest.length);
     this.best = new Float32Array(evaluator.rest.length);
@@ -53,6 +64,10 @@ export class TouchState {
     evaluator.surface([0, 0, 0], 1, 0);
     this.restVolume = evaluator.volume(0);
     this.answer = evaluator.evaluate([0, 0, 0]);
+    if (!hasProbe) return;
+    evaluator.lift();
+    this.outset = this.point.map((x, i) => x + evaluator.about.metadata.radius * normal[i]!) as Vec3;
+    this.felt = evaluator.place(this.outset);
   }
 
   get depth(): number {
@@ -73,6 +88,7 @@ export class TouchState {
       is_shape_trusted: answer.shapeTrust === "trusted",
       field: Array.from(this.field),
       orders,
+      probe: this.felt && { center: this.felt.center, gap: this.felt.gap, grip: this.felt.grip },
     };
   }
 
@@ -104,8 +120,11 @@ export class TouchState {
   /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
   doubt(order: number): string {
     const { metadata } = this.evaluator.about;
+    const { felt } = this;
+    if (felt?.grip === "inside") return "the probe is inside the organ; let go and touch again";
     switch (this.answer.trust) {
       case "beyond-depth":
+        if (felt) return `the probe has entered by ${mm(-felt.gap)}, beyond the ${mm(Math.min(metadata.depth, metadata.radius))} that it may`;
         return `a depth of ${mm(this.depth)} exceeds the ${mm(metadata.depth)} that this model is made for`;
       case "error-too-large":
         return `the estimated error is ${(100 * this.answer.error).toPrecision(2)} % here`;
@@ -118,24 +137,40 @@ export class TouchState {
     return `${name} is ${(100 * off).toPrecision(2)} % away from order ${metadata.order} here`;
   }
 
-  /** Evaluates a displacement [m]: what every order says, force and field of one of them. */
+  /** Moves the hand to a displacement from where it took hold [m]: what every order says, force and field of one of them. */
   displace(d: Vec3, order: number): void {
     const { evaluator } = this;
     const highest = evaluator.about.metadata.order;
-    const limit = BEYOND * evaluator.about.metadata.depth;
-    const size = Math.hypot(...d);
-    this.displacement = size > limit ? (d.map((x) => (x * limit) / size) as Vec3) : d;
-    if (size > 0) this.turnTo(d.map((x) => x / size) as Vec3);
-    this.answer = evaluator.evaluate(this.displacement);
+    this.answer = this.felt ? this.press(d, this.felt) : this.push(d);
+    const size = this.depth;
+    if (size > 0) this.turnTo(this.displacement.map((x) => x / size) as Vec3);
     this.best.set(evaluator.surface(this.displacement, highest, 1));
     this.read(highest, this.best);
     for (let p = 1; p < highest; p++) this.read(p, evaluator.surface(this.displacement, p, 1));
     this.choose(order);
   }
 
+  /** The hand holds the contact itself. */
+  private push(d: Vec3): Answer {
+    const limit = BEYOND * this.evaluator.about.metadata.depth;
+    const size = Math.hypot(...d);
+    this.displacement = this.motion = size > limit ? (d.map((x) => (x * limit) / size) as Vec3) : d;
+    return this.evaluator.evaluate(this.displacement);
+  }
+
+  /** The hand holds a probe, which goes along a straight line. */
+  private press(d: Vec3, { center: from }: Felt): Felt {
+    const way = this.outset.map((x, i) => x + d[i]! - from[i]!);
+    const strides = Math.max(1, Math.ceil(Math.hypot(...way) / (STRIDE * this.evaluator.about.metadata.radius)));
+    for (let k = 1; k <= strides; k++) this.felt = this.evaluator.place(from.map((x, i) => x + (k / strides) * way[i]!) as Vec3);
+    const felt = this.felt!;
+    [this.point, this.displacement, this.motion] = [felt.point, felt.displacement, d];
+    return felt;
+  }
+
   /** Samples the curves along a direction; who pushes in goes along the same one from move to move. */
   private turnTo(direction: Vec3): void {
-    const sampled = [...direction, this.evaluator.factor];
+    const sampled = [...direction, this.evaluator.factor, ...this.point];
     if (this.curves && sampled.every((x, i) => Math.abs(x - this.sampled[i]!) < SAME)) return;
     this.sampled = sampled;
     this.curves = sample(this.evaluator, direction);
@@ -146,7 +181,7 @@ export class TouchState {
     const { evaluator } = this;
     const isBest = order === evaluator.about.metadata.order;
     this.field.set(isBest ? this.best : evaluator.surface(this.displacement, order, 1));
-    this.force = evaluator.force(this.displacement, order);
+    this.force = this.felt && isBest ? this.answer.force : evaluator.force(this.displacement, order);
   }
 
   /** Fills an order's reading from its field, which is also in slot 1. */

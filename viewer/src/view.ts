@@ -101,7 +101,7 @@ export class View implements Touched, Keyed, Shared {
 
   grab(hit: Hit): void {
     this.stop();
-    if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest);
+    if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest, this.hasProbe);
     this.activity = "held";
     this.hint.end();
   }
@@ -120,7 +120,7 @@ export class View implements Touched, Keyed, Shared {
       this.activity = "kept";
       return;
     }
-    this.spring.release(this.touching.displacement);
+    this.spring.release(this.touching.motion);
     this.activity = "springing";
   }
 
@@ -129,7 +129,7 @@ export class View implements Touched, Keyed, Shared {
   }
 
   contact(): { normal: Vec3; displacement: Vec3 } | null {
-    return this.touching;
+    return this.touching && { normal: this.touching.normal, displacement: this.touching.motion };
   }
 
   reading(): Reading | null {
@@ -159,7 +159,7 @@ export class View implements Touched, Keyed, Shared {
     if (!this.touching) return this.touchMiddle();
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
     this.activity = "kept";
-    this.move(nudged(this.stage, this.touching, by));
+    this.move(nudged(this.stage, this.contact()!, by));
   }
 
   /** Lets go, whatever moved the organ. */
@@ -194,7 +194,7 @@ export class View implements Touched, Keyed, Shared {
     if (!this.evaluator.notes.is_stress_free || !(factor > 0)) return;
     this.evaluator.factor = factor;
     this.tools.sayStiffness(factor);
-    if (this.touching) this.move(this.touching.displacement);
+    if (this.touching) this.move(this.touching.motion);
   }
 
   /** Whether the wheel is meant for the view. */
@@ -231,10 +231,16 @@ export class View implements Touched, Keyed, Shared {
     this.stage.invalidate();
   }
 
+  /** Takes a probe into the hand, or puts it away; a touch goes on with it or without. */
   toggleProbe(): void {
     this.hasProbe = !this.hasProbe;
     this.display.arrow.hasProbe = this.hasProbe;
     this.tools.press("probe", this.hasProbe);
+    if (this.touching && (this.activity === "held" || this.activity === "kept")) {
+      const { point, displacement } = this.touching;
+      this.touchAt(point, this.hasProbe);
+      this.move(displacement);
+    }
     this.show();
   }
 
@@ -384,9 +390,9 @@ export class View implements Touched, Keyed, Shared {
     this.move(station.displacement);
   }
 
-  private touchAt(point: Vec3): void {
+  private touchAt(point: Vec3, hasProbe = false): void {
     const { radius } = this.evaluator.about.metadata;
-    this.touching = new TouchState(this.evaluator, point, this.display.body.normalAt(point, radius));
+    this.touching = new TouchState(this.evaluator, point, this.display.body.normalAt(point, radius), hasProbe);
     this.touching.displace([0, 0, 0], this.order);
   }
 

@@ -98,6 +98,36 @@ pub unsafe extern "C" fn organ_answer(organ: *const Model) -> *const f64 {
     unsafe { &*organ }.answer().as_ptr()
 }
 
+/// Moves the centre of a sphere to (x, y, z) [m], as wide as the patch and without friction; returns as
+/// [`organ_evaluate`]. The contact is the one that the sphere holds. The numbers are in [`organ_answer`] and
+/// [`organ_felt`].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_place(organ: *mut Model, x: f64, y: f64, z: f64) -> u32 {
+    unsafe { &mut *organ }.place([x, y, z])
+}
+
+/// Displacement of the contact (3) [m], gap [m] between sphere and surface at rest, and grip: 0 free, 1 sticks,
+/// 2 slides, 3 inside, 4 lost.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_felt(organ: *const Model) -> *const f64 {
+    unsafe { &*organ }.felt().as_ptr()
+}
+
+/// Takes the sphere from the organ: the next place is a first one.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_lift(organ: *mut Model) {
+    unsafe { &mut *organ }.lift();
+}
+
 /// Force (3) [N] of the series cut after an order.
 ///
 /// # Safety

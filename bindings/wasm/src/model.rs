@@ -1,12 +1,14 @@
 //! A model as a page uses it: one contact at a time, surface nodes only, buffers that are reused.
 
 use serde_json::json;
-use viscera_touch::{Contact, ReducedModel, Trust};
+use viscera_touch::{Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
 
 /// Numbers of an answer: contact point, force, stiffness, error estimates of force and shape.
 const ANSWER_LEN: usize = 17;
 /// What [`Model::evaluate`] returns where force or stiffness overflow.
 const NO_NUMBER: u32 = 3;
+/// Numbers of what a probe feels beside the answer: displacement of the contact, gap, grip.
+const FELT_LEN: usize = 5;
 
 /// A model, its present contact, and buffers.
 pub struct Model {
@@ -14,6 +16,9 @@ pub struct Model {
     contact: Option<Contact>,
     answer: [f64; ANSWER_LEN],
     shape_trust: u32,
+    /// A sphere as wide as the patch, without friction.
+    probe: Probe,
+    felt: [f64; FELT_LEN],
     force: [f64; 3],
     rest: Vec<f32>,
     /// Surface triangles and touchable ones (.., 3), and load positions, all by row of the surface nodes.
@@ -46,7 +51,11 @@ impl Model {
         let touchable = arrays.touchable.iter().map(|&p| positions[p as usize]).collect();
         let points = nodes.iter().flat_map(|&n| &arrays.points[3 * n as usize..3 * n as usize + 3]);
         let size = 3 * nodes.len();
+        let radius = model.metadata().radius;
+        let probe = Probe::new(&model, radius, 0.0, TOLERANCE, None).map_err(|e| e.to_string())?;
         Ok(Model {
+            probe,
+            felt: [0.0; FELT_LEN],
             contact: None,
             answer: [0.0; ANSWER_LEN],
             shape_trust: NO_NUMBER,
@@ -130,6 +139,32 @@ impl Model {
         self.shape_trust
     }
 
+    /// Moves the centre of the probe to a point: contact, answer and trust are those of what it feels there.
+    pub fn place(&mut self, center: [f64; 3]) -> u32 {
+        let felt = self.probe.place(&self.model, center);
+        self.contact = Some(felt.contact);
+        self.answer[..3].copy_from_slice(&felt.contact.point);
+        let [x, y, z] = felt.displacement;
+        self.felt = [x, y, z, felt.gap, number_of_grip(felt.grip)];
+        // For the stiffness.
+        if self.evaluate(felt.displacement) == NO_NUMBER || felt.grip == Grip::Lost {
+            return NO_NUMBER;
+        }
+        let Felt { force, error_estimate, shape_error_estimate, .. } = felt;
+        self.answer[3..6].copy_from_slice(&force);
+        self.answer[15..].copy_from_slice(&[error_estimate, shape_error_estimate]);
+        self.shape_trust = number_of(felt.shape_trust);
+        number_of(felt.trust)
+    }
+
+    pub fn felt(&self) -> &[f64; FELT_LEN] {
+        &self.felt
+    }
+
+    pub fn lift(&mut self) {
+        self.probe.lift();
+    }
+
     pub fn force(&mut self, d: [f64; 3], order: usize) -> &[f64; 3] {
         self.force = self.contact.map_or([0.0; 3], |c| self.model.force_to_order(&c, d, order));
         &self.force
@@ -208,6 +243,16 @@ fn number_of(trust: Trust) -> u32 {
         Trust::Trusted => 0,
         Trust::BeyondDepth => 1,
         Trust::ErrorTooLarge => 2,
+    }
+}
+
+fn number_of_grip(grip: Grip) -> f64 {
+    match grip {
+        Grip::Free => 0.0,
+        Grip::Sticks => 1.0,
+        Grip::Slides => 2.0,
+        Grip::Inside => 3.0,
+        Grip::Lost => 4.0,
     }
 }
 
