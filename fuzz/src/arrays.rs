@@ -1,4 +1,4 @@
-//! The arrays of a model by number, and what an edit does to one.
+//! The arrays of a model by number, and edits of them.
 
 use crate::Script;
 use viscera_touch::Arrays;
@@ -63,7 +63,7 @@ impl<'a> Field<'a> {
             Field::Double(values) => edit(values, script, |s| s.number()),
             Field::Single(values) => edit(values, script, |s| f32::from_le_bytes(s.bytes())),
             Field::Mode(values) => edit(values, script, |s| i16::from_le_bytes(s.bytes())),
-            // Small ones are indices more often than not.
+            // Small numbers are often valid indices.
             Field::Index(values) => edit(values, script, |s| match s.byte() {
                 small @ 0..=191 => u32::from(small),
                 _ => u32::from_le_bytes(s.bytes()),

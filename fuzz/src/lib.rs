@@ -1,9 +1,7 @@
-//! What may be thrown at the reader of model files, at the on-line evaluator, and at the stepper of a case, and what
-//! must hold.
+//! Fuzz targets for the reader of model files, the on-line evaluator, and the stepper of a case.
 //!
-//! A fuzzer looks for inputs (`make fuzz`); the tests replay those that are kept in `corpus/`. Nothing
-//! may panic, whatever the bytes; a trusted answer is finite; a model that is accepted is read back
-//! as it was written.
+//! A fuzzer searches for inputs (`make fuzz`), and the tests replay those in `corpus/`. No input may cause a panic, a
+//! trusted answer is finite, and a model that was read and written again is the same.
 
 mod arrays;
 
@@ -12,8 +10,8 @@ use std::sync::LazyLock;
 use viscera_live::Live;
 use viscera_touch::{Metadata, ReducedModel, Trust};
 
-/// A valid model of a small block, that edits begin with. Changed bytes of it are refused by its checksums; a file of the
-/// format before them lies beside it, so that what is behind the checksums is looked into too.
+/// A valid model of a small block, from which edits start. Its checksums refuse changed bytes, so a file of the older
+/// format without checksums lies beside it: with that one the fuzzer reaches the code behind the checksums.
 pub const BLOCK: &[u8] = include_bytes!("../corpus/file/block.viscera");
 
 /// A valid case of a cube.
@@ -22,7 +20,7 @@ pub const CASE: &[u8] = include_bytes!("../corpus/case/cube.case");
 static MODEL: LazyLock<ReducedModel> =
     LazyLock::new(|| ReducedModel::from_bytes(BLOCK).expect("the corpus holds a valid block"));
 
-/// Any bytes as a model file; returns whether they are one.
+/// Reads any bytes as a model file; returns whether they were accepted.
 pub fn file(bytes: &[u8]) -> bool {
     let Ok(model) = ReducedModel::from_bytes(bytes) else { return false };
     let depth = model.metadata().depth;
@@ -35,7 +33,7 @@ pub fn file(bytes: &[u8]) -> bool {
     true
 }
 
-/// Edits of a valid model, then touches of it where it is still accepted.
+/// Edits a valid model, and touches it if it is still accepted.
 pub fn edits(bytes: &[u8]) -> bool {
     let mut script = Script(bytes);
     let (mut metadata, mut arrays) = (MODEL.metadata().clone(), MODEL.arrays().clone());
@@ -59,26 +57,26 @@ pub fn edits(bytes: &[u8]) -> bool {
     true
 }
 
-/// Any bytes as a case; returns whether they are one that can be stepped.
+/// Reads any bytes as a case; returns whether they were accepted and stepped.
 pub fn case(bytes: &[u8]) -> bool {
     Live::open(bytes).is_ok_and(|live| follow(live, &["{}", r#"{"grab": [0.04, 0.04, 0.04]}"#]))
 }
 
-/// Any bytes as the requests of a page, one a line; returns whether one was followed.
+/// Reads any bytes as requests of a page, one per line; returns whether one was followed.
 pub fn requests(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
     let lines: Vec<&str> = text.lines().take(8).collect();
     follow(Live::open(CASE).expect("the corpus holds a valid case"), &lines)
 }
 
-/// Whether one of the requests is followed; frames are finite.
+/// Whether one of the requests was followed; asserts that frames are finite.
 fn follow(mut live: Live, requests: &[&str]) -> bool {
     let frames = requests.iter().filter_map(|request| live.answer(request).ok());
     let sound = frames.map(|frame| assert!(frame.iter().all(|x| x.is_finite())));
     sound.count() > 0
 }
 
-/// Everything a haptic loop asks for.
+/// All calls of a haptic loop.
 fn touch(model: &ReducedModel, point: [f64; 3], d: [f64; 3]) {
     let Some(contact) = model.locate(point) else { return };
     model.is_on_surface(&contact);
@@ -104,7 +102,7 @@ fn edit_metadata(metadata: &mut Metadata, which: u8, script: &mut Script) {
     }
 }
 
-/// The fuzzer's bytes, read as choices; zeros where they have ended.
+/// The bytes of the fuzzer, read as choices; zeros after their end.
 pub(crate) struct Script<'a>(&'a [u8]);
 
 impl Script<'_> {
@@ -124,7 +122,7 @@ impl Script<'_> {
         usize::from(u16::from_le_bytes(self.bytes()))
     }
 
-    /// Any number at all.
+    /// Any number, also NaN and infinity.
     fn number(&mut self) -> f64 {
         f64::from_le_bytes(self.bytes())
     }

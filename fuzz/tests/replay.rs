@@ -1,10 +1,10 @@
-//! The corpus, replayed: what once was thrown at the reader and the evaluator, in a second.
+//! Replays the corpus of earlier fuzzing in a second.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
-/// The most memory that a thread holds at a time.
+/// The peak memory of a thread.
 struct Watching;
 
 #[global_allocator]
@@ -38,14 +38,14 @@ unsafe impl GlobalAlloc for Watching {
     }
 
     unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Old and new may live side by side.
+        // The old and the new block may exist at the same time.
         hold(size as isize);
         hold(-(layout.size() as isize));
         unsafe { System.realloc(pointer, layout, size) }
     }
 }
 
-/// What `work` held at its peak, and what it returns.
+/// The peak memory of `work`, and its result.
 fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
     let before = HELD.get();
     PEAK.set(before);
@@ -74,7 +74,7 @@ fn no_file_brings_the_reader_down() {
     assert!(accepted.len() < corpus("file").len() / 2, "hostile files are refused: {accepted:?}");
 }
 
-/// Sizes are read from headers that may lie; memory is asked for what is there.
+/// Headers may give false sizes; memory is allocated only for bytes that exist.
 #[test]
 fn no_file_asks_for_much_more_memory_than_it_has() {
     for (name, bytes) in corpus("file") {

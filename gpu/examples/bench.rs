@@ -1,9 +1,9 @@
-//! Measures the kernels on this machine's device beside the plan of docs/gpu.md, and conjugate gradients beside those of
-//! one thread of the processor: paper B says more than twenty times.
+//! Measures the kernels on the device of this machine against the estimate of docs/gpu.md, and conjugate gradients
+//! against one thread of the processor. Paper B reports a factor of more than twenty.
 //!
 //!     cargo run --release --manifest-path gpu/Cargo.toml --example bench [CUBES_PER_SIDE]
 //!
-//! On software in the place of a device the numbers say nothing of speed, and the output says so.
+//! Numbers of a software renderer say nothing about speed; the output says so.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -14,7 +14,7 @@ use support::{Block, device, laws};
 use viscera_gpu::plan::Plan;
 use viscera_gpu::{CellBuffers, Settings, System, Tangent};
 
-/// Iterations of a timed solve; its tolerance is out of reach.
+/// Iterations of a timed solve, whose tolerance cannot be reached.
 const ITERATIONS: usize = 200;
 
 const RUNS: usize = 5;
@@ -25,7 +25,9 @@ fn main() {
     let about = gpu.about();
     println!("{}, {}, {}", about.name, about.driver, about.backend);
     if about.is_software {
-        println!("SOFTWARE ON THE PROCESSOR: no measure of a graphics processor, not to be kept");
+        println!(
+            "SOFTWARE RENDERER: not the speed of a graphics processor; do not keep these numbers"
+        );
     }
     let block = Block::new(side);
     let (_, law, rows) = laws(0.45).remove(3);

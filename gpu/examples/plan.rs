@@ -1,4 +1,5 @@
-//! Prints what docs/gpu.md plans: work of each kernel, and frames a second on three devices by their data sheets.
+//! Prints the estimate of docs/gpu.md: the work of each kernel, and frames per second on three devices from their data
+//! sheets.
 //!
 //!     cargo run --release --manifest-path gpu/Cargo.toml --example plan [CUBES_PER_SIDE ...]
 

@@ -1,5 +1,5 @@
-//! Cells on the device: internal forces and the tangent's blocks from the displacement, with what clusters of cells and
-//! the caller add to them.
+//! The cells on the device: they turn a displacement into internal forces and blocks of the tangent. Clusters of cells
+//! and the caller may add blocks of their own.
 
 use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
 use crate::device::{Gpu, dispatch, workgroups};
@@ -16,34 +16,34 @@ pub struct Solid<'a> {
     pub points: &'a [[f64; 3]],
     /// Corners of the cells, right-handed.
     pub cells: &'a [[u32; 4]],
-    /// What the cells answer with.
+    /// The law of all cells.
     pub law: &'a Law,
-    /// One row of the law's parameters for all cells, or one for each.
+    /// One row of parameters for all cells, or one row per cell.
     pub parameters: &'a [Vec<f64>],
     /// Cells that share their volume ratio, if any do.
     pub clusters: Option<Clusters<'a>>,
 }
 
-/// A tangent to form: `factor K(u) + rest + shift I`.
+/// A tangent to assemble: `factor K(u) + rest + shift I`.
 #[derive(Clone, Copy, Debug)]
 pub struct Tangent<'a> {
     /// Displacement [m].
     pub u: &'a [f64],
     /// Pressure of each cluster.
     pub pressures: &'a [f64],
-    /// By node of the clusters: slope of the cluster's volume ratio, and the same times its modulus. A cluster adds the
-    /// product of the two.
+    /// For each node of each cluster: the gradient `j` of the cluster's volume ratio, and `m = modulus * j`. A cluster
+    /// adds `m j^T` to the tangent.
     pub slopes: [&'a [[f64; 3]]; 2],
     /// Factor of the law's tangent.
     pub factor: f64,
-    /// What is added to it; none if it is what it was.
+    /// Blocks to add. With None, those of the last call are added again.
     pub rest: Option<&'a [RestBlock]>,
     /// Multiple of the identity.
     pub shift: f64,
 }
 
 impl<'a> Tangent<'a> {
-    /// That of the cells at a displacement.
+    /// The tangent of the cells alone at a displacement.
     pub fn at(u: &'a [f64]) -> Self {
         Tangent { u, pressures: &[], slopes: [&[], &[]], factor: 1.0, rest: None, shift: 0.0 }
     }
@@ -55,7 +55,7 @@ struct Kernels {
     forces: ComputePipeline,
 }
 
-/// The commands of a run of rows.
+/// The commands of one chunk.
 struct ChunkCommands {
     respond: (BindGroup, u32),
     blocks: (BindGroup, u32),
@@ -76,10 +76,10 @@ pub struct CellBuffers {
 }
 
 impl CellBuffers {
-    /// A body's cells, and the system that they fill. `pairs` as in [`System::new`].
+    /// The cells of a body, and the system whose matrix they fill. `pairs` as in [`System::new`].
     ///
     /// # Errors
-    /// Input that makes no sense; too little memory; a driver that refuses.
+    /// [`Error::Input`] if the body is not sound; too little memory; a fault of the driver.
     pub fn new(
         gpu: &Arc<Gpu>,
         solid: &Solid<'_>,
@@ -128,15 +128,15 @@ impl CellBuffers {
         Ok((cells, system))
     }
 
-    /// Evaluations of a law in all chunks: above the number of cells by those on the border of chunks.
+    /// Evaluations of the law per frame, in all chunks. Cells on the border of two chunks are evaluated in both.
     pub fn n_responses(&self) -> usize {
         self.n_responses
     }
 
-    /// The tangent becomes the matrix of the system.
+    /// Makes the tangent the matrix of the system.
     ///
     /// # Errors
-    /// A vector of a wrong length or not finite; a block that the pattern lacks; too little memory; the device.
+    /// A vector of the wrong length or not finite; a block outside the pattern; too little memory; a fault of the device.
     pub fn form(&mut self, system: &mut System, tangent: &Tangent<'_>) -> Result<(), Error> {
         self.move_to(system, tangent.u)?;
         if let Some(clusters) = &self.clusters {
@@ -162,10 +162,10 @@ impl CellBuffers {
         self.gpu.check()
     }
 
-    /// The internal force of the cells at a displacement, in single precision; without what clusters add.
+    /// The internal force of the cells at a displacement, in single precision, without the part of the clusters.
     ///
     /// # Errors
-    /// A displacement of a wrong length or not finite; the device.
+    /// A displacement of the wrong length or not finite; a fault of the device.
     pub fn internal_force(&self, system: &System, u: &[f64]) -> Result<Vec<f64>, Error> {
         self.move_to(system, u)?;
         let mut encoder = self.gpu.encoder();
@@ -200,7 +200,9 @@ impl Solid<'_> {
             )));
         }
         match self.cells.iter().position(|&cell| !(geometry(self.points, cell)[9] > 0.0)) {
-            Some(cell) => Err(Error::Input(format!("cell {cell} has no volume, or is inside out"))),
+            Some(cell) => Err(Error::Input(format!(
+                "cell {cell} has no volume or is inverted; remove it or turn it round"
+            ))),
             None => Ok(()),
         }
     }
@@ -229,11 +231,11 @@ struct Shared {
     displacement: Buffer,
     force: Buffer,
     clusters: Option<ClusterBuffers>,
-    /// The kernel of the law has parameters of cells.
+    /// Whether the kernel of the law reads parameters.
     reads_parameters: bool,
 }
 
-/// What the buffers of a chunk are made from.
+/// The sources of the buffers of a chunk.
 struct Parts<'a> {
     gpu: &'a Gpu,
     solid: &'a Solid<'a>,
@@ -316,7 +318,7 @@ impl Parts<'_> {
     }
 }
 
-/// What is added up at each place, in the order it is given in.
+/// Parts to be summed at each place, in the order in which they were given.
 pub(crate) struct Gathered<T> {
     pub starts: Vec<u32>,
     pub parts: Vec<T>,

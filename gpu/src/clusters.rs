@@ -1,23 +1,23 @@
-//! Clusters of cells that share their volume ratio: the caller forms the ratios, their pressures and slopes in double
-//! precision; the device adds what follows from them to the tangent.
+//! Clusters of cells that share their volume ratio. The caller computes ratios, pressures and gradients in double
+//! precision; the device adds their part of the tangent.
 
 use crate::cells::{Gathered, Tangent};
 use crate::device::Gpu;
 use crate::{Error, System};
 use wgpu::{BindGroup, Buffer, ComputePipeline};
 
-/// Cells that share their volume ratio. What that ratio depends on is formed by the caller, see [`Tangent`].
+/// Cells that share their volume ratio. The caller computes pressures and gradients, see [`Tangent`].
 #[derive(Clone, Copy, Debug)]
 pub struct Clusters<'a> {
     /// The cluster of each cell.
     pub of: &'a [u32],
-    /// Where the nodes of each cluster start, and the last end.
+    /// Where the nodes of each cluster start; the last entry is the end of all.
     pub starts: &'a [u32],
     /// Nodes of the clusters, ascending within each.
     pub nodes: &'a [u32],
 }
 
-/// What the clusters of a body have at a displacement.
+/// The buffers of all clusters.
 pub(crate) struct ClusterBuffers {
     pub kernel: ComputePipeline,
     pub pressures: Buffer,
@@ -26,10 +26,10 @@ pub(crate) struct ClusterBuffers {
     n_places: usize,
 }
 
-/// The pressure of cells on their own.
+/// WGSL of the pressure of a cell without clusters.
 pub(crate) const ALONE: &str = "fn pressure_of(cell: u32) -> f32 { return 0.0; }";
 
-/// That of cells in clusters.
+/// The same with clusters.
 pub(crate) const IN_CLUSTERS: &str = "\
 @group(0) @binding(6) var<storage, read> pressures: array<f32>;
 @group(0) @binding(7) var<storage, read> clusters: array<u32>;
@@ -44,7 +44,7 @@ impl ClusterBuffers {
         Ok(ClusterBuffers { kernel, pressures, slopes, n_clusters, n_places })
     }
 
-    /// Takes what the clusters have at a displacement.
+    /// Uploads the pressures and gradients of a displacement.
     pub fn move_to(&self, gpu: &Gpu, tangent: &Tangent<'_>) -> Result<(), Error> {
         let [slopes, weighted] = tangent.slopes;
         let given = [tangent.pressures.len(), slopes.len(), weighted.len()];
@@ -62,7 +62,7 @@ impl ClusterBuffers {
         Ok(())
     }
 
-    /// The products of clusters that belong to each place.
+    /// Binds the products `m j^T` that are summed at each place of a chunk.
     pub fn commands(
         &self,
         gpu: &Gpu,
@@ -98,12 +98,12 @@ impl Clusters<'_> {
         self.starts.len().saturating_sub(1)
     }
 
-    /// Places of the nodes of each cluster.
+    /// For each cluster, the range of its nodes in `nodes`.
     fn places(&self) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
         self.starts.windows(2).map(|w| w[0] as usize..w[1] as usize)
     }
 
-    /// Number of products that each row has in all its blocks.
+    /// For each row, the number of products in all its blocks.
     pub(crate) fn products_of_rows(&self, n_nodes: usize) -> Vec<u32> {
         let mut count = vec![0; n_nodes];
         for places in self.places() {
@@ -113,7 +113,7 @@ impl Clusters<'_> {
         count
     }
 
-    /// Whether they are clusters of these cells.
+    /// Checks that the clusters fit a body.
     pub(crate) fn check(&self, n_nodes: usize, n_cells: usize) -> Result<(), Error> {
         let ascends = self.starts.windows(2).all(|w| w[0] <= w[1]);
         let ends = self.starts.first() == Some(&0)
@@ -123,6 +123,10 @@ impl Clusters<'_> {
             && ends
             && self.of.iter().all(|&cluster| (cluster as usize) < self.len())
             && self.nodes.iter().all(|&node| (node as usize) < n_nodes);
-        if is_sound { Ok(()) } else { Err(Error::Input("clusters that make no sense".to_string())) }
+        if is_sound {
+            Ok(())
+        } else {
+            Err(Error::Input("the clusters do not fit the cells and nodes of the body".to_string()))
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! The device: opening it, buffers within its limits, programs, results, and how it is lost.
+//! The device: how it is opened and lost, buffers within its limits, kernels and results.
 
 use crate::Error;
 use bytemuck::Pod;
@@ -13,18 +13,18 @@ use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePipeline};
 /// Threads of a workgroup, in every kernel.
 pub(crate) const THREADS: u32 = 128;
 
-/// Workgroups that a dispatch may have in one direction: what WebGPU grants everywhere.
+/// Workgroups of a dispatch in one direction: the number that WebGPU guarantees.
 const MOST_WORKGROUPS: u32 = 65_535;
 
-/// How long another thread may take to hand over a result that the device has already finished.
+/// Longest wait for another thread to pass on a result that the device has finished.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// What was moved since the program began, on all devices.
+/// Bytes moved since the program started, on all devices.
 static WRITTEN: AtomicU64 = AtomicU64::new(0);
 static READ: AtomicU64 = AtomicU64::new(0);
 static DISPATCHES: AtomicU64 = AtomicU64::new(0);
 
-/// What went to devices since the program began, after their buffers were made, and back.
+/// Bytes moved to devices since the program started, without the initial contents of buffers, and back.
 pub fn traffic() -> viscera_device::Traffic {
     viscera_device::Traffic {
         written: WRITTEN.load(Relaxed),
@@ -33,7 +33,7 @@ pub fn traffic() -> viscera_device::Traffic {
     }
 }
 
-/// A graphics processor, or software that takes its place.
+/// A graphics processor, or a software renderer in its place.
 pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -44,32 +44,32 @@ pub struct Gpu {
     kernels: Mutex<HashMap<(String, String), ComputePipeline>>,
 }
 
-/// What is known of a device.
+/// Facts about a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct About {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its driver.
+    /// Driver.
     pub driver: String,
-    /// The interface it is driven through, such as "vulkan".
+    /// Interface of the driver, such as "vulkan".
     pub backend: String,
-    /// Whether it is software on the processor.
+    /// Whether it is a software renderer on the processor.
     pub is_software: bool,
 }
 
 impl Gpu {
-    /// The fastest device of this machine; software only where there is no other.
+    /// Opens the fastest device of this machine; a software renderer only if there is no other.
     ///
     /// # Errors
-    /// [`Error::Missing`]; [`Error::Refused`] by its driver.
+    /// [`Error::Missing`], or [`Error::Refused`] by the driver.
     pub fn open() -> Result<Self, Error> {
         Self::open_with(u64::MAX)
     }
 
-    /// The same with no binding of a buffer beyond so many bytes, as on a smaller device.
+    /// The same, with bindings limited to this many bytes, as on a smaller device.
     ///
     /// # Errors
-    /// Those of [`Gpu::open`].
+    /// As [`Gpu::open`].
     pub fn open_with(largest_binding: u64) -> Result<Self, Error> {
         let descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
         let instance = wgpu::Instance::new(descriptor);
@@ -104,23 +104,23 @@ impl Gpu {
         Ok(Gpu { device, queue, about, largest_binding, fault, kernels })
     }
 
-    /// What is known of it.
+    /// Facts about the device.
     pub fn about(&self) -> &About {
         &self.about
     }
 
-    /// The largest part of a buffer that a kernel sees at once [bytes].
+    /// Largest binding of a buffer [bytes].
     pub fn largest_binding(&self) -> u64 {
         self.largest_binding
     }
 
-    /// Shuts the device down: whatever is asked of it afterwards fails with [`Error::Lost`].
+    /// Shuts the device down. Every later call fails with [`Error::Lost`].
     pub fn destroy(&self) {
         note(&self.fault, Error::Lost("it was shut down".to_string()));
         self.device.destroy();
     }
 
-    /// The fault that the device reported first, if any.
+    /// Fails with the first fault that the device has reported, if any.
     ///
     /// # Errors
     /// That fault.
@@ -131,7 +131,7 @@ impl Gpu {
         }
     }
 
-    /// A buffer of zeros for `what`.
+    /// A buffer of zeros; errors call it `what`.
     pub(crate) fn zeros<T: Pod>(&self, what: &str, count: usize) -> Result<Buffer, Error> {
         let bytes = self.fitting::<T>(what, count)?;
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
@@ -146,7 +146,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A buffer of these values for `what`.
+    /// A buffer of these values; errors call it `what`.
     pub(crate) fn buffer<T: Pod>(&self, what: &str, values: &[T]) -> Result<Buffer, Error> {
         self.fitting::<T>(what, values.len())?;
         let least = [0u8; 16];
@@ -161,7 +161,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// Numbers that a kernel takes beside its buffers.
+    /// A uniform: four numbers for a kernel.
     pub(crate) fn uniform(&self, words: [u32; 4]) -> Buffer {
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("uniform"),
@@ -170,7 +170,7 @@ impl Gpu {
         })
     }
 
-    /// Bytes of a buffer, at least one binding's worth.
+    /// Size of a buffer [bytes], at least the smallest that can be bound.
     fn fitting<T: Pod>(&self, what: &str, count: usize) -> Result<u64, Error> {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         if bytes > self.largest_binding {
@@ -187,7 +187,7 @@ impl Gpu {
         self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
     }
 
-    /// One entry point of a program, compiled when it is first asked for.
+    /// One entry point of a kernel source, compiled on first use.
     pub(crate) fn kernel(&self, source: &str, entry: &str) -> Result<ComputePipeline, Error> {
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (source.to_string(), entry.to_string());
@@ -212,13 +212,13 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    /// What a kernel works on, in the order of its bindings.
+    /// Binds the buffers of a kernel, in the order of its bindings.
     pub(crate) fn bind(&self, kernel: &ComputePipeline, buffers: &[&Buffer]) -> BindGroup {
         let bound: Vec<_> = (0..).zip(buffers.iter().copied()).collect();
         self.bind_at(kernel, &bound)
     }
 
-    /// The same where a kernel does not use all bindings.
+    /// The same by binding number, for a kernel that does not use all of them.
     pub(crate) fn bind_at(
         &self,
         kernel: &ComputePipeline,
@@ -246,7 +246,7 @@ impl Gpu {
         self.queue.submit([encoder.finish()]);
     }
 
-    /// Submits commands, and waits for what a buffer then holds.
+    /// Submits commands, waits for them, and reads a buffer.
     pub(crate) fn read<T: Pod>(
         &self,
         mut encoder: CommandEncoder,
@@ -270,18 +270,18 @@ impl Gpu {
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
         polled.map_err(|error| Error::Lost(sentence(&error)))?;
-        // Another thread that waits for the device may have taken the callback, and be about to call it.
+        // Another thread that polls the device may have taken this callback and not called it yet.
         match mapped.recv_timeout(PATIENCE) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(Error::Lost(sentence(&error))),
-            Err(_) => return Err(Error::Lost("it does not answer".to_string())),
+            Err(_) => return Err(Error::Lost("it does not respond".to_string())),
         }
         let view = staging.get_mapped_range(..).map_err(|error| Error::Lost(sentence(&error)))?;
         Ok(bytemuck::pod_collect_to_vec(&view))
     }
 }
 
-/// Workgroups for so many threads, no more than one for `most` threads each goes on with a stride.
+/// Number of workgroups for this many threads, at most `most`: further elements are reached by a stride.
 pub(crate) fn workgroups(threads: usize, most: usize) -> u32 {
     let needed = threads.div_ceil(THREADS as usize).clamp(1, most.max(1));
     needed.min(MOST_WORKGROUPS as usize) as u32

@@ -1,11 +1,11 @@
-//! What can go wrong on a device, in one sentence for people.
+//! Errors of the device, each a sentence for the user.
 
 use std::fmt;
 
-/// Why the device did not do what it was asked to.
+/// Why a call to the device failed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Error {
-    /// There is no device, or none that computes.
+    /// There is no device that can compute.
     Missing(String),
     /// The device is gone: unplugged, reset by its driver, or shut down.
     Lost(String),
@@ -13,7 +13,7 @@ pub enum Error {
     Memory(String),
     /// The problem exceeds a limit of the device.
     Limit(String),
-    /// The input makes no sense.
+    /// The input is not valid.
     Input(String),
     /// The driver refused a program or a command.
     Refused(String),
@@ -25,7 +25,7 @@ impl fmt::Display for Error {
             Error::Missing(why) => write!(f, "there is no graphics processor to compute on: {why}"),
             Error::Lost(why) => write!(f, "the graphics processor was lost: {why}"),
             Error::Memory(what) => {
-                write!(f, "the graphics processor has not enough memory for {what}")
+                write!(f, "the graphics processor does not have enough memory for {what}")
             }
             Error::Limit(what) => write!(f, "{what}"),
             Error::Input(what) => write!(f, "{what}"),

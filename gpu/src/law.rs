@@ -1,17 +1,17 @@
-//! What a cell answers with: a strain energy as a program, or one of the two kinematic models that are no function of the
-//! invariants; and its text for the kernels.
+//! The law of the cells: a strain energy as a program, or one of the two kinematic models (linear, corotated) that are
+//! not functions of the invariants; and its WGSL.
 
 use crate::Error;
 use crate::program::{Invariant, Operation, Program, Value};
 use std::fmt::Write;
 
-/// A stress at rest below this part of its terms is rounding.
+/// A stress at rest below this fraction of its terms counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// A law.
 #[derive(Clone, Debug)]
 pub enum Law {
-    /// `psi(I1, I2, J)`, the last value of a program over a cell's parameters.
+    /// `psi(I1, I2, J)`: the last value of a program that reads the parameters of the cell.
     Energy(Program),
     /// Linear elasticity; parameters mu, lam.
     Linear,
@@ -20,17 +20,17 @@ pub enum Law {
 }
 
 impl Law {
-    /// A law of the interface.
+    /// The law that the caller passed over the library's interface.
     ///
     /// # Errors
-    /// An unknown model or operation; an operand that is no earlier result.
+    /// An unknown model or operation; an operand that is not an earlier result.
     pub fn of(model: u32, operations: &[viscera_device::law::Operation]) -> Result<Self, Error> {
         use viscera_device::law::{COROTATED, ENERGY, LINEAR};
         match model {
             ENERGY => Program::of(operations).map(Law::Energy),
             LINEAR => Ok(Law::Linear),
             COROTATED => Ok(Law::Corotated),
-            other => Err(Error::Input(format!("there is no model {other}"))),
+            other => Err(Error::Input(format!("there is no model of number {other}"))),
         }
     }
 
@@ -42,7 +42,7 @@ impl Law {
         }
     }
 
-    /// Whether a cell turned inside out is outside the law's domain.
+    /// Whether the law is undefined in an inverted cell.
     pub fn forbids_inversion(&self) -> bool {
         !matches!(self, Law::Linear)
     }
@@ -69,7 +69,7 @@ impl Law {
         Ok(())
     }
 
-    /// The law's part of the kernel of cells, in WGSL.
+    /// The law's part of the kernel that evaluates cells, in WGSL.
     pub(crate) fn source(&self, rows: &[Vec<f64>]) -> String {
         let stride = if rows.len() == 1 { 0 } else { self.n_parameters() };
         let kernel = match self {
@@ -86,7 +86,7 @@ impl Law {
         format!("const STRIDE = {stride}u;\n{kernel}")
     }
 
-    /// Operations that the law adds to each cell, by those of its program that the kernels evaluate.
+    /// Operations of the law per cell, counted from the part of its program that the kernel evaluates.
     pub fn operations(&self, rows: &[Vec<f64>]) -> usize {
         match self {
             Law::Energy(program) => {
@@ -112,7 +112,7 @@ impl Law {
 /// First and second derivatives of an energy, written about rest.
 struct Derivatives {
     program: Program,
-    /// Names of the fields that the kernel reads, and their values.
+    /// Names of the fields that the kernel reads, with their values in the program.
     outputs: [(&'static str, Value); 10],
 }
 
@@ -205,7 +205,7 @@ fn expression(operation: Operation) -> String {
     }
 }
 
-/// A number that is one in WGSL: finite in single precision, with a point.
+/// A number as WGSL writes it: finite in single precision, with a decimal point.
 fn number(c: f64) -> String {
     let c = (c as f32).clamp(f32::MIN, f32::MAX);
     if c < 0.0 { format!("({c:e}f)") } else { format!("{c:e}f") }

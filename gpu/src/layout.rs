@@ -1,5 +1,5 @@
-//! Where the blocks of a symmetric matrix are on the device: rows in an order that keeps neighbours close, in slices of
-//! 32 that neighbouring threads read together, in chunks whose buffers fit into one binding each.
+//! Layout of the blocks of a symmetric matrix on the device. Rows are ordered so that neighbours are close. 32 rows form
+//! a slice, which neighbouring threads read together. Slices form chunks, whose buffers fit into one binding each.
 
 use crate::Error;
 use std::collections::VecDeque;
@@ -8,30 +8,30 @@ use std::ops::Range;
 /// Rows of a slice.
 pub(crate) const SLICE: usize = 32;
 
-/// Rows among which those of equal length are brought together.
+/// Window of rows within which rows of equal length are sorted together.
 const WINDOW: usize = 8 * SLICE;
 
-/// Numbers that a cell answers with: ten blocks, and forces on four corners.
+/// Numbers that the evaluation of a cell returns: ten blocks, and forces on four corners.
 pub(crate) const OF_CELL: usize = 102;
 
 /// A place without a block.
 pub(crate) const PADDING: u32 = u32::MAX;
 
-/// A matrix laid out.
+/// The layout of a matrix.
 pub(crate) struct Layout {
     /// Row of each node.
     pub row_of: Vec<u32>,
     pub chunks: Vec<Chunk>,
 }
 
-/// A run of rows.
+/// A chunk: consecutive rows with buffers of their own.
 pub(crate) struct Chunk {
     pub rows: Range<usize>,
-    /// First block column of each slice, and the end of the last.
+    /// Where the blocks of each slice start; the last entry is the end of all.
     pub starts: Vec<u32>,
-    /// Column of each place; a row's own where there is no block.
+    /// Column of each place; the row's own number in a place without a block.
     pub columns: Vec<u32>,
-    /// Twice the number of the block of the upper triangle in each place, plus one where it stands transposed.
+    /// For each place, twice the number of its block in the upper triangle, plus one if it is transposed.
     pub source: Vec<u32>,
     /// Place of the first entry of each row's diagonal block.
     pub diagonal: Vec<u32>,
@@ -40,8 +40,8 @@ pub(crate) struct Chunk {
 }
 
 impl Layout {
-    /// Lays out the matrix whose upper triangle has blocks at `pairs`, the diagonal among them; `cells` are those whose
-    /// response a chunk is to hold, if any; `products` how many products of clusters each row has, if any.
+    /// Lays out the matrix whose upper triangle has blocks at `pairs`, which include the diagonal. `cells` are the cells
+    /// whose responses a chunk must hold, and `products` the number of cluster products of each row; both may be empty.
     pub fn new(
         n_nodes: usize,
         pairs: &[(u32, u32)],
@@ -69,13 +69,13 @@ impl Layout {
         self.row_of.len()
     }
 
-    /// Places of blocks, padding among them.
+    /// Number of places, with padding.
     pub fn n_places(&self) -> usize {
         self.chunks.iter().map(|chunk| chunk.columns.len()).sum()
     }
 }
 
-/// Columns of every row with the source of each block, ascending.
+/// For every row its columns, ascending, each with the block that it comes from.
 fn neighbours(n_nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<Vec<(u32, u32)>>, Error> {
     let mut rows: Vec<Vec<(u32, u32)>> = vec![Vec::new(); n_nodes];
     for (block, &(row, column)) in (0u32..).zip(pairs) {
@@ -96,8 +96,8 @@ fn neighbours(n_nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<Vec<(u32, u32)
     }
 }
 
-/// The nodes in the order of Cuthill and McKee (1969), breadth first from nodes of few neighbours, reversed; within
-/// windows those with most blocks first, so that slices need little padding.
+/// The nodes in reverse Cuthill-McKee order (1969): breadth first from nodes with few neighbours. Within a window, rows
+/// with most blocks come first, so that slices need little padding.
 fn ordered(rows: &[Vec<(u32, u32)>]) -> Vec<u32> {
     let length = |node: u32| rows[node as usize].len();
     let mut seeds: Vec<u32> = (0..rows.len() as u32).collect();
@@ -133,7 +133,8 @@ fn touching(n_nodes: usize, cells: &[[u32; 4]]) -> Vec<Vec<u32>> {
     touching
 }
 
-/// As many slices as fit: their values, the responses of the cells that touch them, and the products of clusters.
+/// Divides the slices into chunks. The values of a chunk, the responses of its cells and the products of its clusters
+/// must each fit into one binding.
 fn end_of_chunk(
     first: usize,
     order: &[u32],
@@ -162,7 +163,7 @@ fn end_of_chunk(
     }
     if end == first {
         return Err(Error::Limit(format!(
-            "not even {SLICE} points fit into the {largest_binding} bytes that the graphics processor binds at once"
+            "not even {SLICE} nodes fit into {largest_binding} bytes, the largest binding of the graphics processor"
         )));
     }
     Ok(end)
@@ -204,7 +205,7 @@ impl Chunk {
         Chunk { rows: range, starts, columns, source, diagonal, cells }
     }
 
-    /// The values of blocks of the upper triangle, as kernels read them; zero where there is none.
+    /// Rearranges the values of the upper triangle as kernels read them, with zeros in places without a block.
     pub fn packed<'a>(&self, block: impl Fn(usize) -> Option<&'a [f64; 9]>) -> Vec<f32> {
         let mut packed = vec![0.0f32; 9 * self.source.len()];
         for (place, &source) in self.source.iter().enumerate().filter(|(_, s)| **s != PADDING) {
@@ -221,7 +222,7 @@ impl Chunk {
     /// The place of a block.
     ///
     /// # Errors
-    /// The pattern has none there.
+    /// The pattern has no such block.
     pub fn place(&self, row: u32, column: u32) -> Result<usize, Error> {
         let local = row as usize - self.rows.start;
         let of_slice = self.starts[local / SLICE] as usize..self.starts[local / SLICE + 1] as usize;
@@ -229,7 +230,7 @@ impl Chunk {
         let found =
             places.find(|&place| self.columns[place] == column && self.source[place] != PADDING);
         found.ok_or_else(|| {
-            Error::Input("a cell couples points that the pattern does not".to_string())
+            Error::Input("a cell couples two nodes whose block is not in the pattern".to_string())
         })
     }
 }
@@ -268,7 +269,7 @@ mod tests {
     fn a_binding_too_small_for_a_slice_and_pairs_out_of_place_are_refused() {
         let refused =
             |pairs: &[(u32, u32)], bytes| Layout::new(40, pairs, &[], &[], bytes).err().unwrap();
-        assert!(refused(&chain(40), 100).to_string().contains("not even 32 points"));
+        assert!(refused(&chain(40), 100).to_string().contains("not even 32 nodes"));
         assert!(refused(&[(1, 0)], 1 << 20).to_string().contains("(1, 0)"));
         assert!(refused(&[(0, 0)], 1 << 20).to_string().contains("row 1 has no block"));
     }

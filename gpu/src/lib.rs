@@ -1,11 +1,12 @@
 //! Viscera on a graphics processor.
 //!
-//! Through `wgpu` (Vulkan, Metal, DX12, WebGPU), in WGSL and single precision: stresses and tangents of all cells from a law
-//! that comes as a [`Program`], gathered node by node in a fixed order, with what clusters of cells and the caller add;
-//! and conjugate gradients whose scalars never leave the device. The same input gives the same bits on the same device, for no sum depends on what runs first.
+//! It uses `wgpu` (Vulkan, Metal, DX12, WebGPU), WGSL and single precision. Kernels evaluate stresses and tangents of all
+//! cells from a law that is given as a [`Program`], and sum them node by node in a fixed order, with blocks of clusters
+//! and of the caller. Conjugate gradients keep their scalars on the device. On one device the same input gives the same
+//! bits, since no sum depends on the order in which threads run.
 //!
-//! Single precision bounds what a solution alone reaches. The caller forms the residual in double precision and asks
-//! again: each answer corrects the last one.
+//! Single precision limits the accuracy of one solution. The caller computes the residual in double precision and solves
+//! again: each solution corrects the last one.
 
 mod cells;
 mod clusters;

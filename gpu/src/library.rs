@@ -1,4 +1,4 @@
-//! This crate as a library that is loaded at run time: the functions of `viscera-device`. No panic leaves it.
+//! This crate as a library that is loaded at run time: the functions of `viscera-device`. Panics are caught.
 
 use crate::{
     CellBuffers, Clusters, Ending, Error, Gpu, Law, Mean, RestBlock, Settings, Solid, System,
@@ -11,16 +11,16 @@ use viscera_device::{
     About, Answer, Cells, Handle, Interface, Slice, Task, Text, Traffic, VERSION,
 };
 
-/// Iterations between two questions whether the device is done.
+/// Iterations between two checks whether the device has finished.
 const CHECK_EVERY: usize = 16;
 
-/// The environment's limit.
+/// Environment variable that limits the size of a binding.
 const BINDING: &str = "VISCERA_GPU_BINDING";
 
-/// A deadline further away than this is none [s].
+/// A later deadline than this counts as none [s].
 const FAR: f64 = 1e6;
 
-/// The machine's graphics processor, opened when it is first needed, and again when it was lost.
+/// The graphics processor of this machine, opened on first use, and again after it was lost.
 static DEVICE: Mutex<Option<Arc<Gpu>>> = Mutex::new(None);
 
 static INTERFACE: Interface = Interface {
@@ -39,10 +39,10 @@ static INTERFACE: Interface = Interface {
     solve,
 };
 
-/// What a handle stands for.
+/// The object behind a handle.
 struct Body {
     system: System,
-    /// Where the device forms its tangents.
+    /// The cells, if the device assembles the tangent.
     cells: Option<CellBuffers>,
 }
 
@@ -62,16 +62,16 @@ fn device() -> Result<Arc<Gpu>, Error> {
     Ok(gpu)
 }
 
-/// The largest part of a buffer that a kernel is to see at once [bytes]: as much as the device grants, or less if the
-/// environment says so, to try what a smaller device does.
+/// Largest binding of a buffer [bytes]: that of the device, or less if the environment says so, to try how a smaller
+/// device behaves.
 fn largest_binding() -> Result<u64, Error> {
     let Ok(words) = std::env::var(BINDING) else { return Ok(u64::MAX) };
     words
         .parse()
-        .map_err(|_| Error::Input(format!("{BINDING} is {words:?}; give a number of bytes")))
+        .map_err(|_| Error::Input(format!("{BINDING} is {words:?}; it must be a number of bytes")))
 }
 
-/// Whether an act succeeds; why not, in a sentence.
+/// Runs a function and returns whether it succeeded; if not, writes the reason as a sentence.
 fn attempt(fault: &mut Text, act: impl FnOnce() -> Result<(), Error>) -> bool {
     match catch_unwind(AssertUnwindSafe(act)) {
         Ok(Ok(())) => return true,
@@ -158,10 +158,10 @@ unsafe extern "C" fn free(handle: Handle) {
     let _ = catch_unwind(AssertUnwindSafe(|| drop(body)));
 }
 
-/// What a handle stands for.
+/// The object behind a handle.
 ///
 /// # Safety
-/// It is one of `new` that was not given to `free`, and no other thread uses it.
+/// The handle comes from `new` and was not passed to `free`; no other thread uses it.
 unsafe fn body<'a>(handle: Handle) -> &'a mut Body {
     // SAFETY: see above.
     unsafe { &mut *handle.cast() }
@@ -212,7 +212,8 @@ unsafe extern "C" fn form(
             rest.iter().map(|block| (block.row, block.column, block.values)).collect();
         let Body { system, cells } = body;
         let cells = cells.as_mut();
-        let cells = cells.ok_or_else(|| Error::Input("the system has no cells".to_string()))?;
+        let cells =
+            cells.ok_or_else(|| Error::Input("the system was made without cells".to_string()))?;
         let rest = tangent.is_rest_new.then_some(&rest[..]);
         let (factor, shift) = (tangent.factor, tangent.shift);
         cells.form(system, &Tangent { u, pressures, slopes, factor, rest, shift })

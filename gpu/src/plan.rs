@@ -1,15 +1,15 @@
-//! The plan on paper: bytes that the kernels move and operations that they do, counted from their text and from where
-//! the blocks of a mesh stand, and what that takes on a device of given bandwidth and speed. No device is asked.
+//! A performance estimate without a device: bytes and operations of the kernels, counted from their source and from the
+//! layout of a mesh, and the least time that they take at a given bandwidth and speed.
 
 use crate::layout::{Layout, OF_CELL};
 use crate::{Error, Solid};
 
-/// Bytes and operations of one run of a kernel over a whole body.
+/// Bytes and operations of one pass of a kernel over a whole body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Work {
     /// Name of the kernel.
     pub kernel: &'static str,
-    /// Bytes read and written, a vector that neighbours share counted once.
+    /// Bytes read and written. A vector that neighbours share is counted once.
     pub bytes: f64,
     /// Additions and multiplications.
     pub operations: f64,
@@ -17,7 +17,7 @@ pub struct Work {
     pub dispatches: usize,
 }
 
-/// A device by its maker's data sheet.
+/// A device as its data sheet describes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheet {
     /// Name.
@@ -26,7 +26,7 @@ pub struct Sheet {
     pub bandwidth: f64,
     /// Operations in single precision [1/s].
     pub speed: f64,
-    /// What is assumed that each dispatch costs beside its work [s].
+    /// Assumed overhead of a dispatch [s].
     pub per_dispatch: f64,
 }
 
@@ -37,24 +37,24 @@ pub struct Plan {
     pub nodes: usize,
     /// Number of cells.
     pub cells: usize,
-    /// Runs of rows with buffers of their own.
+    /// Number of chunks.
     pub chunks: usize,
-    /// Places of blocks over blocks: 1 without padding.
+    /// Places divided by blocks: 1 without padding.
     pub padding: f64,
-    /// Responses over cells: 1 where no cell stands in two chunks.
+    /// Evaluations divided by cells: 1 if no cell is in two chunks.
     pub repeated: f64,
-    /// Once a frame: responses of cells, gathered, and the diagonal inverted; the product that the guess needs, and the
-    /// magnitude of rounding.
+    /// Passes of each frame: evaluation of the cells, summation, inversion of the diagonal, the product for the initial
+    /// guess, and the estimate of rounding.
     pub assembly: [Work; 5],
-    /// Once an iteration.
+    /// Passes of each iteration.
     pub iteration: [Work; 2],
 }
 
 impl Plan {
-    /// Of a body on a device that binds so many bytes at once.
+    /// The estimate for a body on a device with this largest binding [bytes].
     ///
     /// # Errors
-    /// Those of [`crate::System::new`] that need no device.
+    /// As [`crate::System::new`], except faults of the device.
     pub fn new(
         solid: &Solid<'_>,
         pairs: &[(u32, u32)],
@@ -78,9 +78,9 @@ impl Plan {
             padding: places / blocks,
             repeated: responses / m,
             assembly: [
-                // Kinematics 530, ten blocks of 205, forces 72; and the law's own.
+                // Kinematics 530, ten blocks of 205, forces 72, and the operations of the law.
                 work("respond", of_cell * responses, (2650.0 + of_law) * responses, chunks),
-                // Sixteen blocks a cell; starts and sums a place.
+                // Sixteen blocks per cell; starts and sums per place.
                 work("gather blocks", 16.0 * 40.0 * m + 40.0 * places, 144.0 * m, chunks),
                 work("invert", 84.0 * n, 60.0 * n, chunks),
                 work("guess", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
@@ -100,7 +100,7 @@ impl Plan {
         count(&self.assembly) + 1 + iterations * count(&self.iteration)
     }
 
-    /// Least time of a frame by the roofline and by its dispatches [s].
+    /// Lower bound of the time of a frame: roofline plus dispatches [s].
     pub fn frame(&self, iterations: usize, sheet: &Sheet) -> f64 {
         let of = |work: &[Work]| work.iter().map(|work| sheet.roofline(work)).sum::<f64>();
         of(&self.assembly)
@@ -110,7 +110,7 @@ impl Plan {
 }
 
 impl Sheet {
-    /// The larger of what memory and arithmetic take [s].
+    /// Roofline: the larger of the times of memory and of arithmetic [s].
     pub fn roofline(&self, work: &Work) -> f64 {
         (work.bytes / self.bandwidth).max(work.operations / self.speed)
     }

@@ -1,16 +1,16 @@
 //! A strain energy `psi(I1, I2, J)` as a straight-line program: a list of operations, each on results of earlier ones.
 //!
-//! The program is differentiated operation by operation, and rewritten about the rest state: every value becomes its
-//! value at rest and the rest of it, `a = a0 + da`, with rules that never subtract nearly equal numbers. The kernels are
-//! made from that form, so that single precision resolves stresses of small strains.
+//! The program is differentiated operation by operation and rewritten about the rest state: every value is split into
+//! its value at rest and a deviation, `a = a0 + da`. The rules for the deviations never subtract nearly equal numbers.
+//! The kernels are made from that form, so single precision resolves the stresses of small strains.
 
 use crate::Error;
 use std::collections::HashMap;
 
-/// Whole exponents up to here are products.
+/// Integer exponents up to this are written as products.
 const LARGEST_PRODUCT: f64 = 4.0;
 
-/// What the energy is a function of.
+/// The invariants of which the energy is a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Invariant {
     /// `I1 = tr C`, 3 at rest.
@@ -43,7 +43,7 @@ pub enum Operation {
     Parameter(usize),
     /// The pressure of the cell's cluster.
     Pressure,
-    /// An invariant; less its value at rest in a program written about rest.
+    /// An invariant; in a program written about rest, its deviation.
     Invariant(Invariant),
     /// `a + b`.
     Add(Value, Value),
@@ -71,7 +71,7 @@ pub enum Operation {
 
 use Operation::*;
 
-/// A list of operations. What was asked for before is not added again, and constants are folded.
+/// A list of operations. Repeated operations are added once, and constants are folded.
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     operations: Vec<Operation>,
@@ -86,24 +86,26 @@ pub(crate) struct AboutRest {
 }
 
 impl Program {
-    /// Without operations.
+    /// An empty program.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The program of a list of the interface, whose last result is the energy.
+    /// Reads a list of operations from the library's interface; the last result is the energy.
     ///
     /// # Errors
-    /// An unknown operation; an operand that is no earlier result.
+    /// An unknown operation; an operand that is not an earlier result.
     pub fn of(given: &[viscera_device::law::Operation]) -> Result<Self, Error> {
         let (mut program, mut values) = (Program::new(), Vec::with_capacity(given.len()));
         for (place, operation) in given.iter().enumerate() {
             let value = program.add_given(operation, &values).ok_or_else(|| {
-                Error::Input(format!("operation {place} of the law is none: {operation:?}"))
+                Error::Input(format!(
+                    "operation {place} of the law is not a known one: {operation:?}"
+                ))
             })?;
             values.push(value);
         }
-        // Folding may have found the energy among earlier results: what comes after it is not needed.
+        // By folding, the energy may be an earlier result. Later ones are then not needed.
         if let Some(&energy) = values.last() {
             program.operations.truncate(energy + 1);
             program.known.retain(|_, value| *value <= energy);
@@ -148,7 +150,7 @@ impl Program {
         &self.operations
     }
 
-    /// Number of parameters that it reads.
+    /// Number of parameters that the program reads.
     pub fn n_parameters(&self) -> usize {
         let number = |operation: &Operation| match operation {
             Parameter(k) => k + 1,
@@ -157,10 +159,10 @@ impl Program {
         self.operations.iter().map(number).max().unwrap_or(0)
     }
 
-    /// Adds an operation, and gives its value.
+    /// Adds an operation and returns its value.
     ///
     /// # Panics
-    /// An operand that is no value of this program.
+    /// If an operand is not a value of this program.
     pub fn add(&mut self, operation: Operation) -> Value {
         assert!(operands(operation).iter().flatten().all(|&v| v < self.operations.len()));
         let operation = self.simplified(operation);
@@ -174,7 +176,7 @@ impl Program {
         })
     }
 
-    /// The value that an operation leaves as it is: `a + 0`, `a - 0`, `1 a`, `-(-a)`.
+    /// The operand that an operation returns unchanged: `a + 0`, `a - 0`, `1 a`, `-(-a)`.
     fn same_as(&self, operation: Operation) -> Option<Value> {
         let is = |v: Value, c: f64| self.operations[v] == Constant(c);
         match operation {
@@ -214,7 +216,7 @@ impl Program {
         self.add(Constant(value))
     }
 
-    /// All values, of the invariants and a row of parameters; without a pressure.
+    /// Evaluates all values at the invariants and a row of parameters, at zero pressure.
     pub fn evaluate(&self, invariants: [f64; 3], parameters: &[f64]) -> Vec<f64> {
         let mut values: Vec<f64> = Vec::with_capacity(self.operations.len());
         for &operation in &self.operations {
@@ -230,7 +232,7 @@ impl Program {
         values
     }
 
-    /// The derivative of a value with respect to an invariant, added to the program.
+    /// Adds the derivative of a value with respect to an invariant.
     pub fn derivative(&mut self, of: Value, by: Invariant) -> Value {
         let mut slopes: Vec<Value> = Vec::with_capacity(of + 1);
         for value in 0..=of {
@@ -240,7 +242,7 @@ impl Program {
         slopes[of]
     }
 
-    /// The derivative of a value from those of earlier ones.
+    /// The derivative of a value, from those of its operands.
     fn slope(&mut self, value: Value, by: Invariant, slopes: &[Value]) -> Value {
         match self.operations[value] {
             Constant(_) | Parameter(_) | Pressure | Step(_) => self.constant(0.0),
@@ -283,7 +285,7 @@ impl Program {
         }
     }
 
-    /// `a^c`, small whole powers by products: they serve values of any sign.
+    /// `a^c`. Small integer powers are products, which are defined for any sign.
     pub fn power(&mut self, a: Value, c: Value) -> Value {
         match self.operations[c] {
             Constant(c) if c.fract() == 0.0 && c.abs() <= LARGEST_PRODUCT => {
@@ -296,7 +298,7 @@ impl Program {
         }
     }
 
-    /// The same values written about rest, in a program whose invariants are those less their values at rest.
+    /// Rewrites values about rest, in a program whose invariants are deviations.
     pub(crate) fn about_rest(&self, values: &[Value]) -> (Program, Vec<AboutRest>) {
         let mut out = Program::new();
         let mut split: Vec<AboutRest> = Vec::with_capacity(self.operations.len());
@@ -308,7 +310,7 @@ impl Program {
         (out, wanted)
     }
 
-    /// The parts of an operation's result from those of its operands.
+    /// Splits the result of an operation, given the parts of its operands.
     fn split(&mut self, operation: Operation, of: &[AboutRest]) -> AboutRest {
         let zero = self.constant(0.0);
         match operation {
@@ -410,7 +412,7 @@ impl Program {
         self.add(Multiply(a.deviation, inverse))
     }
 
-    /// Which values those wanted are made from, themselves among them.
+    /// Marks all values that the wanted ones depend on, and the wanted ones themselves.
     pub(crate) fn needed(&self, wanted: &[Value]) -> Vec<bool> {
         let mut needed = vec![false; self.operations.len()];
         wanted.iter().for_each(|&v| needed[v] = true);
@@ -423,7 +425,7 @@ impl Program {
     }
 }
 
-/// The values that an operation works on.
+/// The operands of an operation.
 fn operands(operation: Operation) -> [Option<Value>; 2] {
     match operation {
         Constant(_) | Parameter(_) | Pressure | Invariant(_) => [None, None],
@@ -455,7 +457,7 @@ fn apply(operation: Operation, [a, b]: [f64; 2]) -> f64 {
     }
 }
 
-/// Equal operations have equal keys; sums and products in either order.
+/// A key that equal operations share, also sums and products with swapped operands.
 fn key(operation: Operation) -> (u8, u64, u64) {
     let ordered = |a: Value, b: Value| (a.min(b) as u64, a.max(b) as u64);
     match operation {

@@ -1,12 +1,11 @@
-//! What belongs to a tangent beside the law's: a factor, and blocks that are added. They stay until others come.
+//! The parts of a tangent beside that of the law: a factor, and blocks that are added. They are kept until replaced.
 
 use crate::device::{Gpu, dispatch, workgroups};
 use crate::{Error, System};
 use std::collections::HashMap;
 use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
 
-/// A block of the upper triangle that is added to a tangent: row, column and entries, row-major; any number at each
-/// place.
+/// A block of the upper triangle to add to a tangent: row, column and entries, row-major. Blocks of one place are summed.
 pub type RestBlock = (u32, u32, [f64; 9]);
 
 /// The blocks that are added to the tangent of a body.
@@ -14,12 +13,12 @@ pub(crate) struct Rest {
     kernel: ComputePipeline,
     /// Number of each block of the upper triangle.
     number_of: HashMap<(u32, u32), usize>,
-    /// By chunk, from when they were needed first.
+    /// Buffers of each chunk, made on first use.
     chunks: Vec<ChunkRest>,
     is_empty: bool,
 }
 
-/// Those of a run of rows, as many as the matrix has there.
+/// The buffer of a chunk, as large as the values of its matrix.
 struct ChunkRest {
     values: Buffer,
     size: Buffer,
@@ -28,7 +27,7 @@ struct ChunkRest {
 }
 
 impl Rest {
-    /// Of a matrix with blocks at `pairs`; nothing is added yet.
+    /// For a matrix with blocks at `pairs`; adds nothing yet.
     pub fn new(gpu: &Gpu, pairs: &[(u32, u32)]) -> Result<Self, Error> {
         Ok(Rest {
             kernel: gpu.kernel(include_str!("kernels/rest.wgsl"), "add_rest")?,
@@ -38,12 +37,14 @@ impl Rest {
         })
     }
 
-    /// Takes what is added from now on.
+    /// Replaces the blocks to add.
     pub fn take(&mut self, gpu: &Gpu, system: &System, rest: &[RestBlock]) -> Result<(), Error> {
         let mut blocks: HashMap<usize, [f64; 9]> = HashMap::with_capacity(rest.len());
         for (row, column, block) in rest {
             let number = self.number_of.get(&(*row, *column)).ok_or_else(|| {
-                Error::Input(format!("the pattern has no block ({row}, {column}) to add to"))
+                Error::Input(format!(
+                    "block ({row}, {column}) cannot be added: it is not in the pattern"
+                ))
             })?;
             let sum = blocks.entry(*number).or_insert([0.0; 9]);
             sum.iter_mut().zip(block).for_each(|(sum, more)| *sum += more);

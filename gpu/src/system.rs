@@ -1,6 +1,6 @@
-//! Linear systems on the device: a symmetric matrix of 3x3 blocks, what is held, and conjugate gradients with the inverse
-//! diagonal blocks as preconditioner. All scalars stay on the device; only every so many iterations it is asked whether
-//! it is done.
+//! Linear systems on the device: a symmetric matrix of 3x3 blocks with constraints, solved by conjugate gradients with
+//! the inverse diagonal blocks as preconditioner. All scalars stay on the device, which is asked only every few
+//! iterations whether it has finished.
 
 use crate::Error;
 use crate::device::{Gpu, THREADS, dispatch, workgroups};
@@ -13,7 +13,7 @@ use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
 /// Partial sums of a scalar product, over all chunks.
 const MOST_PARTS: usize = 1024;
 
-/// Prescribed means that the kernels take.
+/// Largest number of prescribed means.
 pub const MOST_MEANS: usize = 48;
 
 /// When conjugate gradients stop.
@@ -21,11 +21,11 @@ pub const MOST_MEANS: usize = 48;
 pub struct Settings {
     /// Residual to reach, relative to the right-hand side.
     pub tolerance: f64,
-    /// Iterations after which to stop with what there is.
+    /// Largest number of iterations; the solution so far is returned.
     pub max_iterations: usize,
-    /// Iterations between two questions whether the device is done.
+    /// Iterations between two checks whether the device has finished.
     pub check_every: usize,
-    /// When to stop with what there is.
+    /// Time at which to stop and return the solution so far.
     pub deadline: Option<Instant>,
 }
 
@@ -42,28 +42,28 @@ pub enum Ending {
     Solved,
     /// The budget of iterations or time is spent.
     Spent,
-    /// A direction of negative curvature was met, or rounding that looks like one.
+    /// A direction of negative curvature was found, or rounding that cannot be told from one.
     Indefinite,
     /// A number is not finite.
     NotFinite,
 }
 
-/// What conjugate gradients found.
+/// The result of conjugate gradients.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// The solution, as far as it got; zero on what is held.
+    /// The solution so far; zero at held degrees of freedom.
     pub x: Vec<f64>,
     /// The last direction.
     pub direction: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
-    /// `|r| / |b|`, `r` the residual of the recurrence.
+    /// `|r| / |b|` with the residual `r` of the recurrence.
     pub residual: f64,
     /// How they ended.
     pub ending: Ending,
 }
 
-/// A prescribed mean: degrees of freedom and weights.
+/// A prescribed weighted mean: degrees of freedom and weights.
 pub type Mean = Vec<(u32, f64)>;
 
 #[repr(C)]
@@ -79,7 +79,7 @@ struct State {
     most: u32,
 }
 
-/// Buffers of a run of rows.
+/// Buffers of a chunk.
 pub(crate) struct ChunkBuffers {
     pub values: Buffer,
     product: BindGroup,
@@ -99,7 +99,7 @@ struct Kernels {
     project: ComputePipeline,
 }
 
-/// What the vectors of all solves need.
+/// The vectors of a solve.
 struct Vectors {
     xp: Buffer,
     rs: Buffer,
@@ -118,7 +118,7 @@ struct Border {
     project: [BindGroup; 2],
 }
 
-/// A matrix on the device with all that solves with it.
+/// A matrix on the device, with the buffers and kernels that solve with it.
 pub struct System {
     gpu: Arc<Gpu>,
     pub(crate) layout: Layout,
@@ -134,16 +134,16 @@ pub struct System {
 }
 
 impl System {
-    /// On the pattern whose upper triangle has blocks at `pairs` of row and column, row <= column, the diagonal among
-    /// them; in the order in which their values will come.
+    /// A system whose upper triangle has blocks at `pairs` of row and column, row <= column, with the diagonal. Values will
+    /// come in the same order.
     ///
     /// # Errors
-    /// A pattern that is none; too little memory; a driver that refuses.
+    /// An invalid pattern; too little memory; a fault of the driver.
     pub fn new(gpu: &Arc<Gpu>, n_nodes: usize, pairs: &[(u32, u32)]) -> Result<Self, Error> {
         Self::with_cells(gpu, n_nodes, pairs, (&[], &[]))
     }
 
-    /// The same in chunks small enough for the responses of `cells` and the `products` of clusters in each row.
+    /// The same, with chunks small enough for the responses of `cells` and the `products` of clusters.
     pub(crate) fn with_cells(
         gpu: &Arc<Gpu>,
         n_nodes: usize,
@@ -193,20 +193,20 @@ impl System {
         self.is_held.len()
     }
 
-    /// Bytes of matrix that a product reads: values, columns, padding among them.
+    /// Bytes of the matrix that a product reads: values and columns, with padding.
     pub fn matrix_bytes(&self) -> usize {
         40 * self.layout.n_places()
     }
 
-    /// Runs of rows, each with buffers of its own.
+    /// Number of chunks.
     pub fn n_chunks(&self) -> usize {
         self.chunks.len()
     }
 
-    /// Holds degrees of freedom at zero, and means at theirs; the next [`System::load`] goes by it.
+    /// Sets the held degrees of freedom and the prescribed means, from the next [`System::load`] on.
     ///
     /// # Errors
-    /// A wrong length; more than [`MOST_MEANS`] means; a mean of nothing.
+    /// A wrong length; more than [`MOST_MEANS`] means; a mean whose degrees of freedom are all held.
     pub fn hold(&mut self, is_held: &[bool], means: &[Mean]) -> Result<(), Error> {
         if is_held.len() != self.n_dofs() {
             return Err(Error::Input(format!(
@@ -245,7 +245,7 @@ impl System {
                 weights[3 * (k * nodes.len() + n) + dof as usize % 3] = weight as f32;
             }
             if weights[3 * k * nodes.len()..3 * (k + 1) * nodes.len()].iter().all(|&w| w == 0.0) {
-                return Err(Error::Input(format!("mean {k} is one of nothing that is free")));
+                return Err(Error::Input(format!("mean {k} has no free degree of freedom")));
             }
         }
         let rows: Vec<u32> = nodes.iter().map(|&node| self.layout.row_of[node as usize]).collect();
@@ -267,16 +267,19 @@ impl System {
         Ok(Some(Border { prepare, project: [project(0), project(1)] }))
     }
 
-    /// Takes over nine values for each block of the upper triangle, row-major, and adds `shift` to the diagonal.
+    /// Loads nine values for each block of the upper triangle, row-major, and adds `shift` to the diagonal.
     ///
     /// # Errors
-    /// A wrong number of values; the device.
+    /// A wrong number of values; a fault of the device.
     pub fn load(&mut self, values: &[f64], shift: f64) -> Result<(), Error> {
         let (blocks, rest) = values.as_chunks::<9>();
         let chunks = self.layout.chunks.iter();
         let last = chunks.flat_map(|chunk| &chunk.source).filter(|s| **s != PADDING).max();
         if !rest.is_empty() || last.is_some_and(|&last| last as usize / 2 >= blocks.len()) {
-            return Err(Error::Input(format!("{} values do not fill the blocks", values.len())));
+            return Err(Error::Input(format!(
+                "{} values do not fit the blocks of the pattern",
+                values.len()
+            )));
         }
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
             self.gpu.write(&buffers.values, &chunk.packed(|block| Some(&blocks[block])));
@@ -287,7 +290,7 @@ impl System {
         self.gpu.check()
     }
 
-    /// Preconditioner and border of the values that the matrix then has.
+    /// Computes preconditioner and border from the present values.
     pub(crate) fn encode_preparation(&self, encoder: &mut CommandEncoder, shift: f64) {
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
             let words =
@@ -301,10 +304,10 @@ impl System {
         }
     }
 
-    /// Solves `A x = b` on what is free, among the `x` that leave the means alone.
+    /// Solves `A x = b` on the free degrees of freedom, for `x` that do not change the prescribed means.
     ///
     /// # Errors
-    /// A right-hand side of a wrong length or not finite; settings out of range; the device.
+    /// A right-hand side of the wrong length or not finite; settings out of range; a fault of the device.
     pub fn solve(&mut self, b: &[f64], settings: &Settings) -> Result<Solution, Error> {
         settings.check()?;
         let size = self.put(b)?;
@@ -360,10 +363,10 @@ impl System {
         })
     }
 
-    /// `A x` on what is free, in single precision.
+    /// `A x` on the free degrees of freedom, in single precision.
     ///
     /// # Errors
-    /// A vector of a wrong length or not finite; the device.
+    /// A vector of the wrong length or not finite; a fault of the device.
     pub fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, Error> {
         let size = self.scale_of(x)?;
         let placed = self.placed(x, size, false);
@@ -374,10 +377,10 @@ impl System {
         Ok(self.in_order(&y, size))
     }
 
-    /// `| |A| |x| |` on what is free.
+    /// `| |A| |x| |` on the free degrees of freedom.
     ///
     /// # Errors
-    /// A vector of a wrong length or not finite; the device.
+    /// A vector of the wrong length or not finite; a fault of the device.
     pub fn magnitude(&mut self, x: &[f64]) -> Result<f64, Error> {
         let size = self.scale_of(x)?;
         self.gpu.write(&self.vectors.z, &self.placed(x, size, false));
@@ -389,7 +392,7 @@ impl System {
         Ok(size * y.iter().map(|&y| f64::from(y) * f64::from(y)).sum::<f64>().sqrt())
     }
 
-    /// Puts a right-hand side where [`System::encode_begin`] looks for it, scaled to 1; its scale.
+    /// Uploads a right-hand side, scaled to 1, for [`System::encode_begin`], and returns its scale.
     fn put(&self, b: &[f64]) -> Result<f64, Error> {
         let size = self.scale_of(b)?;
         self.gpu.write(&self.vectors.w, &self.placed(b, size, true));
@@ -416,7 +419,7 @@ impl System {
         }
     }
 
-    /// A vector in the order of the rows, over its scale.
+    /// A vector in the order of the rows, divided by its scale.
     pub(crate) fn placed(&self, values: &[f64], size: f64, without_held: bool) -> Vec<f32> {
         let (mut placed, factor) =
             (vec![0.0f32; values.len()], if size > 0.0 { size.recip() } else { 0.0 });
@@ -446,12 +449,12 @@ impl System {
     fn encode_begin(&self, encoder: &mut CommandEncoder) {
         dispatch(encoder, &self.kernels.begin, &self.begin, self.n_update);
         if let Some(border) = &self.border {
-            // Twice: the force of a tool may be many times what is left without it, and so would be its rounding.
+            // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
             dispatch(encoder, &self.kernels.project, &border.project[0], 1);
         }
     }
 
-    /// An even number of iterations; once the device is done, they do nothing.
+    /// Encodes an even number of iterations. Once the device has finished, they do nothing.
     fn encode_iterations(&self, encoder: &mut CommandEncoder, count: usize) {
         for iteration in 0..count {
             let parity = iteration % 2;

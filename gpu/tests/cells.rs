@@ -72,7 +72,7 @@ fn every_cell_has_its_own_parameters_in_any_number_of_chunks() {
         let Some(gpu) = device_with(largest) else { return };
         let (mut cells, mut system) = CellBuffers::new(&gpu, &solid, &block.pairs()).unwrap();
         assert_eq!(system.n_chunks() > 1, largest < u64::MAX);
-        // The plan on paper is of the same layout.
+        // The estimate has the same layout.
         let plan = Plan::new(&solid, &block.pairs(), largest).unwrap();
         assert_eq!(plan.chunks, system.n_chunks());
         let of_iteration: usize = plan.iteration.iter().map(|work| work.dispatches).sum();
@@ -91,12 +91,12 @@ fn every_cell_has_its_own_parameters_in_any_number_of_chunks() {
     assert_eq!(forces[1], forces[3]);
 }
 
-/// `factor (K + sum m j (x) j) + rest + shift I`, in any number of chunks; and without all that again.
+/// `factor (K + sum m j (x) j) + rest + shift I`, in any number of chunks, and `K` alone afterwards.
 #[test]
 fn clusters_inertia_and_shifts_are_added() {
     let block = Block::new(4);
     let (law, rows) = recorded("neo_hookean", vec![vec![2e3, 8e3]]);
-    // Cells six by six, a cube each.
+    // Each cube of six cells is a cluster.
     let of: Vec<u32> = (0..block.cells.len() as u32).map(|cell| cell / 6).collect();
     let (mut starts, mut nodes) = (vec![0u32], Vec::new());
     for cube in block.cells.chunks(6) {
@@ -180,7 +180,7 @@ fn clusters_inertia_and_shifts_are_added() {
         let magnitude = system.magnitude(&x).unwrap();
         let size = exact.iter().map(|k| k * k).sum::<f64>().sqrt();
         assert!(magnitude > size && magnitude < 1e3 * size);
-        // What is added stays until it is taken back.
+        // Added blocks stay until they are replaced.
         cells.form(&mut system, &Tangent { rest: None, ..tangent }).unwrap();
         assert_eq!(system.multiply(&x).unwrap(), found);
         let zero = vec![[0.0; 3]; nodes.len()];

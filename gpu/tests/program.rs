@@ -14,7 +14,7 @@ fn derivatives_are_limits_of_differences() {
         for by in Invariant::ALL {
             let mut program = program.clone();
             let slope = program.derivative(psi, by);
-            // And once more, by the same invariant.
+            // The second derivative by the same invariant.
             let curvature = program.derivative(slope, by);
             let values = program.evaluate(at, row);
             let near = |way: f64, of: usize| {

@@ -1,4 +1,4 @@
-//! Conjugate gradients on the device against dense solutions in double precision; and every way in which they end.
+//! Conjugate gradients on the device against dense solutions in double precision, and every way in which they end.
 
 mod support;
 use std::sync::Arc;
@@ -48,7 +48,7 @@ impl Problem {
         system
     }
 
-    /// Gauss's elimination of `[A W^T; W 0]`, what is held being rows of the identity.
+    /// Gaussian elimination of `[A W^T; W 0]`, with rows of the identity for held degrees of freedom.
     fn exact(&self, means: &[Mean], shift: f64) -> Vec<f64> {
         let (n, k) = (self.b.len(), means.len());
         let mut a = vec![vec![0.0; n + k + 1]; n + k];
@@ -99,7 +99,7 @@ fn the_solution_is_that_of_elimination() {
             let error = distance(&found.x, &exact);
             println!("nu {nu}, {} means: {error:.1e} in {}", means.len(), found.iterations);
             assert_eq!(found.ending, Ending::Solved);
-            // Single precision times the condition of the matrix.
+            // Single precision times the condition number of the matrix.
             assert!(error < 3e-5, "nu {nu}, {} means: {error:.1e}", means.len());
             for mean in &means {
                 let moved: f64 = mean.iter().map(|&(dof, w)| w * found.x[dof as usize]).sum();
@@ -112,7 +112,7 @@ fn the_solution_is_that_of_elimination() {
     }
 }
 
-/// The residual in double precision, asked for again and again: what single precision leaves is taken away.
+/// Refinement with the residual in double precision removes the error of single precision.
 #[test]
 fn refinement_in_double_precision_converges_to_its_rounding() {
     let Some(gpu) = device() else { return };
@@ -133,7 +133,7 @@ fn refinement_in_double_precision_converges_to_its_rounding() {
             errors.push(distance(&x, &exact));
         }
         println!("nu {nu}: {errors:?}");
-        // What single precision reaches alone.
+        // Accuracy of single precision alone.
         assert!(errors[0] < if nu < 0.495 { 3e-5 } else { 3e-4 }, "nu {nu}: {errors:?}");
         assert!(errors[7] < 1e-9, "nu {nu}: {errors:?}");
     }
@@ -155,7 +155,7 @@ fn the_same_again_gives_the_same_bits_in_any_number_of_chunks_and_batches() {
     }
     assert_eq!(seen[0].x, seen[1].x);
     assert_eq!(seen[0].x, seen[2].x);
-    // Other partial sums in other chunks: the same but for rounding.
+    // Other chunks, other partial sums: equal up to rounding.
     assert!(distance(&seen[3].x, &seen[0].x) < 1e-4);
 }
 
@@ -250,7 +250,7 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
     );
 }
 
-/// Whichever thread waits for the device hears what the others wait for, too; each gets its own answer all the same.
+/// A thread that polls the device may receive the callbacks of others. Each must still get its own result.
 #[test]
 fn threads_share_a_device() {
     let Some(gpu) = device() else { return };

@@ -1,10 +1,10 @@
-// What clusters of cells that share their volume ratio add to the blocks of a chunk: m j (x) j, with the slope j of the
+// Adds the blocks of clusters, whose cells share their volume ratio, to a chunk: m j (x) j, with the gradient j of the
 // ratio and the modulus m, in the order of the clusters.
 
 @group(0) @binding(0) var<storage, read> starts: array<u32>;
 // Places of row and column among the nodes of the clusters.
 @group(0) @binding(1) var<storage, read> products: array<vec2u>;
-// By node of a cluster: j, and m j.
+// For each node of each cluster: j, and m j.
 @group(0) @binding(2) var<storage, read> slopes: array<f32>;
 @group(0) @binding(3) var<storage, read_write> sums: array<f32>;
 // Number of slots.

@@ -1,7 +1,7 @@
 // Stress and tangent of a strain energy psi(I1, I2, J) from the displacement gradient H = F - I.
 //   P = s I + 2 psi_1 H + 2 psi_2 (Y - 2I) + psi_J (Z - I),   s = 2 psi_1 + 4 psi_2 + psi_J,
-// with Z = cof F and Y = I1 F - F C = dI2/dF / 2. No two numbers near 1 are subtracted, and s comes as what it differs
-// from its value at rest, which is zero.
+// with Z = cof F and Y = I1 F - F C = dI2/dF / 2. No two numbers near 1 are subtracted. s is computed as its
+// deviation from rest, where it is zero.
 
 struct Energy {
     pressure: f32,

@@ -1,4 +1,4 @@
-// The inverse of each node's block, with a shift added to its diagonal; what is held becomes a row of the identity there.
+// The inverse of each node's block, with a shift added to its diagonal. Held degrees of freedom become rows of the identity.
 
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
 // Place of the first entry of each row's diagonal block.

@@ -1,4 +1,4 @@
-// w = |A| |z| for the rows of a chunk: what rounding is relative to. The layout is that of the product.
+// w = |A| |z| for the rows of a chunk, the scale of rounding errors. The layout is that of the product.
 
 @group(0) @binding(0) var<storage, read> values: array<f32>;
 @group(0) @binding(1) var<storage, read> columns: array<u32>;

@@ -1,6 +1,6 @@
 // w = A z for the rows of a chunk, and partial sums of z . w.
 //
-// Rows stand in slices of 32, padded to the longest of the slice; entry e of block k of all 32 rows lies together, so
+// Rows form slices of 32, padded to the longest row of the slice. Entry e of block k is contiguous over the 32 rows, so
 // that neighbouring threads read neighbouring numbers.
 
 @group(0) @binding(0) var<storage, read> values: array<f32>;

@@ -1,4 +1,4 @@
-// A factor on the law's tangent, and what else belongs to it: inertia, pressure, contact.
+// Multiplies the law's tangent by a factor and adds the blocks of inertia, pressure and contact.
 
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
 @group(0) @binding(1) var<storage, read> rest: array<f32>;

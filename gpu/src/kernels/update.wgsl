@@ -1,7 +1,7 @@
 // Conjugate gradients in the form of Chronopoulos and Gear (1989): one product and one update an iteration.
 //   beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'), gamma = r . z, delta = z . A z,
 //   p = z + beta p, s = A z + beta s, x = x + alpha p, r = r - alpha s, z = D^-1 r.
-// Every workgroup adds up the partial sums for itself, in the same order.
+// Every workgroup sums the partial sums itself, in the same order.
 
 // Row by row x, p; and r, s.
 @group(0) @binding(0) var<storage, read_write> xp: array<f32>;
@@ -68,7 +68,7 @@ fn update(
     let beta = select(gamma / now.gamma, 0.0, is_first);
     let curvature = delta - select(beta * gamma / now.alpha, 0.0, is_first);
     let alpha = gamma / curvature;
-    // A number that is none compares false.
+    // Comparisons with NaN are false.
     let is_finite = abs(curvature) < 3e38 && gamma < 3e38 && gamma > -3e38 && now.now < 3e38;
     if now.ended == 0u {
         if !is_finite {
@@ -128,7 +128,7 @@ fn update(
     }
 }
 
-// r = b where nothing is held, z = D^-1 r, all else zero: b stands in w, and what is held is zero there.
+// r = b at free degrees of freedom, z = D^-1 r, all else zero. b is in w, with zeros at held degrees of freedom.
 @compute @workgroup_size(128)
 fn begin(
     @builtin(global_invocation_id) id: vec3u,
@@ -161,7 +161,7 @@ fn begin(
         sums[pair_at(0u, group.x)] = sum.x;
         sums[pair_at(0u, group.x) + 1u] = sum.y;
         if group.x == 0u {
-            // Projections that there may be fill these.
+            // Filled by the projections, if there are any.
             for (var parity = 0u; parity < 2u; parity++) {
                 sums[pair_at(parity, MOST_PARTS)] = 0.0;
                 sums[pair_at(parity, MOST_PARTS) + 1u] = 0.0;
