@@ -136,7 +136,7 @@ impl CellBuffers {
     /// Makes the tangent the matrix of the system.
     ///
     /// # Errors
-    /// A vector of the wrong length or not finite; a block outside the pattern; too little memory; a fault of the device.
+    /// A vector of the wrong length or not finite; a block outside the pattern; too little memory; a device fault.
     pub fn form(&mut self, system: &mut System, tangent: &Tangent<'_>) -> Result<(), Error> {
         self.move_to(system, tangent.u)?;
         if let Some(clusters) = &self.clusters {

@@ -1,4 +1,4 @@
-//! Layout of the blocks of a symmetric matrix on the device. Rows are ordered so that neighbours are close. 32 rows form
+//! Layout of the blocks of a symmetric matrix on the device. Rows are ordered so that neighbours are close. 32 rows are
 //! a slice, which neighbouring threads read together. Slices form chunks, whose buffers fit into one binding each.
 
 use crate::Error;
@@ -40,7 +40,7 @@ pub(crate) struct Chunk {
 }
 
 impl Layout {
-    /// Lays out the matrix whose upper triangle has blocks at `pairs`, which include the diagonal. `cells` are the cells
+    /// Lays out the matrix whose upper triangle has blocks at `pairs`, which include the diagonal. `cells` are those
     /// whose responses a chunk must hold, and `products` the number of cluster products of each row; both may be empty.
     pub fn new(
         n_nodes: usize,

@@ -1,12 +1,12 @@
 //! Viscera on a graphics processor.
 //!
-//! It uses `wgpu` (Vulkan, Metal, DX12, WebGPU), WGSL and single precision. Kernels evaluate stresses and tangents of all
-//! cells from a law that is given as a [`Program`], and sum them node by node in a fixed order, with blocks of clusters
+//! It uses `wgpu` (Vulkan, Metal, DX12, WebGPU), WGSL and single precision. Kernels evaluate stresses and tangents of
+//! all cells from a law that is given as a [`Program`], and sum them node by node in a fixed order, with blocks of clusters
 //! and of the caller. Conjugate gradients keep their scalars on the device. On one device the same input gives the same
 //! bits, since no sum depends on the order in which threads run.
 //!
-//! Single precision limits the accuracy of one solution. The caller computes the residual in double precision and solves
-//! again: each solution corrects the last one.
+//! Single precision limits the accuracy of one solution. The caller computes the residual in double precision and
+//! solves again: each solution corrects the last one.
 
 mod cells;
 mod clusters;

@@ -5,7 +5,7 @@ use crate::{Error, System};
 use std::collections::HashMap;
 use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
 
-/// A block of the upper triangle to add to a tangent: row, column and entries, row-major. Blocks of one place are summed.
+/// A block of the upper triangle to add to a tangent: row, column and entries, row-major. Equal places are summed.
 pub type RestBlock = (u32, u32, [f64; 9]);
 
 /// The blocks that are added to the tangent of a body.

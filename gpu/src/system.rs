@@ -134,8 +134,8 @@ pub struct System {
 }
 
 impl System {
-    /// A system whose upper triangle has blocks at `pairs` of row and column, row <= column, with the diagonal. Values will
-    /// come in the same order.
+    /// A system whose upper triangle has blocks at `pairs` of row and column, row <= column, with the diagonal. Values
+    /// will come in the same order.
     ///
     /// # Errors
     /// An invalid pattern; too little memory; a fault of the driver.

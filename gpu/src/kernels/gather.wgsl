@@ -1,4 +1,4 @@
-// Sums the contributions of the cells to each block of a chunk and to the force on each node, in the order of the cells.
+// Sums the contributions of cells to each block of a chunk and to the force on each node, in the order of the cells.
 
 @group(0) @binding(0) var<storage, read> response: array<f32>;
 @group(0) @binding(1) var<storage, read> starts: array<u32>;

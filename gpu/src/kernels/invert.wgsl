@@ -1,4 +1,5 @@
-// The inverse of each node's block, with a shift added to its diagonal. Held degrees of freedom become rows of the identity.
+// The inverse of each node's block, with a shift added to its diagonal.
+// Held degrees of freedom become rows of the identity.
 
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
 // Place of the first entry of each row's diagonal block.
