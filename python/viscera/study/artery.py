@@ -54,7 +54,7 @@ def organ(law: Law, element: str = "P1") -> Organ:
 
 
 def loads(density: float, share: float = 1.0, along: float = -ALONG) -> dict[str, Any]:
-    """The protocol as `Organ.solve` takes it; share: of both drives; along: how far the bottom moves in z [m]."""
+    """The loads of the protocol for `Organ.solve`; share: of both drives; along: travel of the bottom in z [m]."""
     return {
         "displacement": {"middle": (share * ACROSS, None, None), "bottom": (None, None, share * along)},
         "gravity": GRAVITY if along < 0.0 else tuple(-g for g in GRAVITY),
@@ -72,7 +72,8 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
         f"under the protocol of paper B: top fixed, middle ring driven {1e3 * ACROSS:g} mm across, bottom "
         f"{1e3 * ALONG:g} mm down, own weight. E = {YOUNG:g} Pa, nu = {POISSON:g}; Mooney-Rivlin c1 = {C1:g}, "
         f"c2 = {C2:g}, alpha = {ALPHA:g} Pa. The paper's mesh (401 nodes, 1101 cells) and its coordinates are not "
-        "published, so its tables cannot be met number by number: what is reproduced is the protocol and its claims."
+        "published, so its tables cannot be reproduced number by number. This study repeats the protocol and tests its "
+        "claims."
     )
     densities = dict(list(DENSITIES.items())[:1]) if quick else DENSITIES
     results: dict[str, Any] = {}
@@ -102,7 +103,7 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
 
 
 def peer_fields(peer: str) -> Mapping[str, Floats]:
-    """What another code found: displacements (n, 3) [m] by `density/law`; see tests/reference for how."""
+    """Displacements (n, 3) [m] by another code, under `density/law`; tests/reference has the scripts."""
     with files("viscera.study").joinpath(f"artery_{peer}.npz").open("rb") as file, np.load(file) as data:
         return {key: np.asarray(data[key]) for key in data.files if "/" in key}
 
@@ -133,7 +134,7 @@ def _said(facts: dict[str, Any]) -> str:
 
 
 def _table_3(report: Report, label: str, comparison: Comparison, density: float) -> dict[str, Any]:
-    """The product against independent codes: at the listed nodes, and the largest deviation of all."""
+    """Viscera against independent codes: at the listed nodes, and the largest deviation of all nodes."""
     fields = {peer: peer_fields(peer) for peer in PEERS}
     ours = {name: run.state.displacement for name, run in comparison.runs.items()}
     rows: list[list[Cell]] = []
@@ -162,7 +163,7 @@ def _table_3(report: Report, label: str, comparison: Comparison, density: float)
 
 
 def _volumetric_forms(report: Report, label: str, comparison: Comparison, density: float) -> dict[str, Any]:
-    """What the volumetric energy changes: the same bulk modulus in two forms, and equation 2 read as printed."""
+    """The effect of the volumetric energy: two forms with one bulk modulus, and equation 2 as printed."""
     u = comparison.runs["MooneyRivlin J^2-1"].state.displacement
     literal = organ(LITERAL).solve(**loads(density))
     others = {
@@ -234,8 +235,8 @@ def _table_4(report: Report, label: str, comparison: Comparison) -> dict[str, An
         ["model", "paper, listed [%]", "listed [%]", "components: mean [%]", "max [%]", "nodes: mean [%]", "max [%]",
          "whole field [%]", "field from Mooney-Rivlin [%]", "volume ratio"],
         summary,
-        "Table IV in sum: mean over the listed nodes' components as in the paper; over all free components of at least "
-        "5 % of the largest displacement; distance of nodes in units of the largest displacement; the field's norm; "
+        "Summary of table IV: mean over the components of the listed nodes as in the paper; over all free components of at "
+        "least 5 % of the largest displacement; distance of nodes in units of the largest displacement; the field's norm; "
         "the field's distance from Mooney-Rivlin instead of the geometrically nonlinear model.",
     )  # fmt: skip
     return {
@@ -270,7 +271,7 @@ def _table_5(report: Report, label: str, comparison: Comparison) -> dict[str, An
 
 
 def _figure_2(report: Report, label: str, comparison: Comparison) -> None:
-    """Each model's picture by itself."""
+    """A separate picture of each model."""
     mesh = comparison.mesh
     for name, each in comparison.runs.items():
         plot = draw(mesh.points, mesh.surface, each.state.displacement, title=name)
@@ -291,9 +292,9 @@ def _compressed(report: Report, say: Say) -> dict[str, Any]:
     report.heading("Compressed instead of stretched")
     report.text(
         "The paper does not say which way the bottom moves. Driven up by the same "
-        f"{1e3 * ALONG:g} mm, gravity with it, our slender vessel buckles sideways. The linear "
+        f"{1e3 * ALONG:g} mm, with gravity reversed as well, our slender vessel buckles sideways. The linear "
         "model cannot buckle; the others may pass several equilibria, so they are compared with the neo-Hookean one "
-        "and their status is given."
+        "and their status is reported."
     )
     report.table(
         "compressed", ["model", "status", "load reached", "whole field [%]", "node max [%]", "volume ratio"], rows,
@@ -304,7 +305,7 @@ def _compressed(report: Report, say: Say) -> dict[str, Any]:
 
 
 def _elements(report: Report, say: Say) -> dict[str, Any]:
-    """The Mooney-Rivlin artery with elements that do not lock: how far the paper's element is from them."""
+    """The Mooney-Rivlin artery with elements that do not lock, compared with the paper's element."""
     label, density = list(DENSITIES.items())[-1]
     bodies = {element: organ(LAWS["MooneyRivlin J^2-1"], element) for element in ("P1", "P1 mean volume", "P2")}
     states = {element: body.solve(**loads(density)) for element, body in bodies.items()}

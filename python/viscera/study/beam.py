@@ -30,7 +30,7 @@ LAWS: dict[str, tuple[str, Law]] = {
 def run(
     folder: str | Path, quick: bool = False, say: Say = print, *, executor: Executor | None = None
 ) -> dict[str, Any]:
-    """Write the report into a folder and return its numbers; quick samples less, to see what is written.
+    """Write the report into a folder and return its numbers; quick samples less, to show what is written.
 
     executor: whose workers do what is not timed.
     """

@@ -22,28 +22,28 @@ from viscera.picture import draw_panels
 Say = Callable[[str], None]
 
 PGD_ORDER = 4
-"""Of the separated series: the paper draws orders 1 to 4 and judges 4 to 6 enough."""
+"""Order of the separated series. The paper draws orders 1 to 4 and judges 4 to 6 to be enough."""
 ORDER = 15
-"""Of the one expansion from which the curves of all orders are cut."""
+"""Order of the one expansion that is truncated for the curves of lower orders."""
 RADIUS = 0.5
-"""Load factor at which the series of a case ceases to converge: the paper gives no loads, so this is where a = 1 is."""
+"""Load factor at which the series of a case ceases to converge. The paper gives no loads; this defines a = 1."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """An organ of one law, the positions of its separated series, and the one whose curves are drawn."""
+    """An organ with one law, the positions of its separated series, and the position of the curves."""
 
     key: str
-    """Part of its files' names: svk or neo_hookean."""
+    """Part of file names: svk or neo_hookean."""
     law: str
     organ: Organ
     positions: Indices
     node: int
     load: float
-    """At a = 1 [N], pushing in."""
+    """Load at a = 1 [N], positive into the organ."""
     view: tuple[float, float]
     radius: float = 0.0
-    """Of the patch that the load is spread over [m]; 0 for a single node, as in the paper."""
+    """Radius [m] of the patch over which the load is spread; 0 for a single node, as in the paper."""
 
     @property
     def mesh(self) -> Mesh:
@@ -67,7 +67,7 @@ class Case:
         return self.organ.pgd(self.positions, load=load, radius=radius, order=order, tolerance=tolerance, **settings)
 
     def draw_vertical(self, fields: dict[str, Floats], label: str = "vertical displacement [mm]") -> Figure:
-        """Panels of the vertical part [mm] of fields (n, 3) [m], on the organ so deformed."""
+        """Panels of the vertical component [mm] of fields (n, 3) [m], each drawn on the deformed organ."""
         return draw_panels(
             self.mesh.points,
             self.mesh.surface,
@@ -86,12 +86,12 @@ def calibrated(case: Case) -> Case:
 
 
 def radius_of_convergence(series: Floats) -> float:
-    """Estimated from the ratio of the last terms of a series (order + 1, n, 3)."""
+    """Radius of convergence, estimated from the ratio of the last terms of a series (order + 1, n, 3)."""
     norms = np.linalg.norm(series.reshape(len(series), -1), axis=1)
     return float((norms[-4] / norms[-1]) ** (1 / 3))
 
 
 def middle(mesh: Mesh, nodes: Indices) -> int:
-    """The node nearest to the middle of some."""
+    """The node nearest to the centroid of some nodes."""
     points = mesh.points[nodes]
     return int(nodes[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])

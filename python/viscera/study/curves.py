@@ -30,13 +30,13 @@ REDS = ("#f3cfb3", "#eeb48f", "#e5946d", "#d66f50", "#bf4a41", "#97303c", "#651c
 
 @dataclass(frozen=True)
 class Curves:
-    """Equilibria of one case by what computed them, over load factors up to 1."""
+    """Equilibria of one case by several methods, at load factors up to 1."""
 
     loads: Floats
     series: Floats
     """u_p (order + 1, n, 3) [m] of one expansion about the state of rest."""
     path: Path
-    """The same, continued from expansion to expansion in the arc length, which passes limit points."""
+    """The same by continuation: expansions one after the other, in the arc length, which passes limit points."""
     newton: list[Floats | None]
     """(n, 3) [m] by Newton with line search and load steps; None if it gave up."""
     statuses: list[str]
@@ -44,12 +44,12 @@ class Curves:
     in_one_step: list[bool]
     """Whether Newton with full steps converges with the whole load at once."""
     increments: int
-    """Equal increments that Newton with full steps went, of as many as there are loads."""
+    """Equal increments that Newton with full steps completed; there are as many as loads."""
     seconds: dict[str, float]
 
 
 def compute(case: Case, samples: int, executor: Executor | None = None) -> Curves:
-    """All curves of a case, at equal load factors; what is not timed, on the workers of an executor if there is one."""
+    """All curves of a case at equal load factors. Parts that are not timed run on the executor, if there is one."""
     loads = np.linspace(0.0, 1.0, samples + 1)[1:]
     seconds: dict[str, float] = {}
     began = perf_counter()
@@ -81,7 +81,7 @@ def compute(case: Case, samples: int, executor: Executor | None = None) -> Curve
 
 
 def _plain(case: Case, task: tuple[float, int]) -> int:
-    """Increments that Newton with full steps went, of a load factor reached in so many."""
+    """Number of equal increments that Newton with full steps completes on its way to a load factor."""
     a, increments = task
     return _core.plain_newton(
         case.organ._body, force=a * case.force, increments=increments, max_iterations=50, tolerance=1e-8
@@ -122,7 +122,7 @@ def report(page: Report, case: Case, curves: Curves, figure: str) -> dict[str, A
         ["the same, first limit point", "none" if limit is None else limit],
         [f"series of order {ORDER}, one tangent, estimated radius of convergence", radius],
     ]
-    caption = f"{case.law}: how far each comes; a = 1 is {case.load:.4g} N."
+    caption = f"{case.law}: largest load factor that each solver reached; a = 1 is {case.load:.4g} N."
     page.table(f"reach_{case.key}", ("solver", "load factor reached"), rows, caption)
     page.text("Wall time: " + ", ".join(f"{name} {time:.2f} s" for name, time in curves.seconds.items()) + ".")
     return {
@@ -182,7 +182,7 @@ def _largest_run(is_good: list[bool], loads: Floats) -> float:
 
 
 def _first_maximum(loads: Floats) -> float | None:
-    """Where a load that grows begins to fall: a limit point."""
+    """The load factor at which a growing load begins to fall, a limit point; None without one."""
     falls = np.flatnonzero(np.diff(loads) < -1e-9)
     return float(loads[falls[0]]) if len(falls) else None
 
@@ -226,7 +226,7 @@ def _plot(case: Case, curves: Curves, columns: dict[str, list[Cell]]) -> Figure:
 
 
 def _agreeing(case: Case, curves: Curves, order: int) -> int:
-    """Loads up to which the Padé forms of neighbouring orders agree to a tenth; beyond, a pole makes them leap."""
+    """Number of loads up to which the Padé forms of neighbouring orders agree to a tenth; a pole lies beyond."""
     for index, a in enumerate(curves.loads):
         pair = (partial_sum(curves.series, a, p, True)[case.node] for p in (order, order - 1))
         value, lower = (float(u @ case.direction) for u in pair)
@@ -236,5 +236,5 @@ def _agreeing(case: Case, curves: Curves, order: int) -> int:
 
 
 def _numbers(cells: list[Cell]) -> Floats:
-    """From zero at no load; NaN where there is no number, which leaves a gap in the curve."""
+    """The cells as numbers, with 0 first for no load; an empty cell is NaN, which leaves a gap in the curve."""
     return np.array([0.0, *(float("nan") if cell == "" else float(cell) for cell in cells)])

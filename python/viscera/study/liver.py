@@ -42,7 +42,7 @@ def run(
     touchable: Where | None = "anterior",
     executor: Executor | None = None,
 ) -> dict[str, Any]:
-    """Write the report into a folder and return its numbers; quick takes fewer positions, to see what is written.
+    """Write the report into a folder and return its numbers; quick takes fewer positions, to show what is written.
 
     mesh: another organ than the built-in liver, held at `fixed` and loaded anywhere on `touchable`.
     executor: whose workers do what is not timed.
@@ -79,8 +79,8 @@ def run(
         modes.write(Path(folder) / f"paraview_{key}")
     page.heading("Neo-Hookean, load spread over a patch")
     page.text(
-        "The same load spread over a smooth patch with a radius of a tenth of the diagonal: less tied to the mesh, "
-        "and with more in common from position to position."
+        "The same load spread over a smooth patch with a radius of a tenth of the diagonal. It depends less on the "
+        "mesh than a force on one node, and its fields differ less from position to position."
     )
     organ = Organ(mesh, LAWS["neo_hookean"][1], fixed, element="P1")
     patch = liver_case("patch", "Neo-Hookean, patch", organ, touchable, quick, radius=0.1 * mesh.diagonal)
@@ -92,7 +92,7 @@ def run(
 
 
 def liver_case(key: str, law: str, organ: Organ, touchable: Where | None, quick: bool, radius: float = 0.0) -> Case:
-    """The organ loaded in the middle of its touchable face; quick keeps the positions around it."""
+    """The organ loaded in the middle of its touchable face; quick keeps only the positions near it."""
     positions = organ.touchable(touchable)
     node = middle(organ.mesh, positions)
     if quick:
@@ -115,7 +115,7 @@ def _report_vertical(page: Report, case: Case, found: Curves) -> None:
 
 
 def _report_path(page: Report, case: Case, model: Pgd, folder: Path) -> None:
-    """The organ under a load that moves along a path over its surface, displacement drawn twofold (figure 15)."""
+    """The organ under a load that moves along a path over its surface, displacement scaled by 2 (figure 15)."""
     stations = load_path(case.mesh, case.positions, STATIONS)
     fields = {f"load at station {k + 1}": model.displacement(node, DRAWN_AT) for k, node in enumerate(stations)}
     length = {title: 1e3 * np.linalg.norm(u, axis=1) for title, u in fields.items()}
@@ -128,7 +128,7 @@ def _report_path(page: Report, case: Case, model: Pgd, folder: Path) -> None:
         case.mesh.points, case.mesh.surface, length, label="displacement [mm]", displacements=twofold, marks=marks,
         view=case.view,
     )  # fmt: skip
-    caption = f"{case.law}: a load on its way over the organ, a = {DRAWN_AT:g}, displacement drawn twofold (figure 15)."
+    caption = f"{case.law}: a load on its way over the organ, a = {DRAWN_AT:g}, displacement scaled by 2 (figure 15)."
     page.figure(f"load_path_{case.key}", picture, caption)
     model.write_path(folder / f"paraview_{case.key}", load_path(case.mesh, case.positions, 5 * STATIONS), DRAWN_AT)
 

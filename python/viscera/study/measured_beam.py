@@ -30,11 +30,11 @@ DENSITY, GRAVITY, LOAD = 1070.0, 9.80709, 0.51012  # [kg/m^3], [m/s^2], [N]
 POISSON = 0.499
 MARKERS = {"top": ((0.0, 0.015, 0.03), (0, 0, 1)), "left": ((0.0, 0.0, 0.024), (0, -1, 0)),
            "right": ((0.0, 0.03, 0.006), (0, 1, 0))}  # fmt: skip
-"""Where each marker sits on the beam [m], and which way it stands off."""
+"""Position of each marker on the beam [m], and the direction in which it stands off."""
 ARM, SEAT = 0.006, 0.012
 """Distance of a marker's centre from the surface, and radius of the surface that carries it [m]."""
 RESOLUTION = 1.0
-"""What the experiment can tell [mm]: markers at the clamp move by up to 0.4 mm, and the hand may have bent the beam."""
+"""Accuracy of the experiment [mm]: markers at the clamp move by up to 0.4 mm, and the hand may have bent the beam."""
 SETTLED = 1e-9
 """Residual of a frame; a looser one takes energy from the swing, or gives it."""
 DOWN = (0.0, 0.0, -GRAVITY)
@@ -95,7 +95,7 @@ def markers(organ: Organ, displacement: Floats) -> Floats:
 
 
 def _rotation(points: Floats, displacement: Floats) -> Floats:
-    """The rotation next to a motion of points (k, 3) in the sense of least squares (Kabsch 1976)."""
+    """The rotation closest to a motion of points (k, 3) by least squares (Kabsch 1976)."""
     rest, now = (x - x.mean(axis=0) for x in (points, points + displacement))
     left, _, right = np.linalg.svd(now.T @ rest)
     return np.asarray(left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right)
@@ -184,13 +184,13 @@ HALF_PERIODS = 8
 
 @dataclass(frozen=True)
 class Told:
-    """What the model says of the swing."""
+    """The swing of the model."""
 
     swing: Swing
     step: float
     """Of time [s]."""
     moved: float
-    """By how much halving the step changed frequency and decay, relative."""
+    """Relative change of frequency and decay when the step was halved."""
     time: Floats
     height: Floats
 
@@ -210,7 +210,7 @@ def told_swing(organ: Organ, beta: float, load: float = 0.0) -> Told:
 
 
 def fitted_damping(organ: Organ, target: Swing) -> float:
-    """Rayleigh's beta [s] with which the beam under its weight decays as measured; at first that of one mode."""
+    """Rayleigh's beta [s] for which the beam decays as measured under its weight; starts with that of one mode."""
     beta = 2.0 * target.decay / (2.0 * np.pi * target.frequency) ** 2
     for _ in range(10):
         duration = 0.75 * HALF_PERIODS / 8
@@ -231,8 +231,8 @@ def run(folder: str | Path, quick: bool = False, say: Say = print) -> dict[str, 
         "modulus is fitted to the displacements under the weight alone (all markers, both runs; nu = 0.499, "
         "neo-Hookean), and Rayleigh's beta to the decay of the free swing under the weight; all else is predicted. "
         "The experiment repeats to 0.1 mm under the weight and 0.6 mm under the load; markers at the clamp move by up "
-        "to 0.4 mm and the hand that holds the beam at first may have bent or stretched it, so nothing is claimed "
-        "below 1 mm."
+        "to 0.4 mm, and the hand that held the beam at first may have bent or stretched it. Differences below 1 mm "
+        "therefore mean nothing."
     )
     element, across = ("P2", 2) if quick else ("P2", 4)
     young = fitted_modulus(weight, element, across)
@@ -291,7 +291,7 @@ def _report_meshes(
     ]
     header = ("element", "cells", "nodes", "E fitted [kPa]", "top", "left", "right")
     page.table("meshes", header, rows, "Elements and meshes: the modulus fitted to the weight, and the error upwards "
-               "under the load [mm]. P1 locks: its modulus is no property of the silicone.")  # fmt: skip
+               "under the load [mm]. P1 locks, so its modulus is not a property of the silicone.")  # fmt: skip
     return found
 
 

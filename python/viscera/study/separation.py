@@ -16,13 +16,13 @@ from viscera.study.report import Cell, Report
 
 SHOWN_PAIRS = (1, 2, 3, 20)
 FIGURES = {1: ("8", "10"), 4: ("9", "11")}
-"""Of the modes in space and over the position, by order."""
+"""Numbers of the paper's figures of the modes in space and over the position, by order."""
 LOAD = 0.25
 """Load factor at which fields are compared: half the radius of convergence of the series of the curves."""
 
 
 def report_modes(page: Report, case: Case, say: Say) -> Pgd:
-    """F_i and G_i of low and high order on the organ, as the enrichment finds them; returns the PGD they are of."""
+    """Draws F_i and G_i of low and high order, as the enrichment finds them; returns their PGD."""
     say(f"{case.law}: {max(SHOWN_PAIRS)} pairs of each order")
     model, mesh = case.separate(1e-4, max_terms=max(SHOWN_PAIRS)), case.mesh
     for p, (space, position) in FIGURES.items():
@@ -43,7 +43,7 @@ def report_modes(page: Report, case: Case, say: Say) -> Pgd:
 
 
 def report_routes(page: Report, case: Case, tolerances: Sequence[float], say: Say) -> tuple[Pgd, Pgd, dict[str, Any]]:
-    """Pairs, time and error of three routes; returns the PGD of the last tolerance, the exact series, and the rows."""
+    """Compares pairs, time and error of three routes; returns the last PGD, the exact series, and the rows."""
     say(f"{case.law}: all {len(case.positions)} positions solved")
     direct = case.separate(None)
     found = direct
@@ -60,10 +60,10 @@ def report_routes(page: Report, case: Case, tolerances: Sequence[float], say: Sa
         *(f"error, order {p}" for p in orders), "mean error", "worst error",
     ]  # fmt: skip
     caption = (
-        f"{case.law}, {len(case.positions)} positions: pairs of modes, off-line time, and error against every position "
-        "solved; of each order over all positions, and of the displacement at a = 0.25, mean and worst position. "
-        "A star marks orders whose number of pairs was cut at the limit. The tolerance of a PGD ends its enrichment; "
-        "that of a projection bounds the error it adds to an order."
+        f"{case.law}, {len(case.positions)} positions: pairs of modes, off-line time, and error against the series of "
+        "every position. The error is that of each order over all positions, and of the displacement at a = 0.25 (mean "
+        "and worst position). A star marks orders whose number of pairs was cut at the limit. "
+        "The tolerance of a PGD ends its enrichment; that of a projection bounds the error it adds to an order."
     )
     page.table(f"routes_{case.key}", header, rows, caption)
     return found, direct, {"routes": [dict(zip(header, row, strict=True)) for row in rows]}
@@ -82,24 +82,24 @@ def _route(name: str, tolerance: Cell, model: Pgd, direct: Pgd) -> list[Cell]:
 
 
 def _order_error(ours: Floats, exact: Floats, weights: Floats) -> float:
-    """In the norm (sum_s w_s |u(., s)|^2)^1/2 over all positions."""
+    """Relative error in the norm (sum_s w_s |u(., s)|^2)^1/2 over all positions."""
     return float(np.sqrt((weights @ (ours - exact) ** 2).sum() / (weights @ exact**2).sum()))
 
 
 def report_errors(page: Report, case: Case, direct: Pgd, terms: Sequence[int]) -> None:
-    """Errors over number of pairs and order, of the best modes there are: those of the exact series."""
+    """Errors by number of pairs and order for the optimal modes, which are those of the exact series."""
     places = case.positions[:: max(1, len(case.positions) // 40)]
     table = error_analysis(direct.project(0.0), direct, terms=terms, loads=(LOAD,), positions=list(places))
     rows = [list(row) for row in zip(*(column.tolist() for column in table.values()), strict=True)]
     caption = (
-        f"{case.law}: the series cut at an order and at the first pairs of each order, the best there are (SVD), "
+        f"{case.law}: the exact series truncated in order and in pairs per order (optimal modes by SVD), "
         f"against order {PGD_ORDER} at {len(places)} positions, at a = 0.25."
     )
     page.table(f"error_analysis_{case.key}", list(table), rows, caption)
 
 
 def report_rate(page: Report, case: Case, models: Mapping[str, Pgd], seconds: float) -> dict[str, Any]:
-    """On-line evaluations of the whole field per second, at random places between the positions."""
+    """On-line evaluations of the whole field per second, at random points between the positions."""
     triangles = case.mesh.surface[np.isin(case.mesh.surface, case.positions).all(axis=1)]
     random = np.random.default_rng(0)
     rows: list[list[Cell]] = []
