@@ -77,3 +77,5 @@ def test_links_follow_a_page_to_where_it_is_shown(tmp_path: Path) -> None:
     assert generate.relinked(text, source, tmp_path, folder) == (
         "[a](contributing.md#laws) [b](../cli.md) [c](https://toml.io)"
     )
+    kept = "[d](../benchmarks/results/gpu_plan.txt) [e](../benchmarks/results)"
+    assert generate.relinked(kept, source, tmp_path, folder) == "[d](results.md#gpu-plan) [e](results.md)"

@@ -11,6 +11,7 @@ import reference
 
 PICTURES = Path("docs/pictures/gallery")
 HEADER = Path("bindings/c/include/viscera.h")
+RESULTS = Path("benchmarks/results")
 ADOPTED = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
@@ -25,7 +26,7 @@ def everything(root: Path, folder: Path) -> None:
     pages = {
         **reference.python_pages(),
         "c-header.md": c_header((root / HEADER).read_text(encoding="utf-8")),
-        "results.md": results(root / "benchmarks" / "results"),
+        "results.md": results(root / RESULTS),
         "gallery.md": gallery(root),
         **{page: adopted(root, path) for path, page in ADOPTED.items()},
     }
@@ -48,7 +49,7 @@ def adopted(root: Path, path: str) -> str:
 
 
 def relinked(text: str, source: Path, root: Path, folder: Path) -> str:
-    """A page with its relative links as seen from `folder`; adopted pages are linked where they are shown."""
+    """A page with its relative links as seen from `folder`; adopted pages and results are linked where shown."""
 
     def moved(match: re.Match[str]) -> str:
         path, mark, anchor = match[1].partition("#")
@@ -58,6 +59,10 @@ def relinked(text: str, source: Path, root: Path, folder: Path) -> str:
             target = root / "docs" / "index.md"
         elif inside in ADOPTED:
             target = root / "docs" / "generated" / ADOPTED[inside]
+        elif target == root / RESULTS:
+            target = root / "docs" / "generated" / "results.md"
+        elif target.suffix == ".txt" and target.parent == root / RESULTS:
+            target, mark, anchor = root / "docs" / "generated" / "results.md", "#", target.stem.replace("_", "-")
         return f"]({os.path.relpath(target, folder)}{mark}{anchor})"
 
     return LINK.sub(moved, text)

@@ -235,9 +235,9 @@ def _table_4(report: Report, label: str, comparison: Comparison) -> dict[str, An
         ["model", "paper, listed [%]", "listed [%]", "components: mean [%]", "max [%]", "nodes: mean [%]", "max [%]",
          "whole field [%]", "field from Mooney-Rivlin [%]", "volume ratio"],
         summary,
-        "Summary of table IV: mean over the components of the listed nodes as in the paper; over all free components of "
-        "at least 5 % of the largest displacement; distance of nodes in units of the largest displacement; the norm of "
-        "the field; the distance of the field from Mooney-Rivlin instead of the geometrically nonlinear model.",
+        "Summary of table IV: mean over the components of the listed nodes as in the paper; over all free components "
+        "of at least 5 % of the largest displacement; distance of nodes in units of the largest displacement; the "
+        "norm of the field; the distance of the field from Mooney-Rivlin instead of the geometrically nonlinear model.",
     )  # fmt: skip
     return {
         name: {
