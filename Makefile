@@ -66,7 +66,7 @@ stages = @times=; for stage in $(1); do \
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-contact study-probe study-registration pages check-pages pictures clean
-.PHONY: reduced-liver build-times
+.PHONY: reduced-liver build-times wheel
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -174,6 +174,11 @@ bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated hapti
 	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) >> out/haptic.txt; status=$$?; \
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
 		exit $$status
+
+wheel: $(node_viewer) ## a wheel for this platform, in out/wheel; its size is kept in benchmarks/results
+	$(BIN)/maturin build --release --locked --out out/wheel
+	($(BIN)/python benchmarks/machine.py && $(BIN)/python scripts/wheel_size.py out/wheel/*.whl) > out/wheel.txt
+	mv out/wheel.txt benchmarks/results/wheel.txt
 
 build-times: $(development) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
 	$(BIN)/python scripts/build_times.py | tee benchmarks/results/build.txt
