@@ -85,9 +85,14 @@ fn touch(model: &ReducedModel, point: [f64; 3], d: [f64; 3]) {
         let numbers = response.force.iter().chain(response.stiffness.iter().flatten());
         assert!(numbers.chain([&response.error_estimate]).all(|x| x.is_finite()), "{response:?}");
     }
-    let mut workspace = vec![0.0; model.workspace_len()];
+    let mut workspace = vec![0.0; model.field_workspace_len()];
     let mut field = vec![0.0; 3 * model.n_points()];
     model.displacement(&contact, d, &mut workspace, &mut field);
+    model.energy(&contact, d);
+    let below = contact.point.map(|x| 0.99 * x);
+    if let Ok(mut places) = model.places_at(&[contact.point, below]) {
+        model.move_places(&mut places, &contact, d, &mut [[0.0; 3]; 2]);
+    }
     model.patch(&contact);
 }
 

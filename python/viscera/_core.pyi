@@ -371,6 +371,8 @@ class Model:
         """force (3,) [N], stiffness (3, 3) [N/m], contact_point (3,), and with `field` displacement (n, 3) [m]; of the
         force error_estimate, is_trusted, reason (str, empty when trusted), of the displacement the same with `shape_`:
         shape_error_estimate, is_shape_trusted, shape_reason."""
+    def energy(self, point: Floats, displacement: Floats) -> float:
+        """Work [J] of the force on the straight way to the displacement."""
     def surface_displacement(self, point: Floats, displacement: Floats, order: int) -> Floats:
         """Displacements of the surface nodes only, in the order of `array("surface_nodes")`."""
     def at(self, value: float, law_parameters: list[float]) -> Model:

@@ -13,6 +13,7 @@ import pytest
 
 import viscera as vs
 
+Block = Callable[..., tuple[np.ndarray, np.ndarray]]
 Build = Callable[..., Path]
 STATUS = {"displaced": 1, "the estimated error": 2, "": 0}  # of an answer, by how its reason starts
 SOURCES = Path(__file__).resolve().parents[2] / "bindings" / "c"
@@ -84,6 +85,59 @@ def test_a_probe_in_c_feels_what_it_feels_in_python(touch: vs.Touch, model: Path
     assert len(re.findall(r"the hand feels", output)) == 8
 
 
+def write_inside(touch: vs.Touch, points: np.ndarray, path: Path) -> None:
+    """Touches of a family at several values, with what Python answers to them inside."""
+    random = np.random.default_rng(1)
+    low, high = touch.metadata["parameter"]["range"]
+    with path.open("w") as file:
+        file.write(f"{len(points)} ")
+        np.savetxt(file, points, fmt="%.17g")
+        for value in (low, 0.3 * low + 0.7 * high, high):
+            at = touch.at(value)
+            for share in (0.2, 0.7, 1.2):
+                point = np.array([random.uniform(0.4, 0.6), random.uniform(0.05, 0.15), 0.2])
+                direction = random.normal(size=3) - (0, 0, 1)
+                push = share * touch.depth * direction / np.linalg.norm(direction)
+                answer = at(point, push)
+                reasons = (answer.reason, answer.shape_reason)
+                statuses = [next(c for start, c in STATUS.items() if why.startswith(start)) for why in reasons]
+                np.savetxt(file, [[value, *point, *push]], fmt="%.17g", newline=" ")
+                file.write("{} {} ".format(*statuses))
+                single = np.array([answer.error_estimate, answer.shape_error_estimate, answer.energy])
+                inside = [answer.at(points).displacement.ravel(), answer.displacement.ravel()]
+                np.savetxt(
+                    file, [np.concatenate([answer.force, answer.stiffness.ravel(), single, *inside])], fmt="%.17g"
+                )
+
+
+@pytest.fixture(scope="module", params=["young", "radius of a quadratic element"])
+def family(
+    request: pytest.FixtureRequest, block: Block, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[vs.Touch, Path]:
+    """A beam of few cells for a range of stiffness, or of the radius of its touches."""
+    is_stiffness = request.param == "young"
+    beam = vs.mesh(*block((10, 2, 2) if is_stiffness else (5, 1, 1), (1.0, 0.2, 0.2)))
+    element = "P1" if is_stiffness else "P2"
+    organ = vs.Organ(beam, vs.NeoHookean(young=1e5, poisson=0.3), fixed="x < 1%", element=element)
+    vary = vs.Vary("young", 8e4, 1.5e5, nodes=3) if is_stiffness else vs.Vary("radius", 0.1, 0.12, nodes=2)
+    touch = organ.reduce("z > 99% and x > 35% and x < 65%", radius=0.1, depth=0.02, order=3, vary=vary)
+    path = tmp_path_factory.mktemp("family") / "beam.viscera"
+    touch.save(path)
+    return touch, path
+
+
+def test_inside_and_in_another_tissue_c_answers_as_python_does(
+    family: tuple[vs.Touch, Path], build: Build, tmp_path: Path
+) -> None:
+    touch, path = family
+    points = np.array([[0.5, 0.1, 0.15], [0.41, 0.02, 0.2], [0.0, 0.0, 0.0], [0.77, 0.13, 0.04]])
+    write_inside(touch, points, tmp_path / "answers.txt")
+    output = run(build("tests/inside.c", linkage="shared"), path, tmp_path / "answers.txt")
+    assert "9 touches; largest difference from Python" in output
+    if touch.element == "P1":
+        run(build("tests/inside.cpp"), path)
+
+
 def test_misuse_is_told_by_a_status(model: Path, build: Build) -> None:
     assert run(build("tests/refusals.c", linkage="shared"), model) == "0 faults\n"
 
@@ -117,6 +171,7 @@ RUST_TYPES = {
     **{"double": "f64", "float": "f32", "char": "c_char", "size_t": "usize"},
     **{"int32_t": "i32", "uint8_t": "u8", "uint32_t": "u32", "uint64_t": "u64"},
     **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard", "Probe", "Felt")},
+    **{f"viscera_{name.lower()}": name for name in ("Places", "Parameter")},
     "viscera_info_t": "Info",
 }
 
@@ -151,7 +206,7 @@ def test_the_header_declares_what_the_library_exports() -> None:
     assert re.findall(r"VISCERA_ABI_VERSION (\d+)", header) == re.findall(r"ABI_VERSION: u32 = (\d+)", rust)
 
 
-@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard", "Felt"])
+@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard", "Felt", "Parameter"])
 def test_structs_have_the_same_fields(name: str) -> None:
     header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
     rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))

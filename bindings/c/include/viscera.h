@@ -8,7 +8,8 @@
  * are three doubles, matrices nine row by row. A null pointer is reported, never followed.
  *
  * Calls marked REAL TIME allocate nothing, take no lock, make no system call and write no log. Several threads may
- * make them on one model at once; loading, viscera_set_frame and viscera_free need the model to themselves.
+ * make them on one model at once; loading, viscera_set_frame, viscera_set_parameter and viscera_free need the model to
+ * themselves.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  */
@@ -129,6 +130,12 @@ int32_t viscera_locate(const viscera_model *model, const double point[3], double
 int32_t viscera_evaluate(const viscera_model *model, const double point[3], const double displacement[3],
                          viscera_answer *answer);
 
+/* REAL TIME. The energy that a touch has put into the organ: the work of its force on the straight way to the
+ * displacement, in force unit times length unit. The status is that of viscera_evaluate; without a force the energy is
+ * zero. */
+int32_t viscera_energy(const viscera_model *model, const double point[3], const double displacement[3],
+                       double *energy);
+
 /* Number of floats of workspace that viscera_surface needs. */
 size_t viscera_workspace_size(const viscera_model *model);
 
@@ -145,6 +152,66 @@ int32_t viscera_surface(const viscera_model *model, const double point[3], const
  * integers. */
 int32_t viscera_surface_topology(const viscera_model *model, uint32_t *triangles, size_t triangles_len,
                                  uint32_t *nodes, size_t nodes_len);
+
+/* Number of cells of the mesh; 0 for a model that keeps nothing of what lies inside. */
+size_t viscera_cell_count(const viscera_model *model);
+
+/* Writes the mesh before a touch: its nodes, three doubles each, and the corners of its cells, four nodes each; a
+ * quadratic element has its other nodes on the edges of the cells. Either output may be null; lengths count numbers. */
+int32_t viscera_mesh(const viscera_model *model, double *points, size_t points_len, uint32_t *cells, size_t cells_len);
+
+/* Number of floats of workspace that viscera_field needs. */
+size_t viscera_field_workspace_size(const viscera_model *model);
+
+/* REAL TIME. Writes the displacement of all nodes (not their positions), three floats each; `moved` has room for at
+ * least 3 * points floats. Status, workspace and lengths are as for viscera_surface; if there is no answer, nothing
+ * has moved. */
+int32_t viscera_field(const viscera_model *model, const double point[3], const double displacement[3],
+                      float *workspace, size_t workspace_len, float *moved, size_t moved_len);
+
+/* Places in the organ, such as those of a vessel or a tumour, whose displacement a touch tells. */
+typedef struct viscera_places viscera_places;
+
+/* Makes places of `count` points of the organ before a touch, three doubles each, or of `count` nodes. A point outside
+ * all cells is refused with VISCERA_BAD_SETTING. The model must be freed after the places. On failure *places is null
+ * and `message`, which may be null, says why in one sentence. Places are used by one thread at a time. */
+int32_t viscera_places_at(const viscera_model *model, const double *points, size_t count, viscera_places **places,
+                          char *message, size_t message_len);
+int32_t viscera_places_of_nodes(const viscera_model *model, const uint32_t *nodes, size_t count,
+                                viscera_places **places, char *message, size_t message_len);
+
+/* Frees places; null is allowed. */
+void viscera_places_free(viscera_places *places);
+
+/* REAL TIME. Writes the displacement of each place under a touch, three doubles each; `moved_len` counts doubles. It
+ * costs as little as the places are few. The status is that of the shape, as for viscera_surface; if there is no
+ * answer, nothing has moved. */
+int32_t viscera_places_displacement(viscera_places *places, const double point[3], const double displacement[3],
+                                    double *moved, size_t moved_len);
+
+/* The parameter of a model that was made for a range of it, in the caller's units. */
+typedef struct viscera_parameter {
+    double low;
+    double high;
+    double value; /* that the model is set to */
+} viscera_parameter;
+
+/* Name of the parameter: "young" (a force per area), "poisson" (a number) or "radius" (a length: that of the contact
+ * patch); empty if the model has none, never null. It lives as long as the model. */
+const char *viscera_parameter_name(const viscera_model *model);
+
+/* Range and value of the parameter; VISCERA_BAD_SETTING if the model has none. */
+int32_t viscera_get_parameter(const viscera_model *model, viscera_parameter *parameter);
+
+/* Sets the model to a value of its parameter: all answers are then those of that value. After VISCERA_BAD_SETTING the
+ * old value stays, and `message`, which may be null, says why. It allocates, and takes longer than a tick: no other
+ * call may use the model meanwhile, so a running loop gets a copy that another thread has set. Places stay valid; with
+ * another radius, make probes anew. */
+int32_t viscera_set_parameter(viscera_model *model, double value, char *message, size_t message_len);
+
+/* Copies a model with its frame and its value of the parameter. Places and probes stay with the first. On failure
+ * *copy is null. */
+int32_t viscera_copy(const viscera_model *model, viscera_model **copy, char *message, size_t message_len);
 
 /* Sets up a guard without force. All four settings must be positive. After VISCERA_BAD_SETTING the guard never gives a
  * force. */
@@ -237,6 +304,7 @@ VISCERA_ASSERT(sizeof(viscera_answer) == 136);
 VISCERA_ASSERT(sizeof(viscera_frame) == 112);
 VISCERA_ASSERT(sizeof(viscera_guard) == 120);
 VISCERA_ASSERT(sizeof(viscera_felt) == 152);
+VISCERA_ASSERT(sizeof(viscera_parameter) == 24);
 #undef VISCERA_ASSERT
 #endif
 

@@ -22,7 +22,7 @@ public:
     const int32_t status;
 };
 
-/// A loaded model. It must outlive its probes.
+/// A loaded model. It must outlive its probes and places.
 class Model {
 public:
     explicit Model(const std::string &path) {
@@ -56,17 +56,99 @@ public:
         return viscera_evaluate(get(), point, displacement, &answer);
     }
 
+    int32_t energy(const double (&point)[3], const double (&displacement)[3], double &energy) const {
+        return viscera_energy(get(), point, displacement, &energy);
+    }
+
     int32_t surface(const double (&point)[3], const double (&displacement)[3], std::vector<float> &workspace,
                     std::vector<float> &positions) const {
         return viscera_surface(get(), point, displacement, workspace.data(), workspace.size(), positions.data(),
                                positions.size());
     }
 
+    /// The workspace of `field`; make it before the loop.
+    std::vector<float> field_workspace() const { return std::vector<float>(viscera_field_workspace_size(get())); }
+
+    /// Room for the displacement of all nodes by `field`; make it before the loop.
+    std::vector<float> field_room() const { return std::vector<float>(3 * static_cast<size_t>(info().points)); }
+
+    int32_t field(const double (&point)[3], const double (&displacement)[3], std::vector<float> &workspace,
+                  std::vector<float> &moved) const {
+        return viscera_field(get(), point, displacement, workspace.data(), workspace.size(), moved.data(),
+                             moved.size());
+    }
+
+    /// Name of the parameter that the model covers a range of; empty if there is none.
+    std::string parameter_name() const { return viscera_parameter_name(get()); }
+
+    viscera_parameter parameter() const {
+        viscera_parameter range;
+        const int32_t status = viscera_get_parameter(get(), &range);
+        if (status != VISCERA_OK) throw Error(status, "this model has no parameter");
+        return range;
+    }
+
+    /// Not in a loop, and while nobody else uses the model.
+    void set_parameter(double value) {
+        char message[256] = "";
+        const int32_t status = viscera_set_parameter(handle.get(), value, message, sizeof message);
+        if (status != VISCERA_OK) throw Error(status, message);
+    }
+
+    /// With the frame and the value of the parameter; places and probes stay with the first.
+    Model copy() const {
+        viscera_model *copied = nullptr;
+        char message[256] = "";
+        const int32_t status = viscera_copy(get(), &copied, message, sizeof message);
+        if (status != VISCERA_OK) throw Error(status, message);
+        return Model(copied);
+    }
+
 private:
+    explicit Model(viscera_model *owned) : handle(owned) {}
     struct Free {
         void operator()(viscera_model *model) const { viscera_free(model); }
     };
     std::unique_ptr<viscera_model, Free> handle;
+};
+
+/// Places in the organ of a model, which must outlive them; used by one thread at a time.
+class Places {
+public:
+    /// Of points of the organ before a touch, three numbers each.
+    Places(const Model &model, const std::vector<double> &points) : count(points.size() / 3) {
+        viscera_places *made = nullptr;
+        char message[256] = "";
+        const int32_t status = viscera_places_at(model.get(), points.data(), count, &made, message, sizeof message);
+        take(made, status, message);
+    }
+
+    /// Of nodes.
+    Places(const Model &model, const std::vector<uint32_t> &nodes) : count(nodes.size()) {
+        viscera_places *made = nullptr;
+        char message[256] = "";
+        const int32_t status =
+            viscera_places_of_nodes(model.get(), nodes.data(), count, &made, message, sizeof message);
+        take(made, status, message);
+    }
+
+    /// Room for the displacements; make it before the loop.
+    std::vector<double> room() const { return std::vector<double>(3 * count); }
+
+    int32_t displacement(const double (&point)[3], const double (&displacement)[3], std::vector<double> &moved) {
+        return viscera_places_displacement(handle.get(), point, displacement, moved.data(), moved.size());
+    }
+
+private:
+    void take(viscera_places *made, int32_t status, const char *message) {
+        handle.reset(made);
+        if (status != VISCERA_OK) throw Error(status, message);
+    }
+    struct Free {
+        void operator()(viscera_places *places) const { viscera_places_free(places); }
+    };
+    std::size_t count;
+    std::unique_ptr<viscera_places, Free> handle;
 };
 
 /// A rigid sphere on the surface of a model, used by one thread at a time.

@@ -75,6 +75,10 @@ impl Frame {
         self.back(t).map(|t| sign * t / (self.newtons_per_unit * self.metres_per_unit))
     }
 
+    pub fn energy_out(&self, w: f64) -> f64 {
+        w / (self.newtons_per_unit * self.metres_per_unit)
+    }
+
     pub fn length_out(&self, d: [f64; 3]) -> [f64; 3] {
         self.back(d).map(|d| d / self.metres_per_unit)
     }

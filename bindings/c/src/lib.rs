@@ -1,13 +1,16 @@
 //! The C interface of the on-line evaluator: `include/viscera.h` in Rust.
 //!
-//! Only loading allocates, and only there a panic is caught. The functions of a haptic loop check
-//! their pointers and lengths first, then run a fixed number of operations: no allocation, no lock,
-//! no log, no system call. The contracts of pointers and units are in the header only.
+//! Only what makes, copies or sets something allocates, and only there a panic is caught. The functions of a haptic
+//! loop check their pointers and lengths first, then run a fixed number of operations: no allocation, no lock, no log,
+//! no system call. The contracts of pointers and units are in the header only.
 
+mod family;
+mod field;
 mod frame;
 mod guard;
 mod load;
 mod model;
+mod places;
 mod probe;
 mod status;
 #[cfg(test)]

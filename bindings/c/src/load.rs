@@ -1,5 +1,4 @@
-//! Loading and freeing: the only calls that allocate, and the only ones whose failure has a
-//! message.
+//! Loading, copying and freeing a model.
 
 use crate::model::Model;
 use crate::status::{self, viscera_status};
@@ -55,6 +54,23 @@ pub unsafe extern "C" fn viscera_load_file(
     let null = if path.is_null() { status::NULL_POINTER } else { status::BAD_MODEL };
     // SAFETY: the caller's contract.
     unsafe { finish(read, null, model, message, message_len) }
+}
+
+/// Copies a model with its frame and its value of the parameter.
+///
+/// # Safety
+/// `model` is null or loaded, `copy` null or writable, `message` writable for `message_len` or null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_copy(
+    model: *const Model,
+    copy: *mut *mut Model,
+    message: *mut c_char,
+    message_len: usize,
+) -> viscera_status {
+    // SAFETY: the caller's contract, here and below.
+    let given = unsafe { model.as_ref() };
+    let clone = || given.cloned().ok_or_else(|| "no model to copy".into());
+    unsafe { finish(clone, status::NULL_POINTER, copy, message, message_len) }
 }
 
 /// Frees a model; null is nothing to do.

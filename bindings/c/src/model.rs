@@ -3,14 +3,18 @@
 use crate::frame::Frame;
 use crate::status::{self, viscera_status};
 use crate::{all_finite, put, vector};
+use std::ffi::CString;
 use viscera_touch::{Contact, ReducedModel, Trust};
 
 /// `viscera_model`, opaque to C.
+#[derive(Clone)]
 pub struct Model {
     pub(crate) reduced: ReducedModel,
     /// Surface triangles in the numbering of surface nodes.
     triangles: Vec<[u32; 3]>,
     pub(crate) frame: Frame,
+    /// Name of the parameter; empty if there is none.
+    pub(crate) parameter: CString,
 }
 
 /// `struct viscera_info`.
@@ -62,7 +66,10 @@ impl Model {
         };
         let rows = reduced.arrays().surface.iter().map(row).collect::<Result<Vec<_>, String>>()?;
         let triangles = rows.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-        Ok(Model { reduced, triangles, frame: Frame::IDENTITY })
+        let name = reduced.metadata().parameter.as_ref().map_or("", |parameter| &parameter.name);
+        let parameter = CString::new(name)
+            .map_err(|_| format!("not a usable model file: a parameter called {name:?}"))?;
+        Ok(Model { reduced, triangles, frame: Frame::IDENTITY, parameter })
     }
 
     /// A warning about the file that was read; usually empty.
@@ -92,7 +99,7 @@ impl Model {
     }
 
     /// The contact and the answer in SI, or why there is none.
-    fn touch(
+    pub(crate) fn touch(
         &self,
         point: [f64; 3],
         d: [f64; 3],
@@ -125,6 +132,22 @@ impl Model {
             contact_point: frame.point_out(contact.point),
         };
         Ok((answer, status_of(response.trust)))
+    }
+
+    fn energy(
+        &self,
+        point: [f64; 3],
+        displacement: [f64; 3],
+    ) -> Result<(f64, viscera_status), viscera_status> {
+        let frame = &self.frame;
+        let d = frame.length_in(displacement);
+        let (contact, response) = self.touch(frame.point_in(point), d)?;
+        let energy = frame.energy_out(self.reduced.energy(&contact, d));
+        if energy.is_finite() {
+            Ok((energy, status_of(response.trust)))
+        } else {
+            Err(status::NOT_FINITE)
+        }
     }
 
     /// Deformed positions of the surface nodes; those at rest if there is no answer.
@@ -260,6 +283,29 @@ pub unsafe extern "C" fn viscera_evaluate(
     };
     unsafe { put(answer, result) };
     if answer.is_null() { status::NULL_POINTER } else { status }
+}
+
+/// The energy that a touch has put into the organ.
+///
+/// # Safety
+/// `model` is null or loaded, `point` and `displacement` null or readable, `energy` null or writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn viscera_energy(
+    model: *const Model,
+    point: *const f64,
+    displacement: *const f64,
+    energy: *mut f64,
+) -> viscera_status {
+    // SAFETY: the caller's contract, here and below.
+    let given = unsafe { (model.as_ref(), vector(point), vector(displacement)) };
+    let (result, status) = match given {
+        (Some(model), Some(point), Some(d)) => {
+            model.energy(point, d).unwrap_or_else(|status| (0.0, status))
+        }
+        _ => (0.0, status::NULL_POINTER),
+    };
+    unsafe { put(energy, result) };
+    if energy.is_null() { status::NULL_POINTER } else { status }
 }
 
 /// Deformed positions of the surface nodes.

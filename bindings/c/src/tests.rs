@@ -5,10 +5,12 @@ mod block;
 #[path = "../../../core/tests/counting/mod.rs"]
 mod counting;
 
+use crate::field::*;
 use crate::guard::*;
 use crate::load::{viscera_free, viscera_load};
 use crate::model::*;
 use crate::norm;
+use crate::places::*;
 use crate::probe::*;
 use crate::status;
 use block::{SIZE, block};
@@ -29,6 +31,12 @@ fn a_tick_allocates_nothing() {
     unsafe { viscera_info(model, &mut info) };
     let mut workspace = vec![0.0f32; unsafe { viscera_workspace_size(model) }];
     let mut positions = vec![0.0f32; 3 * info.surface_nodes as usize];
+    let mut field_workspace = vec![0.0f32; unsafe { viscera_field_workspace_size(model) }];
+    let mut field = vec![0.0f32; 3 * info.points as usize];
+    let (inside, mut places, mut moved) = (SIZE.map(|x| 0.4 * x), ptr::null_mut(), [0.0; 3]);
+    let found =
+        unsafe { viscera_places_at(model, inside.as_ptr(), 1, &mut places, ptr::null_mut(), 0) };
+    assert_eq!(found, status::OK);
     let mut guard = guard();
     let mut seen = [0; 10];
     for random in samples::noise(1800, 1).chunks_exact(6) {
@@ -53,6 +61,26 @@ fn a_tick_allocates_nothing() {
                 drawn == status || drawn == status::ERROR_TOO_LARGE,
                 "the shape has an error of its own"
             );
+            let of_all = viscera_field(
+                model,
+                point.as_ptr(),
+                d.as_ptr(),
+                field_workspace.as_mut_ptr(),
+                field_workspace.len(),
+                field.as_mut_ptr(),
+                field.len(),
+            );
+            let of_places = viscera_places_displacement(
+                places,
+                point.as_ptr(),
+                d.as_ptr(),
+                moved.as_mut_ptr(),
+                moved.len(),
+            );
+            assert!(of_all == drawn && of_places == drawn);
+            let mut energy = 0.0;
+            assert_eq!(viscera_energy(model, point.as_ptr(), d.as_ptr(), &mut energy), status);
+            assert!(energy.is_finite() && (energy == 0.0) == (status == status::OFF_SURFACE));
             status
         });
         assert_eq!(count, 0);
@@ -60,7 +88,10 @@ fn a_tick_allocates_nothing() {
     }
     let reached = [status::OK, status::BEYOND_DEPTH, status::OFF_SURFACE];
     assert!(reached.iter().all(|&s| seen[s as usize] > 5), "every branch was taken: {seen:?}");
-    unsafe { viscera_free(model) };
+    unsafe {
+        viscera_places_free(places);
+        viscera_free(model);
+    };
 }
 
 /// Status and sentence of a load.

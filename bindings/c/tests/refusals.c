@@ -148,6 +148,92 @@ static void drawing(viscera_model *model) {
     free(work);
 }
 
+static void looking_inside(viscera_model *model) {
+    const double far[3] = {0, 0, 1e3}, push[3] = {0, 0, -0.001}, nowhere[3] = {NAN, 0, 0}, huge[3] = {1e300, 0, -1e300};
+    double contact[3], energy = 1, moved[6];
+    char message[256];
+    viscera_info_t info;
+    viscera_info(model, &info);
+    viscera_locate(model, far, contact, NULL);
+    EXPECT(viscera_energy(model, contact, push, &energy) == VISCERA_OK && energy > 0);
+    EXPECT(viscera_energy(model, far, push, &energy) == VISCERA_OFF_SURFACE && energy == 0);
+    EXPECT(viscera_energy(model, contact, nowhere, &energy) == VISCERA_NOT_FINITE && energy == 0);
+    EXPECT(viscera_energy(model, contact, huge, &energy) == VISCERA_NOT_FINITE && energy == 0);
+    EXPECT(viscera_energy(NULL, contact, push, &energy) == VISCERA_NULL_POINTER && energy == 0);
+    EXPECT(viscera_energy(model, contact, push, NULL) == VISCERA_NULL_POINTER);
+
+    const size_t n_work = viscera_field_workspace_size(model), n = 3 * (size_t)info.points;
+    const size_t n_cells = 4 * viscera_cell_count(model);
+    float *work = malloc(n_work * sizeof(float)), *u = malloc((n + 1) * sizeof(float));
+    double *points = malloc(n * sizeof(double));
+    uint32_t *cells = malloc(n_cells * sizeof(uint32_t));
+    EXPECT(viscera_field_workspace_size(NULL) == 0 && viscera_cell_count(NULL) == 0 && n_cells > 0);
+    u[0] = u[n] = 12345;
+    EXPECT(viscera_field(model, contact, push, work, n_work - 1, u, n) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_field(model, contact, push, work, n_work, u, n - 1) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_field(model, contact, push, NULL, n_work, u, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_field(model, contact, push, work, n_work, NULL, n) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_field(NULL, contact, push, work, n_work, u, n) == VISCERA_NULL_POINTER);
+    EXPECT(u[0] == 12345);
+    EXPECT(viscera_field(model, far, push, work, n_work, u, n) == VISCERA_OFF_SURFACE && u[0] == 0 && u[n - 1] == 0);
+    EXPECT(viscera_field(model, contact, push, work, n_work, u, n + 1) == VISCERA_OK && u[n] == 12345);
+    EXPECT(viscera_mesh(NULL, points, n, cells, n_cells) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_mesh(model, points, n - 1, cells, n_cells) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_mesh(model, points, n, cells, n_cells - 1) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_mesh(model, NULL, 0, NULL, 0) == VISCERA_OK);
+    EXPECT(viscera_mesh(model, points, n, cells, n_cells) == VISCERA_OK);
+    for (size_t i = 0; i < n_cells; i++) EXPECT(cells[i] < info.points);
+
+    const double pair[6] = {contact[0], contact[1], contact[2], points[3], points[4], points[5]};
+    const uint32_t node = 0, wrong = (uint32_t)info.points;
+    viscera_places *places = (viscera_places *)&info; /* anything: a failure must clear it */
+    EXPECT(viscera_places_at(model, far, 1, &places, message, sizeof message) == VISCERA_BAD_SETTING);
+    EXPECT(places == NULL && strstr(message, "outside the organ") != NULL);
+    EXPECT(viscera_places_at(model, nowhere, 1, &places, NULL, 0) == VISCERA_BAD_SETTING);
+    EXPECT(viscera_places_at(model, NULL, 1, &places, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_at(model, pair, SIZE_MAX, &places, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_at(NULL, pair, 2, &places, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_at(model, pair, 2, NULL, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_of_nodes(model, &wrong, 1, &places, message, sizeof message) == VISCERA_BAD_SETTING);
+    EXPECT(places == NULL && strstr(message, "nodes 0 to") != NULL);
+    EXPECT(viscera_places_of_nodes(model, NULL, 1, &places, NULL, 0) == VISCERA_NULL_POINTER && places == NULL);
+    EXPECT(viscera_places_of_nodes(model, &node, 0, &places, message, sizeof message) == VISCERA_OK);
+    EXPECT(viscera_places_displacement(places, contact, push, moved, 0) == VISCERA_OK);
+    viscera_places_free(places);
+    EXPECT(viscera_places_at(model, pair, 2, &places, message, sizeof message) == VISCERA_OK && message[0] == 0);
+    EXPECT(viscera_places_displacement(places, contact, push, moved, 5) == VISCERA_SHORT_BUFFER);
+    EXPECT(viscera_places_displacement(places, contact, push, NULL, 6) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_displacement(NULL, contact, push, moved, 6) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_displacement(places, NULL, push, moved, 6) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_places_displacement(places, contact, push, moved, 6) == VISCERA_OK && moved[2] < 0);
+    EXPECT(viscera_places_displacement(places, far, push, moved, 6) == VISCERA_OFF_SURFACE && moved[2] == 0);
+    EXPECT(viscera_places_displacement(places, contact, nowhere, moved, 6) == VISCERA_NOT_FINITE && moved[2] == 0);
+    viscera_places_free(places);
+    viscera_places_free(NULL);
+    free(work);
+    free(u);
+    free(points);
+    free(cells);
+}
+
+/* Of a model without a parameter; bindings/c/tests/inside.c sets one. */
+static void varying(viscera_model *model) {
+    viscera_parameter parameter = {1, 2, 3};
+    viscera_model *copy = (viscera_model *)&parameter; /* anything: a failure must clear it */
+    char message[256];
+    EXPECT(viscera_parameter_name(NULL)[0] == 0 && viscera_parameter_name(model)[0] == 0);
+    EXPECT(viscera_get_parameter(model, &parameter) == VISCERA_BAD_SETTING && parameter.value == 0);
+    EXPECT(viscera_get_parameter(NULL, &parameter) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_get_parameter(model, NULL) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_set_parameter(model, 1, message, sizeof message) == VISCERA_BAD_SETTING);
+    EXPECT(strstr(message, "no parameter") != NULL);
+    EXPECT(viscera_set_parameter(NULL, 1, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_copy(NULL, &copy, message, sizeof message) == VISCERA_NULL_POINTER && copy == NULL);
+    EXPECT(viscera_copy(model, NULL, message, sizeof message) == VISCERA_NULL_POINTER);
+    EXPECT(viscera_copy(model, &copy, message, sizeof message) == VISCERA_OK && copy != NULL && message[0] == 0);
+    viscera_free(copy);
+}
+
 static void settings(viscera_model *model) {
     viscera_frame frame;
     viscera_guard guard;
@@ -242,6 +328,8 @@ int main(int argc, char **argv) {
     loading(argv[1]);
     touching(model);
     drawing(model);
+    looking_inside(model);
+    varying(model);
     probing(model);
     settings(model);
     viscera_free(model);

@@ -75,7 +75,7 @@ impl Model {
             .set_item("shape_reason", reason(response.shape_trust, kind, shape, &self.model, d))?;
         answer.set_item("contact_point", PyArray1::from_slice(py, &contact.point))?;
         if field {
-            let mut workspace = vec![0.0; self.model.workspace_len()];
+            let mut workspace = vec![0.0; self.model.field_workspace_len()];
             let mut u = vec![0.0; 3 * self.model.n_points()];
             py.detach(|| self.model.displacement(&contact, d, &mut workspace, &mut u));
             answer.set_item(
@@ -84,6 +84,14 @@ impl Model {
             )?;
         }
         Ok(answer)
+    }
+
+    fn energy(
+        &self,
+        point: PyReadonlyArray1<f64>,
+        displacement: PyReadonlyArray1<f64>,
+    ) -> PyResult<f64> {
+        Ok(self.model.energy(&self.contact(&point)?, finite("displacement", &displacement)?))
     }
 
     fn surface_displacement<'py>(

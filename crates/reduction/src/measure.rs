@@ -143,7 +143,7 @@ impl Reduction {
             let series = chunks.map(|some| expansion.expand_while(&is_wanted, some, self.order));
             Ok(series.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect::<Vec<_>>())
         })?;
-        let mut workspace = vec![0.0; model.workspace_len()];
+        let mut workspace = vec![0.0; model.field_workspace_len()];
         let mut largest: f64 = 0.0;
         for (&place, series) in places.iter().zip(&series) {
             let Some(contact) = model.locate(model.position(place)) else { continue };
@@ -175,7 +175,7 @@ impl Reduction {
         let patches: Vec<&Patch> = patches.iter().collect();
         let is_wanted = || !stop.load(Ordering::Relaxed);
         let series = expansion.expand_while(&is_wanted, &patches, self.next_order())?;
-        let mut workspace = vec![0.0; model.workspace_len()];
+        let mut workspace = vec![0.0; model.field_workspace_len()];
         let mut touch = |contact: &Contact, series: &TouchSeries, d| {
             let exact = Orders::new(series, self.next_order(), d);
             compare(model, contact, &exact, d, &mut workspace)

@@ -3,6 +3,7 @@
 mod family;
 mod file;
 mod pade;
+mod places;
 mod preload;
 mod recompress;
 mod work;
@@ -18,7 +19,7 @@ use crate::number::evaluate_monomials;
 use crate::number::norm;
 use crate::series::{TouchExpansion, TouchSeries};
 use std::sync::LazyLock;
-use viscera_touch::to_bytes;
+use viscera_touch::{Places, to_bytes};
 
 const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
 const DEPTH: f64 = 0.004;
@@ -82,7 +83,7 @@ fn exact(series: &TouchSeries, d: [f64; 3]) -> (Vec<f64>, [f64; 3]) {
 }
 
 fn field(model: &ReducedModel, contact: &Contact, d: [f64; 3]) -> Vec<f64> {
-    let mut workspace = vec![0.0; model.workspace_len()];
+    let mut workspace = vec![0.0; model.field_workspace_len()];
     let mut field = vec![0.0; 3 * model.n_points()];
     model.displacement(contact, d, &mut workspace, &mut field);
     field.into_iter().map(f64::from).collect()
@@ -143,7 +144,7 @@ fn between_positions_the_first_order_is_exact() {
 /// Nor is the second: the sum of both is that of the blended patch's own series, at any depth.
 #[test]
 fn between_positions_the_second_order_is_exact() {
-    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let mut workspace = vec![0.0; MODEL.field_workspace_len()];
     for triangle in 0..MODEL.triangles().len() {
         let contact = inside(triangle, [0.2, 0.5, 0.3]);
         let patch = MODEL.patch(&contact);
@@ -222,7 +223,7 @@ fn stiffness_is_the_derivative_of_the_force() {
 #[test]
 fn orders_are_cut_where_they_are_asked_to_be() {
     let contact = inside(5, [0.2, 0.5, 0.3]);
-    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let mut workspace = vec![0.0; MODEL.field_workspace_len()];
     let mut surface = |d: [f64; 3], order: usize| {
         let mut out = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
         MODEL.surface_displacement_to_order(&contact, d, order, &mut workspace, &mut out);

@@ -210,7 +210,12 @@ impl ReducedModel {
         self.combine(&here, d, workspace, &self.arrays.interior_modes, out);
     }
 
-    /// Displacement of all nodes [m], `3 * n_points()` numbers. Allocates; for off-line use.
+    /// Numbers of workspace that [`ReducedModel::displacement`] needs.
+    pub fn field_workspace_len(&self) -> usize {
+        self.workspace_len() + 3 * self.arrays.surface_nodes.len()
+    }
+
+    /// Displacement of all nodes [m], `3 * n_points()` numbers.
     ///
     /// # Panics
     /// If `workspace` or `out` is too short.
@@ -221,16 +226,33 @@ impl ReducedModel {
         workspace: &mut [f32],
         out: &mut [f32],
     ) {
-        let mut part = vec![0.0; out.len()];
-        let mut scatter = |nodes: &[u32], part: &[f32]| {
-            for (&node, u) in nodes.iter().zip(part.chunks_exact(3)) {
-                out[3 * node as usize..3 * node as usize + 3].copy_from_slice(u);
+        let (workspace, surface) = workspace.split_at_mut(self.workspace_len());
+        self.surface_displacement(contact, d, workspace, surface);
+        self.interior_displacement(contact, d, workspace, out);
+        // Both are ascending: merged from behind, what lies inside moves within `out`.
+        let mut on_surface = self.arrays.surface_nodes.len();
+        for node in (0..self.n_points()).rev() {
+            let to = 3 * node..3 * node + 3;
+            if on_surface > 0 && self.arrays.surface_nodes[on_surface - 1] as usize == node {
+                on_surface -= 1;
+                out[to].copy_from_slice(&surface[3 * on_surface..3 * on_surface + 3]);
+            } else {
+                let inside = 3 * (node - on_surface);
+                out.copy_within(inside..inside + 3, to.start);
             }
-        };
-        self.surface_displacement(contact, d, workspace, &mut part);
-        scatter(&self.arrays.surface_nodes, &part);
-        self.interior_displacement(contact, d, workspace, &mut part);
-        scatter(&self.interior_nodes, &part);
+        }
+    }
+
+    /// Displacement [m] of the nodes that some modes are given at, `out.len() / 3` of them.
+    pub(super) fn modes_displacement(
+        &self,
+        contact: &Contact,
+        d: [f64; 3],
+        workspace: &mut [f32],
+        modes: &[i16],
+        out: &mut [f32],
+    ) {
+        self.combine(&Interpolation::new(self, contact), d, workspace, modes, out);
     }
 
     /// The middle of a touchable triangle.

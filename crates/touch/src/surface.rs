@@ -51,7 +51,7 @@ impl ReducedModel {
     }
 
     /// The stored modes (M, nodes, 3) at some nodes, ascending.
-    fn modes_at(&self, nodes: &[u32]) -> Vec<i16> {
+    pub(super) fn modes_at(&self, nodes: &[u32]) -> Vec<i16> {
         let a = &self.arrays;
         let (surface, interior) = (&a.surface_nodes, &self.interior_nodes);
         let mut modes = Vec::with_capacity(3 * nodes.len() * self.n_modes());

@@ -4,7 +4,7 @@ use super::preload::newton;
 use super::*;
 use crate::equilibrium::PatchLoad;
 
-static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
+pub(super) static PADE: LazyLock<ReducedModel> = LazyLock::new(|| {
     let reduction = Reduction { pade: true, order: 4, tolerance: 2e-4, depth: 0.012, ..settings() };
     reduce(&reduction).unwrap()
 });

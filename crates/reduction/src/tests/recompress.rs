@@ -87,7 +87,7 @@ fn a_family_is_compressed_at_all_its_values() {
 fn the_surface_alone_answers_alike() {
     let alone = MODEL.surface_alone(&[]).unwrap();
     let surface = |model: &ReducedModel, contact: &Contact, d: [f64; 3]| {
-        let mut workspace = vec![0.0; model.workspace_len()];
+        let mut workspace = vec![0.0; model.field_workspace_len()];
         let mut out = vec![0.0; 3 * MODEL.arrays().surface_nodes.len()];
         model.surface_displacement(contact, d, &mut workspace, &mut out);
         out
@@ -111,7 +111,7 @@ fn nodes_inside_move_as_in_the_whole_model() {
     let some = MODEL.surface_alone(inside).unwrap();
     let mut nodes = [&MODEL.arrays().surface_nodes[..], inside].concat();
     nodes.sort_unstable();
-    let mut workspace = vec![0.0; MODEL.workspace_len()];
+    let mut workspace = vec![0.0; MODEL.field_workspace_len()];
     let (mut part, mut whole) = (vec![0.0; 3 * nodes.len()], vec![0.0; 3 * MODEL.n_points()]);
     for (contact, d) in touches().into_iter().step_by(400) {
         some.surface_displacement(&contact, d, &mut workspace, &mut part);

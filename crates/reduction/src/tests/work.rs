@@ -54,6 +54,27 @@ fn a_closed_loop_of_a_contact_returns_what_it_took() {
     );
 }
 
+/// Along the way its slope is the power of the force, also where orders are summed in the Padé form.
+#[test]
+fn the_energy_of_a_touch_is_the_work_of_its_force() {
+    let h = 1e-4;
+    for (model, depth, tolerance) in [(&*MODEL, DEPTH, 1e-7), (&*super::pade::PADE, 0.012, 1e-6)] {
+        for (k, random) in noise(8 * 5, 4).chunks_exact(5).enumerate() {
+            let contact = inside(3 * k, barycentric(random[3], random[4]));
+            let d: [f64; 3] = std::array::from_fn(|i| depth * random[i] / 3f64.sqrt());
+            let energy = |s: f64| model.energy(&contact, d.map(|x| s * x));
+            let slope = (energy(1.0 + h) - energy(1.0 - h)) / (2.0 * h);
+            let force = model.respond(&contact, d).force;
+            let power: f64 = (0..3).map(|i| force[i] * d[i]).sum();
+            assert!((slope - power).abs() < tolerance * power, "{slope} J, {power} J");
+        }
+        assert_eq!(model.energy(&model.centroid(0), [0.0; 3]), 0.0);
+    }
+    let (contact, d) = (inside(5, [0.2, 0.5, 0.3]), [0.001, 0.002, -0.003]);
+    let along = work(&MODEL, &contact, [0.0; 3], d);
+    assert!((MODEL.energy(&contact, d) - along).abs() < 1e-12 * along);
+}
+
 fn barycentric(a: f64, b: f64) -> [f64; 3] {
     let (a, b) = (0.5 + 0.5 * a, 0.5 + 0.5 * b);
     let root = a.sqrt();
