@@ -31,7 +31,7 @@ from viscera.registration.rigid import Rigid, Shape, rotation_of, starts
 
 KINDS = ("pressure from outside", "support moved", "gravity turned", "lobe mobilised")
 COUNT = 20
-COVERAGES = (0.2, 0.3, 0.5, 0.75, 1.0)
+COVERAGES = (0.2, 0.3, 0.5, 1.0)
 NOISES = (0.0, 2e-3, 5e-3)
 TYPICAL = (0.3, 2e-3)
 """Coverage and noise [m] of the pass; the other coverages are with this noise, the other noises with this coverage."""
@@ -91,10 +91,11 @@ def _happened(kind: str, mesh: vs.Mesh, seed: int) -> vs.State:
     start = np.einsum("ka,kai->ki", shares, first.displacement[coarse.cells[cells]])
     organ, loads = _case(kind, mesh, np.random.default_rng((seed, 0)))
     start[organ.fixed] = 0.0
+    how: dict[str, Any] = {"settings": {"tolerance": 1e-6}, "solver": "multigrid"}
     try:
-        return organ.solve(**loads, start=start, settings={"tolerance": 1e-6})
+        return organ.solve(**loads, **how, start=start)
     except vs.VisceraError:  # a large motion, interpolated, turns a cell inside out
-        return organ.solve(**loads, settings={"tolerance": 1e-6})
+        return organ.solve(**loads, **how)
 
 
 def _case(kind: str, mesh: vs.Mesh, rng: np.random.Generator) -> tuple[vs.Organ, dict[str, Any]]:

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera import _core
 from viscera.registration.fit import averaged, without_rigid
 from viscera.registration.forces import Forces
 from viscera.registration.registered import MODEL, band_of
-from viscera.registration.rigid import Rigid, Shape, aligned, levers, rotation_of
+from viscera.registration.rigid import Rigid, Shape, aligned, levers, rotation_of, vector_of
 
 Floats = np.ndarray
 MOVED = Rigid(rotation_of(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.02, 0.04]))
@@ -68,6 +69,38 @@ def test_an_organ_is_found_again_where_a_rigid_motion_does_not_explain_it(
     rigid = np.linalg.norm(best(organ.mesh.points) - truth, axis=1)
     assert error.mean() < 0.7 * rigid.mean(), "better than the best rigid motion that there is"
     assert (error < found.band)[found.is_observed].mean() > 0.9
+
+
+def test_a_human_liver_is_found_again_from_its_front(shared: Path) -> None:
+    """A scan gives its shape; the truth has another mesh and another law; 2000 points of its front are seen."""
+    path = shared / "scans" / "totalsegmentator_example_seg.nii.gz"
+    if not path.exists():
+        pytest.skip(f"no human scan {path}; name its folder in VISCERA_SHARED")
+    pytest.importorskip("nibabel")
+    scan = vs.scan(path)
+    mesh, fine = (scan.mesh({"liver": 5}, edge=edge, fixed="label:64") for edge in (0.016, 0.012))
+    law = vs.Ogden(mu=500.0, alpha=6.0, poisson=0.46)
+    state = vs.Organ(fine, law, fixed="fixed").solve(gravity=(4.0, 0.0, 3.0), density=1060.0, throw=True)
+    now = MOVED(fine.points + state.displacement)
+    rest = fine.points[fine.surface]
+    outward = np.cross(rest[:, 1] - rest[:, 0], rest[:, 2] - rest[:, 0])
+    corners = now[fine.surface[outward[:, 1] > 0.2 * np.linalg.norm(outward, axis=1)]]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    rng = np.random.default_rng(0)
+    chosen = rng.choice(len(corners), size=2000, p=area / area.sum())
+    cloud = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=2000), corners[chosen])
+    cloud = cloud + rng.normal(scale=NOISE, size=cloud.shape)
+
+    found = vs.Organ(mesh, vs.NeoHookean(young=4e3, poisson=0.45), fixed="fixed").register(cloud, noise=NOISE)
+    assert found.is_converged, found.message
+    at = fine.centroids[::5]
+    at, there = (
+        x[_core.Locator(mesh.points, mesh.cells).find(at)[0] >= 0] for x in (at, now[fine.cells].mean(axis=1)[::5])
+    )
+    error = np.linalg.norm(at + found.at(at).displacement - there, axis=1)
+    rigid = np.linalg.norm(aligned(at, there, np.ones(len(at)))(at) - there, axis=1)
+    assert error.mean() < 0.5 * rigid.mean(), "better than the best rigid motion that there is"
+    assert (error < found.band_at(at)).mean() > 0.9
 
 
 def test_residuals_tell_the_organ_from_what_is_not_its(found: vs.Registered) -> None:
@@ -134,6 +167,11 @@ def test_the_derivative_of_a_rigid_motion_agrees_with_differences() -> None:
     slope = (levers(x - centre) @ turn + shift) @ MOVED.rotation.T
     assert np.allclose((plus - minus) / (2 * h), slope, atol=1e-8)
     assert np.allclose(MOVED.back(MOVED(x)), x)
+
+
+def test_the_vector_of_a_rotation_is_found_again() -> None:
+    for vector in ([0.3, -1.2, 0.7], [0.0, 3.0, 0.0], [1e-9, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        assert np.allclose(vector_of(rotation_of(np.array(vector))), vector, atol=1e-12)
 
 
 def test_a_response_without_its_rigid_part_has_none_and_keeps_the_rest() -> None:

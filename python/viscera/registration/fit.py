@@ -29,7 +29,7 @@ from viscera.mesh import Floats, Indices
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.registered import Registered, band_of
-from viscera.registration.rigid import TUKEY, Rigid, Shape, aligned, levers, spaced, spread, starts, tukey
+from viscera.registration.rigid import TUKEY, Rigid, Shape, aligned, levers, spaced, spread, starts, tukey, vector_of
 
 if TYPE_CHECKING:
     from viscera.organ import Organ, Progress
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 CUBE = 0.025
 """Edge of the cubes in each of which the points of the cloud are averaged; this and other lengths in diagonals."""
-TANGENTS = 6
+TANGENTS = 10
 """At most."""
 FIRST, LATER = 20, 8
 """Closest points renewed at most so often with a tangent."""
@@ -49,14 +49,18 @@ DOUBT, SURE, CALMER = 50.0, 4.0, 4.0
 """Factors on the variance of the noise with the first tangent, at last, and from one tangent to the next."""
 STILL = 1e-3
 """Largest motion of a node in the last iteration with one tangent."""
+HALVINGS = 3
+"""Of a step, at most."""
 TRUST = 0.1
 """Largest motion of a node with one tangent."""
 WRONG, SMOOTH = 1e-3, 0.1
 """Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
 N_WRONG = 60
 """Places that carry it."""
-EXPECTED, LARGEST = 0.02, 0.03
+EXPECTED, LARGEST = 0.02, 0.02
 """Root-mean-square displacement by forces of a kind, rigid motion apart, to begin with and at most."""
+SWING = 0.2
+"""Standard deviation of the organ's turn about each axis by forces, against its fixed nodes [rad]."""
 SMALLEST = (0.015, 0.003)
 """And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
 GROWTH = 2.0
@@ -84,6 +88,10 @@ class Iterate:
     change: float = np.inf
     """Largest distance of a node [m] between the equilibrium and what the tangent had said."""
     cost: float = np.inf
+    trust: float = np.inf
+    """Largest motion of a node [m] for which a tangent is believed."""
+    is_cut: bool = False
+    """Whether the last step was shortened to it."""
     doubt: float = DOUBT
     """Factor on the variance of the noise."""
     iterations: int = 0
@@ -111,19 +119,27 @@ def register(
     steps, done = len(motions) + TANGENTS - 1, 0
     found = []
     for motion in motions:
-        found.append(Iterate(motion, np.zeros(len(forces)), rest, np.full(2, EXPECTED * organ.mesh.diagonal)))
+        found.append(
+            Iterate(
+                motion,
+                np.zeros(len(forces)),
+                rest,
+                np.full(2, EXPECTED * organ.mesh.diagonal),
+                trust=TRUST * organ.mesh.diagonal,
+            )
+        )
         fit.improve(found[-1], responses, FIRST, first=True)
         done += 1
         if progress:
             progress(done, steps, "registration")
     best = min(found, key=lambda iterate: iterate.cost)
-    message = fit.balance(best)
+    message = fit.balance(best, Iterate(best.motion, 0.0 * best.amplitudes, rest, best.expected, trust=best.trust))
     for _ in range(TANGENTS - 1):
-        if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE):
+        if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE and not best.is_cut):
             break
         further = replace(best, expected=best.expected.copy(), doubt=max(SURE, best.doubt / CALMER))
         fit.improve(further, forces.responses(best.displacement), LATER, first=False)
-        if fit.balance(further) or further.change > FARTHEST * organ.mesh.diagonal:
+        if fit.balance(further, best):
             break
         best = further
         done += 1
@@ -146,15 +162,22 @@ class _Fit:
 
     def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
         """Gauss-Newton with the equilibrium linearised, u + U (a' - a), U without rigid motions: T has those."""
+        turns = rigid_parts(responses, self.organ.mesh.points + at.displacement)[:3]
         responses = without_rigid(responses, self.organ.mesh.points + at.displacement)
         metrics = self.forces.metrics(responses)
-        begin_x = self.organ.mesh.points[self.sample] + at.displacement[self.sample]
+        points = self.organ.mesh.points
+        begin_x = points[self.sample] + at.displacement[self.sample]
         known = 6 + len(self.forces)
         motions = np.pad(self._motions(responses, begin_x), ((0, 0), (0, self.wrong.shape[1])))
         begin_u, begin_a = at.displacement, at.amplitudes
+        begin_turn = vector_of(aligned(points, points + begin_u, np.ones(len(points))).rotation)
+        swing = np.pad(turns, ((0, 0), (6, self.wrong.shape[1])))
         scale = max(FAR * self.size if first else 0.0, 2.0 * self.seen.noise)
         for _ in range(count):
             rows, residual, weight, scatter = self.equations(at, responses, scale)
+            turn = begin_turn + turns @ (at.amplitudes - begin_a)
+            rows, residual = np.concatenate([rows, swing]), np.concatenate([residual, -turn])
+            weight = np.concatenate([weight, np.full(3, SWING**-2.0)])
             prior = np.eye(rows.shape[1])
             prior[:known, :known] = 0.0
             for group, metric, size in zip(self.groups, metrics, at.expected, strict=True):
@@ -178,21 +201,38 @@ class _Fit:
             if largest < STILL * self.size:
                 break
         moved = float(np.linalg.norm(at.displacement - begin_u, axis=1).max())
-        at.amplitudes = begin_a + min(1.0, TRUST * self.size / max(moved, 1e-12)) * (at.amplitudes - begin_a)
+        at.is_cut = moved > at.trust
+        at.amplitudes = begin_a + min(1.0, at.trust / max(moved, 1e-12)) * (at.amplitudes - begin_a)
         at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
 
-    def balance(self, at: Iterate) -> str:
-        """The equilibrium under the forces found, by Newton's method; what went wrong in words."""
-        state = self.organ.solve(force=self.forces.nodal(at.amplitudes), start=at.state)
-        if state.load > 0.0 or at.state is None:
-            points = self.organ.mesh.points
-            back = aligned(points + state.displacement, points + at.displacement, np.ones(len(points)))
-            gap = back(points + state.displacement) - points - at.displacement
+    def balance(self, at: Iterate, before: Iterate) -> str:
+        """The equilibrium under the forces found, by Newton's method; what went wrong in words.
+
+        The step from the equilibrium before is halved until its tangent predicts the next one.
+        """
+        points = self.organ.mesh.points
+        forward, moved = at.amplitudes - before.amplitudes, at.displacement - before.displacement
+        state = None
+        trust = float(np.linalg.norm(moved, axis=1).max())
+        for part in 0.5 ** np.arange(HALVINGS + 1):
+            amplitudes, predicted = before.amplitudes + part * forward, before.displacement + part * moved
+            state = self.organ.solve(
+                force=self.forces.nodal(amplitudes),
+                start=before.state,
+                settings={"smallest_step": 1.0, "max_iterations": 12},
+            )
+            back = aligned(points + state.displacement, points + predicted, np.ones(len(points)))
+            gap = back(points + state.displacement) - points - predicted
             at.change = float(np.linalg.norm(gap, axis=1).max())
-            at.motion = Rigid(at.motion.rotation @ back.rotation, at.motion(back.translation))
-            at.state, at.displacement = state, state.displacement
-            at.amplitudes = at.amplitudes * state.load
-        return "" if state.is_converged else f"the forces found have no equilibrium: {state.message or state.status}"
+            if state.is_converged and at.change < FARTHEST * self.size:
+                at.motion = Rigid(at.motion.rotation @ back.rotation, at.motion(back.translation))
+                at.state, at.displacement, at.amplitudes = state, state.displacement, amplitudes
+                calm = part == 1.0 and at.change < 0.25 * trust
+                at.trust = min(
+                    TRUST * self.size, 2.0 * before.trust if calm else max(part * trust, 0.5 * SETTLED * self.size)
+                )
+                return ""
+        return f"the forces found have no equilibrium nearby: {state.message or state.status}"
 
     def _wrong(self) -> Floats:
         """How smooth unit errors of the model (q,) move the cloud (k, q) [m] along normals, by Nystroem's method."""
@@ -320,12 +360,21 @@ class _Fit:
         return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
 
 
+def rigid_parts(responses: Floats, x: Floats) -> Floats:
+    """Turn about the middle and shift (6, m) of the rigid motions of points (n, 3) nearest to responses (n, 3, m)."""
+    basis = _rigid_basis(x)
+    return np.asarray(np.linalg.solve(basis.T @ basis, basis.T @ responses.reshape(len(basis), -1)))
+
+
 def without_rigid(responses: Floats, x: Floats) -> Floats:
-    """Responses (n, 3, m) less the rigid motions of points (n, 3) that are nearest to them."""
-    rigid = np.concatenate([levers(x - x.mean(axis=0)), np.broadcast_to(np.eye(3), (len(x), 3, 3))], axis=2)
-    basis, _ = np.linalg.qr(rigid.reshape(-1, 6))
-    flat = responses.reshape(len(basis), -1)
-    return np.asarray((flat - basis @ (basis.T @ flat)).reshape(responses.shape))
+    """Responses (n, 3, m) less these rigid motions."""
+    return np.asarray(responses - (_rigid_basis(x) @ rigid_parts(responses, x)).reshape(responses.shape))
+
+
+def _rigid_basis(x: Floats) -> Floats:
+    """Small turns about the middle of points (n, 3), and shifts, as columns (3 n, 6)."""
+    ones = np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    return np.concatenate([levers(x - x.mean(axis=0)), ones], axis=2).reshape(-1, 6)
 
 
 def averaged(points: Floats, weights: Floats, edge: float) -> tuple[Floats, Floats]:

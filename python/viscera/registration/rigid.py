@@ -65,6 +65,16 @@ def rotation_of(vector: Floats) -> Floats:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
 
 
+def vector_of(rotation: Floats) -> Floats:
+    """The vector (3,) of which this is `rotation_of`, of length from 0 to pi."""
+    sine = 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    size = float(np.linalg.norm(sine))
+    angle = np.arctan2(size, 0.5 * (np.trace(rotation) - 1.0))
+    return np.asarray(sine * (angle / size if size > 1e-12 else 1.0))
+
+
 def levers(arm: Floats) -> Floats:
     """The matrices (k, 3, 3) that take a small turn to the motion turn x arm of points (k, 3)."""
     matrices = np.zeros((len(arm), 3, 3))
