@@ -3,8 +3,10 @@
 With x = X + u(a) the equilibrium of the organ under forces a, and T its rigid motion, it minimises
 
     sum_i w_i rho(n_i . (T^-1 y_i - p_i)) / sigma^2 + sum_l |T^-1 y_l - x_l|^2 / sigma_l^2 + sum_g a_g . P_g a_g / s_g^2
+        + |r|^2 / s_r^2
 
-Responses to forces have their rigid parts taken out, since T has these: what s_g measures is deformation. The cloud is
+Responses to forces have their rigid parts taken out, since T has these: what s_g measures is deformation. How far the
+forces turn the organ against its fixed nodes, r, would else cost little, and no camera sees these nodes. The cloud is
 averaged in cubes; beside its noise, a smooth error of the model along the normals is an unknown of every iteration.
 
 y_i: points of the cloud; p_i: the closest point of x and n_i the normal there; rho: Tukey's biweight; y_l: landmarks.
@@ -49,15 +51,15 @@ DOUBT, SURE, CALMER = 50.0, 4.0, 4.0
 """Factors on the variance of the noise with the first tangent, at last, and from one tangent to the next."""
 STILL = 1e-3
 """Largest motion of a node in the last iteration with one tangent."""
-HALVINGS = 3
-"""Of a step, at most."""
+HALVINGS, NEWTON = 4, 12
+"""Of a step, at most; iterations of Newton's method before it is halved."""
 TRUST = 0.1
 """Largest motion of a node with one tangent."""
 WRONG, SMOOTH = 1e-3, 0.1
 """Standard deviation along the normal of what law, mesh and forces get wrong, and the distance over which it varies."""
 N_WRONG = 60
 """Places that carry it."""
-EXPECTED, LARGEST = 0.02, 0.02
+EXPECTED = 0.02
 """Root-mean-square displacement by forces of a kind, rigid motion apart, to begin with and at most."""
 SWING = 0.2
 """Standard deviation of the organ's turn about each axis by forces, against its fixed nodes [rad]."""
@@ -119,27 +121,20 @@ def register(
     steps, done = len(motions) + TANGENTS - 1, 0
     found = []
     for motion in motions:
-        found.append(
-            Iterate(
-                motion,
-                np.zeros(len(forces)),
-                rest,
-                np.full(2, EXPECTED * organ.mesh.diagonal),
-                trust=TRUST * organ.mesh.diagonal,
-            )
-        )
+        found.append(fit.at_rest(motion))
         fit.improve(found[-1], responses, FIRST, first=True)
         done += 1
         if progress:
             progress(done, steps, "registration")
     best = min(found, key=lambda iterate: iterate.cost)
-    message = fit.balance(best, Iterate(best.motion, 0.0 * best.amplitudes, rest, best.expected, trust=best.trust))
+    message = fit.balance(best, fit.at_rest(best.motion))
     for _ in range(TANGENTS - 1):
         if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE and not best.is_cut):
             break
         further = replace(best, expected=best.expected.copy(), doubt=max(SURE, best.doubt / CALMER))
         fit.improve(further, forces.responses(best.displacement), LATER, first=False)
-        if fit.balance(further, best):
+        message = fit.balance(further, best)
+        if message:
             break
         best = further
         done += 1
@@ -159,6 +154,12 @@ class _Fit:
         self.centre = organ.mesh.points.mean(axis=0)
         self.wrong = self._wrong()
         self.groups = (slice(0, len(forces) - 3), slice(len(forces) - 3, len(forces)))
+
+    def at_rest(self, motion: Rigid) -> Iterate:
+        """Moved rigidly, under no forces."""
+        rest = np.zeros_like(self.organ.mesh.points)
+        expected = np.full(2, EXPECTED * self.size)
+        return Iterate(motion, np.zeros(len(self.forces)), rest, expected, trust=TRUST * self.size)
 
     def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
         """Gauss-Newton with the equilibrium linearised, u + U (a' - a), U without rigid motions: T has those."""
@@ -210,29 +211,26 @@ class _Fit:
 
         The step from the equilibrium before is halved until its tangent predicts the next one.
         """
-        points = self.organ.mesh.points
+        points, settings = self.organ.mesh.points, {"smallest_step": 1.0, "max_iterations": NEWTON}
         forward, moved = at.amplitudes - before.amplitudes, at.displacement - before.displacement
-        state = None
-        trust = float(np.linalg.norm(moved, axis=1).max())
+        farthest = float(np.linalg.norm(moved, axis=1).max())
         for part in 0.5 ** np.arange(HALVINGS + 1):
-            amplitudes, predicted = before.amplitudes + part * forward, before.displacement + part * moved
-            state = self.organ.solve(
-                force=self.forces.nodal(amplitudes),
-                start=before.state,
-                settings={"smallest_step": 1.0, "max_iterations": 12},
-            )
-            back = aligned(points + state.displacement, points + predicted, np.ones(len(points)))
-            gap = back(points + state.displacement) - points - predicted
-            at.change = float(np.linalg.norm(gap, axis=1).max())
+            amplitudes, predicted = before.amplitudes + part * forward, points + before.displacement + part * moved
+            state = self.organ.solve(force=self.forces.nodal(amplitudes), start=before.state, settings=settings)
+            x = points + state.displacement
+            back = aligned(x, predicted, np.ones(len(points)))
+            at.change = float(np.linalg.norm(back(x) - predicted, axis=1).max())
             if state.is_converged and at.change < FARTHEST * self.size:
                 at.motion = Rigid(at.motion.rotation @ back.rotation, at.motion(back.translation))
                 at.state, at.displacement, at.amplitudes = state, state.displacement, amplitudes
-                calm = part == 1.0 and at.change < 0.25 * trust
-                at.trust = min(
-                    TRUST * self.size, 2.0 * before.trust if calm else max(part * trust, 0.5 * SETTLED * self.size)
-                )
+                at.is_cut = at.is_cut or part < 1.0
+                is_right = part == 1.0 and at.change < 0.25 * farthest
+                trust = 2.0 * at.trust if is_right else max(part * farthest, SETTLED * self.size)
+                at.trust = min(TRUST * self.size, trust)
                 return ""
-        return f"the forces found have no equilibrium nearby: {state.message or state.status}"
+        if at.state is None:
+            at.state, at.displacement, at.amplitudes = self.organ.solve(), before.displacement, before.amplitudes
+        return "no equilibrium was found under the forces of the next step, however short; the last one is kept"
 
     def _wrong(self) -> Floats:
         """How smooth unit errors of the model (q,) move the cloud (k, q) [m] along normals, by Nystroem's method."""
@@ -288,7 +286,7 @@ class _Fit:
             determined = max(len(a) - left, 0.05)
             size = np.sqrt(a @ metric @ a / determined)
             size = np.clip(size, at.expected[g] / GROWTH, at.expected[g] * GROWTH)
-            at.expected[g] = float(np.clip(size, SMALLEST[g] * self.size, LARGEST * self.size))
+            at.expected[g] = float(np.clip(size, SMALLEST[g] * self.size, EXPECTED * self.size))
 
     def _missed(self, weight: Floats, doubt: float) -> float:
         """The cost of what was left out as an outlier: as if at the biweight's end, so that starts can be compared."""
@@ -317,8 +315,10 @@ class _Fit:
         deformation = np.linalg.norm(at.displacement, axis=1)
         prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
         known = np.trace(covariance, axis1=1, axis2=2)
-        is_settled = at.change < 3.0 * SETTLED * self.size
-        if not message and not is_settled:
+        is_settled = not message and not at.is_cut and at.change < 3.0 * SETTLED * self.size
+        if not message and at.is_cut:
+            message = f"{TANGENTS} tangents are not enough: the last step was still shortened"
+        elif not message and not is_settled:
             message = f"{TANGENTS} tangents leave a node {1e3 * at.change:.1f} mm from equilibrium"
         return Registered(
             self.organ,
