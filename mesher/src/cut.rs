@@ -34,11 +34,9 @@ impl Surface {
             let distances = field.planes.iter().map(|plane| plane.distance(x));
             return distances.fold(f64::NEG_INFINITY, f64::max);
         }
+        let Surface::Label(l) = self else { return field.outsideness(x, scores) };
         field.scores(x, scores);
-        match self {
-            Surface::Label(l) => largest(&scores[l + 1..field.outside()]) - scores[l],
-            _ => scores[field.outside()] - largest(&scores[..field.outside()]),
-        }
+        largest(&scores[l + 1..field.outside()]) - scores[l]
     }
 
     /// The constraint of a node at this surface.
@@ -79,9 +77,9 @@ pub const BEYOND: u64 = 2;
 /// Cells with owners, while they are cut.
 pub struct Cutting<'a> {
     pub field: &'a Field,
-    /// Distance between the lattice's centres [m].
-    pub spacing: f64,
     pub points: Vec<Point>,
+    /// Distance between the lattice's centres at each point [m].
+    pub spacing: Vec<f64>,
     /// Surfaces that each point lies on.
     pub on: Vec<u64>,
     /// Cells that later surfaces cut.
@@ -194,7 +192,8 @@ impl Cutting<'_> {
         for (i, crossing) in crossings.iter().enumerate() {
             let [a, b] = crossing.ends.map(|i| self.points[i as usize]);
             let length = norm(sub(b, a));
-            let limit = if length > 0.95 * self.spacing { SNAP_LONG } else { SNAP_SHORT };
+            let spacing = self.spacing_between(crossing.ends);
+            let limit = if length > 0.95 * spacing { SNAP_LONG } else { SNAP_SHORT };
             for (end, x) in crossing.ends.into_iter().zip([a, b]) {
                 let distance = norm(sub(crossing.place, x)) / length;
                 if distance < limit {
@@ -214,11 +213,12 @@ impl Cutting<'_> {
             let on = self.on[node as usize];
             let is_along = on & !crossing.on == 0;
             let start = if is_along { crossing.place } else { old };
+            let spacing = self.spacing[node as usize];
             let place = if on == 0 {
                 Some(start)
             } else {
-                self.onto(on | surface.bit(), start)
-                    .filter(|&x| norm(sub(x, old)) < 0.5 * self.spacing)
+                self.onto(on | surface.bit(), start, spacing)
+                    .filter(|&x| norm(sub(x, old)) < 0.5 * spacing)
             };
             let Some(place) = place else { continue };
             let star = || {
@@ -240,7 +240,7 @@ impl Cutting<'_> {
     }
 
     /// The place nearby that lies on all the surfaces of some bits.
-    fn onto(&self, bits: u64, x: Point) -> Option<Point> {
+    fn onto(&self, bits: u64, x: Point, spacing: f64) -> Option<Point> {
         let labels = (0..self.field.outside()).map(Surface::Label);
         let all = [Surface::Outside, Surface::Beyond].into_iter().chain(labels);
         let mut surfaces: Vec<Constraint> = all
@@ -251,7 +251,12 @@ impl Cutting<'_> {
         if surfaces.len() > 3 {
             return None;
         }
-        project(self.field, &surfaces, x, self.spacing)
+        project(self.field, &surfaces, x, spacing)
+    }
+
+    fn spacing_between(&self, ends: [u32; 2]) -> f64 {
+        let [a, b] = ends.map(|i| self.spacing[i as usize]);
+        a.min(b)
     }
 
     fn split(
@@ -266,14 +271,16 @@ impl Cutting<'_> {
             let [a, b] = crossing.ends;
             if sign[a as usize] != 0 && sign[b as usize] != 0 {
                 numbers.push((crossing.ends, self.points.len() as u32));
+                let spacing = self.spacing_between(crossing.ends);
                 let place = match crossing.on {
                     0 => crossing.place,
                     on => self
-                        .onto(on | surface.bit(), crossing.place)
-                        .filter(|&x| norm(sub(x, crossing.place)) < 0.2 * self.spacing)
+                        .onto(on | surface.bit(), crossing.place, spacing)
+                        .filter(|&x| norm(sub(x, crossing.place)) < 0.2 * spacing)
                         .unwrap_or(crossing.place),
                 };
                 self.points.push(place);
+                self.spacing.push(spacing);
                 self.on.push(crossing.on | surface.bit());
                 sign.push(0);
             }

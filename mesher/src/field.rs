@@ -1,5 +1,6 @@
 //! The owner of each point: the labels' indicators, smoothed, with biases that keep the labels' volumes.
 
+use crate::size::{Levels, Sizes};
 use crate::vector::{Point, dot, norm, scale, sub};
 use rayon::prelude::*;
 
@@ -39,6 +40,9 @@ pub struct Field {
     pub bounds: [Point; 2],
     voxel_volume: f64,
     reach: f64,
+    sizes: Sizes,
+    /// The sizes of the lattice that suits the labels' edges.
+    pub levels: Levels,
 }
 
 /// Half of space: beyond it where `normal . x > offset`, the normal being of unit length.
@@ -89,19 +93,40 @@ impl Affine {
 }
 
 impl Field {
-    /// The field of some labels of a map. None of them may be absent from it.
-    pub fn new(map: &Labels, labels: &[u16], edge: f64) -> Self {
+    /// The field of some labels of a map, each with its edge. None of them may be absent from it.
+    pub fn new(map: &Labels, labels: &[u16], edges: &[f64]) -> Self {
         let to_world = Affine::new(&map.affine);
         let spacing: [f64; 3] = std::array::from_fn(|k| norm(to_world.column(k)));
         let coarsest = COARSEST * spacing.iter().copied().fold(0.0, f64::max);
-        let sigma = spacing.map(|step| (BY_VOXEL * step.max(coarsest)).max(BY_EDGE * edge) / step);
+        let smoothing = |edge: f64| {
+            spacing.map(|step| (BY_VOXEL * step.max(coarsest)).max(BY_EDGE * edge) / step)
+        };
+        let sigma = smoothing(edges.iter().copied().fold(0.0, f64::max));
         let held = box_of(map, labels);
         let margin = sigma.map(|s| (3.0 * s).ceil() as usize + 2);
         let low: [usize; 3] = std::array::from_fn(|k| held[0][k].saturating_sub(margin[k]));
         let high: [usize; 3] =
             std::array::from_fn(|k| (held[1][k] + 1 + margin[k]).min(map.dims[k]));
         let dims: [usize; 3] = std::array::from_fn(|k| high[k] - low[k]);
-        let u = smoothed_indicators(map, labels, low, dims, sigma);
+        let place = |voxel: usize| {
+            let [i, j, k] =
+                [voxel / (dims[1] * dims[2]), voxel / dims[2] % dims[1], voxel % dims[2]];
+            let label =
+                map.values[((i + low[0]) * map.dims[1] + j + low[1]) * map.dims[2] + k + low[2]];
+            labels.iter().position(|&known| known == label)
+        };
+        let sizes = Sizes::new(edges, dims, spacing, place);
+        let indicators = indicators(dims, labels.len(), place);
+        let mut u = smoothed(&indicators, dims, labels.len(), sigma);
+        let finest = smoothing(edges.iter().copied().fold(f64::INFINITY, f64::min));
+        if finest != sigma {
+            let fine = smoothed(&indicators, dims, labels.len(), finest);
+            blend(&mut u, &fine, labels.len(), |voxel| {
+                let [at, low, high] =
+                    [smoothing(sizes.at(voxel)), finest, sigma].map(|s| dot(s, s));
+                (at - low) / (high - low)
+            });
+        }
         let to_index = to_world.inverse();
         let mut planes = Vec::new();
         for k in 0..3 {
@@ -131,6 +156,8 @@ impl Field {
             bounds: bounds(&to_world, held),
             voxel_volume,
             reach: (0..3).map(|k| sigma[k] * spacing[k]).fold(0.0, f64::max),
+            levels: sizes.levels(|voxel| place(voxel).is_some()),
+            sizes,
             to_index: Affine { shift: sub(to_index.shift, low.map(|i| i as f64)), ..to_index },
         };
         for _ in 0..3 {
@@ -149,6 +176,21 @@ impl Field {
     /// Number of labels; as a label, it is the outside.
     pub fn outside(&self) -> usize {
         self.n_labels
+    }
+
+    /// Whether an edge is longer than the labels allow, somewhere within a reach of a place.
+    pub fn is_too_long(&self, x: Point, edge: f64, reach: f64) -> bool {
+        let (corners, weights, _) = self.voxels(x);
+        let read =
+            |values: &[f32]| (0..8).map(|i| weights[i] * f64::from(values[corners[i]])).sum();
+        self.sizes.is_too_long(edge, reach, read)
+    }
+
+    /// How far the outside's score is above the largest one of a label.
+    pub fn outsideness(&self, x: Point, scores: &mut Vec<f64>) -> f64 {
+        self.scores(x, scores);
+        let (outside, labels) = (scores[self.n_labels], &scores[..self.n_labels]);
+        outside - labels.iter().copied().fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// Scores of all labels, and last of the outside. The highest one owns the point.
@@ -291,33 +333,39 @@ fn bounds(to_world: &Affine, held: [[usize; 3]; 2]) -> [Point; 2] {
     bounds
 }
 
-/// Each label's indicator on a part of the map, smoothed by a Gaussian of `sigma` voxels; beyond the map it goes on as
-/// at its border.
-fn smoothed_indicators(
-    map: &Labels,
-    labels: &[u16],
-    low: [usize; 3],
+/// Each label's indicator, by the place in the list of labels that each voxel has.
+fn indicators(
     dims: [usize; 3],
-    sigma: [f64; 3],
+    n: usize,
+    place: impl Fn(usize) -> Option<usize> + Sync,
 ) -> Vec<f32> {
-    let [nx, ny, nz] = dims;
-    let n = labels.len();
-    let at = |i: usize, j: usize, k: usize| {
-        map.values[((i + low[0]) * map.dims[1] + j + low[1]) * map.dims[2] + k + low[2]]
-    };
-    let mut u = vec![0.0_f32; nx * ny * nz * n];
-    u.par_chunks_mut(ny * nz * n).enumerate().for_each(|(i, slab)| {
-        for (voxel, values) in slab.chunks_mut(n).enumerate() {
-            let label = at(i, voxel / nz, voxel % nz);
-            if let Some(l) = labels.iter().position(|&known| known == label) {
-                values[l] = 1.0;
-            }
+    let mut u = vec![0.0_f32; dims[0] * dims[1] * dims[2] * n];
+    u.par_chunks_mut(n).enumerate().for_each(|(voxel, values)| {
+        if let Some(l) = place(voxel) {
+            values[l] = 1.0;
         }
     });
-    for axis in 0..3 {
+    u
+}
+
+/// Indicators smoothed by a Gaussian of `sigma` voxels; beyond the grid they go on as at its border.
+fn smoothed(indicators: &[f32], dims: [usize; 3], n: usize, sigma: [f64; 3]) -> Vec<f32> {
+    let mut u = smoothed_along(indicators, dims, n, 0, &gaussian(sigma[0]));
+    for axis in 1..3 {
         u = smoothed_along(&u, dims, n, axis, &gaussian(sigma[axis]));
     }
     u
+}
+
+/// Turns what a wide Gaussian smoothed into the mixture with a narrow one in which the wide one has a share. The
+/// variance of the mixture is that of the two in these shares.
+fn blend(wide: &mut [f32], narrow: &[f32], n: usize, share: impl Fn(usize) -> f64 + Sync) {
+    wide.par_chunks_mut(n).zip(narrow.par_chunks(n)).enumerate().for_each(|(voxel, (u, fine))| {
+        let t = share(voxel) as f32;
+        for (value, fine) in u.iter_mut().zip(fine) {
+            *value = t * *value + (1.0 - t) * fine;
+        }
+    });
 }
 
 /// One side of the weights of a Gaussian, the middle first.

@@ -22,8 +22,9 @@ const KEPT: f64 = 0.25;
 /// A mesh whose nodes move.
 pub struct Improving<'a> {
     pub field: &'a Field,
-    pub spacing: f64,
     pub points: Vec<Point>,
+    /// Distance between the lattice's centres at each node [m].
+    spacing: &'a [f64],
     pub cells: &'a [[u32; 4]],
     owner: &'a [usize],
     stars: Stars,
@@ -97,23 +98,23 @@ pub fn faces(cells: &[[u32; 4]]) -> Vec<([u32; 3], u32)> {
 impl<'a> Improving<'a> {
     pub fn new(
         field: &'a Field,
-        spacing: f64,
+        spacing: &'a [f64],
         points: Vec<Point>,
         meeting: &[u64],
         cells: &'a [[u32; 4]],
         owner: &'a [usize],
     ) -> Self {
         let stars = Stars::new(points.len(), cells.iter());
+        let places = points.iter().zip(spacing).zip(meeting);
         let surfaces =
-            points.iter().zip(meeting).map(|(&x, &bits)| surfaces(field, spacing, x, bits));
-        let surfaces = surfaces.collect();
+            places.map(|((&x, &spacing), &bits)| surfaces(field, spacing, x, bits)).collect();
         let classes = classes(points.len(), cells, &stars);
-        Improving { field, spacing, points, cells, owner, stars, surfaces, classes }
+        Improving { field, points, spacing, cells, owner, stars, surfaces, classes }
     }
 
     /// One round over all nodes that have a bad cell.
     pub fn sweep(&mut self, round: i32) {
-        let size = STEP * self.spacing * SHRINK.powi(round);
+        let size = STEP * SHRINK.powi(round);
         let quality: Vec<f64> = (0..self.cells.len())
             .into_par_iter()
             .map(|c| self.quality(c, self.corners(self.cells[c])))
@@ -149,9 +150,10 @@ impl<'a> Improving<'a> {
             return None;
         }
         let old = self.points[node as usize];
-        let place = project(self.field, surfaces, old, self.spacing)?;
+        let spacing = self.spacing[node as usize];
+        let place = project(self.field, surfaces, old, spacing)?;
         let step = sub(place, old);
-        if norm(step) > 0.5 * self.spacing {
+        if norm(step) > 0.5 * spacing {
             return None;
         }
         let least = self.worst(node, old, f64::NEG_INFINITY)?.min(KEPT);
@@ -185,7 +187,7 @@ impl<'a> Improving<'a> {
         Some(worst)
     }
 
-    /// A place where the worst cell around the node is better, if one of a few is.
+    /// A place where the worst cell around the node is better, if one of a few is; `size` of the steps in spacings.
     fn better(&self, node: u32, size: f64) -> Option<Point> {
         let old = self.points[node as usize];
         let mut best = (self.worst(node, old, f64::NEG_INFINITY)?, None);
@@ -196,11 +198,12 @@ impl<'a> Improving<'a> {
         if surfaces.len() > 2 {
             return None;
         }
-        for step in self.steps(node, size) {
+        let spacing = self.spacing[node as usize];
+        for step in self.steps(node, size * spacing) {
             let mut place = add(old, step);
             if !surfaces.is_empty() {
-                match project(self.field, &surfaces, place, self.spacing) {
-                    Some(on) if norm(sub(on, place)) < 0.5 * self.spacing => place = on,
+                match project(self.field, &surfaces, place, spacing) {
+                    Some(on) if norm(sub(on, place)) < 0.5 * spacing => place = on,
                     _ => continue,
                 }
             }

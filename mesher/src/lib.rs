@@ -1,8 +1,9 @@
 //! Labelled images to conforming tetrahedral meshes with smooth boundaries.
 //!
 //! The labels' indicators are smoothed and biased so that each label keeps its volume ([`field`]). A body-centred cubic
-//! lattice is cut by the surfaces between the owners, nodes near a surface being moved onto it ([`cut`]: isosurface
-//! stuffing). Then nodes move, each on its surfaces, until no angle can be made better ([`improve`]).
+//! lattice, graded where labels ask for edges of different lengths ([`size`], [`lattice`]), is cut by the surfaces between
+//! the owners, nodes near a surface being moved onto it ([`cut`]: isosurface stuffing). Then nodes move, each on its
+//! surfaces, until no angle can be made better ([`improve`]).
 
 mod constraint;
 mod cut;
@@ -11,6 +12,7 @@ mod improve;
 mod lattice;
 mod parts;
 pub mod quality;
+mod size;
 mod vector;
 mod winding;
 
@@ -18,6 +20,7 @@ use cut::{Cutting, Surface};
 use field::Field;
 pub use field::Labels;
 use improve::{Improving, Interface};
+use lattice::{Lattice, MEAN_EDGE};
 use rayon::prelude::*;
 use vector::Point;
 pub use winding::Winding;
@@ -31,6 +34,8 @@ pub enum Error {
     Absent(u16),
     /// The lattice misses the label: the edge is too long for it.
     Missed(u16),
+    /// The lengths are not one for each label, or not above zero.
+    BadEdges,
     /// None, or more than [`MOST_LABELS`].
     TooManyLabels(usize),
     /// Too many cells for 32-bit indices.
@@ -54,6 +59,7 @@ impl std::fmt::Display for Error {
                 f,
                 "the edge is too long for label {label}: no cell of it is left; use a shorter one"
             ),
+            Error::BadEdges => write!(f, "there must be one edge for each label, above zero"),
             Error::TooManyLabels(count) => {
                 write!(f, "{count} labels at once; there may be 1 to {MOST_LABELS}")
             }
@@ -79,6 +85,8 @@ pub struct Mesh {
     pub owner: Vec<usize>,
     /// Nodes on the flat ends where the image cuts a label.
     pub cut: Vec<u32>,
+    /// Mean edge of the lattice in each label [m]: the one asked for or, since lengths double from cube to cube, shorter.
+    pub edges: Vec<f64>,
     /// Volume that each label was to have, that of its voxels unless another was given [m^3].
     pub volumes: Vec<f64>,
     /// Volume of each label that was dropped with parts that held little of any label [m^3].
@@ -92,8 +100,13 @@ const CORRECTIONS: usize = 3;
 const LAST_CORRECTIONS: usize = 2;
 const SWEEPS: i32 = 16;
 const LAST_SWEEPS: i32 = 4;
+/// Largest correction of a bias.
+const LARGEST: f64 = 0.1;
+/// Half the diagonal of a cube, in sides.
+const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
 
-/// Meshes some labels of a map with cells whose edges have about the length `edge` [m].
+/// Meshes some labels of a map with cells whose edges have at most about the lengths `edges` [m], one for each label.
+/// Towards a label with shorter edges, the others' become shorter.
 ///
 /// `watch(done, total)` receives the progress; false ends the work.
 ///
@@ -102,10 +115,10 @@ const LAST_SWEEPS: i32 = 4;
 pub fn mesh(
     map: &Labels,
     labels: &[u16],
-    edge: f64,
+    edges: &[f64],
     mut watch: impl FnMut(usize, usize) -> bool,
 ) -> Result<Mesh, Error> {
-    check(map, labels)?;
+    check(map, labels, edges)?;
     let total = 2 + CORRECTIONS + SWEEPS as usize + LAST_CORRECTIONS * (1 + LAST_SWEEPS as usize);
     let mut done = 0;
     let mut step = || {
@@ -113,19 +126,19 @@ pub fn mesh(
         if watch(done - 1, total) { Ok(()) } else { Err(Error::Cancelled) }
     };
     step()?;
-    let mut field = Field::new(map, labels, edge);
-    let spacing = edge / lattice::MEAN_EDGE;
+    let mut field = Field::new(map, labels, edges);
+    let lattice = lattice(&field).ok_or(Error::TooFine)?;
     for _ in 0..CORRECTIONS {
         step()?;
-        let cut = cut_lattice(&field, spacing)?;
+        let cut = cut_lattice(&field, &lattice);
         correct(&mut field, labels, &cut.points, &cut)?;
     }
-    let cut = cut_lattice(&field, spacing)?;
+    let cut = cut_lattice(&field, &lattice);
     let meeting = improve::meeting(cut.points.len(), &cut.interfaces);
     let mut points = {
         let start = cut.points.clone();
         let mut improving =
-            Improving::new(&field, spacing, start, &meeting, &cut.cells, &cut.owner);
+            Improving::new(&field, &cut.spacing, start, &meeting, &cut.cells, &cut.owner);
         for round in 0..SWEEPS {
             step()?;
             improving.sweep(round);
@@ -136,7 +149,7 @@ pub fn mesh(
         step()?;
         correct(&mut field, labels, &points, &cut)?;
         let mut improving =
-            Improving::new(&field, spacing, points, &meeting, &cut.cells, &cut.owner);
+            Improving::new(&field, &cut.spacing, points, &meeting, &cut.cells, &cut.owner);
         improving.return_to_surfaces();
         for round in 0..LAST_SWEEPS {
             step()?;
@@ -145,11 +158,11 @@ pub fn mesh(
         points = improving.points;
     }
     step()?;
-    Ok(finished(field, &points, cut, &meeting))
+    Ok(finished(field, edges, &points, cut, &meeting))
 }
 
 /// The cells inside, and facts about them.
-fn finished(field: Field, points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
+fn finished(field: Field, edges: &[f64], points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
     let kept = (0..cut.cells.len()).filter(|&c| cut.owner[c] != field.outside());
     let (cells, owner): (Vec<_>, Vec<_>) = kept.map(|c| (cut.cells[c], cut.owner[c])).unzip();
     let (used, cells) = renumbered(points.len(), cells);
@@ -159,13 +172,14 @@ fn finished(field: Field, points: &[Point], cut: Cut, meeting: &[u64]) -> Mesh {
         cells,
         owner,
         cut: (0..used.len() as u32).filter(|&i| is_cut(i)).collect(),
+        edges: edges.iter().map(|&edge| field.levels.edge(edge)).collect(),
         volumes: field.volumes,
         dropped: cut.dropped,
         n_dropped: cut.n_dropped,
     }
 }
 
-fn check(map: &Labels, labels: &[u16]) -> Result<(), Error> {
+fn check(map: &Labels, labels: &[u16], edges: &[f64]) -> Result<(), Error> {
     let count = map.dims.iter().try_fold(1_usize, |product, &n| product.checked_mul(n));
     let rows = map.affine.map(|row| [row[0], row[1], row[2]]);
     let determinant = vector::dot(rows[0], vector::cross(rows[1], rows[2]));
@@ -178,6 +192,9 @@ fn check(map: &Labels, labels: &[u16]) -> Result<(), Error> {
     if labels.is_empty() || labels.len() > MOST_LABELS {
         return Err(Error::TooManyLabels(labels.len()));
     }
+    if edges.len() != labels.len() || edges.iter().any(|edge| !(*edge > 0.0 && edge.is_finite())) {
+        return Err(Error::BadEdges);
+    }
     match labels.iter().find(|label| !map.values.contains(label)) {
         Some(&absent) => Err(Error::Absent(absent)),
         None => Ok(()),
@@ -187,6 +204,7 @@ fn check(map: &Labels, labels: &[u16]) -> Result<(), Error> {
 /// The lattice cut by all surfaces.
 struct Cut {
     points: Vec<Point>,
+    spacing: Vec<f64>,
     cells: Vec<[u32; 4]>,
     owner: Vec<usize>,
     interfaces: Vec<Interface>,
@@ -194,22 +212,26 @@ struct Cut {
     n_dropped: usize,
 }
 
-fn cut_lattice(field: &Field, spacing: f64) -> Result<Cut, Error> {
-    let [low, high] = field.bounds;
-    let count: f64 = (0..3).map(|k| (high[k] - low[k]) / spacing + 3.0).product();
-    if !(2.0 * count < f64::from(i32::MAX)) {
-        return Err(Error::TooFine);
-    }
-    let is_inside = |x| {
-        let mut scores = Vec::with_capacity(field.outside() + 1);
-        field.scores(x, &mut scores);
-        let outside = scores[field.outside()];
-        scores[..field.outside()].iter().any(|&score| score > outside)
-    };
-    let (points, cells) = lattice::lattice(field.bounds, spacing, is_inside);
-    let (points, cells) = packed(&points, cells);
+/// The lattice where the labels may be, whatever the corrections of the biases.
+fn lattice(field: &Field) -> Option<Lattice> {
+    let levels = field.levels;
+    let is_coarse = |x, side| field.is_too_long(x, side * MEAN_EDGE, HALF_DIAGONAL * side);
+    let is_near = |x| field.outsideness(x, &mut Vec::new()) < CORRECTIONS as f64 * LARGEST;
+    Lattice::new(field.bounds, levels.finest / MEAN_EDGE, levels.count, is_coarse, is_near)
+}
+
+fn cut_lattice(field: &Field, lattice: &Lattice) -> Cut {
+    let is_inside: Vec<bool> = lattice
+        .points
+        .par_iter()
+        .map_init(Vec::new, |scores, &x| field.outsideness(x, scores) < 0.0)
+        .collect();
+    let cells = lattice.cells.iter().filter(|cell| cell.iter().any(|&i| is_inside[i as usize]));
+    let (used, cells) = renumbered(lattice.points.len(), cells.copied().collect());
+    let points: Vec<Point> = used.iter().map(|&i| lattice.points[i as usize]).collect();
+    let spacing = used.iter().map(|&i| lattice.spacing[i as usize]).collect();
     let on = vec![0; points.len()];
-    let mut cutting = Cutting { field, spacing, points, on, cells, owned: Vec::new() };
+    let mut cutting = Cutting { field, points, spacing, on, cells, owned: Vec::new() };
     if !field.planes.is_empty() {
         cutting.cut(Surface::Beyond);
     }
@@ -221,15 +243,11 @@ fn cut_lattice(field: &Field, spacing: f64) -> Result<Cut, Error> {
     let (cells, mut owner): (Vec<_>, Vec<_>) = cutting.owned.iter().copied().chain(rest).unzip();
     let (used, cells) = renumbered(cutting.points.len(), cells);
     let points: Vec<Point> = used.iter().map(|&i| cutting.points[i as usize]).collect();
+    let spacing = used.iter().map(|&i| cutting.spacing[i as usize]).collect();
     let on: Vec<u64> = used.iter().map(|&i| cutting.on[i as usize]).collect();
     let (dropped, n_dropped) = parts::tidy(field, &points, &cells, &mut owner);
     let interfaces = improve::interfaces(&on, &cells, &owner, field.outside());
-    Ok(Cut { points, cells, owner, interfaces, dropped, n_dropped })
-}
-
-fn packed(points: &[Point], cells: Vec<[u32; 4]>) -> (Vec<Point>, Vec<[u32; 4]>) {
-    let (used, cells) = renumbered(points.len(), cells);
-    (used.iter().map(|&i| points[i as usize]).collect(), cells)
+    Cut { points, spacing, cells, owner, interfaces, dropped, n_dropped }
 }
 
 /// The points that cells use, ascending, and the cells by their new numbers.
@@ -282,7 +300,7 @@ fn correct(field: &mut Field, labels: &[u16], points: &[Point], cut: &Cut) -> Re
     }
     let wanted = (0..n).map(|l| field.volumes[l] - cut.dropped[l] - volumes[l]).collect();
     for (bias, shift) in field.bias.iter_mut().zip(solved(slope, wanted)) {
-        *bias += shift.clamp(-0.1, 0.1);
+        *bias += shift.clamp(-LARGEST, LARGEST);
     }
     Ok(())
 }

@@ -20,7 +20,7 @@ fn distance(x: [f64; 3], centre: [f64; 3]) -> f64 {
 
 fn made(values: &[u16], labels: &[u16], edge: f64) -> Mesh {
     let map = Labels { dims: [N; 3], values, affine: IDENTITY, volumes: None };
-    mesh(&map, labels, edge, |_, _| true).expect("a mesh")
+    mesh(&map, labels, &vec![edge; labels.len()], |_, _| true).expect("a mesh")
 }
 
 fn corners(mesh: &Mesh, cell: [u32; 4]) -> [[f64; 3]; 4] {
@@ -98,6 +98,52 @@ fn three_labels_that_meet_share_their_nodes() {
     assert_eq!(nodes.len() as i64 - faces.len() as i64 / 2, 2);
 }
 
+/// Mean length of each cell's edges.
+fn edges(mesh: &Mesh) -> Vec<f64> {
+    let mean = |&cell: &[u32; 4]| {
+        let x = corners(mesh, cell);
+        let pairs = (0..4).flat_map(|i| (0..i).map(move |j| (i, j)));
+        pairs.map(|(i, j)| distance(x[i], x[j])).sum::<f64>() / 6.0
+    };
+    mesh.cells.iter().map(mean).collect()
+}
+
+#[test]
+fn edges_are_short_at_a_vessel_and_grow_away_from_it() {
+    // A vessel that leaves a ball on one side; edges of 1.6 and 6.4, and so a level between them.
+    let depth = |[a, b, _]: [f64; 3]| (a - 10.0).hypot(b) - 3.0;
+    let values = painted(|x| match x {
+        [_, _, c] if depth(x) < 0.0 && c < 15.0 => 2,
+        _ if distance(x, [0.0; 3]) < 17.5 => 1,
+        _ => 0,
+    });
+    let map = Labels { dims: [N; 3], values: &values, affine: IDENTITY, volumes: None };
+    let mesh = mesh(&map, &[1, 2], &[6.4, 1.6], |_, _| true).expect("a mesh");
+    assert_eq!(mesh.edges, [6.4, 1.6]);
+    assert!(least_angle(&mesh) > 15.0, "{}", least_angle(&mesh));
+    for error in volume_errors(&mesh) {
+        assert!(error.abs() < 0.01, "{error}");
+    }
+    let volume: f64 = mesh.volumes.iter().sum();
+    let even = 12.0 * volume * (0.911_f64 / 1.6).powi(3);
+    assert!((mesh.cells.len() as f64) < 0.35 * even, "{} of {even}", mesh.cells.len());
+    let mut far = Vec::new();
+    for ((&cell, edge), &owner) in mesh.cells.iter().zip(edges(&mesh)).zip(&mesh.owner) {
+        let x = corners(&mesh, cell);
+        let middle = std::array::from_fn(|k| {
+            x.iter().map(|x| x[k]).sum::<f64>() / 4.0 - 0.5 * (N as f64 - 1.0)
+        });
+        if owner == 1 || depth(middle) < 0.8 {
+            assert!(edge < 1.4 * 1.6, "{edge} in or at the vessel");
+        } else if depth(middle) > 14.0 && distance(middle, [0.0; 3]) < 14.0 {
+            far.push(edge);
+        }
+    }
+    let mean = far.iter().sum::<f64>() / far.len() as f64;
+    assert!((mean / 6.4 - 1.0).abs() < 0.1, "{mean}, of {} cells", far.len());
+    assert!(outer_faces(&mesh).len() > 500, "and no face has three cells");
+}
+
 #[test]
 fn what_the_image_cuts_ends_flat() {
     let values = painted(|x| u16::from(distance(x, [0.0, 0.0, 14.0]) < 11.0));
@@ -139,7 +185,7 @@ fn a_skewed_grid_gives_a_mesh_in_its_places() {
     // Left-handed, turned, anisotropic.
     let affine = [[0.0, 2e-3, 0.0, 0.1], [1.5e-3, 0.0, 0.0, -0.2], [0.0, 0.0, 3e-3, 0.5]];
     let map = Labels { dims: [N; 3], values: &values, affine, volumes: None };
-    let mesh = mesh(&map, &[1], 5e-3, |_, _| true).expect("a mesh");
+    let mesh = mesh(&map, &[1], &[5e-3], |_, _| true).expect("a mesh");
     assert!(volume_errors(&mesh)[0].abs() < 2e-3);
     assert!(least_angle(&mesh) > 25.0);
     for (k, expected) in
@@ -157,11 +203,11 @@ fn a_volume_that_is_known_better_is_kept() {
     let values = painted(|x| u16::from(distance(x, [0.0; 3]) < 12.0));
     let volumes = [7500.0];
     let map = Labels { dims: [N; 3], values: &values, affine: IDENTITY, volumes: Some(&volumes) };
-    let made = mesh(&map, &[1], 2.0, |_, _| true).expect("a mesh");
+    let made = mesh(&map, &[1], &[2.0], |_, _| true).expect("a mesh");
     assert_eq!(made.volumes, volumes);
     assert!(volume_errors(&made)[0].abs() < 1e-3);
     let two = Labels { volumes: Some(&[1.0, 2.0]), ..map };
-    assert_eq!(mesh(&two, &[1], 2.0, |_, _| true), Err(Error::BadMap));
+    assert_eq!(mesh(&two, &[1], &[2.0], |_, _| true), Err(Error::BadMap));
 }
 
 #[test]
@@ -179,14 +225,14 @@ fn a_crumb_apart_is_dropped_and_counted() {
 fn bad_input_is_told() {
     let values = painted(|x| u16::from(distance(x, [0.0; 3]) < 2.0));
     let map = Labels { dims: [N; 3], values: &values, affine: IDENTITY, volumes: None };
-    assert_eq!(mesh(&map, &[7], 2.0, |_, _| true), Err(Error::Absent(7)));
-    assert_eq!(mesh(&map, &[1], 1e-4, |_, _| true), Err(Error::TooFine));
-    assert_eq!(mesh(&map, &[], 2.0, |_, _| true), Err(Error::TooManyLabels(0)));
+    assert_eq!(mesh(&map, &[7], &[2.0], |_, _| true), Err(Error::Absent(7)));
+    assert_eq!(mesh(&map, &[1], &[1e-4], |_, _| true), Err(Error::TooFine));
+    assert_eq!(mesh(&map, &[], &[], |_, _| true), Err(Error::TooManyLabels(0)));
     let flat = Labels { affine: [[0.0; 4]; 3], ..map };
-    assert_eq!(mesh(&flat, &[1], 2.0, |_, _| true), Err(Error::BadMap));
-    let edge = f64::NAN;
-    let map = Labels { dims: [N; 3], values: &values, affine: IDENTITY, volumes: None };
-    assert_eq!(mesh(&map, &[1], edge, |_, _| true), Err(Error::TooFine));
+    assert_eq!(mesh(&flat, &[1], &[2.0], |_, _| true), Err(Error::BadMap));
+    for edges in [&[f64::NAN][..], &[0.0], &[2.0, 2.0]] {
+        assert_eq!(mesh(&map, &[1], edges, |_, _| true), Err(Error::BadEdges));
+    }
 }
 
 #[test]
@@ -194,14 +240,14 @@ fn who_watches_can_end_the_work() {
     let values = painted(|x| u16::from(distance(x, [0.0; 3]) < 12.0));
     let map = Labels { dims: [N; 3], values: &values, affine: IDENTITY, volumes: None };
     let mut told = Vec::new();
-    let stopped = mesh(&map, &[1], 4.0, |done, total| {
+    let stopped = mesh(&map, &[1], &[4.0], |done, total| {
         told.push((done, total));
         done < 5
     });
     assert_eq!(stopped, Err(Error::Cancelled));
     assert_eq!(told.iter().map(|event| event.0).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
     let mut last = (0, 0);
-    mesh(&map, &[1], 4.0, |done, total| {
+    mesh(&map, &[1], &[4.0], |done, total| {
         last = (done, total);
         true
     })

@@ -1,15 +1,16 @@
 """Tetrahedra from labels on a grid, or from the surface of an organ; the work is done in the compiled mesher.
 
 The labels' indicators are smoothed by a Gaussian, each with a bias that keeps the label's volume; the cells of a
-body-centred lattice are cut along the surfaces between them (isosurface stuffing, Labelle and Shewchuk 2007); then
-nodes move on these surfaces until the worst dihedral angles are good.
+body-centred lattice, graded between labels with edges of different lengths, are cut along the surfaces between them
+(isosurface stuffing, Labelle and Shewchuk 2007); then nodes move on these surfaces until the worst dihedral angles are
+good.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import _core
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.meshfile import metres_per_unit
 from viscera.quantity import Number
 from viscera.select import length
 
 Progress = Callable[[int, int, str], None]
+Edges = float | str | Mapping[str, float | str]
+"""A mean edge [m] or words such as "8 mm"; or one for each part by name."""
 SURFACES = (".stl", ".obj", ".ply")
 VOXELS_PER_EDGE = 4
 """Voxels along an edge, in the grid that separates the inside of a surface from the outside."""
@@ -53,7 +56,7 @@ def mesh_regions(
     values: NDArray[np.uint16],
     affine: Floats,
     regions: Sequence[Region],
-    edge: float | str,
+    edge: Edges,
     *,
     axes: str = "",
     volumes: list[float] | None = None,
@@ -61,26 +64,44 @@ def mesh_regions(
 ) -> Mesh:
     """Conforming tetrahedra of regions of a label map (i, j, k), with the volumes [m^3] of their voxels or those given;
     see `Scan.mesh`."""
-    size = length(edge, 0.0, "edge")
-    Number("m", above=0)(size, "edge")
+    sizes = edge_lengths(edge, [region.name for region in regions])
     order = np.zeros(65536, dtype=np.uint16)
     for region in regions:
         order[list(region.numbers)] = region.numbers[0]
     voxel = abs(float(np.linalg.det(affine[:, :3])))
     own = order[values]
-    for region in regions:
-        _check_edge(region.name, voxel * np.count_nonzero(own == region.numbers[0]), size)
-    cells = 12.0 * voxel * np.count_nonzero(own) * (MIDDLE_EDGE / size) ** 3
-    if cells > MOST_CELLS:
-        raise VisceraError(f"an edge of {1e3 * size:g} mm would make {cells:.2g} cells; give a longer one")
+    for region, size in zip(regions, sizes, strict=True):
+        volume = voxel * np.count_nonzero(own == region.numbers[0])
+        _check_edge(region.name, volume, size)
+        if (cells := 12.0 * volume * (MIDDLE_EDGE / size) ** 3) > MOST_CELLS:
+            raise VisceraError(
+                f"an edge of {1e3 * size:g} mm would make {cells:.2g} cells in {region.name!r}; give a longer one"
+            )
     labels = [region.numbers[0] for region in regions]
     tell = None if progress is None else lambda done, total: progress(done, total, "meshing")
-    made = _core.mesh_labels(own, affine, labels, volumes=volumes, edge=size, on_progress=tell)
+    made = _core.mesh_labels(own, affine, labels, volumes=volumes, edges=sizes, on_progress=tell)
     cell_sets = {region.name: np.flatnonzero(made["owner"] == k) for k, region in enumerate(regions)}
     sets = {"cut": made["cut"]} if len(made["cut"]) else {}
     found = mesh(made["points"], made["cells"], sets, cell_sets)
-    messages = (*found.messages, *_messages(made, own, affine, axes, regions))
+    shorter = _shorter_edges(made["edges"], sizes, regions)
+    messages = (*found.messages, *_messages(made, own, affine, axes, regions), *shorter)
     return replace(found, axes=axes, messages=messages)
+
+
+def edge_lengths(edge: Edges, parts: Sequence[str]) -> list[float]:
+    """The mean edge of each part [m]; raises `VisceraError` unless every part has one, and nothing else.
+
+    >>> edge_lengths({"vein": "3 mm", "liver": 0.008}, ["liver", "vein"]), edge_lengths("5 mm", ["a", "b"])
+    ([0.008, 0.003], [0.005, 0.005])
+    """
+    above_zero = Number("m", above=0)
+    if not isinstance(edge, Mapping):
+        return [above_zero(length(edge, 0.0, "edge"), "edge")] * len(parts)
+    if unknown := [name for name in edge if name not in parts]:
+        raise VisceraError(f"edge {unknown[0]!r} is of no part; {did_you_mean(unknown[0], parts)}")
+    if missing := [name for name in parts if name not in edge]:
+        raise VisceraError(f"edge has no length for {missing[0]!r}; give one for every part")
+    return [above_zero(length(edge[name], 0.0, f"edge of {name!r}"), f"edge of {name!r}") for name in parts]
 
 
 def mesh_surface(
@@ -132,6 +153,12 @@ def mesh_surface(
     return replace(found, messages=(*messages, *found.messages))
 
 
+def edge_means(points: Floats, cells: Indices) -> Floats:
+    """The mean length of each cell's edges (m,) [m]."""
+    pairs = points[cells[:, [0, 0, 0, 1, 1, 2]]] - points[cells[:, [1, 2, 3, 2, 3, 3]]]
+    return np.asarray(np.linalg.norm(pairs, axis=2).mean(axis=1))
+
+
 def least_angles(points: Floats, cells: Indices) -> Floats:
     """The smallest dihedral angle of each cell (m,) [degrees]."""
     x = points[cells]
@@ -169,6 +196,16 @@ def _messages(
         pieces = "a separate piece" if made["n_dropped"] == 1 else f"{made['n_dropped']} separate pieces"
         messages.append(f"dropped {pieces} with less than 5 % of its label: {lost}")
     return messages
+
+
+def _shorter_edges(edges: Floats, asked: Sequence[float], regions: Sequence[Region]) -> list[str]:
+    """What the lattice made of the lengths asked for, where that is less."""
+    told = [
+        f"{1e3 * edge:.3g} mm in {region.name!r}"
+        for edge, size, region in zip(edges, asked, regions, strict=True)
+        if edge < 0.999 * size
+    ]
+    return [f"lengths double from cube to cube, so edges are {_listed(told)}"] if told else []
 
 
 def _listed(words: list[str]) -> str:

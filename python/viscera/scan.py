@@ -20,7 +20,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.meshing import Progress, Region, mesh_regions
+from viscera.meshing import Edges, Progress, Region, mesh_regions
 from viscera.quantity import Choice, Number, Whole
 from viscera.select import length
 
@@ -84,14 +84,16 @@ class Scan:
         self,
         labels: Labels | None = None,
         *,
-        edge: float | str,
+        edge: Edges,
         fixed: str | Sequence[str] = (),
         progress: Progress | None = None,
     ) -> Mesh:
         """Conforming tetrahedra of some labels: a cell set for each, smooth boundaries, each label's volume kept.
 
         labels: a number, several, or `{name: number}`; may be left out where the image has one label.
-        edge: mean length of the cells' edges [m], or words such as "8 mm". fixed: places whose nodes become the set
+        edge: mean length of the cells' edges [m], or words such as "8 mm"; or one for each part: {"liver": "8 mm",
+        "vein": "3 mm"}. Cells then grow from those of the vein to those of the liver; lengths double from cube to cube,
+        so all but one may come out shorter, and a message says so. fixed: places whose nodes become the set
         `fixed`: a condition ("z > 90%") or a set ("cut"), `label:63` (where the organ touches that label), or the file
         of an image painted for this, its nonzero voxels or one label of it (`painted.nii.gz:2`).
         The set `cut` holds the nodes where the image's edge cuts a label. The mesh's `messages` list what

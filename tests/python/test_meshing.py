@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import viscera as vs
-from viscera.meshing import least_angles
+from viscera.meshing import edge_means, least_angles
 
 VOXEL = 0.003
 HUMAN = "scans/totalsegmentator_example_seg.nii.gz"
@@ -47,10 +47,7 @@ def test_an_organ_keeps_its_volume_and_has_good_angles(liver: vs.Scan) -> None:
     mesh = liver.mesh({"liver": 1}, edge="10 mm")
     assert abs(volume_errors(liver, mesh, {"liver": 1})["liver"]) < 0.01
     assert least_angles(mesh.points, mesh.cells).min() > 8.0
-    edges = np.linalg.norm(
-        mesh.points[mesh.cells[:, [0, 0, 0, 1, 1, 2]]] - mesh.points[mesh.cells[:, [1, 2, 3, 2, 3, 3]]], axis=2
-    )
-    assert edges.mean() == pytest.approx(0.010, rel=0.05)
+    assert edge_means(mesh.points, mesh.cells).mean() == pytest.approx(0.010, rel=0.05)
     assert mesh.axes == "RAS"
 
 
@@ -80,6 +77,40 @@ def test_labels_share_their_nodes_and_every_cell_has_one(liver: vs.Scan) -> None
     between = 0.5 * (sum(areas) - area(mesh))
     assert between > 0.5 * areas[1]
     assert mesh.facts["n_parts"] == 1
+
+
+def test_edges_are_short_at_a_vein_and_grow_away_from_it(liver: vs.Scan) -> None:
+    labels = {"liver": 1, "vein": 2}
+    mesh = liver.mesh(labels, edge={"liver": "16 mm", "vein": "4 mm"})
+    errors = volume_errors(liver, mesh, labels)
+    assert abs(errors["liver"]) < 0.01
+    assert abs(errors["vein"]) < 0.05
+    assert least_angles(mesh.points, mesh.cells).min() > 8.0
+    edges, away = edge_means(mesh.points, mesh.cells), from_vein(mesh)
+    assert edges[mesh.cell_sets["vein"]].max() < 1.4 * 0.004
+    assert edges[away < 0.002].max() < 1.4 * 0.004, "the liver's cells beside the vein are as small"
+    assert edges[away > 0.040].mean() == pytest.approx(0.016, rel=0.15)
+    assert mesh.facts["n_parts"] == 1
+    even = 12.0 * mesh.volume * (0.911 / 0.004) ** 3
+    assert len(mesh.cells) < 0.15 * even
+    assert not [message for message in mesh.messages if "lengths double" in message]
+
+
+def from_vein(mesh: vs.Mesh) -> NDArray[np.float64]:
+    """Distance of each cell's middle from the vein of `liver` [m]."""
+    middle = mesh.centroids
+    beside = np.maximum(np.hypot(middle[:, 0] + 0.03, middle[:, 1] - 0.01) - 0.008, 0.0)
+    return np.asarray(np.hypot(beside, np.maximum(-0.05 - middle[:, 2], 0.0)))
+
+
+def test_lengths_that_double_are_told(liver: vs.Scan) -> None:
+    """Of 20 and 8 mm the lattice keeps one, and the other becomes 16 or 5 mm."""
+    mesh = liver.mesh({"liver": 1, "vein": 2}, edge={"liver": 0.020, "vein": 0.008})
+    told = [message for message in mesh.messages if "lengths double" in message]
+    assert told in (
+        ["lengths double from cube to cube, so edges are 16 mm in 'liver'"],
+        ["lengths double from cube to cube, so edges are 5 mm in 'vein'"],
+    )
 
 
 def packed(mesh: vs.Mesh, cells: NDArray[np.uint32]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -140,6 +171,12 @@ def test_refusals_say_what_to_do(liver: vs.Scan) -> None:
         liver.mesh({"liver": 1, "vein": 2}, edge="30 mm")
     with pytest.raises(vs.VisceraError, match=r"an edge of 0.01 mm would make .* cells; give a longer one"):
         liver.mesh(1, edge="0.01 mm")
+    with pytest.raises(vs.VisceraError, match=r"edge 'vien' is of no part; did you mean 'vein'\?"):
+        liver.mesh({"liver": 1, "vein": 2}, edge={"liver": 0.01, "vien": 0.005})
+    with pytest.raises(vs.VisceraError, match="edge has no length for 'vein'; give one for every part"):
+        liver.mesh({"liver": 1, "vein": 2}, edge={"liver": 0.01})
+    with pytest.raises(vs.VisceraError, match="edge of 'liver' must be a number above 0"):
+        liver.mesh({"liver": 1}, edge={"liver": 0.0})
     with pytest.raises(vs.VisceraError, match="label 1 is given twice, as 'a' and as 'b'"):
         liver.mesh({"a": 1, "b": [1, 2]}, edge=0.01)
     with pytest.raises(vs.VisceraError, match="edge must be a number above 0"):
@@ -276,3 +313,17 @@ def test_a_human_liver_with_its_veins(human: vs.Scan) -> None:
     assert mesh.facts["n_parts"] == 1
     cava = np.unique(mesh.cells[mesh.cell_sets["vena cava"]])
     assert np.isin(mesh.sets["fixed"], cava).all()
+
+
+def test_a_human_liver_with_short_edges_at_its_veins(human: vs.Scan) -> None:
+    labels = {"portal vein": 64, "vena cava": 63, "liver": 5}
+    mesh = human.mesh(labels, edge={"portal vein": 0.003, "vena cava": 0.003, "liver": 0.008}, fixed="label:63")
+    errors = volume_errors(human, mesh, labels)
+    assert abs(errors["liver"]) < 0.03
+    assert max(abs(errors["portal vein"]), abs(errors["vena cava"])) < 0.05
+    assert least_angles(mesh.points, mesh.cells).min() > 5.0
+    assert mesh.facts["n_parts"] == 1
+    edges = edge_means(mesh.points, mesh.cells)
+    for vessel in ("portal vein", "vena cava"):
+        assert edges[mesh.cell_sets[vessel]].mean() < 0.003
+    assert 0.003 < edges[mesh.cell_sets["liver"]].max() < 0.010

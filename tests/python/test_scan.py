@@ -149,6 +149,18 @@ def test_the_command_line(labelled: vs.Scan, tmp_path: Path, capsys: pytest.Capt
     assert "axes          RAS (right, anterior, superior), in metres" in capsys.readouterr().out
 
 
+def test_edges_by_part_on_the_command_line(labelled: vs.Scan, tmp_path: Path) -> None:
+    pytest.importorskip("nibabel")
+    labelled.write(tmp_path / "labels.nii.gz")
+    words = ["mesh", str(tmp_path / "labels.nii.gz"), "--label", "left=7", "--label", "right=300"]
+    words += ["--edge", "12mm", "--edge", "left=3mm", "-o", str(tmp_path / "organ.vtu")]
+    assert cli.main([*words, "--json", str(tmp_path / "mesh.json")]) == 0
+    parts = json.loads((tmp_path / "mesh.json").read_text(encoding="utf-8"))["parts"]
+    assert parts["left"]["edges"][1] < 0.0035
+    assert parts["right"]["edges"][1] > 0.006
+    assert parts["left"]["cells"] > 3 * parts["right"]["cells"]
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -156,6 +168,12 @@ def test_the_command_line(labelled: vs.Scan, tmp_path: Path, capsys: pytest.Capt
         (["--edge", "6mm", "--label", "5"], "no voxel has the label 5"),
         (["--edge", "90mm", "--label", "7"], "is longer than 'label_7'"),
         (["--edge", "6mm", "--label", "a=x"], "--label a=x is not NAME=NUMBER"),
+        (["--edge", "a=6mm", "--label", "a=7", "--label", "b=300"], "--edge: none for 'b'"),
+        (["--edge", "6mm", "--edge", "c=3mm", "--label", "a=7"], "--edge c=3mm: 'c' is no part; known: 'a'"),
+        (["--edge", "6mm", "--edge", "5mm", "--label", "a=7"], "--edge 5mm: the other parts have an edge already"),
+        (["--edge", "a=6mm", "--edge", "a=5mm", "--label", "a=7"], "--edge a=5mm: 'a' has an edge already"),
+        (["--edge", "a=0mm", "--label", "a=7"], "edge of 'a' must be a number above 0"),
+        (["--edge", "6 ells", "--label", "7"], "--edge 6 ells:"),
         (["--edge", "6mm", "--label", "7", "--units", "mm"], "--units is for surfaces"),
     ],
 )

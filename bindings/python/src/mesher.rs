@@ -8,14 +8,14 @@ use pyo3::types::PyDict;
 use viscera_mesher::{Error, Labels, Winding};
 
 #[pyfunction]
-#[pyo3(signature = (values, affine, labels, *, volumes, edge, on_progress))]
+#[pyo3(signature = (values, affine, labels, *, volumes, edges, on_progress))]
 pub fn mesh_labels<'py>(
     py: Python<'py>,
     values: PyReadonlyArray3<u16>,
     affine: PyReadonlyArray2<f64>,
     labels: Vec<u16>,
     volumes: Option<Vec<f64>>,
-    edge: f64,
+    edges: Vec<f64>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let [i, j, k] = dims(values.as_array().shape());
@@ -24,7 +24,7 @@ pub fn mesh_labels<'py>(
     let map = Labels { dims: [i, j, k], values: &voxels, affine, volumes };
     let mut watch = Watch::new(on_progress);
     let made = py.detach(|| {
-        viscera_mesher::mesh(&map, &labels, edge, |done, total| watch.report((done, total)))
+        viscera_mesher::mesh(&map, &labels, &edges, |done, total| watch.report((done, total)))
     });
     let mesh = outcome(watch, made)?;
     let facts = PyDict::new(py);
@@ -33,6 +33,7 @@ pub fn mesh_labels<'py>(
     let owner = mesh.owner.iter().map(|&label| label as u32).collect();
     facts.set_item("owner", PyArray1::from_vec(py, owner))?;
     facts.set_item("cut", PyArray1::from_vec(py, mesh.cut))?;
+    facts.set_item("edges", PyArray1::from_vec(py, mesh.edges))?;
     facts.set_item("volumes", PyArray1::from_vec(py, mesh.volumes))?;
     facts.set_item("dropped", PyArray1::from_vec(py, mesh.dropped))?;
     facts.set_item("n_dropped", mesh.n_dropped)?;

@@ -16,9 +16,9 @@ import numpy as np
 from viscera.atomic import writable
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import Outcome, Output
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
-from viscera.meshing import SURFACES, least_angles, mesh_surface
+from viscera.meshing import SURFACES, edge_means, least_angles, mesh_surface
 from viscera.progress import bar
 from viscera.scan import Scan, scan
 
@@ -31,8 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a label to mesh, such as 5, liver=5 or kidneys=2+3; once for each part",
     )  # fmt: skip
     parser.add_argument(
-        "--edge", type=metres, required=True, metavar="LENGTH", help="mean edge length of the cells, such as 8mm"
-    )
+        "--edge", action="append", required=True, metavar="LENGTH",
+        help="mean edge length of the cells, such as 8mm; again for a part with shorter ones: vein=3mm",
+    )  # fmt: skip
     parser.add_argument(
         "--fixed", action="append", default=[], metavar="PLACE",
         help="nodes for the set 'fixed': a condition such as 'z > 90%%', label:63 (where it touches that label), or a "
@@ -62,8 +63,9 @@ def _from_labels(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[s
     shape = " x ".join(map(str, size))
     output.say(f"{args.source}: {shape} voxels of {' x '.join(sides)} mm, axes {image.axes}")
     labels = parsed(args.label) if args.label else None
+    edges = parsed_edges(args.edge, [region.name for region in image.regions(labels)])
     with bar(output.is_quiet) as progress:
-        found = image.mesh(labels, edge=args.edge, fixed=args.fixed, progress=progress)
+        found = image.mesh(labels, edge=edges, fixed=args.fixed, progress=progress)
     return found, _voxel_volumes(image, labels)
 
 
@@ -73,9 +75,10 @@ def _from_surface(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[
         raise VisceraError(f"{args.source}: a surface needs its --units, such as mm or m")
     if len(args.label) > 1 or any(not _is_name(label) for label in args.label):
         raise VisceraError("a surface has no labels; --label NAME names its only part")
+    name = args.label[0] if args.label else "organ"
+    edge = parsed_edges(args.edge, [name])[name]
     with bar(output.is_quiet) as progress:
-        name = args.label[0] if args.label else "organ"
-        found = mesh_surface(args.source, edge=args.edge, units=args.units, name=name, progress=progress)
+        found = mesh_surface(args.source, edge=edge, units=args.units, name=name, progress=progress)
     places = [found.nodes(where) for where in args.fixed]
     return found.with_sets(fixed=np.unique(np.concatenate(places))) if places else found, {}
 
@@ -100,6 +103,32 @@ def parsed(words: list[str]) -> Any:
     return named
 
 
+def parsed_edges(words: list[str], parts: list[str]) -> dict[str, float]:
+    """The edge of each part [m], from one length for all, `vein=3mm` for some.
+
+    >>> parsed_edges(["8mm", "vein=3mm"], ["liver", "spleen", "vein"])
+    {'liver': 0.008, 'spleen': 0.008, 'vein': 0.003}
+    """
+    given: dict[str, float] = {}
+    for word in words:
+        name, _, size = word.rpartition("=")
+        if name in given:
+            raise VisceraError(f"--edge {word}: {f'{name!r} has' if name else 'the other parts have'} an edge already")
+        if name and name not in parts:
+            raise VisceraError(f"--edge {word}: {name!r} is no part; {did_you_mean(name, parts)}")
+        given[name] = _metres(size)
+    if missing := [part for part in parts if part not in given and "" not in given]:
+        raise VisceraError(f"--edge: none for {missing[0]!r}; --edge 8mm is for all parts that have none of their own")
+    return {part: given[part] if part in given else given[""] for part in parts}
+
+
+def _metres(word: str) -> float:
+    try:
+        return metres(word)
+    except argparse.ArgumentTypeError as error:
+        raise VisceraError(f"--edge {word}: {error}") from error
+
+
 def _is_name(word: str) -> bool:
     return "=" not in word and not word.isdigit()
 
@@ -112,6 +141,7 @@ def _voxel_volumes(image: Scan, labels: Any) -> dict[str, float]:
 def _told(found: Mesh, voxels: dict[str, float], target: Path, output: Output) -> dict[str, Any]:
     """Prints the mesh, and returns its facts."""
     volumes, angles = found.facts["cell_volumes"], least_angles(found.points, found.cells)
+    edges = edge_means(found.points, found.cells)
     facts: dict[str, Any] = {
         "file": str(target),
         "n_points": len(found.points),
@@ -125,9 +155,11 @@ def _told(found: Mesh, voxels: dict[str, float], target: Path, output: Output) -
     }
     for name, cells in found.cell_sets.items():
         volume, own = float(volumes[cells].sum()), voxels.get(name)
-        facts["parts"][name] = {"cells": len(cells), "volume": volume, "voxel_volume": own}
+        low, high = np.percentile(edges[cells], (5, 95)).tolist()
+        facts["parts"][name] = {"cells": len(cells), "edges": [low, high], "volume": volume, "voxel_volume": own}
         beside = f", {100.0 * (volume / own - 1.0):+.2f} % of its voxels" if own else ""
-        output.say(f"  part          {name!r}: {len(cells)} cells, {1e6 * volume:.4g} ml{beside}")
+        cells_of = f"{len(cells)} cells of {1e3 * low:.2g} to {1e3 * high:.2g} mm"
+        output.say(f"  part          {name!r}: {cells_of}, {1e6 * volume:.4g} ml{beside}")
     output.say(f"  angles        {angles.min():.1f} degrees at least, first percentile {np.percentile(angles, 1):.1f}")
     for name, nodes in found.sets.items():
         output.say(f"  set           {name!r}: {len(nodes)} nodes")
