@@ -70,13 +70,13 @@ def mesh_regions(
         order[list(region.numbers)] = region.numbers[0]
     voxel = abs(float(np.linalg.det(affine[:, :3])))
     own = order[values]
+    cells = 0.0
     for region, size in zip(regions, sizes, strict=True):
         volume = voxel * np.count_nonzero(own == region.numbers[0])
         _check_edge(region.name, volume, size)
-        if (cells := 12.0 * volume * (MIDDLE_EDGE / size) ** 3) > MOST_CELLS:
-            raise VisceraError(
-                f"an edge of {1e3 * size:g} mm would make {cells:.2g} cells in {region.name!r}; give a longer one"
-            )
+        cells += 12.0 * volume * (MIDDLE_EDGE / size) ** 3
+    if cells > MOST_CELLS:
+        raise VisceraError(f"an edge of {1e3 * min(sizes):g} mm would make {cells:.2g} cells; give a longer one")
     labels = [region.numbers[0] for region in regions]
     tell = None if progress is None else lambda done, total: progress(done, total, "meshing")
     made = _core.mesh_labels(own, affine, labels, volumes=volumes, edges=sizes, on_progress=tell)

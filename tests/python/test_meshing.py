@@ -87,8 +87,9 @@ def test_edges_are_short_at_a_vein_and_grow_away_from_it(liver: vs.Scan) -> None
     assert abs(errors["vein"]) < 0.05
     assert least_angles(mesh.points, mesh.cells).min() > 8.0
     edges, away = edge_means(mesh.points, mesh.cells), from_vein(mesh)
-    assert edges[mesh.cell_sets["vein"]].max() < 1.4 * 0.004
-    assert edges[away < 0.002].max() < 1.4 * 0.004, "the liver's cells beside the vein are as small"
+    for close in (mesh.cell_sets["vein"], np.flatnonzero(away < 0.002)):
+        assert edges[close].mean() < 0.004, "the liver's cells beside the vein are as small as the vein's"
+        assert edges[close].max() < 1.5 * 0.004
     assert edges[away > 0.040].mean() == pytest.approx(0.016, rel=0.15)
     assert mesh.facts["n_parts"] == 1
     even = 12.0 * mesh.volume * (0.911 / 0.004) ** 3
@@ -303,18 +304,6 @@ def test_organs_of_a_human_scan(human: vs.Scan, organ: str) -> None:
         assert not [m for m in mesh.messages if "edge cuts" not in m]
 
 
-def test_a_human_liver_with_its_veins(human: vs.Scan) -> None:
-    labels = {"portal vein": 64, "vena cava": 63, "liver": 5}
-    mesh = human.mesh(labels, edge=0.003, fixed="label:63")
-    errors = volume_errors(human, mesh, labels)
-    assert abs(errors["liver"]) < 0.01
-    assert max(abs(errors["portal vein"]), abs(errors["vena cava"])) < 0.05
-    assert least_angles(mesh.points, mesh.cells).min() > 5.0
-    assert mesh.facts["n_parts"] == 1
-    cava = np.unique(mesh.cells[mesh.cell_sets["vena cava"]])
-    assert np.isin(mesh.sets["fixed"], cava).all()
-
-
 def test_a_human_liver_with_short_edges_at_its_veins(human: vs.Scan) -> None:
     labels = {"portal vein": 64, "vena cava": 63, "liver": 5}
     mesh = human.mesh(labels, edge={"portal vein": 0.003, "vena cava": 0.003, "liver": 0.008}, fixed="label:63")
@@ -326,4 +315,7 @@ def test_a_human_liver_with_short_edges_at_its_veins(human: vs.Scan) -> None:
     edges = edge_means(mesh.points, mesh.cells)
     for vessel in ("portal vein", "vena cava"):
         assert edges[mesh.cell_sets[vessel]].mean() < 0.003
-    assert 0.003 < edges[mesh.cell_sets["liver"]].max() < 0.010
+    assert edges[mesh.cell_sets["liver"]].max() < 1.2 * 0.008
+    assert np.percentile(edges[mesh.cell_sets["liver"]], 90) == pytest.approx(0.006, rel=0.1), "as a note says"
+    cava = np.unique(mesh.cells[mesh.cell_sets["vena cava"]])
+    assert np.isin(mesh.sets["fixed"], cava).all()

@@ -158,7 +158,7 @@ def test_edges_by_part_on_the_command_line(labelled: vs.Scan, tmp_path: Path) ->
     parts = json.loads((tmp_path / "mesh.json").read_text(encoding="utf-8"))["parts"]
     assert parts["left"]["edges"][1] < 0.0035
     assert parts["right"]["edges"][1] > 0.006
-    assert parts["left"]["cells"] > 3 * parts["right"]["cells"]
+    assert parts["left"]["cells"] > 1.5 * parts["right"]["cells"], "of two boxes of one size"
 
 
 @pytest.mark.parametrize(
