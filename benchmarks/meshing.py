@@ -32,7 +32,9 @@ def balls() -> vs.Scan:
 
 def with_vein(liver: vs.Scan) -> vs.Scan:
     """The liver with a vein of 16 mm through it: label 2."""
-    x, y, z = np.moveaxis(np.indices(liver.values.shape), 0, -1).reshape(-1, 3).T * liver.spacing[0] + liver.affine[:, 3:]
+    x, y, z = (
+        np.moveaxis(np.indices(liver.values.shape), 0, -1).reshape(-1, 3).T * liver.spacing[0] + liver.affine[:, 3:]
+    )
     is_vein = (np.hypot(x + 0.03, y - 0.01) < 0.008) & (z > -0.05)
     return vs.Scan(np.where(is_vein.reshape(liver.values.shape), 2, liver.values), liver.affine)
 
