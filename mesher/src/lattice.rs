@@ -93,12 +93,14 @@ impl Lattice {
 impl Octree {
     fn roots([low, high]: [Point; 2], side: f64, levels: usize) -> Option<Self> {
         let root = side * (1_u64 << levels) as f64;
+        // The first corner is half a side outside the box, so that the centres reach it.
         let count: Point = std::array::from_fn(|k| ((high[k] - low[k]) / root).ceil() + 1.0);
         let is_fine = count.iter().any(|&n| !(n * 2.0 * root / side < LONGEST));
         if is_fine || !(count.iter().product::<f64>() < MOST_LEAVES as f64) {
             return None;
         }
         let split = vec![HashSet::new(); levels + 1];
+        let low = low.map(|x| x - 0.5 * root);
         Some(Octree { n: count.map(|n| n as i32), split, low, side })
     }
 
@@ -111,9 +113,7 @@ impl Octree {
     }
 
     fn place(&self, x: Place) -> Point {
-        // The first corner is half a coarsest side outside the box, so that the centres reach it.
-        let half = 0.5 * (1_u64 << self.top()) as f64;
-        std::array::from_fn(|k| self.low[k] + (0.5 * f64::from(x[k]) - half) * self.side)
+        std::array::from_fn(|k| self.low[k] + 0.5 * f64::from(x[k]) * self.side)
     }
 
     fn middle(level: usize, cube: Place) -> Place {
