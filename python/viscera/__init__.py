@@ -21,6 +21,7 @@ from viscera.case import read_case as case
 from viscera.cluster import sweep
 from viscera.comparison import compare
 from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
+from viscera.contact_pair import ContactPair
 from viscera.deformed import Deformed, Moved, Probe
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.elastic_support import ElasticSupport
@@ -72,6 +73,7 @@ __all__ = [
     "Case",
     "ConjugateGradients",
     "Contact",
+    "ContactPair",
     "Corotated",
     "Deformed",
     "ElasticSupport",

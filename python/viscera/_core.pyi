@@ -185,8 +185,14 @@ class Shape:
 Tool = tuple[Shape, float | None, float, list[list[float]], list[float], list[float], list[float]]
 """Shape, friction (None where bonded), stiffness of the layer, rotation, position, displacement [m] and turn [rad]."""
 
-Ties = tuple[Indices, Indices, Floats, Floats, list[tuple[list[tuple[int, float]], list[float], float, float, bool]]]
-"""Starts, nodes, weights and stiffnesses of samples; ends, rest vector, stiffness, length and kind of springs."""
+Link = tuple[list[tuple[int, float]], list[float], float, float, bool]
+"""Ends, rest vector, stiffness, length and kind of a spring."""
+
+ContactPair = tuple[Indices, Indices, float, float]
+"""Triangles (t, 3) of both surfaces, reach [m] and stiffness of the layer."""
+
+Ties = tuple[Indices, Indices, Floats, Floats, list[Link], list[ContactPair]]
+"""Starts, nodes, weights and stiffnesses of samples; springs; contact pairs."""
 
 class Body:
     """Mesh + law + fixed nodes, with the sparsity pattern and the symbolic factorisation made once."""
@@ -334,6 +340,8 @@ class Stepper:
     def remove_tool(self, tool: int) -> None: ...
     def contact(self, tools: list[int]) -> list[dict[str, Any]]:
         """What these tools did in the last frame, see `viscera.contact.Contact`."""
+    def contact_pairs(self) -> list[dict[str, Any]]:
+        """What each contact pair of the body did in the last frame."""
     def set_velocity(self, velocity: Floats) -> None: ...
     def displacement(self) -> Floats: ...
     def velocity(self) -> Floats | None: ...

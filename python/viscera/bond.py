@@ -49,7 +49,7 @@ class Bond:
         stiffness: float = STIFFNESS,
         reach: float | str = "1%",
     ) -> None:
-        self.first, self.second = _side(first), _side(second)
+        self.first, self.second = side_of(first, "a bond"), side_of(second, "a bond")
         """Pairs of a name and a place; the place is None for the whole surface."""
         self.sliding = Flag()(sliding, "sliding")
         self.stiffness = FACTOR(stiffness, "the stiffness of a bond")
@@ -88,12 +88,13 @@ class Bond:
         return ties.rows(nodes, weights.reshape(-1, width), stiffness.reshape(-1, 3, 3))
 
 
-def _side(side: Any) -> tuple[str, Where | None]:
+def side_of(side: Any, of: str) -> tuple[str, Where | None]:
+    """Name and place of a side of a bond or of a contact pair; the place is None for the whole surface."""
     if isinstance(side, str):
         return side, None
     if isinstance(side, tuple) and len(side) == 2 and isinstance(side[0], str):
         return side
-    raise refused("a side of a bond", "the name of an organ, or a pair of a name and a place", side)
+    raise refused(f"a side of {of}", "the name of an organ, or a pair of a name and a place", side)
 
 
 def _layer(mesh: Mesh, faces: Indices, modulus: Floats) -> Floats:

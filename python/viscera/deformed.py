@@ -105,6 +105,8 @@ class Deformed:
         organ, displacement = self._from_rest()
         for own, ties in zip(organ.supports, organ._tied, strict=True):
             if own.is_same(support):
+                if ties.surfaces:
+                    raise VisceraError(f"{support!r} is a contact pair; `contact` gives its force")
                 return ties.force(displacement)
         raise VisceraError(f"{support!r} is no elastic support of this organ; see organ.supports")
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.contact import Contact, Instrument, Tool
+from viscera.contact_pair import ContactPair
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -17,6 +18,7 @@ from viscera.forceps import Forceps, JawForces
 from viscera.hand import Hand
 from viscera.loads import Where
 from viscera.mesh import Floats, Mesh
+from viscera.ties import Tied
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -76,6 +78,7 @@ class Frame(Deformed, Pictured):
     _organ: Organ
     _relaxes: bool
     _contacts: list[tuple[Instrument, Contact]]
+    _pairs: list[tuple[Tied, Contact]]
     _hands: list[tuple[Hand, Floats, Floats]]
     _grips: list[tuple[Forceps, JawForces]]
 
@@ -131,8 +134,10 @@ class Frame(Deformed, Pictured):
         mesh = self._organ.mesh
         return draw(mesh.points, mesh.surface, self.displacement, path=path)
 
-    def contact(self, tool: Instrument | Tool) -> Contact:
+    def contact(self, tool: Instrument | Tool | ContactPair) -> Contact:
         """What a tool, or a rigid body of a scene, did to the organ at the end of the frame.
+
+        Of a contact pair of a scene: as `State.contact`.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -146,9 +151,12 @@ class Frame(Deformed, Pictured):
         for known, contact in self._contacts:
             if tool is known or tool is known._tool:
                 return contact
+        for pair, contact in self._pairs:
+            if pair.is_same(tool):
+                return contact
         raise VisceraError(f"{tool!r} was no tool of this frame; make it by Stepper.tool")
 
-    def force(self, tool: Instrument | Forceps | Hand) -> Floats:
+    def force(self, tool: Instrument | Forceps | Hand | ContactPair) -> Floats:
         """Force (3,) of a tool, of both jaws of forceps, or of a hand on the organ [N].
 
         >>> import viscera as vs
@@ -162,7 +170,7 @@ class Frame(Deformed, Pictured):
         """
         return self._felt(tool)[0]
 
-    def torque(self, tool: Instrument | Forceps | Hand) -> Floats:
+    def torque(self, tool: Instrument | Forceps | Hand | ContactPair) -> Floats:
         """Torque (3,) on the organ [N m]: of a tool or forceps about the origin, of a hand about its present centre.
 
         >>> import viscera as vs
@@ -196,7 +204,7 @@ class Frame(Deformed, Pictured):
                 return grip
         raise VisceraError("these forceps were not in this frame; make them by Stepper.forceps of its stepper")
 
-    def _felt(self, tool: Instrument | Forceps | Hand) -> tuple[Floats, Floats]:
+    def _felt(self, tool: Instrument | Forceps | Hand | ContactPair) -> tuple[Floats, Floats]:
         """Force and torque of what touches the organ."""
         if isinstance(tool, Forceps):
             grip = self._grip(tool)

@@ -120,6 +120,7 @@ class Organ(Pictured):
         self._bodies: list[Tool] = []
         self._tied = [support.ties(self.mesh) for support in self.supports]
         self._ties = joined(self._tied)
+        self._contact_pairs = [each for each, ties in zip(self.supports, self._tied, strict=True) if ties.surfaces]
         self.fixed = fixed_nodes(self.mesh, fixed, self._ties)
         """Indices (k,) of the fixed nodes."""
         corners = self.mesh.points[: self.mesh.n_corners]
@@ -557,7 +558,7 @@ class Organ(Pictured):
                 "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
                 "are compressed; reduce with bear_compression=True, or use solve"
             )
-        self._require_no_springs()
+        self._require_linear_ties()
         nodes = self.touchable(touchable, radius)
         require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
         organ, family = (self, None) if vary is None else vary.on(self.mesh).family(self, radius)
@@ -680,7 +681,7 @@ class Organ(Pictured):
         >>> model.displacement((1, 0.1, 0.1), a=0.5).shape
         (525, 3)
         """
-        self._require_no_springs()
+        self._require_linear_ties()
         order = Whole(1, 15)(order, "order")
         max_terms = Whole(1, 10_000)(max_terms, "max_terms")
         max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
@@ -698,9 +699,13 @@ class Organ(Pictured):
             progress=progress,
         )
 
-    def _require_no_springs(self) -> None:
+    def _require_linear_ties(self) -> None:
         if self._ties.links:
             raise VisceraError("a series does not know springs and cables; leave them out, or solve in load steps")
+        if self._ties.surfaces:
+            raise VisceraError(
+                "a series does not know surfaces that touch; leave the contact pairs out, or solve in load steps"
+            )
 
     def _length(self, name: str, value: float | str) -> float:
         metres = length(value, self.mesh.diagonal, name)

@@ -1,4 +1,4 @@
-"""A scene: several organs, each with its own mesh, law and supports, joined as one body, with bonds between them."""
+"""A scene: several organs, each with its own mesh, law and supports, joined as one body, with bonds and contact."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from viscera import law as laws
 from viscera.bond import Bond
 from viscera.contact import AnyShape, Tool, tools_of
+from viscera.contact_pair import ContactPair
 from viscera.errors import VisceraError, did_you_mean
 from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
@@ -34,8 +35,10 @@ class Scene(Organ):
     bodies: rigid bodies, as the tools of `Organ.solve(contact=)`: a table, a retractor. They act in every solve and in
         every stepper. They touch all organs.
     bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
+    contacts: what may touch: each a `ContactPair` of two organs. They are elements with nodes at corners only, "P1" or
+        "P1 mean volume".
     Raises `VisceraError` for organs of several elements, for names that are unknown, for a bond of surfaces that do not
-    lie on each other, and if nothing holds an organ.
+    lie on each other, for a contact pair of surfaces that overlap, and if nothing holds an organ.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
@@ -53,11 +56,14 @@ class Scene(Organ):
         organs: Mapping[str, Organ],
         bodies: Sequence[Tool | AnyShape] = (),
         bonds: Sequence[Bond | Spring] = (),
+        contacts: Sequence[ContactPair] = (),
     ) -> None:
         self.organs = _checked(organs)
         """The organs by name."""
         self.bonds = tuple(bonds)
         """The bonds."""
+        self.contacts = tuple(contacts)
+        """The contact pairs."""
         first = next(iter(self.organs.values()))
         self._numbers = _numbers(self.organs)
         mesh, law = _joined_mesh(self.organs), _joined_law(self.organs)
@@ -70,16 +76,23 @@ class Scene(Organ):
         ]
         for bond in self.bonds:
             held.append(bond if isinstance(bond, Spring) else Placed(bond, self._samples(bond, nodal, law)))
-        super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
+        for pair in self.contacts:
+            held.append(Placed(pair, self._surfaces(pair)))
+        try:
+            super().__init__(mesh, law, fixed=fixed, element=first.element, supports=held)
+        except VisceraError as error:
+            raise VisceraError(self._told(str(error))) from error
         self._bodies = tools_of(list(bodies))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For pickle and copy: the organs are joined again."""
-        return Scene, (self.organs, self._bodies, self.bonds)
+        return Scene, (self.organs, self._bodies, self.bonds, self.contacts)
 
     def __repr__(self) -> str:
         words = [f"{name}: {len(organ.mesh.points)} points" for name, organ in self.organs.items()]
-        return f"Scene({', '.join(words)}, {len(self._bodies)} bodies, {len(self.bonds)} bonds)"
+        rest = [f"{len(self._bodies)} bodies", f"{len(self.bonds)} bonds"]
+        rest += [f"{len(self.contacts)} contact pairs"] if self.contacts else []
+        return f"Scene({', '.join([*words, *rest])})"
 
     @property
     def bodies(self) -> tuple[Tool, ...]:
@@ -125,22 +138,47 @@ class Scene(Organ):
     def _samples(self, bond: Bond, mesh: Mesh, law: laws.Law) -> Ties:
         if not isinstance(bond, Bond):
             raise refused("a bond of a scene", "a Bond or a Spring, such as Bond('liver', 'gallbladder')", bond)
+        sides, diagonal = self._sides(bond)
+        shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
+        modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
+        return bond._samples(mesh, sides, modulus, length(bond.reach, diagonal, "the reach of a bond"))
+
+    def _told(self, message: str) -> str:
+        """What the core says of a contact pair, with its name in place of its number."""
+        for number, pair in enumerate(self.contacts):
+            message = message.replace(f"contact pair {number} ", f"{pair!r} ")
+        return message
+
+    def _surfaces(self, pair: ContactPair) -> Ties:
+        if not isinstance(pair, ContactPair):
+            raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", pair)
+        if pair.first[0] == pair.second[0]:
+            raise VisceraError(f"{pair!r}: an organ does not touch itself; name two organs of the scene")
+        sides, diagonal = self._sides(pair)
+        element = self.organ(pair.first[0]).element
+        if element == "P2":
+            raise VisceraError(f"{pair!r}: organs that touch cannot be of the element 'P2'; choose 'P1 mean volume'")
+        reach = length(pair.reach, diagonal, "the reach of a contact pair")
+        if reach <= 0.0:
+            raise refused("the reach of a contact pair", "a length above 0 [m]", pair.reach)
+        return pair._ties(sides, reach)
+
+    def _sides(self, pair: Bond | ContactPair) -> tuple[tuple[Indices, Indices], float]:
+        """The faces of both sides, in the numbering of the scene, and the diagonal of the smaller organ [m]."""
         sides = []
-        for name, where in (bond.first, bond.second):
+        for name, where in (pair.first, pair.second):
             organ = self.organ(name).mesh
             nodes = organ.surface_nodes if where is None else organ.nodes(where)
             sides.append(self._numbers[name][faces_within(organ, nodes)].astype(np.uint32))
-        diagonal = min(self.organ(name).mesh.diagonal for name, _ in (bond.first, bond.second))
-        shear, bulk = np.broadcast_to(law.core().moduli(), (len(mesh.cells), 2)).T
-        modulus = 4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
-        return bond._samples(mesh, (sides[0], sides[1]), modulus, length(bond.reach, diagonal, "the reach of a bond"))
+        diagonal = min(self.organ(name).mesh.diagonal for name, _ in (pair.first, pair.second))
+        return (sides[0], sides[1]), diagonal
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A support or a bond in the numbering of a scene."""
+    """A support, a bond or a contact pair in the numbering of a scene."""
 
-    origin: Tied | Bond
+    origin: Tied | Bond | ContactPair
     found: Ties
 
     def ties(self, mesh: Mesh) -> Ties:
@@ -152,7 +190,7 @@ class Placed:
         return self
 
     def is_same(self, other: object) -> bool:
-        """Whether it is this support or bond."""
+        """Whether it is this support, bond or contact pair."""
         return other is self.origin or (isinstance(self.origin, Tied) and self.origin.is_same(other))
 
 

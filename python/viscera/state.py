@@ -10,6 +10,7 @@ import numpy as np
 
 from viscera import _core, statefile
 from viscera.contact import AnyShape, Contact, Tool, contacts
+from viscera.contact_pair import ContactPair
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -80,6 +81,7 @@ class State(Deformed, Pictured):
         self._patches = [(patch.nodes, patch.weights) for patch in patches]
         self._patch_forces: Floats = result["patch_forces"]
         self._tools = list(zip(tools, contacts(result.get("contact", [])), strict=True))
+        self._pairs = list(zip(organ._contact_pairs, contacts(result.get("contact_pairs", [])), strict=True))
 
     def _seen(self) -> tuple[Mesh, Floats]:
         return self.mesh, self.displacement
@@ -111,8 +113,11 @@ class State(Deformed, Pictured):
             raise VisceraError("this contact patch was not prescribed in the solve, so it has no reaction")
         return np.asarray(self._held[self.mesh.nodes(where)].sum(axis=0))
 
-    def contact(self, tool: Tool | AnyShape) -> Contact:
+    def contact(self, tool: Tool | AnyShape | ContactPair) -> Contact:
         """What a tool of the solve does to the organ: force, torque, area, pressures, gap.
+
+        Of a contact pair of a scene: force and torque of its second organ on the first, the torque about the origin of
+        space; pressures at the nodes of both.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -124,10 +129,13 @@ class State(Deformed, Pictured):
         for known, contact in self._tools:
             if known is tool or known.shape is tool:
                 return contact
+        for pair, contact in self._pairs:
+            if pair.is_same(tool):
+                return contact
         raise VisceraError(f"{tool!r} was no tool of this solve; name it in contact=[...]")
 
-    def force(self, tool: Tool | AnyShape) -> Floats:
-        """Force (3,) of a tool on the organ [N].
+    def force(self, tool: Tool | AnyShape | ContactPair) -> Floats:
+        """Force (3,) of a tool on the organ [N]; of a contact pair, see `contact`.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -138,7 +146,7 @@ class State(Deformed, Pictured):
         """
         return self.contact(tool).force
 
-    def torque(self, tool: Tool | AnyShape) -> Floats:
+    def torque(self, tool: Tool | AnyShape | ContactPair) -> Floats:
         """Torque (3,) of a tool on the organ about the tool's origin [N m].
 
         >>> import viscera as vs

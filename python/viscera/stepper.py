@@ -240,6 +240,7 @@ class Stepper:
             hand._feel(result["displacement"], result["reactions"], carried)
         told = contacts(self._core.contact([tool._number for tool in self._tools])) if self._tools else []
         felt = dict(zip(self._tools, told, strict=True))
+        pairs = self._organ._contact_pairs
         self._fault = gpu.report(result["device_fault"], self._fault)
         return Frame(
             displacement=result["displacement"],
@@ -263,6 +264,7 @@ class Stepper:
             _organ=self._organ,
             _relaxes=self._relaxes,
             _contacts=list(felt.items()),
+            _pairs=list(zip(pairs, contacts(self._core.contact_pairs()), strict=True)) if pairs else [],
             _hands=[(hand, *hand._last()) for hand in self._hands],
             _grips=[
                 (each, each._feel([felt[jaw] for jaw in each.jaws], result["is_settled"])) for each in self._forceps

@@ -45,6 +45,19 @@ class Link:
 
 
 @dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Two surfaces that may touch, whose forces are those of contact."""
+
+    first: Indices
+    """Triangles (t, 3)."""
+    second: Indices
+    reach: float
+    """How near they are looked at [m]."""
+    stiffness: float
+    """Of the layer between them, in units of that of a tool."""
+
+
+@dataclass(frozen=True, eq=False)
 class Ties:
     """Samples of ties, in compressed rows."""
 
@@ -57,6 +70,8 @@ class Ties:
     """(s, 9) symmetric positive semidefinite `k`, row by row [N/m]."""
     links: tuple[Link, ...] = ()
     """Springs and cables."""
+    surfaces: tuple[Surfaces, ...] = ()
+    """Contact pairs."""
 
     def __len__(self) -> int:
         return len(self.stiffness)
@@ -80,7 +95,8 @@ class Ties:
         links = [
             (list(link.ends), link.rest.tolist(), link.stiffness, link.length, link.is_cable) for link in self.links
         ]
-        return *self.arrays, links
+        pairs = [(pair.first, pair.second, pair.reach, pair.stiffness) for pair in self.surfaces]
+        return *self.arrays, links, pairs
 
     def force(self, displacement: Floats) -> Floats:
         """Total force (3,) [N] on what the positive weights belong to, at a displacement (n, 3) [m]."""
@@ -131,6 +147,7 @@ def joined(parts: Sequence[Ties]) -> Ties:
         np.concatenate([part.weights for part in parts]),
         np.concatenate([part.stiffness for part in parts]),
         tuple(link for part in parts for link in part.links),
+        tuple(pair for part in parts for pair in part.surfaces),
     )
 
 

@@ -1,4 +1,4 @@
-"""Scenes: bonds through meshes that do not match, parts given back, rigid bodies, and refusals."""
+"""Scenes: bonds and contact through meshes that do not match, parts given back, rigid bodies, and refusals."""
 
 import itertools
 import pickle
@@ -186,3 +186,114 @@ def test_a_chain_of_bonds_must_be_held_somewhere() -> None:
     scene = vs.Scene({"lower": lower, "upper": upper}, bonds=[vs.Bond("lower", "upper")])
     with pytest.raises(vs.VisceraError, match="3 of its 6 rigid motions are free"):
         scene.solve(force={"upper/top": (0.1, 0.0, 0.0)})
+
+
+def pile(
+    laws: tuple[vs.laws.Law, ...] = (SOFT, SOFT), apart: float = 0.0, element: str = "P1", **told: Any
+) -> vs.Scene:
+    """A block of 2^3 cubes on springs, one of 3^3 lying on it, held by springs too weak to be felt."""
+    bed = vs.ElasticSupport("base", stiffness=1e8, tangential=0.0)
+    lower = vs.Organ(block(2), laws[0], supports=[bed], element=element)
+    side = vs.ElasticSupport("west", stiffness=1e-2)
+    upper = vs.Organ(block(3, SIDE + apart), laws[1], supports=[side], element=element)
+    pair = vs.ContactPair(("lower", "top"), "upper", **told)
+    return vs.Scene({"lower": lower, "upper": upper}, contacts=[pair])
+
+
+def held(scene: vs.Scene) -> dict[str, Any]:
+    """Planes of symmetry on two sides."""
+    return {f"{name}/{side}": move for name in scene.organs for side, move in SYMMETRY.items()}
+
+
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
+def test_a_uniform_pressure_passes_a_contact(element: str) -> None:
+    """Both blocks widen as they are pressed: the pieces of the interface follow."""
+    scene = pile(element=element)
+    state = scene.solve(displacement=held(scene), traction={"upper/top": (0.0, 0.0, -800.0)})
+    assert state.is_converged
+    for name in scene.organs:
+        stress = state[name].stress("pk1", at="points")
+        exact = np.zeros((3, 3))
+        exact[2, 2] = -800.0
+        assert abs(stress - exact).max() < 1e-5 * 800.0, name
+    (pair,) = scene.contacts
+    told = state.contact(pair)
+    assert told.force == pytest.approx([0, 0, -8.0], rel=1e-6, abs=1e-6)
+    assert told.area == pytest.approx(SIDE**2, rel=1e-6)
+    touched = scene.part("upper", told.pressures)[scene.organ("upper").mesh.nodes("base")]
+    assert touched == pytest.approx(800.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("solver", ["cholesky", "cg"])
+def test_a_block_lies_on_another_in_solves_and_frames(solver: str) -> None:
+    scene = pile((SOFT, STIFF))
+    (pair,) = scene.contacts
+    load: dict[str, Any] = {"gravity": (0, 0, -9.81), "density": 1000.0, "displacement": held(scene)}
+    state = scene.solve(solver=solver, **load)
+    assert state.is_converged
+    weight = 9810.0 * SIDE**3
+    assert state.force(pair)[2] == pytest.approx(-weight, rel=1e-5)
+    (bed,) = scene.organ("lower").supports
+    assert state.support_force(bed)[2] == pytest.approx(2.0 * weight, rel=1e-5)
+    assert -1e-3 * SIDE < state.contact(pair).gap < 0.0
+    stepper = scene.stepper(held(scene), iterations=40, settled=1e-7, density=1000.0, solver=solver)
+    for _ in range(5):
+        frame = stepper.frame(gravity=(0, 0, -9.81))
+    assert frame.is_settled
+    assert frame.force(pair) == pytest.approx(state.force(pair), abs=1e-4 * weight)
+    assert abs(frame.displacement - state.displacement).max() < 1e-5 * SIDE
+
+
+def test_what_is_lifted_lets_go() -> None:
+    scene = pile()
+    (pair,) = scene.contacts
+    stepper = scene.stepper({**held(scene), "upper/top": (None, None, 0.0)}, iterations=40, settled=1e-6)
+    forces = []
+    for height in (-0.002, -0.004, 0.0, 0.01):
+        frame = stepper.frame({**held(scene), "upper/top": (None, None, height)})
+        assert frame.is_settled
+        forces.append(frame.force(pair)[2])
+    assert forces[1] < 1.9 * forces[0] < 0.0
+    assert abs(forces[2]) < 1e-2 * abs(forces[0])
+    assert forces[3] == 0.0
+    assert frame.contact(pair).touching == 0
+
+
+def test_organs_apart_move_as_if_alone() -> None:
+    scene = pile(apart=0.05)
+    state = scene.solve(displacement=held(scene), force={"lower/top": (0.0, 0.0, 1.0)})
+    alone = vs.Scene(scene.organs).solve(displacement=held(scene), force={"lower/top": (0.0, 0.0, 1.0)})
+    assert np.array_equal(state.displacement, alone.displacement)
+    assert state.contact(scene.contacts[0]).gap == np.inf
+
+
+def test_copies_keep_their_contacts() -> None:
+    scene = pickle.loads(pickle.dumps(pile()))
+    assert repr(scene).endswith("1 contact pairs)")
+    state = scene.solve(displacement=held(scene), traction={"upper/top": (0.0, 0.0, -80.0)})
+    assert state.force(scene.contacts[0])[2] == pytest.approx(-0.8, rel=1e-5)
+
+
+def test_contacts_that_cannot_be_are_refused() -> None:
+    with pytest.raises(
+        vs.VisceraError, match=r"of ContactPair\(lower at 'top', upper\) .*0\.1\d*\) m .* 2\.000e-3 m inside"
+    ):
+        pile(apart=-2e-3)
+    with pytest.raises(vs.VisceraError, match="cannot be of the element 'P2'"):
+        pile(element="P2")
+    with pytest.raises(vs.VisceraError, match="a length above 0"):
+        pile(reach=0.0)
+    scene = pile()
+    with pytest.raises(vs.VisceraError, match="an organ does not touch itself"):
+        vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "lower")])
+    with pytest.raises(vs.VisceraError, match="no organ of the scene is called"):
+        vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "uper")])
+    with pytest.raises(vs.VisceraError, match="a contact of a scene"):
+        vs.Scene(scene.organs, contacts=[WRONG])
+    with pytest.raises(vs.VisceraError, match="a side of a contact pair"):
+        vs.ContactPair("lower", WRONG)
+    for series in (scene.reduce, lambda **_: scene.path(force={"upper/top": (0, 0, -1.0)})):
+        with pytest.raises(vs.VisceraError, match="does not know surfaces that touch"):
+            series()
+    with pytest.raises(vs.VisceraError, match="`contact` gives its force"):
+        scene.solve(displacement=held(scene)).support_force(scene.contacts[0])  # type: ignore[arg-type]

@@ -28,7 +28,11 @@ type Responses<'py> =
 /// A spring or a cable: nodes and weights of its ends, vector between them at rest, stiffness, length, whether it is a cable.
 type Link = (Vec<(u32, f64)>, [f64; 3], f64, f64, bool);
 
-/// Elastic supports and bonds: where the nodes of each sample start, nodes, weights, and stiffness (s, 9); springs.
+/// Surfaces that may touch: the triangles of both, reach and stiffness.
+type ContactPair<'py> = (PyReadonlyArray2<'py, u32>, PyReadonlyArray2<'py, u32>, f64, f64);
+
+/// Elastic supports and bonds: where the nodes of each sample start, nodes, weights, and stiffness (s, 9); springs;
+/// contact pairs.
 #[derive(FromPyObject)]
 struct Ties<'py>(
     PyReadonlyArray1<'py, u32>,
@@ -36,18 +40,24 @@ struct Ties<'py>(
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray2<'py, f64>,
     Vec<Link>,
+    Vec<ContactPair<'py>>,
 );
 
 impl Ties<'_> {
-    fn arrays(&self) -> body::Ties {
+    fn arrays(&self, points: &[[f64; 3]]) -> PyResult<body::Ties> {
         let rows = self.3.as_array();
-        body::Ties {
+        let pair = |(first, second, reach, stiffness): &ContactPair| {
+            let surfaces = [convert::triangles(first)?, convert::triangles(second)?];
+            body::ContactPair::new(points, surfaces, *reach, *stiffness).map_err(convert::error)
+        };
+        Ok(body::Ties {
             start: self.0.as_array().to_vec(),
             nodes: self.1.as_array().to_vec(),
             weights: self.2.as_array().to_vec(),
             links: self.4.iter().map(link).collect(),
             stiffness: rows.rows().into_iter().map(|k| std::array::from_fn(|i| k[i])).collect(),
-        }
+            contact_pairs: self.5.iter().map(pair).collect::<PyResult<_>>()?,
+        })
     }
 }
 
@@ -78,9 +88,12 @@ impl Body {
     ) -> PyResult<Self> {
         let (points, cells) = (convert::points("points", &points)?, convert::cells(&cells)?);
         let element = Element::named(element).map_err(convert::error)?;
-        let ties = ties.map(|ties| ties.arrays()).unwrap_or_default();
+        let ties = ties.map(|ties| ties.arrays(&points)).transpose()?.unwrap_or_default();
         let body = body::Body::tied(element, points, cells, law.material.clone(), ties)
             .map_err(convert::error)?;
+        if !body.contact_pairs().is_empty() {
+            Contact::new(&body).check().map_err(convert::error)?;
+        }
         let surface = mesh::Surface::new(body.points(), &body.surface());
         let mut fixed = fixed.as_array().to_vec();
         fixed.sort_unstable();
@@ -157,6 +170,7 @@ impl Body {
         let state = watch.outcome(result)?;
         let dict = state_dict(py, &self.body, state)?;
         dict.set_item("contact", contact::reports(py, &contact, 0..n_tools, n)?)?;
+        dict.set_item("contact_pairs", contact::pair_reports(py, &contact, n)?)?;
         Ok(dict)
     }
 

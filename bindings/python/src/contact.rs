@@ -69,9 +69,26 @@ pub fn reports<'py>(
     tools: impl IntoIterator<Item = usize>,
     n_nodes: usize,
 ) -> PyResult<Bound<'py, PyList>> {
+    let of = |tool| (contact.report(tool).unwrap_or_default(), contact.pressures(tool, n_nodes));
+    listed(py, tools.into_iter().map(of))
+}
+
+/// The report of each contact pair of the body, in their order.
+pub fn pair_reports<'py>(
+    py: Python<'py>,
+    contact: &contact::Contact,
+    n_nodes: usize,
+) -> PyResult<Bound<'py, PyList>> {
+    let of = |pair| Some((contact.pair_report(pair)?, contact.pair_pressures(pair, n_nodes)));
+    listed(py, (0..).map_while(of))
+}
+
+fn listed(
+    py: Python<'_>,
+    reports: impl Iterator<Item = (contact::Report, Vec<f64>)>,
+) -> PyResult<Bound<'_, PyList>> {
     let list = PyList::empty(py);
-    for tool in tools {
-        let report = contact.report(tool).unwrap_or_default();
+    for (report, pressures) in reports {
         let dict = PyDict::new(py);
         dict.set_item("force", PyArray1::from_slice(py, &report.force))?;
         dict.set_item("torque", PyArray1::from_slice(py, &report.torque))?;
@@ -81,7 +98,7 @@ pub fn reports<'py>(
         dict.set_item("dissipation", report.dissipation)?;
         dict.set_item("touching", report.touching)?;
         dict.set_item("sliding", report.sliding)?;
-        dict.set_item("pressures", PyArray1::from_vec(py, contact.pressures(tool, n_nodes)))?;
+        dict.set_item("pressures", PyArray1::from_vec(py, pressures))?;
         list.append(dict)?;
     }
     Ok(list)

@@ -103,6 +103,11 @@ impl Stepper {
         contact::reports(py, self.stepper.claim()?.contact(), tools, n)
     }
 
+    fn contact_pairs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let n = self.body.get().body.points().len();
+        contact::pair_reports(py, self.stepper.claim()?.contact(), n)
+    }
+
     fn set_velocity(&self, velocity: PyReadonlyArray2<f64>) -> PyResult<()> {
         let n = self.body.get().body.points().len();
         let velocity = convert::dofs("velocity", &velocity, n)?;

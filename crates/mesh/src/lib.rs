@@ -3,6 +3,7 @@
 //! A cell is positively oriented when `(x1 - x0) x (x2 - x0) . (x3 - x0) > 0`. This crate is about topology and shape
 //! only: the boundary surface, facts about a mesh, contact patches on a surface. It has no materials.
 
+mod boxes;
 mod closest;
 mod conformity;
 mod locate;
@@ -13,6 +14,7 @@ mod report;
 pub mod samples;
 mod surface;
 
+pub use boxes::Boxes;
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use locate::{Located, Locator};
 pub use overlap::{Piece, overlap};

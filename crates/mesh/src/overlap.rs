@@ -1,7 +1,7 @@
 //! Where two surfaces lie on each other: the common pieces of their triangles, over which integrals of an interface
 //! between meshes that do not match are exact (Puso and Laursen, Comput. Methods Appl. Mech. Eng. 193, 2004, 601).
 
-use super::{Vector, cross, dot, norm, sub};
+use super::{Boxes, Vector, cross, dot, norm, sub};
 
 /// Cosine between the normals of two triangles that count as facing each other.
 const FACING: f64 = -0.5;
@@ -29,13 +29,15 @@ pub fn overlap(
 ) -> Vec<Piece> {
     let corners = |triangle: &[u32; 3]| triangle.map(|node| points[node as usize]);
     let others: Vec<[Vector; 3]> = second.iter().map(corners).collect();
-    let mut pieces = Vec::new();
+    let boxes = Boxes::new(points, second);
+    let (mut pieces, mut near) = (Vec::new(), Vec::new());
     for (number, triangle) in (0u32..).zip(first) {
         let plane = Plane::new(corners(triangle));
-        for (other, &x) in (0u32..).zip(&others) {
-            if plane.is_near(x, reach) {
-                plane.add_pieces([number, other], x, reach, &mut pieces);
-            }
+        near.clear();
+        boxes.each_near(&plane.corners, reach, |other| near.push(other));
+        near.sort_unstable();
+        for &other in &near {
+            plane.add_pieces([number, other as u32], others[other], reach, &mut pieces);
         }
     }
     pieces
@@ -60,21 +62,6 @@ impl Plane {
         let axes = [along, cross(normal, along)];
         let flat = corners.map(|x| axes.map(|axis| dot(axis, sub(x, a))));
         Plane { corners, axes, normal, flat, area: 0.5 * size }
-    }
-
-    /// Whether the boxes around two triangles are at most `reach` apart.
-    fn is_near(&self, other: [Vector; 3], reach: f64) -> bool {
-        (0..3).all(|k| {
-            let range = |x: &[Vector; 3]| {
-                let values = x.map(|x| x[k]);
-                [
-                    values.into_iter().fold(f64::MAX, f64::min),
-                    values.into_iter().fold(f64::MIN, f64::max),
-                ]
-            };
-            let ([low, high], [from, to]) = (range(&self.corners), range(&other));
-            from <= high + reach && low <= to + reach
-        })
     }
 
     fn add_pieces(

@@ -86,6 +86,11 @@ impl Reduction {
         if fixed.is_empty() && body.ties().is_none() {
             return Err(Error::input("nothing is fixed; an organ that floats cannot be pushed"));
         }
+        if !body.contact_pairs().is_empty() {
+            return Err(Error::input(
+                "a series does not know surfaces that touch; leave the contact pairs out, or solve",
+            ));
+        }
         if body.has_links() {
             return Err(Error::input(
                 "a series does not know springs and cables; leave them out, or solve",

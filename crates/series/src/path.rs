@@ -98,6 +98,11 @@ impl Continuation {
         pressure: &Pressure,
     ) -> Result<Vec<Expansion>, Error> {
         self.check(body, force, pressure)?;
+        if !body.contact_pairs().is_empty() {
+            return Err(Error::input(
+                "a series does not know surfaces that touch; leave the contact pairs out, or solve in load steps",
+            ));
+        }
         if body.has_links() {
             return Err(Error::input(
                 "a series does not know springs and cables; leave them out, or solve in load steps",

@@ -10,6 +10,7 @@ mod cell_tangent;
 mod cells;
 mod check;
 mod clusters;
+mod contact_pair;
 mod convex;
 mod curvature;
 mod elements;
@@ -34,6 +35,7 @@ mod ties;
 pub use blocks::{BlockPattern, Source, SymmetricBlocks, add_block_product};
 pub use clusters::SharedTangent;
 use clusters::averaged_part;
+pub use contact_pair::ContactPair;
 pub use curvature::Curvature;
 pub use kernels::UPRIGHT;
 pub use links::Link;
@@ -193,6 +195,23 @@ impl Body {
     /// Whether springs or cables act on it, which no series knows.
     pub fn has_links(&self) -> bool {
         self.ties().is_some_and(|ties| !ties.links.is_empty())
+    }
+
+    /// The surfaces of it that may touch each other.
+    pub fn contact_pairs(&self) -> &[ContactPair] {
+        self.ties().map_or(&[], |ties| &ties.contact_pairs)
+    }
+
+    /// The same body, with a pattern that also couples what contact pairs bring together at a displacement.
+    pub fn widened(&self, u: &[f64]) -> Self {
+        let mut ties = self.ties().cloned().unwrap_or_default();
+        let at = |(k, x): (usize, &[f64; 3])| std::array::from_fn(|i| x[i] + u[3 * k + i]);
+        let places: Vec<[f64; 3]> = self.points.iter().enumerate().map(at).collect();
+        ties.contact_pairs.iter_mut().for_each(|pair| pair.reserve(&places));
+        let corners = self.points[..self.n_corners()].to_vec();
+        let law = ((*self.material).clone(), ties);
+        let (cells, geometry) = (self.cells.clone(), self.geometry.clone());
+        Self::assemble(self.element, corners, cells, geometry, law, Partition::new)
     }
 
     /// Number of degrees of freedom, three per node.

@@ -3,9 +3,11 @@
 //! A tie is a sum over samples: with the displacement `j = sum_a w_a u_a` at a sample, or the difference of two, its
 //! energy is `1/2 j . k j`. The force `-K u` is linear and the tangent `K` constant, so a series of displacements meets
 //! ties in its tangent alone: without its last order, a linear force has no coefficient of that order. Springs and cables
-//! between places ([`Link`]) are ties too, but not linear: no series knows them.
+//! between places ([`Link`]) are ties too, but not linear: no series knows them. Of surfaces that may touch
+//! ([`ContactPair`]) ties know the pairs of nodes; their forces are those of [`contact`](crate::contact).
 
 use super::blocks::{BlockPattern, SymmetricBlocks, add_block_product};
+use super::contact_pair::ContactPair;
 use super::curvature::Curvature;
 use super::links::Link;
 use crate::error::Error;
@@ -24,12 +26,14 @@ pub struct Ties {
     pub stiffness: Vec<[f64; 9]>,
     /// Springs and cables.
     pub links: Vec<Link>,
+    /// Surfaces that may touch.
+    pub contact_pairs: Vec<ContactPair>,
 }
 
 impl Ties {
-    /// Whether there is no sample and no link.
+    /// Whether there is no sample, no link and no contact pair.
     pub fn is_empty(&self) -> bool {
-        self.stiffness.is_empty() && self.links.is_empty()
+        self.stiffness.is_empty() && self.links.is_empty() && self.contact_pairs.is_empty()
     }
 
     /// Number of samples.
@@ -47,7 +51,7 @@ impl Ties {
     /// Arrays whose lengths do not fit, nodes out of range, values that are not finite, a stiffness that is not
     /// symmetric or has a negative diagonal.
     pub fn check(&self, n_nodes: usize) -> Result<(), Error> {
-        let Ties { start, nodes, weights, stiffness, links } = self;
+        let Ties { start, nodes, weights, stiffness, links, contact_pairs: _ } = self;
         links.iter().enumerate().try_for_each(|(number, link)| link.check(number, n_nodes))?;
         if stiffness.is_empty() && nodes.is_empty() {
             return Ok(());
@@ -94,7 +98,8 @@ impl Ties {
         let of_links = self.links.iter().flat_map(|link| {
             link.ends.iter().flat_map(|(a, _)| link.ends.iter().map(|(b, _)| [*a, *b]))
         });
-        of_samples.chain(of_links)
+        let of_contact = self.contact_pairs.iter().flat_map(|pair| pair.reserved().iter().copied());
+        of_samples.chain(of_links).chain(of_contact)
     }
 
     /// Displacement, or difference of displacements, at a sample.
@@ -266,6 +271,7 @@ mod tests {
                 link(&[(n - 3, 0.3), (2, 0.7)], 0.8, true),
                 link(&[(4, 1.0)], 1.5, true),
             ],
+            contact_pairs: Vec::new(),
         }
     }
 

@@ -1,4 +1,5 @@
-//! Rigid tools against the surface of a body, as an energy that equilibrium and frames add to their own.
+//! Rigid tools against the surface of a body, and surfaces of a body against each other, as an energy that equilibrium
+//! and frames add to their own.
 //!
 //! Between tool and body lies a stiff layer. At samples of the surface with gap `g`, area `A` and layer energy `e(g)` it
 //! holds `sum A e(g)`, see [`layer`]; friction adds a spring along the surface whose force the Coulomb cone bounds, see
@@ -7,8 +8,10 @@
 //! penetration before a step may begin.
 
 mod distance;
+mod facets;
 mod friction;
 mod layer;
+mod pair;
 mod pose;
 mod samples;
 mod shape;
@@ -25,9 +28,10 @@ pub use shape::Shape;
 pub use solid::Solid;
 pub use tool::{Report, Tool};
 
-use crate::body::{Body, Curvature, SymmetricBlocks};
+use crate::body::{BlockPattern, Body, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::diagonal;
+use pair::ActivePair;
 use samples::Samples;
 use tool::{ActiveTool, Touching};
 
@@ -35,8 +39,9 @@ use tool::{ActiveTool, Touching};
 /// equilibrium.
 const SHALLOW: f64 = 5e-3;
 
-/// The tools that may touch a body.
+/// The tools that may touch a body, and its surfaces that may touch each other.
 pub struct Contact {
+    pairs: Vec<ActivePair>,
     samples: Samples,
     /// By their numbers; none if a tool was taken away.
     tools: Vec<Option<ActiveTool>>,
@@ -51,6 +56,7 @@ impl Contact {
     /// For a body without tools.
     pub fn new(body: &Body) -> Self {
         Contact {
+            pairs: body.contact_pairs().iter().map(|pair| ActivePair::new(body, pair)).collect(),
             samples: Samples::none(),
             tools: Vec::new(),
             start: vec![0.0; body.n_dofs()],
@@ -59,9 +65,15 @@ impl Contact {
         }
     }
 
-    /// Whether there is no tool.
+    /// Whether there is neither a tool nor a contact pair.
     pub fn is_empty(&self) -> bool {
-        self.tools.iter().all(Option::is_none)
+        self.pairs.is_empty() && self.tools.iter().all(Option::is_none)
+    }
+
+    /// # Errors
+    /// Surfaces of a contact pair that overlap at rest.
+    pub fn check(&self) -> Result<(), Error> {
+        self.pairs.iter().enumerate().try_for_each(|(number, pair)| pair.check(number))
     }
 
     /// Adds a tool to a body displaced by `u`; returns its number.
@@ -119,6 +131,7 @@ impl Contact {
     /// A step begins at a displacement.
     pub fn begin(&mut self, u: &[f64]) {
         self.start.copy_from_slice(u);
+        self.pairs.iter_mut().for_each(ActivePair::begin);
         let samples = &self.samples;
         self.tools.iter_mut().flatten().for_each(|held| held.begin(samples, u));
     }
@@ -131,12 +144,19 @@ impl Contact {
 
     /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
+        self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
         let (samples, start) = (&self.samples, &self.start);
         self.tools.iter_mut().flatten().for_each(|held| held.linearize(samples, u, start));
     }
 
+    /// The part of a step from `u`, at most 1, that leads no surface of a contact pair much deeper into the other.
+    pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
+        self.pairs.iter().map(|pair| pair.longest(u, step)).fold(1.0, f64::min)
+    }
+
     /// Adds the last forces on the body [N].
     pub fn add_force(&self, force: &mut [f64]) {
+        self.pairs.iter().for_each(|pair| pair.add_force(force));
         for touching in self.touching() {
             for &(node, weight) in self.samples.nodes(touching.sample) {
                 (0..3).for_each(|i| force[3 * node as usize + i] += weight * touching.force[i]);
@@ -147,6 +167,7 @@ impl Contact {
     /// Adds the negative derivative of the forces to a tangent; the part by the gap's curvature only if the tangent is
     /// to be exact.
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
+        self.pairs.iter_mut().for_each(|pair| pair.add_stiffness(curvature, blocks));
         let mut touching = std::mem::take(&mut self.in_tangent);
         touching.clear();
         self.each(ActiveTool::soften);
@@ -171,6 +192,7 @@ impl Contact {
 
     /// Adds a multiple of the product of the last contribution to the tangent with `x`.
     pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
+        self.pairs.iter().for_each(|pair| pair.add_product(factor, x, out));
         for touching in &self.in_tangent {
             let nodes = self.samples.nodes(touching.sample);
             let at = self.samples.mean(touching.sample, x);
@@ -185,7 +207,9 @@ impl Contact {
 
     /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        self.tools.iter().flatten().map(|held| held.energy(&self.samples, u)).sum()
+        let of_tools: f64 =
+            self.tools.iter().flatten().map(|held| held.energy(&self.samples, u)).sum();
+        of_tools + self.pairs.iter().map(|pair| pair.energy(u)).sum::<f64>()
     }
 
     /// The last forces of a tool on the body.
@@ -200,6 +224,24 @@ impl Contact {
             Some(Some(held)) => held.pressures(&self.samples, n_nodes),
             _ => vec![0.0; n_nodes],
         }
+    }
+
+    /// The last forces of a contact pair: of its second surface on the first, with the torque about the origin of space.
+    pub fn pair_report(&self, pair: usize) -> Option<Report> {
+        self.pairs.get(pair).map(ActivePair::report)
+    }
+
+    /// Last pressures of a contact pair at nodes of both surfaces, as [`Contact::pressures`].
+    pub fn pair_pressures(&self, pair: usize, n_nodes: usize) -> Vec<f64> {
+        self.pairs.get(pair).map_or(vec![0.0; n_nodes], |pair| pair.pressures(n_nodes))
+    }
+
+    /// Whether surfaces of contact pairs touch at a displacement between which a tangent of this pattern has no blocks.
+    pub fn is_beyond(&mut self, pattern: &BlockPattern, u: &[f64]) -> bool {
+        self.pairs.iter_mut().any(|pair| {
+            pair.linearize(u);
+            pair.is_beyond(pattern)
+        })
     }
 
     fn touching(&self) -> impl Iterator<Item = &Touching> {

@@ -65,8 +65,7 @@ impl Samples {
         let points = body.points();
         let middles: HashMap<[u32; 2], u32> =
             body.edges().iter().copied().zip(body.n_corners() as u32..).collect();
-        let behind = cells_behind(body);
-        let thickest = THICKEST * diagonal(points);
+        let (behind, height) = (cells_behind(body), Height::new(body));
         for triangle in surface(points, body.cells()) {
             let x = triangle.map(|i| points[i as usize]);
             let normal = area_vector(x);
@@ -74,8 +73,8 @@ impl Samples {
             let mut key = triangle;
             key.sort_unstable();
             let cell = behind[&key];
-            let height = (3.0 * cell_volume(points, body.cells()[cell]).abs() / area).min(thickest);
-            let modulus = plane_strain_modulus(body, cell);
+            let height = height.of(cell, area);
+            let modulus = modulus(body, cell);
             let mut add = |key: [u32; 3], weight: f64, nodes: &[(u32, f64)]| {
                 let sample = *known.entry(key).or_insert_with(|| samples.push(points, nodes));
                 let sample: &mut Sample = &mut samples.samples[sample];
@@ -232,7 +231,7 @@ fn area_vector([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
 }
 
 /// The cell behind each face of the surface, by its ascending corners.
-fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
+pub(super) fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
     let mut behind = HashMap::new();
     for (cell, corners) in body.cells().iter().enumerate() {
         for left_out in 0..4 {
@@ -246,8 +245,26 @@ fn cells_behind(body: &Body) -> HashMap<[u32; 3], usize> {
 }
 
 /// `E / (1 - nu^2)` at rest [Pa], finite where volume is nearly kept.
-fn plane_strain_modulus(body: &Body, cell: usize) -> f64 {
+pub(super) fn modulus(body: &Body, cell: usize) -> f64 {
     let material = body.material();
     let [shear, bulk] = material.moduli(material.of_cell(cell));
     4.0 * shear * (bulk + shear / 3.0) / (bulk + 4.0 / 3.0 * shear)
+}
+
+/// Heights of the cells behind a surface, as far as they count.
+pub(super) struct Height<'a> {
+    body: &'a Body,
+    thickest: f64,
+}
+
+impl<'a> Height<'a> {
+    pub fn new(body: &'a Body) -> Self {
+        Height { body, thickest: THICKEST * diagonal(body.points()) }
+    }
+
+    /// Of a cell over a face of this area [m].
+    pub fn of(&self, cell: usize, area: f64) -> f64 {
+        let volume = cell_volume(self.body.points(), self.body.cells()[cell]).abs();
+        (3.0 * volume / area).min(self.thickest)
+    }
 }

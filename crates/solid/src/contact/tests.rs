@@ -1,5 +1,7 @@
 //! Distances and energies against differences of each other, and known equilibria.
 
+mod pairs;
+
 use super::*;
 use crate::equilibrium::{Newton, Pressure, Problem, Stepper, StepperSettings};
 use crate::law::Material;

@@ -21,6 +21,7 @@ use crate::clock::Instant;
 use crate::contact::Contact;
 use crate::error::Error;
 use crate::settings::{self, Setting, Values};
+use std::sync::Arc;
 
 /// Ratio of the energy of a linear step to that predicted by its tangent, above which the step is not used.
 const STRETCHED: f64 = 10.0;
@@ -163,6 +164,8 @@ struct Run<'a> {
     settings: Newton,
     problem: &'a Problem<'a>,
     contact: &'a mut Contact,
+    /// The body with the pattern of the tangent, where that has become wider.
+    widened: Option<Arc<Body>>,
     solver: ConstrainedSystem,
     tangent: Tangent,
     u: Vec<f64>,
@@ -219,6 +222,7 @@ impl<'a> Run<'a> {
             settings,
             problem,
             contact,
+            widened: None,
             u: start.clone(),
             multipliers: vec![0.0; 3 * problem.patches.len()],
             load: 0.0,
@@ -242,6 +246,22 @@ impl<'a> Run<'a> {
 
     fn body(&self) -> &'a Body {
         self.problem.body
+    }
+
+    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple.
+    fn widen(&mut self, u: &[f64]) {
+        let body = self.widened.as_deref().unwrap_or(self.problem.body);
+        if !self.contact.is_beyond(body.pattern(), u) {
+            return;
+        }
+        let wider = self.body().widened(u);
+        let prescribed = self.problem.prescribed.iter().map(|&(dof, _)| dof);
+        let patches = self.problem.patches.iter().map(|load| load.patch.clone()).collect();
+        let method = self.settings.method;
+        if let Ok(solver) = ConstrainedSystem::new(method, &wider, prescribed, patches) {
+            (self.solver, self.tangent) = (solver, method.tangent(&wider));
+            self.widened = Some(Arc::new(wider));
+        }
     }
 
     /// External force at a load: the dead target plus what is left of the start's imbalance, pressure, and the tools'

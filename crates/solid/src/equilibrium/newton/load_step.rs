@@ -102,8 +102,10 @@ impl Iteration for LoadStep<'_, '_> {
         let LoadStep { run, u, load, force, .. } = self;
         let clock = Instant::now();
         run.contact.linearize(u);
+        run.widen(u);
         run.tangent.leave_to_device(run.solver.forms_tangents());
-        run.tangent.linearize(run.body(), u, Curvature::Exact, force);
+        let body = run.widened.as_deref().unwrap_or(run.problem.body);
+        run.tangent.linearize(body, u, Curvature::Exact, force);
         let external = run.external_force(*load, u);
         run.add_stiffness_of_loads(u, *load);
         run.seconds.assembly += clock.elapsed().as_secs_f64();
@@ -129,6 +131,9 @@ impl Iteration for LoadStep<'_, '_> {
         }
         self.run.seconds.solve += clock.elapsed().as_secs_f64();
         let is_leading = is_first && self.is_led;
+        if is_leading && self.run.contact.longest(&self.u, &step) < 1.0 {
+            return Err(Cut::NoDescent { residual: self.norm });
+        }
         if is_leading && self.lead(&step)? {
             return Ok(());
         }

@@ -134,7 +134,8 @@ impl Run<'_> {
             let bound = start + ARMIJO * length * slope;
             self.rounding.is_no_higher(value, bound, magnitude).then_some(())
         };
-        backtrack(1.0, self.settings.max_backtracks, descends)
+        let longest = self.contact.longest(u, step);
+        backtrack(longest, self.settings.max_backtracks, descends)
             .map(|(length, ())| length)
             .ok_or(Cut::NoDescent { residual: norm })
     }

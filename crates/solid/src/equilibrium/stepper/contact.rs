@@ -1,9 +1,11 @@
-//! Rigid tools in frames: they reach their poses, and the body gives way.
+//! Contact in frames: rigid tools reach their poses, and the body gives way; surfaces that come together are coupled.
 
 use super::Stepper;
 use crate::body::Body;
 use crate::contact::{Contact, Pose, Tool};
+use crate::equilibrium::system::{ConstrainedSystem, mean_rows};
 use crate::error::Error;
+use std::sync::Arc;
 
 /// Part of the initial power of a step. If the final power has the opposite sign and exceeds it, the step was too long.
 pub(super) const OVERSHOT: f64 = 0.5;
@@ -35,5 +37,28 @@ impl Stepper {
     /// The contacts of the tools in the last frame.
     pub fn contact(&self) -> &Contact {
         &self.contact
+    }
+
+    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple.
+    pub(super) fn widen(&mut self, body: &Body) -> Result<(), Error> {
+        let known = self.widened.as_deref().unwrap_or(body).pattern();
+        if !self.contact.is_beyond(known, &self.displacement) {
+            return Ok(());
+        }
+        let wider = body.widened(&self.displacement);
+        let fixed = self.fixed.iter().copied();
+        self.solver = ConstrainedSystem::new(self.settings.method, &wider, fixed, Vec::new())?;
+        let mut rows = mean_rows(&self.patches);
+        rows.extend(self.turning.iter().flat_map(|turning| turning.rows.clone()));
+        self.solver.hold(&self.grasped, rows);
+        self.tangent = self.settings.method.tangent(&wider);
+        if let Some(motion) = &mut self.motion {
+            motion.mass.place(wider.pattern());
+        }
+        if let Some(relaxation) = &mut self.relaxation {
+            relaxation.place(wider.pattern());
+        }
+        self.widened = Some(Arc::new(wider));
+        Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The mass of a body on the block pattern of its tangent, lumped at the nodes or consistent with the displacement.
 
 use super::Mass;
-use crate::body::{Body, SymmetricBlocks};
+use crate::body::{BlockPattern, Body, SymmetricBlocks};
 use crate::error::Error;
 use crate::linear::conjugate_gradients::{
     self as cg, Operator, Preconditioner, Settings, Workspace,
@@ -80,13 +80,18 @@ impl MassMatrix {
         if mass == Mass::Lumped {
             shares = (0u32..).zip(&nodal).map(|(node, &mass)| ((node, node), mass)).collect();
         }
-        let entry = |((row, column), mass)| {
-            let block = body.pattern().position(row, column).unwrap_or_default() as u32;
-            Entry { block, row, column, mass }
-        };
-        let mut entries: Vec<Entry> = shares.into_iter().map(entry).collect();
-        entries.sort_unstable_by_key(|entry| entry.block);
-        Ok(MassMatrix { entries, nodal })
+        let entry = |((row, column), mass)| Entry { block: 0, row, column, mass };
+        let mut matrix = MassMatrix { entries: shares.into_iter().map(entry).collect(), nodal };
+        matrix.place(body.pattern());
+        Ok(matrix)
+    }
+
+    /// Finds its blocks in the pattern of the tangent.
+    pub fn place(&mut self, pattern: &BlockPattern) {
+        for entry in &mut self.entries {
+            entry.block = pattern.position(entry.row, entry.column).unwrap_or_default() as u32;
+        }
+        self.entries.sort_unstable_by_key(|entry| entry.block);
     }
 
     /// `y += factor M x`.

@@ -40,6 +40,7 @@ use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
 use relaxation::Relaxation;
+use std::sync::Arc;
 use std::time::Duration;
 use step::SOUND;
 use turn::Turning;
@@ -70,6 +71,8 @@ pub struct Stepper {
     nodal_mass: Vec<f64>,
     pressure: Pressure,
     contact: Contact,
+    /// The body with the pattern of the tangent, where that has become wider.
+    widened: Option<Arc<Body>>,
     rounding: Rounding,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -173,6 +176,7 @@ impl Stepper {
             nodal_mass,
             pressure: Pressure::default(),
             contact: Contact::new(body),
+            widened: None,
             rounding: Rounding::of(body),
             length: diagonal(body.points()),
             barrier,

@@ -7,7 +7,7 @@
 //! So `S = theta S_e + S_h` with `S_h` known from the past: force and tangent of the body are scaled by `theta`, and
 //! the history adds a force that is linear in the displacement.
 
-use crate::body::Body;
+use crate::body::{BlockPattern, Body};
 use crate::element::Geometry;
 use crate::equilibrium::Tangent;
 use crate::error::Error;
@@ -84,7 +84,6 @@ impl Relaxation {
         };
         let terms: Vec<[f64; 3]> = prony.g.iter().zip(&prony.tau).map(term).collect();
         let theta = 1.0 - terms.iter().map(|[g, _, mean]| g * (1.0 - mean)).sum::<f64>();
-        let block = |a: u32, b: u32| body.pattern().position(a, b).unwrap_or_default() as u32;
         let cells: Vec<Cell> = body
             .cells()
             .iter()
@@ -92,8 +91,7 @@ impl Relaxation {
                 let Geometry { gradients: [x, y, z], volume } =
                     Geometry::new(nodes.map(|n| body.points()[n as usize]));
                 let first = std::array::from_fn(|i| -x[i] - y[i] - z[i]);
-                let blocks = nodes.map(|a| nodes.map(|b| block(a, b)));
-                Cell { nodes, gradients: [first, x, y, z], volume, blocks }
+                Cell { nodes, gradients: [first, x, y, z], volume, blocks: [[0; 4]; 4] }
             })
             .collect();
         let zeros = vec![Mat3::default(); cells.len()];
@@ -105,12 +103,21 @@ impl Relaxation {
             internal: Vec::new(),
             history: zeros,
         };
+        relaxation.place(body.pattern());
         relaxation.elastic = relaxation.stresses(body.material(), u);
         let parts = relaxation.terms.iter().map(|[g, ..]| g);
         relaxation.internal =
             parts.map(|g| relaxation.elastic.iter().map(|s| scale(g, s)).collect()).collect();
         relaxation.look_ahead();
         relaxation
+    }
+
+    /// Finds the blocks of its cells in the pattern of the tangent.
+    pub fn place(&mut self, pattern: &BlockPattern) {
+        let block = |a: u32, b: u32| pattern.position(a, b).unwrap_or_default() as u32;
+        for cell in &mut self.cells {
+            cell.blocks = cell.nodes.map(|a| cell.nodes.map(|b| block(a, b)));
+        }
     }
 
     /// `S_h` of the next frame.

@@ -157,8 +157,17 @@ impl Stepper {
     }
 
     /// Forces and tangent where the body is, and what is out of balance there with the hands' motion.
-    fn linearize(&mut self, body: &Body, input: &Input<'_>, curvature: Curvature, is_first: bool) {
+    fn linearize(
+        &mut self,
+        body: &Body,
+        input: &Input<'_>,
+        curvature: Curvature,
+        is_first: bool,
+    ) -> Result<(), Error> {
         let clock = Instant::now();
+        self.widen(body)?;
+        let widened = self.widened.clone();
+        let body = widened.as_deref().unwrap_or(body);
         self.tangent.leave_to_device(self.solver.forms_tangents());
         self.tangent.linearize(body, &self.displacement, curvature, &mut self.internal);
         if let Some(relaxation) = &self.relaxation {
@@ -179,6 +188,7 @@ impl Stepper {
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
         }
+        Ok(())
     }
 
     /// The Newton step of hands and body, and whether the tangent was not positive definite. Such a tangent is made
@@ -193,7 +203,7 @@ impl Stepper {
     ) -> Result<(bool, Solved), Error> {
         let projects_next = self.projects_next && self.has_time_for_convex(deadline);
         let mut curvature = if projects_next { Curvature::Projected } else { Curvature::Exact };
-        self.linearize(body, input, curvature, is_first);
+        self.linearize(body, input, curvature, is_first)?;
         let residual = self.constraint_residual(input);
         self.hands_move = residual.iter().chain(&self.step).any(|&by| by != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
@@ -219,7 +229,7 @@ impl Stepper {
                 shift = larger.unwrap_or(shift);
             } else {
                 curvature = Curvature::Projected;
-                self.linearize(body, input, curvature, false);
+                self.linearize(body, input, curvature, false)?;
             }
         };
         self.step.iter_mut().zip(&self.increment).for_each(|(s, f)| *s += f);
@@ -249,10 +259,11 @@ impl Stepper {
     }
 
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
-    /// at once; that part, and the strain energy. The internal force is that of the state reached.
+    /// at once, nor a surface through another; that part, and the strain energy. The internal force is that of the state reached.
     fn take(&mut self, body: &Body) -> (f64, f64) {
         let longest = self.increment.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
+        let whole = whole.min(self.contact.longest(&self.displacement, &self.step));
         let taken = backtrack(whole, MAX_CUTS, |length| {
             self.try_at(length);
             let energy = self.force_within_bounds(body);

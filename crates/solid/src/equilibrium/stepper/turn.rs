@@ -81,7 +81,7 @@ pub(super) struct Turning {
     given: Turn,
     /// `w_i R r_i / s`, with `s = sum_j w_j |r_j|^2`, about the centre of the arms.
     pulls: Vec<[f64; 3]>,
-    rows: [Row; 3],
+    pub(super) rows: [Row; 3],
     /// The sum at rest.
     rest: [f64; 3],
 }

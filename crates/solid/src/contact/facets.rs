@@ -1,0 +1,151 @@
+//! The gap between a point and a surface of triangles that moves, with its derivatives by the point and by the corners.
+
+use crate::mesh::{TriangleTree, cross, dot, norm, sub};
+use std::collections::HashMap;
+
+/// Distance, relative to the size of the surface, below which its direction is rounding.
+const ON_IT: f64 = 1e-12;
+
+/// A surface of triangles and what is around its edges and corners.
+pub(super) struct Facets {
+    triangles: Vec<[u32; 3]>,
+    /// The two triangles at each edge; one at the border of a surface that is not closed.
+    edges: HashMap<[u32; 2], Vec<u32>>,
+    /// The triangles around each corner.
+    around: HashMap<u32, Vec<u32>>,
+}
+
+/// The surface in a place.
+pub(super) struct Placed<'a> {
+    facets: &'a Facets,
+    points: &'a [[f64; 3]],
+    tree: TriangleTree,
+    size: f64,
+}
+
+/// The gap at a point: its signed distance `g` from the closest point `y = sum_j b_j y_j` of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gap {
+    /// `g`, negative inside [m].
+    pub gap: f64,
+    /// Its derivative by the point, of length 1; that by a corner is `-b_j` times it.
+    pub normal: [f64; 3],
+    /// The triangle and the weights `b` of its corners.
+    pub triangle: usize,
+    pub weights: [f64; 3],
+    /// Gradients of `b` in the plane of the triangle [1/m], zero where the closest point is on an edge or a corner.
+    pub slopes: [[f64; 3]; 3],
+}
+
+impl Facets {
+    pub fn new(triangles: Vec<[u32; 3]>) -> Self {
+        let mut edges: HashMap<[u32; 2], Vec<u32>> = HashMap::new();
+        let mut around: HashMap<u32, Vec<u32>> = HashMap::new();
+        for (number, triangle) in (0u32..).zip(&triangles) {
+            for i in 0..3 {
+                let ends = ascending(triangle[i], triangle[(i + 1) % 3]);
+                edges.entry(ends).or_default().push(number);
+                around.entry(triangle[i]).or_default().push(number);
+            }
+        }
+        Facets { triangles, edges, around }
+    }
+
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The surface with its corners at these points.
+    pub fn at<'a>(&'a self, points: &'a [[f64; 3]]) -> Placed<'a> {
+        let size = self.around.keys().map(|&node| norm(points[node as usize])).fold(0.0, f64::max);
+        Placed { facets: self, points, tree: TriangleTree::new(points, &self.triangles), size }
+    }
+
+    /// Whether the surface ends at an edge.
+    fn is_border(&self, edge: [u32; 2]) -> bool {
+        self.edges[&edge].len() != 2
+    }
+}
+
+impl Placed<'_> {
+    /// The gap at a point; none farther than `reach` away, or where the closest point is on the border of the surface.
+    pub fn gap(&self, x: [f64; 3], reach: f64) -> Option<Gap> {
+        let closest = self.tree.closest(self.points, &self.facets.triangles, x)?;
+        if closest.distance > reach {
+            return None;
+        }
+        let (triangle, weights) = (closest.triangle as usize, closest.barycentric);
+        let nodes = self.facets.triangles[triangle];
+        let on: Vec<u32> = (0..3).filter(|&i| weights[i] > 0.0).map(|i| nodes[i]).collect();
+        let offset = sub(x, closest.point);
+        let outward = match on[..] {
+            [corner] => self.corner_normal(corner)?,
+            [a, b] => self.edge_normal(ascending(a, b))?,
+            _ => {
+                let normal = self.normal(triangle);
+                let slopes = self.slopes(triangle, normal);
+                return Some(Gap { gap: dot(offset, normal), normal, triangle, weights, slopes });
+            }
+        };
+        let slopes = [[0.0; 3]; 3];
+        if closest.distance <= ON_IT * self.size {
+            let normal = outward.map(|n| n / norm(outward));
+            return Some(Gap { gap: dot(offset, normal), normal, triangle, weights, slopes });
+        }
+        let gap = closest.distance.copysign(dot(offset, outward));
+        Some(Gap { gap, normal: offset.map(|w| w / gap), triangle, weights, slopes })
+    }
+
+    fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
+        self.facets.triangles[triangle].map(|node| self.points[node as usize])
+    }
+
+    fn normal(&self, triangle: usize) -> [f64; 3] {
+        let [a, b, c] = self.corners(triangle);
+        let area = cross(sub(b, a), sub(c, a));
+        let size = norm(area);
+        area.map(|n| n / size)
+    }
+
+    fn slopes(&self, triangle: usize, normal: [f64; 3]) -> [[f64; 3]; 3] {
+        let x = self.corners(triangle);
+        let doubled = norm(cross(sub(x[1], x[0]), sub(x[2], x[0])));
+        std::array::from_fn(|i| {
+            let opposite = sub(x[(i + 2) % 3], x[(i + 1) % 3]);
+            cross(normal, opposite).map(|s| s / doubled)
+        })
+    }
+
+    fn edge_normal(&self, edge: [u32; 2]) -> Option<[f64; 3]> {
+        match self.facets.edges[&edge][..] {
+            [one, other] => Some(sum(self.normal(one as usize), self.normal(other as usize))),
+            _ => None,
+        }
+    }
+
+    /// The normal of a corner, weighted by the angles around it.
+    fn corner_normal(&self, corner: u32) -> Option<[f64; 3]> {
+        let mut whole = [0.0; 3];
+        for &triangle in &self.facets.around[&corner] {
+            let nodes = self.facets.triangles[triangle as usize];
+            let i = nodes.iter().position(|&node| node == corner)?;
+            let others = [nodes[(i + 1) % 3], nodes[(i + 2) % 3]];
+            if others.iter().any(|&other| self.facets.is_border(ascending(corner, other))) {
+                return None;
+            }
+            let [along, across] =
+                others.map(|other| sub(self.points[other as usize], self.points[corner as usize]));
+            let angle = norm(cross(along, across)).atan2(dot(along, across));
+            whole = sum(whole, self.normal(triangle as usize).map(|n| angle * n));
+        }
+        Some(whole)
+    }
+}
+
+fn ascending(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+fn sum(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] + b[i])
+}

@@ -1,0 +1,54 @@
+"""Two surfaces of a scene that may touch each other: how they are asked for, and what the core takes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from viscera.bond import Side, side_of
+from viscera.contact import STIFFNESS
+from viscera.loads import name_of
+from viscera.mesh import Indices
+from viscera.quantity import Number
+from viscera.ties import NONE, Surfaces, Ties
+
+FACTOR = Number(above=0)
+
+
+class ContactPair:
+    """Two organs, or two places of their surfaces, that press on each other and part again, without friction.
+
+    The layer between them is that of a `Tool`, with the softer side's `E / (1 - nu^2) / h`. The surface with the
+    shorter edges is sampled on the common pieces of both. Force and torque of the two sides cancel.
+
+    first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
+        rest by more than rounding. Contact at the rim of a place does not count.
+    reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
+        the smaller organ. What is farther apart at rest may touch too, at more iterations.
+    stiffness: of the layer, as in `Tool`.
+
+    >>> import viscera as vs
+    >>> vs.ContactPair(("liver", "bed"), "gallbladder")
+    ContactPair(liver at 'bed', gallbladder)
+    """
+
+    def __init__(
+        self,
+        first: Side,
+        second: Side,
+        *,
+        reach: float | str = "5%",
+        stiffness: float = STIFFNESS,
+    ) -> None:
+        self.first, self.second = (side_of(side, "a contact pair") for side in (first, second))
+        """Pairs of a name and a place; the place is None for the whole surface."""
+        self.reach = reach
+        self.stiffness = FACTOR(stiffness, "the stiffness of a contact pair")
+
+    def __repr__(self) -> str:
+        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in (self.first, self.second)]
+        return f"ContactPair({', '.join(words)})"
+
+    def _ties(self, faces: tuple[Indices, Indices], reach: float) -> Ties:
+        """As the core takes it: faces (f, 3) of both sides in the numbering of the scene, reach [m]."""
+        first, second = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
+        return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness),))
