@@ -23,7 +23,7 @@ class ContactPair:
     first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
         rest by more than rounding. Contact at the rim of a place does not count.
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
-        the smaller organ. What is farther apart at rest may touch too, at more iterations.
+        the smaller organ. What is farther apart at rest may touch too; the solver then analyses its matrix anew.
     stiffness: of the layer, as in `Tool`.
 
     >>> import viscera as vs
