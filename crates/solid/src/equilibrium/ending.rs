@@ -10,6 +10,7 @@ pub(super) enum Cut {
     NoDescent { residual: f64 },
     Iterations { residual: f64 },
     Factor(FactorError),
+    Cancelled,
 }
 
 /// Load and `|du/dload|` of the last two equilibria from which a step started, the newest last.
@@ -107,6 +108,7 @@ impl Cut {
                 format!("too many iterations (relative residual {residual:.1e})")
             }
             Cut::Factor(error) => error.to_string(),
+            Cut::Cancelled => "cancelled on request".into(),
         }
     }
 }

@@ -94,8 +94,8 @@ impl Newton {
         },
     ];
 
-    /// Solves a load case; `progress` receives the load fraction reached and may return false to
-    /// stop.
+    /// Solves a load case; before every iteration and at the end of a load step `progress` receives the load fraction
+    /// reached, and may return false to stop.
     ///
     /// # Errors
     /// Bad input ([`Problem::check`]), bad settings, or a stop on request. Failure to converge is a
@@ -122,7 +122,7 @@ impl Newton {
         self.check()?;
         problem.check()?;
         let clock = Instant::now();
-        let mut run = Run::new(*self, problem, contact)?;
+        let mut run = Run::new(*self, problem, contact, progress)?;
         run.seconds.analysis = clock.elapsed().as_secs_f64();
         let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
         while run.load < 1.0 {
@@ -132,19 +132,17 @@ impl Newton {
                     if iterations <= 6 {
                         step = (2.0 * step).min(1.0 / self.steps.max(1) as f64);
                     }
-                    if !progress(run.load) {
+                    if !run.is_wanted() {
                         return Err(Error::Cancelled);
                     }
                 }
+                Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
                     run.follows_series = true;
                     last_cut = Some(cut);
                     if step < self.smallest_step {
                         break;
-                    }
-                    if !progress(run.load) {
-                        return Err(Error::Cancelled);
                     }
                 }
             }
@@ -166,6 +164,7 @@ struct Run<'a> {
     contact: &'a mut Contact,
     /// The body with the pattern of the tangent, where that has become wider.
     widened: Option<Arc<Body>>,
+    progress: &'a mut dyn FnMut(f64) -> bool,
     solver: ConstrainedSystem,
     tangent: Tangent,
     u: Vec<f64>,
@@ -195,6 +194,7 @@ impl<'a> Run<'a> {
         settings: Newton,
         problem: &'a Problem<'a>,
         contact: &'a mut Contact,
+        progress: &'a mut dyn FnMut(f64) -> bool,
     ) -> Result<Self, Error> {
         let body = problem.body;
         let tangent = settings.method.tangent(body);
@@ -223,6 +223,7 @@ impl<'a> Run<'a> {
             problem,
             contact,
             widened: None,
+            progress,
             u: start.clone(),
             multipliers: vec![0.0; 3 * problem.patches.len()],
             load: 0.0,
@@ -262,6 +263,11 @@ impl<'a> Run<'a> {
             (self.solver, self.tangent) = (solver, method.tangent(&wider));
             self.widened = Some(Arc::new(wider));
         }
+    }
+
+    /// Tells the load reached; whether the caller wants the rest.
+    fn is_wanted(&mut self) -> bool {
+        (self.progress)(self.load)
     }
 
     /// External force at a load: the dead target plus what is left of the start's imbalance, pressure, and the tools'

@@ -118,6 +118,9 @@ impl Iteration for LoadStep<'_, '_> {
     }
 
     fn step(&mut self) -> Result<(), Cut> {
+        if !self.run.is_wanted() {
+            return Err(Cut::Cancelled);
+        }
         let is_first = self.steps == 0;
         self.steps += 1;
         self.run.iterations += 1;
