@@ -150,6 +150,14 @@ def test_what_a_progress_callback_raises_stops_the_solve(clamped: Organ) -> None
     assert clamped.solve(force={"tip": (0, 0, -1.0)}).is_converged
 
 
+def test_every_iteration_can_be_stopped(clamped: Organ) -> None:
+    """One step takes several iterations, of which each tells the load that was reached before it."""
+    told: list[int] = []
+    clamped.solve(force={"tip": (0, 0, -1.0)}, progress=lambda done, total, stage: told.append(done))
+    assert told == [0] * (len(told) - 1) + [100]
+    assert len(told) > 2
+
+
 def two_cubes(cube: vs.Mesh) -> vs.Mesh:
     n = len(cube.points)
     return vs.mesh(np.concatenate([cube.points, cube.points + 1.0]), np.concatenate([cube.cells, cube.cells + n]))
