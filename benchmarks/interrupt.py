@@ -27,7 +27,6 @@ TIMES = [0.3, *np.random.default_rng(12).uniform(1.0, 10.0, 4).round(1).tolist()
 CASE = """
 mesh = "organ:liver"
 fixed = "hilum"
-element = "P2"
 [material]
 law = "NeoHookean"
 young = 3e3
@@ -36,16 +35,17 @@ poisson = 0.45
 gravity = [0, 0, -9.81]
 density = 1060
 [settings]
-steps = 200
+steps = 10000
 [reduce]
 touchable = "anterior"
 """
 
 COMMANDS = {
     "solve": ["solve", "liver.toml", "-o", "liver.vtu"],
+    "solve, P2": ["solve", "quadratic.toml", "-o", "quadratic.vtu"],
     "reduce": ["reduce", "liver.toml", "-o", "liver.viscera"],
     "compare": ["compare", "liver.toml", "-o", "compared"],
-    "mesh": ["mesh", "liver.stl", "--edge", "1.5mm", "-o", "fine.vtu"],
+    "mesh": ["mesh", "liver.stl", "--units", "m", "--edge", "2mm", "-o", "fine.vtu"],
     "study": ["study", "liver", "-o", "study"],
 }
 
@@ -74,6 +74,7 @@ slow = []
 with tempfile.TemporaryDirectory() as scratch:
     folder = Path(scratch)
     (folder / "liver.toml").write_text(CASE)
+    (folder / "quadratic.toml").write_text('element = "P2"\n' + CASE)
     liver = vs.organs.liver()
     meshio.write(folder / "liver.stl", meshio.Mesh(liver.points, [("triangle", liver.surface)]))
     for name, words in COMMANDS.items():

@@ -101,6 +101,21 @@ def test_batches_of_another_case_are_left_out_and_it_is_said(organ: vs.Organ, wh
     assert contents(touch, tmp_path) == whole
 
 
+def test_ctrl_c_while_finished_batches_are_read_stops_before_any_is_solved(
+    organ: vs.Organ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: Any) -> list[bytes]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("viscera.checkpoint.Batches.finished", interrupted)
+    stages: set[str] = set()
+    with pytest.raises(KeyboardInterrupt):
+        organ.reduce(
+            **SETTINGS, checkpoint=tmp_path / "beam.batches", progress=lambda done, total, stage: stages.add(stage)
+        )
+    assert "solve" not in stages
+
+
 def test_a_file_of_something_else_is_not_touched(organ: vs.Organ, tmp_path: Path) -> None:
     path = tmp_path / "thesis.txt"
     path.write_text("four years of work")

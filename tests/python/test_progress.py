@@ -139,3 +139,17 @@ def test_ctrl_c_while_modules_load_is_no_traceback() -> None:
         _, rest = command.communicate(timeout=30)
     assert "Traceback" not in rest
     assert command.returncode == -signal.SIGINT
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its Ctrl-C goes to the whole console")
+def test_ctrl_c_while_the_command_line_is_read_is_no_traceback() -> None:
+    program = """
+import os, signal, sys
+sys.argv = ["viscera", "--version"]
+from viscera import cli
+cli.command_line = lambda: os.kill(os.getpid(), signal.SIGINT)
+cli.main()
+"""
+    command = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert "Traceback" not in command.stderr
+    assert command.returncode == -signal.SIGINT

@@ -344,14 +344,11 @@ struct Kept {
 }
 
 impl Batches for Kept {
-    fn finished(&mut self) -> Vec<Vec<u8>> {
-        let Some(batches) = &self.batches else { return Vec::new() };
+    fn finished(&mut self) -> Option<Vec<Vec<u8>>> {
+        let Some(batches) = &self.batches else { return Some(Vec::new()) };
         let found =
             Python::attach(|py| batches.call_method0(py, "finished")?.extract::<Vec<Vec<u8>>>(py));
-        found.unwrap_or_else(|error| {
-            self.raised = Some(error);
-            Vec::new()
-        })
+        found.map_err(|error| self.raised = Some(error)).ok()
     }
 
     fn keep(&mut self, batch: &[u8]) -> bool {

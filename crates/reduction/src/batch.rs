@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 /// The bytes belong to one body, one [`Reduction`](super::Reduction) and one version of the core. The store must ensure
 /// this, and that they are undamaged.
 pub trait Batches {
-    /// Batches kept by an earlier run of the same reduction.
-    fn finished(&mut self) -> Vec<Vec<u8>>;
+    /// Batches kept by an earlier run of the same reduction; none stops this one.
+    fn finished(&mut self) -> Option<Vec<Vec<u8>>>;
     /// Keeps a batch; false stops the reduction.
     fn keep(&mut self, batch: &[u8]) -> bool;
 }
@@ -21,8 +21,8 @@ pub trait Batches {
 pub(super) struct Nowhere;
 
 impl Batches for Nowhere {
-    fn finished(&mut self) -> Vec<Vec<u8>> {
-        Vec::new()
+    fn finished(&mut self) -> Option<Vec<Vec<u8>>> {
+        Some(Vec::new())
     }
 
     fn keep(&mut self, _: &[u8]) -> bool {

@@ -37,8 +37,9 @@ impl Reduction {
         let (regions, total) = (&members[0].positions.regions, members[0].positions.nodes.len());
         let mut solved: Vec<Option<Solved>> = Vec::new();
         solved.resize_with(regions.len(), || None);
+        let finished = batches.finished().ok_or(Error::Cancelled)?;
         for (region, batch) in
-            batches.finished().iter().filter_map(|bytes| Solved::from_bytes(bytes, regions))
+            finished.iter().filter_map(|bytes| Solved::from_bytes(bytes, regions))
         {
             solved[region] = Some(batch);
         }

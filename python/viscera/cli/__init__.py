@@ -46,7 +46,6 @@ class _Parser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
-    startup.handle_interrupts()
     words = sys.argv[1:] if argv is None else list(argv)
     # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
     args = command_line().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
@@ -58,6 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"viscera {args.verb}: {error}", file=sys.stderr)
         return BAD_INPUT
     try:
+        startup.handle_interrupts()
         outcome: Outcome = args.run(args, output)
     except KeyboardInterrupt as stop:
         message = str(stop) or "interrupted; nothing was left half-written"

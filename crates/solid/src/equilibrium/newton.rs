@@ -94,7 +94,7 @@ impl Newton {
         },
     ];
 
-    /// Solves a load case; before every iteration and at the end of a load step `progress` receives the load fraction
+    /// Solves a load case; in every iteration and at the end of a load step `progress` receives the load fraction
     /// reached, and may return false to stop.
     ///
     /// # Errors
@@ -132,9 +132,7 @@ impl Newton {
                     if iterations <= 6 {
                         step = (2.0 * step).min(1.0 / self.steps.max(1) as f64);
                     }
-                    if !run.is_wanted() {
-                        return Err(Error::Cancelled);
-                    }
+                    run.go_on().map_err(|_| Error::Cancelled)?;
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(cut) => {
@@ -265,9 +263,10 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Tells the load reached; whether the caller wants the rest.
-    fn is_wanted(&mut self) -> bool {
-        (self.progress)(self.load)
+    /// Tells the load reached, unless the caller wants no more. A large factor takes most of a second, so it is asked
+    /// on either side of it.
+    fn go_on(&mut self) -> Result<(), Cut> {
+        if (self.progress)(self.load) { Ok(()) } else { Err(Cut::Cancelled) }
     }
 
     /// External force at a load: the dead target plus what is left of the start's imbalance, pressure, and the tools'

@@ -118,13 +118,12 @@ impl Iteration for LoadStep<'_, '_> {
     }
 
     fn step(&mut self) -> Result<(), Cut> {
-        if !self.run.is_wanted() {
-            return Err(Cut::Cancelled);
-        }
+        self.run.go_on()?;
         let is_first = self.steps == 0;
         self.steps += 1;
         self.run.iterations += 1;
         let unstable = self.run.factorize()?;
+        self.run.go_on()?;
         let clock = Instant::now();
         let (step, change, indefinite) =
             self.run.newton_step(&self.u, &self.residual, self.load, is_first)?;
