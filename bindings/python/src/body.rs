@@ -246,9 +246,12 @@ impl Body {
         };
         let pressure = convert::pressure(&pressed, &pressure);
         let continuation = Continuation { order, parameter, until, tolerance, max_expansions };
-        let expansions = py
-            .detach(|| continuation.follow(&self.body, &self.fixed, &force, &pressure))
-            .map_err(convert::error)?;
+        let mut watch = Watch::new(None);
+        let result = py.detach(|| {
+            let (body, fixed) = (&self.body, &self.fixed);
+            continuation.follow(body, fixed, &force, &pressure, &mut || watch.report(()))
+        });
+        let expansions = watch.outcome(result)?;
         expansions.into_iter().map(|expansion| path::expansion_dict(py, expansion)).collect()
     }
 

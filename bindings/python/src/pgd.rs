@@ -86,8 +86,10 @@ pub fn plain_newton<'py>(
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, usize, usize)> {
     let force = convert::dofs("force", &force, body.body.points().len())?;
     let newton = PlainNewton { increments, max_iterations, tolerance };
-    let reached =
-        py.detach(|| newton.solve(&body.body, &body.fixed, &force)).map_err(convert::error)?;
+    let mut watch = Watch::new(None);
+    let result =
+        py.detach(|| newton.solve(&body.body, &body.fixed, &force, &mut || watch.report(())));
+    let reached = watch.outcome(result)?;
     Ok((convert::field(py, reached.displacement)?, reached.increments, reached.iterations))
 }
 

@@ -31,11 +31,18 @@ pub struct Reached {
 }
 
 impl PlainNewton {
-    /// Applies `force` [N] with `fixed` nodes held, increment by increment, until one does not converge.
+    /// Applies `force` [N] with `fixed` nodes held, increment by increment, until one does not converge;
+    /// `go_on` is asked in every iteration and may stop it.
     ///
     /// # Errors
-    /// Settings of zero; a force of the wrong length or not finite.
-    pub fn solve(&self, body: &Body, fixed: &[u32], force: &[f64]) -> Result<Reached, Error> {
+    /// Settings of zero; a force of the wrong length or not finite; a stop on request.
+    pub fn solve(
+        &self,
+        body: &Body,
+        fixed: &[u32],
+        force: &[f64],
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<Reached, Error> {
         if self.increments == 0 || self.max_iterations == 0 || !(self.tolerance > 0.0) {
             return Err(Error::input("increments, max_iterations and tolerance must be positive"));
         }
@@ -64,8 +71,13 @@ impl PlainNewton {
                 rounding,
                 tolerance: self.tolerance,
                 target,
+                go_on: &mut *go_on,
             };
-            let Ok(Stop::Converged) = iterate(&mut run, limits) else { break };
+            match iterate(&mut run, limits) {
+                Ok(Stop::Converged) => {}
+                Err(Failure::Cancelled) => return Err(Error::Cancelled),
+                _ => break,
+            }
             let u = run.u;
             if !body.energy(&u).is_finite() {
                 break;
@@ -90,27 +102,34 @@ struct Increment<'a> {
     iterations: &'a mut usize,
     rounding: Rounding,
     tolerance: f64,
+    go_on: &'a mut dyn FnMut() -> bool,
 }
 
-/// The iterations have left the range of finite numbers.
-struct Diverged;
+enum Failure {
+    /// The iterations have left the range of finite numbers.
+    Diverged,
+    Cancelled,
+}
 
 impl Iteration for Increment<'_> {
-    type Failure = Diverged;
+    type Failure = Failure;
 
-    fn residual(&mut self) -> Result<f64, Diverged> {
+    fn residual(&mut self) -> Result<f64, Failure> {
         self.tangent.linearize(self.body, &self.u, Curvature::Exact, &mut self.force);
         let applied = self.system.gather(&self.target);
         let internal = self.system.gather(&self.force);
         self.step = applied.iter().zip(&internal).map(|(f, i)| f - i).collect();
         let residual = self.rounding.relative(norm(&self.step), norm(&applied), self.tolerance);
-        if residual.is_finite() { Ok(residual) } else { Err(Diverged) }
+        if residual.is_finite() { Ok(residual) } else { Err(Failure::Diverged) }
     }
 
-    fn step(&mut self) -> Result<(), Diverged> {
+    fn step(&mut self) -> Result<(), Failure> {
+        if !(self.go_on)() {
+            return Err(Failure::Cancelled);
+        }
         *self.iterations += 1;
-        self.system.prepare(&self.tangent, 0.0).map_err(|_| Diverged)?;
-        self.system.solve_columns(&mut self.step).map_err(|_| Diverged)?;
+        self.system.prepare(&self.tangent, 0.0).map_err(|_| Failure::Diverged)?;
+        self.system.solve_columns(&mut self.step).map_err(|_| Failure::Diverged)?;
         let free = self.system.free().iter();
         free.zip(&self.step).for_each(|(&dof, s)| self.u[dof as usize] += s);
         Ok(())

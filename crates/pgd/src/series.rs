@@ -82,18 +82,18 @@ impl Pgd {
         let mut orders: Vec<Order> = Vec::with_capacity(self.order);
         let mut setup = clock.elapsed().as_secs_f64();
         for p in 1..=self.order {
-            if !progress(Progress { order: p, terms: 0 }) {
+            let mut go_on = |terms| progress(Progress { order: p, terms });
+            if !go_on(0) {
                 return Err(Error::Cancelled);
             }
             let clock = Instant::now();
             let rhs = match p {
                 1 => self.first_rhs(&system, loads),
-                _ => nonlinear_rhs(body, &system, &orders, loads.len()),
+                _ => nonlinear_rhs(body, &system, &orders, loads.len(), &mut || go_on(0))?,
             };
             let seconds_rhs = clock.elapsed().as_secs_f64();
             let clock = Instant::now();
-            let found = self
-                .solve(&system, rhs, loads, &mut |terms| progress(Progress { order: p, terms }))?;
+            let found = self.solve(&system, rhs, loads, &mut go_on)?;
             orders.push(Order {
                 field: found.field,
                 sizes: found.sizes,
@@ -156,15 +156,36 @@ impl Pgd {
     }
 }
 
-/// `-N_p` of every position, p being one more than the number of orders known.
+/// `-N_p` of every position, p being one more than the number of orders known. What each thread has in hand is done
+/// between two questions whether to go on.
 fn nonlinear_rhs(
     body: &Body,
     system: &ConstrainedSystem,
     orders: &[Order],
     positions: usize,
-) -> Vec<f64> {
+    go_on: &mut dyn FnMut() -> bool,
+) -> Result<Vec<f64>, Error> {
     let mut rhs = vec![0.0; system.n_free() * positions];
+    let blocks = rayon::current_num_threads();
+    for (first, some) in rhs.chunks_mut(blocks * WIDTH * system.n_free()).enumerate() {
+        if !go_on() {
+            return Err(Error::Cancelled);
+        }
+        nonlinear_rhs_from(body, system, orders, blocks * first, some);
+    }
+    Ok(rhs)
+}
+
+/// The right-hand sides of some positions, from the given block of `WIDTH` on.
+fn nonlinear_rhs_from(
+    body: &Body,
+    system: &ConstrainedSystem,
+    orders: &[Order],
+    first: usize,
+    rhs: &mut [f64],
+) {
     rhs.par_chunks_mut(WIDTH * system.n_free()).enumerate().for_each(|(block, columns)| {
+        let block = first + block;
         let (n_dofs, stride) = (body.n_dofs(), orders.len() + 2);
         let mut displacement = vec![Wide::default(); n_dofs * stride];
         for (lane, _) in columns.chunks_exact(system.n_free()).enumerate() {
@@ -185,5 +206,4 @@ fn nonlinear_rhs(
             }
         }
     });
-    rhs
 }

@@ -85,10 +85,11 @@ struct Follower<'a> {
 }
 
 impl Continuation {
-    /// Follows the path of `load` times a dead force and a pressure from rest, `fixed` nodes held.
+    /// Follows the path of `load` times a dead force and a pressure from rest, `fixed` nodes held; `go_on` is asked before
+    /// every expansion and may stop it.
     ///
     /// # Errors
-    /// Bad settings, force or pressure; a singular tangent. A path that ends early (its load never reached
+    /// Bad settings, force or pressure; a singular tangent; a stop on request. A path that ends early (its load never reached
     /// in `max_expansions`) is returned as far as it goes.
     pub fn follow(
         &self,
@@ -96,6 +97,7 @@ impl Continuation {
         fixed: &[u32],
         force: &[f64],
         pressure: &Pressure,
+        go_on: &mut dyn FnMut() -> bool,
     ) -> Result<Vec<Expansion>, Error> {
         self.check(body, force, pressure)?;
         if !body.contact_pairs().is_empty() {
@@ -122,6 +124,9 @@ impl Continuation {
         };
         let mut expansions = Vec::new();
         for _ in 0..self.max_expansions {
+            if !go_on() {
+                return Err(Error::Cancelled);
+            }
             let expansion = follower.expand()?;
             let is_last = follower.load() >= self.until * (1.0 - 1e-9);
             let stuck = !(expansion.range > 0.0);

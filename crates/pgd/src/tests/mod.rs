@@ -88,7 +88,9 @@ fn direct_orders_are_those_of_a_load_path() {
             tolerance: 1e-6,
             max_expansions: 1,
         };
-        let path = path.follow(&beam.body, &beam.fixed, &force, &Pressure::default()).unwrap();
+        let path = path
+            .follow(&beam.body, &beam.fixed, &force, &Pressure::default(), &mut || true)
+            .unwrap();
         let exact = &path[0].series;
         for (p, order) in orders.iter().enumerate() {
             let n = beam.body.n_dofs();
@@ -203,7 +205,7 @@ fn plain_newton_solves_or_says_how_far_it_came() {
             force
         };
         let newton = PlainNewton { increments: 4, max_iterations: 20, tolerance: 1e-10 };
-        let found = newton.solve(&beam.body, &beam.fixed, &force(LOAD)).unwrap();
+        let found = newton.solve(&beam.body, &beam.fixed, &force(LOAD), &mut || true).unwrap();
         let mut internal = vec![0.0; beam.body.n_dofs()];
         beam.body.internal_force(&found.displacement, &mut internal);
         let is_free = |dof: usize| !beam.fixed.contains(&(dof as u32 / 3));
@@ -212,11 +214,12 @@ fn plain_newton_solves_or_says_how_far_it_came() {
             .fold(0.0f64, |max, dof| max.max((internal[dof] - force(LOAD)[dof]).abs()));
         assert!(found.increments == 4 && worst < 1e-9 * LOAD, "{worst:e}");
         let once = PlainNewton { increments: 1, ..newton };
-        let failed = once.solve(&beam.body, &beam.fixed, &force(500.0 * LOAD)).unwrap();
+        let failed =
+            once.solve(&beam.body, &beam.fixed, &force(500.0 * LOAD), &mut || true).unwrap();
         assert!(failed.increments == 0 && failed.displacement.iter().all(|u| *u == 0.0));
         let bad = PlainNewton { increments: 0, ..newton };
-        assert!(bad.solve(&beam.body, &beam.fixed, &force(LOAD)).is_err());
-        assert!(newton.solve(&beam.body, &beam.fixed, &force(f64::NAN)).is_err());
+        assert!(bad.solve(&beam.body, &beam.fixed, &force(LOAD), &mut || true).is_err());
+        assert!(newton.solve(&beam.body, &beam.fixed, &force(f64::NAN), &mut || true).is_err());
     }
 }
 

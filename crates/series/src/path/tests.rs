@@ -64,7 +64,9 @@ fn both_parameters_reach_newtons_equilibrium() {
         for (k, pressure) in pressures(&body).iter().enumerate() {
             let exact = newton(&body, &fixed, &force, pressure, 1.0);
             for parameter in [Parameter::Load, Parameter::ArcLength] {
-                let path = settings(parameter).follow(&body, &fixed, &force, pressure).unwrap();
+                let path = settings(parameter)
+                    .follow(&body, &fixed, &force, pressure, &mut || true)
+                    .unwrap();
                 let last = path.last().unwrap();
                 let end = Pade::new(&last.series, 0).evaluate(&last.series, last.range);
                 let (u, load) = end.split_at(end.len() - 1);
@@ -88,7 +90,8 @@ fn coefficients_are_those_of_the_path() {
             tolerance: 1e-7,
             parameter: Parameter::Load,
         };
-        for expansion in continuation.follow(&body, &fixed, &force, pressure).unwrap() {
+        for expansion in continuation.follow(&body, &fixed, &force, pressure, &mut || true).unwrap()
+        {
             let series = &expansion.series;
             let (start, n) = (series[0][body.n_dofs()], body.n_dofs());
             let (small, large) = (0.03, 0.06);
@@ -118,9 +121,9 @@ fn bad_settings_are_refused() {
         Continuation { until: f64::NAN, ..good },
         Continuation { tolerance: 0.0, ..good },
     ] {
-        assert!(bad.follow(&body, &fixed, &force, &NONE).is_err());
+        assert!(bad.follow(&body, &fixed, &force, &NONE, &mut || true).is_err());
     }
-    assert!(good.follow(&body, &fixed, &vec![0.0; force.len()], &NONE).is_err());
+    assert!(good.follow(&body, &fixed, &vec![0.0; force.len()], &NONE, &mut || true).is_err());
     let nowhere = Pressure { faces: vec![vec![0, 1, 27]], values: vec![1.0] };
-    assert!(good.follow(&body, &fixed, &force, &nowhere).is_err());
+    assert!(good.follow(&body, &fixed, &force, &nowhere, &mut || true).is_err());
 }
