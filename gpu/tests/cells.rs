@@ -216,7 +216,10 @@ fn input_without_sense_is_refused_in_a_sentence() {
     turned.cells[3].swap(0, 1);
     let rows = [vec![1.0, 1.0]];
     let error = CellBuffers::new(&gpu, &turned.solid(&law, &rows), &pairs).err().unwrap();
-    assert_eq!(error.to_string(), "cell 3 has no volume or is inverted; remove it or turn it round");
+    assert_eq!(
+        error.to_string(),
+        "cell 3 has no volume or is inverted; remove it or turn it round"
+    );
     let error = CellBuffers::new(&gpu, &block.solid(&law, &rows), &pairs[1..]).err().unwrap();
     assert!(error.to_string().contains("row 0 has no block on the diagonal"), "{error}");
 }

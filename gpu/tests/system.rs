@@ -230,11 +230,9 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
         told(system.hold(&problem.is_held, &many))
             .contains("49 means are held; the kernels take 48")
     );
-    assert!(
-        told(system.hold(&problem.is_held, &[vec![(0, 1.0)]])).contains("mean 0 is one of nothing")
-    );
+    assert!(told(system.hold(&problem.is_held, &[vec![(0, 1.0)]])).contains("mean 0 has no free"));
     assert!(told(system.hold(&[true], &[])).contains("1 flags"));
-    assert!(told(system.load(&problem.values[9..], 0.0)).contains("do not fill"));
+    assert!(told(system.load(&problem.values[9..], 0.0)).contains("do not fit the blocks"));
     let mut solve = |b: &[f64], settings| told(system.solve(b, &settings).map(|_| ()));
     assert!(solve(&[1.0], TIGHT).contains("1 values"));
     let mut b = problem.b.clone();
@@ -245,7 +243,7 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
     let Some(small) = device_with(1000) else { return };
     let error = System::new(&small, problem.b.len() / 3, &problem.pairs).err().unwrap();
     assert!(
-        matches!(error, Error::Limit(_)) && error.to_string().contains("not even 32 points"),
+        matches!(error, Error::Limit(_)) && error.to_string().contains("not even 32 nodes"),
         "{error}"
     );
 }
