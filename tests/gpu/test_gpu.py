@@ -313,7 +313,7 @@ def test_a_device_of_small_bindings_works_in_chunks(element: str) -> None:
     tiny = os.environ | {"VISCERA_GPU_BINDING": "1000"}
     done = subprocess.run(run, env=tiny, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["None", "True", "True"]
-    assert "not even 32 points fit" in done.stderr
+    assert "not even 32 nodes fit" in done.stderr
 
 
 WITHOUT_DEVICE = """
