@@ -199,8 +199,8 @@ study-trust: $(development) ## what trust is worth: 5,000 touches of ten bodies 
 	mkdir -p out
 	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
 
-study-contact: $(development) ## tools in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
-	for name in hertz contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
+study-contact: $(development) ## tools and organs in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
+	for name in hertz hertz_pair contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
 
 study-probe: $(development) ## the rigid probe against true contact, and what a tick costs; kept in benchmarks/results
 	mkdir -p out

@@ -80,7 +80,7 @@ def main() -> None:
             )
             print(lines[-1], flush=True)
     if arguments.write:
-        path = Path(__file__).parent / "results" / "hertz-pair.txt"
+        path = Path(__file__).parent / "results" / "hertz_pair.txt"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -1,6 +1,6 @@
 //! The whole mesh, and the displacement of all its nodes.
 
-use crate::model::{Model, status_of};
+use crate::model::{Model, finite_or_zero};
 use crate::status::{self, viscera_status};
 use crate::vector;
 
@@ -13,26 +13,14 @@ impl Model {
         workspace: &mut [f32],
         out: &mut [f32],
     ) -> viscera_status {
-        let d = self.frame.length_in(displacement);
-        let mut status = match self.touch(self.frame.point_in(point), d) {
-            Ok((contact, response)) => {
-                self.reduced.displacement(&contact, d, workspace, out);
-                status_of(response.shape_trust)
-            }
-            Err(status) => {
-                out.fill(0.0);
-                status
-            }
-        };
+        let status = self.shape(point, displacement, out, |contact, d, out| {
+            self.reduced.displacement(contact, d, workspace, out);
+        });
         for u in out.chunks_exact_mut(3) {
             let moved = self.frame.length_out(std::array::from_fn(|i| f64::from(u[i])));
             (0..3).for_each(|i| u[i] = moved[i] as f32);
         }
-        if !out.iter().all(|u| u.is_finite()) {
-            out.fill(0.0);
-            status = status::NOT_FINITE;
-        }
-        status
+        finite_or_zero(status, out)
     }
 
     fn cells(&self) -> &[u32] {

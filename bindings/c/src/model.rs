@@ -150,6 +150,27 @@ impl Model {
         }
     }
 
+    /// What `evaluate` writes of the shape of the organ, in metres; zero if there is no answer.
+    pub(crate) fn shape(
+        &self,
+        point: [f64; 3],
+        displacement: [f64; 3],
+        out: &mut [f32],
+        evaluate: impl FnOnce(&Contact, [f64; 3], &mut [f32]),
+    ) -> viscera_status {
+        let d = self.frame.length_in(displacement);
+        match self.touch(self.frame.point_in(point), d) {
+            Ok((contact, response)) => {
+                evaluate(&contact, d, out);
+                status_of(response.shape_trust)
+            }
+            Err(status) => {
+                out.fill(0.0);
+                status
+            }
+        }
+    }
+
     /// Deformed positions of the surface nodes; those at rest if there is no answer.
     fn surface(
         &self,
@@ -158,21 +179,10 @@ impl Model {
         workspace: &mut [f32],
         out: &mut [f32],
     ) -> viscera_status {
-        let d = self.frame.length_in(displacement);
-        let mut status = match self.touch(self.frame.point_in(point), d) {
-            Ok((contact, response)) => {
-                self.reduced.surface_displacement(&contact, d, workspace, out);
-                status_of(response.shape_trust)
-            }
-            Err(status) => {
-                out.fill(0.0);
-                status
-            }
-        };
-        if !out.iter().all(|u| u.is_finite()) {
-            out.fill(0.0);
-            status = status::NOT_FINITE;
-        }
+        let status = self.shape(point, displacement, out, |contact, d, out| {
+            self.reduced.surface_displacement(contact, d, workspace, out);
+        });
+        let status = finite_or_zero(status, out);
         let arrays = self.reduced.arrays();
         for (&node, x) in arrays.surface_nodes.iter().zip(out.chunks_exact_mut(3)) {
             let rest = &arrays.points[3 * node as usize..3 * node as usize + 3];
@@ -182,6 +192,15 @@ impl Model {
         }
         status
     }
+}
+
+/// Zero in place of numbers that are not finite, and its status.
+pub(crate) fn finite_or_zero(status: viscera_status, out: &mut [f32]) -> viscera_status {
+    if out.iter().all(|u| u.is_finite()) {
+        return status;
+    }
+    out.fill(0.0);
+    status::NOT_FINITE
 }
 
 pub(crate) fn status_of(trust: Trust) -> viscera_status {

@@ -3,21 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 
-#include "viscera.hpp"
+#include "throws.hpp"
 
 static bool near(double found, double expected, double size, double tolerance = 1e-12) {
     return std::abs(found - expected) <= tolerance * size;
-}
-
-template <class Make> static bool throws(Make make, const char *words) {
-    try {
-        make();
-    } catch (const viscera::Error &error) {
-        return std::strstr(error.what(), words) != nullptr;
-    }
-    return false;
 }
 
 int main(int argc, char **argv) {

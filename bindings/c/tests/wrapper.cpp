@@ -1,20 +1,10 @@
 // The C++ wrapper: a probe in metres and in turned millimetres feels the same, and refusals are thrown.
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 
-#include "viscera.hpp"
+#include "throws.hpp"
 
 static bool near(double found, double expected, double size) { return std::abs(found - expected) <= 1e-9 * size; }
-
-template <class Make> static bool throws(Make make, const char *words) {
-    try {
-        make();
-    } catch (const viscera::Error &error) {
-        return std::strstr(error.what(), words) != nullptr;
-    }
-    return false;
-}
 
 int main(int argc, char **argv) {
     if (argc != 2) return 2;

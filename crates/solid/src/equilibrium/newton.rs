@@ -247,7 +247,8 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple.
+    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple. If no solver can
+    /// be made for it, the tangent leaves these blocks out: more iterations lead to the same equilibrium.
     fn widen(&mut self, u: &[f64]) {
         let body = self.widened.as_deref().unwrap_or(self.problem.body);
         if !self.contact.is_beyond(body.pattern(), u) {
