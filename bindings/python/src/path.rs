@@ -31,5 +31,6 @@ pub fn expansion_dict(py: Python<'_>, expansion: Expansion) -> PyResult<Bound<'_
     dict.set_item("range", expansion.range)?;
     dict.set_item("taylor_range", expansion.taylor_range)?;
     dict.set_item("residual", expansion.residual)?;
+    dict.set_item("is_stable", expansion.is_stable)?;
     Ok(dict)
 }

@@ -65,6 +65,9 @@ pub struct Expansion {
     pub taylor_range: f64,
     /// Out-of-balance force at the end of the range, relative to the load, before correction.
     pub residual: f64,
+    /// Whether the equilibrium at the end of the range is stable: its tangent, but for the skew part of a pressure on a
+    /// free rim, has no negative eigenvalue.
+    pub is_stable: bool,
 }
 
 /// A path in progress.
@@ -122,12 +125,15 @@ impl Continuation {
             scale: 0.0,
             previous: None,
         };
-        let mut expansions = Vec::new();
+        let (mut expansions, mut prepared) = (Vec::new(), follower.prepare());
         for _ in 0..self.max_expansions {
+            prepared?;
             if !go_on() {
                 return Err(Error::Cancelled);
             }
-            let expansion = follower.expand()?;
+            let mut expansion = follower.expand()?;
+            prepared = follower.prepare();
+            expansion.is_stable = prepared.is_ok() && follower.system.n_negative() == Some(0);
             let is_last = follower.load() >= self.until * (1.0 - 1e-9);
             let stuck = !(expansion.range > 0.0);
             expansions.push(expansion);
@@ -167,10 +173,14 @@ impl Follower<'_> {
         self.state[self.state.len() - 1]
     }
 
-    /// Builds an expansion at the state and moves the state to its end.
-    fn expand(&mut self) -> Result<Expansion, Error> {
+    /// Factorises the tangent at the state.
+    fn prepare(&mut self) -> Result<(), Error> {
         self.linearize();
-        self.system.prepare(&self.tangent, 0.0)?;
+        Ok(self.system.prepare(&self.tangent, 0.0)?)
+    }
+
+    /// Builds an expansion at the state, for which all is prepared, and moves the state to its end.
+    fn expand(&mut self) -> Result<Expansion, Error> {
         let series = self.series()?;
         let taylor_range = taylor_range(&series, self.settings.tolerance);
         let reach = if taylor_range.is_finite() {
@@ -183,7 +193,7 @@ impl Follower<'_> {
         self.state = pade.evaluate(&series, range);
         let residual = self.correct(&series[1])?;
         self.previous = Some(series[1].clone());
-        Ok(Expansion { series, range, taylor_range, residual })
+        Ok(Expansion { series, range, taylor_range, residual, is_stable: false })
     }
 
     /// The internal force at the state, and the tangent but for its skew part.

@@ -223,6 +223,43 @@ fn plain_newton_solves_or_says_how_far_it_came() {
     }
 }
 
+/// Work that asks whether to go on ends at the first no; it asks at least as often as `run` returns.
+fn ends_when_told(run: &dyn Fn(&mut dyn FnMut() -> bool) -> Result<usize, Error>) {
+    let stopped_after = |allowed: usize| {
+        let mut asked = 0;
+        let outcome = run(&mut || {
+            asked += 1;
+            asked <= allowed
+        });
+        (outcome, asked)
+    };
+    let (least, asked) = stopped_after(usize::MAX);
+    assert!(least.as_ref().is_ok_and(|&least| least > 2 && asked >= least), "{least:?} {asked}");
+    for allowed in (0..asked).step_by(asked.div_ceil(5)) {
+        assert_eq!(stopped_after(allowed), (Err(Error::Cancelled), allowed + 1));
+    }
+}
+
+#[test]
+fn plain_newton_can_be_stopped_in_every_iteration_and_pgd_for_every_pair_and_order() {
+    let beam = &BEAMS[1];
+    let loads = beam.loads(0.0);
+    let mut force = vec![0.0; beam.body.n_dofs()];
+    loads.unit[10].iter().for_each(|&(dof, f)| force[dof as usize] = LOAD * f);
+    let newton = PlainNewton { increments: 2, max_iterations: 20, tolerance: 1e-10 };
+    ends_when_told(&|go_on| {
+        newton.solve(&beam.body, &beam.fixed, &force, go_on).map(|found| found.iterations)
+    });
+    for (route, per_order) in [(Route::Greedy(enrichment(1e-3)), 0), (Route::Direct, 2)] {
+        let pgd = Pgd { order: 3, load: LOAD, route };
+        ends_when_told(&|go_on| {
+            let orders = pgd.run(&beam.body, &beam.fixed, &loads, &mut |_| go_on())?;
+            Ok(orders.iter().map(|order| order.sizes.len().max(per_order)).sum::<usize>()
+                - per_order / 2)
+        });
+    }
+}
+
 #[test]
 fn bad_settings_are_refused_by_name_and_value() {
     let beam = &BEAMS[0];

@@ -4,6 +4,8 @@ use super::*;
 use crate::equilibrium::{Newton, Problem};
 use crate::law::Material;
 use crate::mesh::samples::block;
+use std::f64::consts::PI;
+use viscera_solid::element::Element;
 
 fn cantilever(law: &str) -> (Body, Vec<u32>, Vec<f64>) {
     let (points, cells) = block([6, 1, 1], [1.5, 0.25, 0.25]);
@@ -126,4 +128,44 @@ fn bad_settings_are_refused() {
     assert!(good.follow(&body, &fixed, &vec![0.0; force.len()], &NONE, &mut || true).is_err());
     let nowhere = Pressure { faces: vec![vec![0, 1, 27]], values: vec![1.0] };
     assert!(good.follow(&body, &fixed, &force, &nowhere, &mut || true).is_err());
+}
+
+/// Straight, clamped at one end and without Poisson's effect, a column stays straight; Euler's load is
+/// `pi^2 E I / (4 L^2)`.
+#[test]
+fn a_straight_column_is_unstable_beyond_its_euler_load() {
+    let (length, height, mu) = (0.2, 0.01, 3e3);
+    let (points, cells) = block([12, 1, 1], [length, height, height]);
+    let material = Material::new("saint_venant_kirchhoff", vec![vec![mu, 0.0]]).unwrap();
+    let body = Body::with_element(Element::P2, points, cells, material).unwrap();
+    let fixed: Vec<u32> =
+        (0u32..).zip(body.points()).filter(|(_, x)| x[0] == 0.0).map(|(n, _)| n).collect();
+    let euler = PI.powi(2) * 2.0 * mu * height.powi(4) / (48.0 * length.powi(2));
+    let end = pressed(&body, euler / height.powi(2), |x| x[0] > 0.999 * length);
+    let mut force = vec![0.0; body.n_dofs()];
+    end.add_force(&body, &vec![0.0; body.n_dofs()], 1.0, &mut force);
+    for (until, is_stable) in [(0.9, true), (1.1, false)] {
+        let path = Continuation { until, ..settings(Parameter::Load) };
+        let path = path.follow(&body, &fixed, &force, &NONE, &mut || true).unwrap();
+        assert_eq!(path.last().unwrap().is_stable, is_stable, "{until} of Euler's load");
+    }
+}
+
+#[test]
+fn a_path_can_be_stopped_before_every_expansion() {
+    let (body, fixed, force) = cantilever("neo_hookean");
+    let far = Continuation { order: 5, until: 10.0, tolerance: 1e-7, ..settings(Parameter::Load) };
+    let far = Continuation { max_expansions: 4, ..far };
+    let stopped_after = |allowed: usize| {
+        let mut asked = 0;
+        let mut go_on = || {
+            asked += 1;
+            asked <= allowed
+        };
+        let path = far.follow(&body, &fixed, &force, &NONE, &mut go_on);
+        (path.map(|path| path.len()), asked)
+    };
+    let (whole, asked) = stopped_after(usize::MAX);
+    assert!(asked > 2 && whole == Ok(asked), "{whole:?} {asked}");
+    (0..asked).for_each(|n| assert_eq!(stopped_after(n), (Err(Error::Cancelled), n + 1)));
 }

@@ -244,6 +244,30 @@ fn what_pushes_is_pushed() {
     }
 }
 
+/// On either side of each of its factors, and after each load step.
+#[test]
+fn a_solution_in_contact_can_be_stopped_in_every_iteration() {
+    let body = cube(3);
+    let problem = problem(&body, base(&body));
+    let mut tool =
+        Tool::new(sphere(0.03), Friction::Coulomb(0.5), Pose::at([0.05, 0.05, SIDE + 0.03]));
+    tool.displacement = [0.0, 0.0, -0.01];
+    let stopped_after = |allowed: usize| {
+        let mut contact = Contact::new(&body);
+        contact.add(&body, tool.clone(), &vec![0.0; body.n_dofs()]).unwrap();
+        let mut asked = 0;
+        let mut go_on = |_| {
+            asked += 1;
+            asked <= allowed
+        };
+        let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut go_on);
+        (found.map(|found| 2 * found.iterations + found.residuals.len()), asked)
+    };
+    let (whole, asked) = stopped_after(usize::MAX);
+    assert!(whole == Ok(asked) && asked > 6, "{whole:?} {asked}");
+    (0..asked).for_each(|n| assert_eq!(stopped_after(n), (Err(Error::Cancelled), n + 1)));
+}
+
 #[test]
 fn tools_that_cannot_be_are_refused() {
     let body = cube(2);

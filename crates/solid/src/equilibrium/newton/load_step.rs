@@ -1,11 +1,15 @@
 //! One load step: Newton's method from an equilibrium to the one at a higher load, or to an earlier one if the
 //! prediction is valid only up to there.
 
-use super::{NEAR, Run};
+use super::{AT, NEAR, Run};
 use crate::body::Curvature;
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
+use crate::number::norm;
+
+/// Last increment, relative to the displacement, up to which the tangent before it speaks for the equilibrium after it.
+const NEXT_TO: f64 = 0.02;
 
 /// A load step in progress.
 struct LoadStep<'r, 'a> {
@@ -19,6 +23,8 @@ struct LoadStep<'r, 'a> {
     norm: f64,
     history: Vec<f64>,
     steps: usize,
+    /// Norm of the last increment, over that of the displacement after it.
+    moved: f64,
     /// Degree of freedom of a pivot that was not positive, in the last tangent and in one that the path passed.
     unstable: Option<usize>,
     passed: Option<usize>,
@@ -42,10 +48,11 @@ impl<'a> Run<'a> {
         };
         let mut step = LoadStep::new(self, load);
         let stop = iterate(&mut step, limits)?;
-        let LoadStep { load, u, multipliers, norm, history, steps, unstable, passed, .. } = step;
         if stop != Stop::Converged {
-            return Err(Cut::Iterations { residual: norm });
+            return Err(Cut::Iterations { residual: step.norm });
         }
+        let unstable = step.verdict()?;
+        let LoadStep { load, u, multipliers, history, steps, passed, .. } = step;
         if let Some(row) = unstable.or(passed) {
             self.unstable = Some((load, row));
         }
@@ -67,6 +74,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
             norm: f64::INFINITY,
             history: Vec::new(),
             steps: 0,
+            moved: f64::INFINITY,
             unstable: None,
             passed: None,
             is_linear: true,
@@ -92,6 +100,15 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         (self.load, self.u, self.multipliers) = run.predict(u, step, *load)?;
         (run.tried, self.is_linear) = (self.load - run.load, false);
         Ok(true)
+    }
+
+    /// Degree of freedom in which the equilibrium found is not stable. The last tangent says so, unless the last increment
+    /// led far from it: then the one at the equilibrium does, which nothing else has needed.
+    fn verdict(&mut self) -> Result<Option<usize>, Cut> {
+        if self.moved <= NEXT_TO || self.run.is_linear() {
+            return Ok(self.unstable);
+        }
+        self.run.find_instability()
     }
 }
 
@@ -128,7 +145,7 @@ impl Iteration for LoadStep<'_, '_> {
         let (step, change, indefinite) =
             self.run.newton_step(&self.u, &self.residual, self.load, is_first)?;
         self.unstable = unstable.or(indefinite);
-        if !is_first && self.is_linear && self.norm <= NEAR {
+        if !is_first && self.norm <= if self.is_linear { NEAR } else { AT } {
             self.passed = self.passed.or(self.unstable);
         }
         self.run.seconds.solve += clock.elapsed().as_secs_f64();
@@ -145,6 +162,7 @@ impl Iteration for LoadStep<'_, '_> {
             self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm)?
         };
         self.u.iter_mut().zip(&step).for_each(|(u, s)| *u += length * s);
+        self.moved = length * norm(&step) / norm(&self.u);
         self.multipliers.iter_mut().zip(&change).for_each(|(m, c)| *m += length * c);
         Ok(())
     }

@@ -36,6 +36,15 @@ impl Run<'_> {
         Ok(unstable)
     }
 
+    /// Degree of freedom in which the last tangent is not positive definite under what tools hold.
+    pub(super) fn find_instability(&mut self) -> Result<Option<usize>, Cut> {
+        let clock = Instant::now();
+        self.factorizations += 1;
+        let found = self.solver.find_instability(&self.tangent).map_err(Cut::Factor);
+        self.seconds.factorization += clock.elapsed().as_secs_f64();
+        found
+    }
+
     /// The full-length step, which in the first iteration of a load step also moves what is prescribed; the change of
     /// the patch forces; a degree of freedom of a direction of negative curvature, where one was met.
     #[allow(clippy::type_complexity)]

@@ -47,6 +47,11 @@ impl Indefinite {
         Ok(self.ldlt.inertia()?.negative)
     }
 
+    /// Number of negative eigenvalues of what was factorised last.
+    pub fn n_negative(&self) -> Option<usize> {
+        self.ldlt.inertia().ok().map(|inertia| inertia.negative)
+    }
+
     /// `x = K⁻¹ b` on the free degrees of freedom; where `b` is zero on what is held, so is `x`.
     pub fn solve(&mut self, free: &[u32], b: &[f64], x: &mut [f64]) -> Result<(), FactorError> {
         self.column.iter_mut().zip(free).for_each(|(c, &dof)| *c = b[dof as usize]);

@@ -245,6 +245,28 @@ impl ConstrainedSystem {
         }
     }
 
+    /// A degree of freedom in which the tangent is not positive definite under what holds it; none if it is, as far as the
+    /// method can tell: a factor counts signs, conjugate gradients meet a direction of negative curvature on their way to
+    /// the answer to a random load, or do not within their budget.
+    ///
+    /// # Errors
+    /// Those of [`prepare`](Self::prepare) and [`solve`](Self::solve), but for a pivot, which is the answer.
+    pub fn find_instability(&mut self, tangent: &Tangent) -> Result<Option<usize>, FactorError> {
+        match self.prepare(tangent, 0.0) {
+            Err(FactorError::NotPositiveDefinite { row } | FactorError::Singular { row }) => {
+                return Ok(Some(row));
+            }
+            prepared => prepared?,
+        }
+        if !matches!(self.solver, Solver::Iterative(_)) {
+            return Ok(None);
+        }
+        let mut step = vec![0.0; self.is_held.len()];
+        let (mut load, mut forces) = (random_load(step.len()), Vec::new());
+        let still = self.border.zeros();
+        Ok(self.solve(&mut load, &still, &mut step, &mut forces, None)?.indefinite)
+    }
+
     /// Solves for the step `s` (held degrees of freedom stay zero) and the change of the patch forces, `b` being
     /// the force on all degrees of freedom, `c` the change of the patch means. At the `deadline` an iterative
     /// solver stops with what it has.
@@ -275,6 +297,15 @@ impl ConstrainedSystem {
         match step.iter().position(|s| !s.is_finite()) {
             Some(row) => Err(FactorError::SolutionNotFinite { row, column: 0 }),
             None => Ok(solved),
+        }
+    }
+
+    /// Number of negative eigenvalues of the tangent prepared last, the patches left out; none unless the method is
+    /// [`Method::Ldlt`].
+    pub fn n_negative(&self) -> Option<usize> {
+        match &self.solver {
+            Solver::Indefinite(factor) => factor.n_negative(),
+            Solver::Direct(_) | Solver::Iterative(_) => None,
         }
     }
 
@@ -333,6 +364,17 @@ impl ConstrainedSystem {
 /// The degrees of freedom of some nodes.
 pub fn dofs_of(nodes: &[u32]) -> impl Iterator<Item = u32> + '_ {
     nodes.iter().flat_map(|&node| (0..3).map(move |i| 3 * node + i))
+}
+
+/// Pseudo-random numbers between -1 and 1, the same at every call: SplitMix64 (Steele, Lea and Flood, 2014).
+fn random_load(n: usize) -> Vec<f64> {
+    let number = |i: u64| {
+        let mut z = i.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) as f64 / 2f64.powi(63) - 1.0
+    };
+    (1..=n as u64).map(number).collect()
 }
 
 /// A shift given over the mean of a tangent's diagonal.
