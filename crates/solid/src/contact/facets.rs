@@ -96,6 +96,12 @@ impl Placed<'_> {
         Some(Gap { gap, normal: offset.map(|w| w / gap), triangle, weights, slopes })
     }
 
+    /// How far a point is from the surface, inside or out [m].
+    pub fn distance(&self, x: [f64; 3]) -> f64 {
+        let closest = self.tree.closest(self.points, &self.facets.triangles, x);
+        closest.map_or(f64::INFINITY, |closest| closest.distance)
+    }
+
     fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
         self.facets.triangles[triangle].map(|node| self.points[node as usize])
     }

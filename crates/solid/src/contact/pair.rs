@@ -336,7 +336,8 @@ impl ActivePair {
             let nodes = facets.triangles().iter().flatten();
             nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max)
         };
-        let (deeper, speed) = (DEEPER * self.reach, fastest(&self.sampled) + fastest(&self.other));
+        let (own_speed, its_speed) = (fastest(&self.sampled), fastest(&self.other));
+        let (deeper, speed) = (DEEPER * self.reach, own_speed + its_speed);
         let apart = self.separation(&places);
         if speed <= deeper || apart > self.reach {
             return (apart.max(0.0) + deeper) / speed;
@@ -344,19 +345,18 @@ impl ActivePair {
         let other = self.other.at(&places);
         let mut longest = f64::INFINITY;
         for sample in &self.samples {
-            let Some((_, gap)) = self.gap_at(sample, &places, &other) else {
-                longest = longest.min((self.reach + deeper) / speed);
+            let place = self.place_of(sample, &places);
+            let own =
+                self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
+            let own = mean(&own, sample.weights);
+            let Some(gap) = other.gap(place, self.reach) else {
+                // Wherever it goes, it meets nothing before it has gone so far.
+                let free = other.distance(place);
+                longest = longest.min((free + deeper) / (norm(own) + its_speed));
                 continue;
             };
-            let own = self.sampled.triangles()[sample.triangle as usize];
-            let its = self.other.triangles()[gap.triangle];
-            let moved: [f64; 3] = std::array::from_fn(|i| {
-                let of = |k: usize| {
-                    sample.weights[k] * motion[own[k] as usize][i]
-                        - gap.weights[k] * motion[its[k] as usize][i]
-                };
-                (0..3).map(of).sum()
-            });
+            let its = self.other.triangles()[gap.triangle].map(|n| motion[n as usize]);
+            let moved = sub(own, mean(&its, gap.weights));
             let (away, free) = (dot(moved, gap.normal), gap.gap.max(0.0));
             longest = longest.min((free + self.reach) / norm(moved));
             if away < 0.0 {
@@ -402,11 +402,13 @@ impl ActivePair {
         places: &[[f64; 3]],
         other: &Placed,
     ) -> Option<([f64; 3], Gap)> {
-        let corners =
-            self.sampled.triangles()[sample.triangle as usize].map(|node| places[node as usize]);
-        let place =
-            std::array::from_fn(|i| (0..3).map(|k| sample.weights[k] * corners[k][i]).sum::<f64>());
+        let place = self.place_of(sample, places);
         Some((place, other.gap(place, self.reach)?))
+    }
+
+    fn place_of(&self, sample: &Sample, places: &[[f64; 3]]) -> [f64; 3] {
+        let triangle = self.sampled.triangles()[sample.triangle as usize];
+        mean(&triangle.map(|node| places[node as usize]), sample.weights)
     }
 
     fn meeting(&self, sample: &Sample, place: [f64; 3], gap: Gap) -> Option<Meeting> {
@@ -456,6 +458,11 @@ impl Meeting {
             }
         }
     }
+}
+
+/// The mean of the values at the corners of a triangle.
+fn mean(corners: &[[f64; 3]; 3], weights: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| (0..3).map(|k| weights[k] * corners[k][i]).sum())
 }
 
 fn softer(one: Layer, other: Layer) -> Layer {

@@ -2,14 +2,24 @@
 
 use super::outcome::Status;
 use super::problem::Problem;
+use crate::error::Error;
 use crate::linear::FactorError;
 
 /// Why a load step was given up.
 pub(super) enum Cut {
-    Inverted { cell: usize, jacobian: f64 },
-    NoDescent { residual: f64 },
-    Iterations { residual: f64 },
+    Inverted {
+        cell: usize,
+        jacobian: f64,
+    },
+    NoDescent {
+        residual: f64,
+    },
+    Iterations {
+        residual: f64,
+    },
     Factor(FactorError),
+    /// None could be made for the wider pattern of surfaces that have come to touch.
+    Solver(Error),
     Cancelled,
 }
 
@@ -108,6 +118,7 @@ impl Cut {
                 format!("too many iterations (relative residual {residual:.1e})")
             }
             Cut::Factor(error) => error.to_string(),
+            Cut::Solver(error) => error.to_string(),
             Cut::Cancelled => "cancelled on request".into(),
         }
     }

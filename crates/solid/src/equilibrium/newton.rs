@@ -99,8 +99,8 @@ impl Newton {
     /// reached, and may return false to stop.
     ///
     /// # Errors
-    /// Bad input ([`Problem::check`]), bad settings, or a stop on request. Failure to converge is a
-    /// status, not an error.
+    /// Bad input ([`Problem::check`]), bad settings, no solver for surfaces that come to touch, or a stop on request.
+    /// Failure to converge is a status, not an error.
     pub fn solve(
         &self,
         problem: &Problem,
@@ -136,6 +136,7 @@ impl Newton {
                     run.go_on().map_err(|_| Error::Cancelled)?;
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
+                Err(Cut::Solver(error)) => return Err(error),
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
                     run.follows_series = true;
@@ -248,21 +249,22 @@ impl<'a> Run<'a> {
         self.problem.body
     }
 
-    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple. If no solver can
-    /// be made for it, the tangent leaves these blocks out: more iterations lead to the same equilibrium.
-    fn widen(&mut self, u: &[f64]) {
+    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple. Without it, the
+    /// stiffness between them would be missing, and with it the verdict of stability.
+    fn widen(&mut self, u: &[f64]) -> Result<(), Cut> {
         let body = self.widened.as_deref().unwrap_or(self.problem.body);
         if !self.contact.is_beyond(body.pattern(), u) {
-            return;
+            return Ok(());
         }
         let wider = self.body().widened(u);
         let prescribed = self.problem.prescribed.iter().map(|&(dof, _)| dof);
         let patches = self.problem.patches.iter().map(|load| load.patch.clone()).collect();
         let method = self.settings.method;
-        if let Ok(solver) = ConstrainedSystem::new(method, &wider, prescribed, patches) {
-            (self.solver, self.tangent) = (solver, method.tangent(&wider));
-            self.widened = Some(Arc::new(wider));
-        }
+        self.solver =
+            ConstrainedSystem::new(method, &wider, prescribed, patches).map_err(Cut::Solver)?;
+        self.tangent = method.tangent(&wider);
+        self.widened = Some(Arc::new(wider));
+        Ok(())
     }
 
     /// Tells the load reached, unless the caller wants no more. A large factor takes most of a second, so it is asked

@@ -226,6 +226,24 @@ fn what_is_apart_costs_and_changes_nothing() {
     assert_eq!(contact.energy(&u), 0.0);
 }
 
+/// Blocks on the slant, so that the boxes around them overlap: a step is as long as the way that is free, not as the reach.
+#[test]
+fn steps_are_as_long_as_the_gap() {
+    let (apart, half) = (0.06, 0.5f64.sqrt());
+    let body = blocks([2, 3], apart, [0.0; 2]);
+    let slant = |x: [f64; 3]| [x[0], half * (x[1] - x[2]), half * (x[1] + x[2])];
+    let turn = |x: &[f64; 3]| crate::mesh::sub(slant(*x), *x);
+    let u: Vec<f64> = body.points().iter().flat_map(turn).collect();
+    let mut contact = Contact::new(&body);
+    contact.begin(&u);
+    contact.linearize(&u);
+    let towards =
+        |x: &[f64; 3]| slant([0.0, 0.0, if x[2] > 1.001 * SIDE { -2.0 * apart } else { 0.0 }]);
+    let step: Vec<f64> = body.points().iter().flat_map(towards).collect();
+    let longest = contact.longest(&u, &step);
+    assert!((0.5..0.52).contains(&longest), "{longest}");
+}
+
 #[test]
 fn surfaces_that_overlap_at_rest_are_refused() {
     let refusal = |apart: f64| {

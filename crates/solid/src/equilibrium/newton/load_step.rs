@@ -119,7 +119,7 @@ impl Iteration for LoadStep<'_, '_> {
         let LoadStep { run, u, load, force, .. } = self;
         let clock = Instant::now();
         run.contact.linearize(u);
-        run.widen(u);
+        run.widen(u)?;
         run.tangent.leave_to_device(run.solver.forms_tangents());
         let body = run.widened.as_deref().unwrap_or(run.problem.body);
         run.tangent.linearize(body, u, Curvature::Exact, force);
