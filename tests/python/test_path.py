@@ -26,7 +26,7 @@ def test_dependent_coefficients_fall_back_to_the_polynomial() -> None:
 
 
 def test_an_expansion_knows_its_range() -> None:
-    expansion = Expansion(np.zeros((3, 2, 3)), np.array([0.0, 1.0, 0.0]), 0.5, 0.4, 1e-8)
+    expansion = Expansion(np.zeros((3, 2, 3)), np.array([0.0, 1.0, 0.0]), 0.5, 0.4, 1e-8, is_stable=True)
     assert expansion.at(0.25)[0] == pytest.approx(0.25)
     with pytest.raises(vs.VisceraError, match=r"0 <= a <= 0.5, not at 0.7"):
         expansion.at(0.7)
