@@ -65,7 +65,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-contact study-probe study-registration study-meshing pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
 .PHONY: reduced-liver build-times wheel
 
 help: ## this list
@@ -213,6 +213,10 @@ study-registration: $(development) ## how well a liver is found again, over twen
 study-meshing: $(development) ## meshes from label maps: angles, volumes, times; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/meshing.py > out/meshing.txt && mv out/meshing.txt benchmarks/results/meshing.txt
+
+study-solvers: $(development) ## which linear solver wins, and what "auto" chooses; goes on where it was interrupted; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/solvers.py > out/solvers.txt && mv out/solvers.txt benchmarks/results/solvers.txt
 
 pages: $(development) ## run the marked programs of README and docs/, and write their real output there
 	$(BIN)/python scripts/case_page.py

@@ -1,12 +1,14 @@
 """Multigrid against pyamg on the same matrices, and against the other solvers over whole solutions.
 
-    python benchmarks/multigrid.py [--solutions]
+    python benchmarks/multigrid.py [--solutions | --sizes]
 
 The matrices are those of linear elasticity on bricks of six tetrahedra, clamped at one end: cubes and a bar ten times
 as long as thick, linear cells with a volume each ("P1") or one for a brick ("mean", which is how the element that does
 not lock couples its cells). pyamg has the same rigid-body modes, one block Gauss-Seidel sweep forward before the coarse
 correction and one backward after it, no threshold, and as many nodes on the coarsest level; it is no dependency of this
 project (pip install pyamg). With --solutions: bars of neo-Hookean tissue bent by Newton's method, "P1 mean volume".
+With --sizes: cubes of up to a million cells stretched by a quarter, and how time and memory grow with them; every
+solution in a process of its own, rows kept in out/solvers.jsonl as they finish (benchmarks/solvers.py).
 
 Processor time of one thread; set RAYON_NUM_THREADS=1.
 """
@@ -22,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import solvers
 from locking import bricks
 from machine import ROOT, describe
 
@@ -129,13 +132,14 @@ def matrices() -> None:
 
 def solutions() -> None:
     """Bars bent by a load on their end until it has sunk by about a third of their length."""
-    solvers: dict[str, str | vs.ConjugateGradients] = {
+    choices: dict[str, str | vs.ConjugateGradients] = {
         "cholesky": "cholesky",
         "multigrid": "multigrid",
+        "auto": "auto",
         "incomplete_cholesky": vs.ConjugateGradients("incomplete_cholesky", 1e-8, 20_000),
     }
     print("bars bent by Newton's method, residual 1e-9")
-    print("  cells  Poisson  solver                 Newton  seconds  ratio  difference")
+    print("  cells  Poisson  solver                 Newton  iterations  seconds  ratio  difference")
     for counts, poisson in (((40, 4, 4), 0.49), ((100, 10, 10), 0.45), ((100, 10, 10), 0.49)):
         points, cells = bricks(counts)
         points = points * (0.1, 0.01, 0.01)
@@ -143,21 +147,45 @@ def solutions() -> None:
         law = vs.NeoHookean(young=1e4, poisson=poisson)
         organ = vs.Organ(vs.mesh(points, cells, ends), law, fixed="clamp", element="P1 mean volume")
         exact, seconds = None, 1.0
-        for name, solver in solvers.items():
+        for name, solver in choices.items():
             start = time.process_time()
             state = organ.solve(force={"tip": (0, 0, -0.01)}, solver=solver, throw=True)
             spent = time.process_time() - start
             if exact is None:
                 exact, seconds = state.displacement, spent
             gap = np.abs(state.displacement - exact).max() / np.abs(exact).max()
-            told = f"{state.iterations:6d}{spent:9.2f}{spent / seconds:7.2f}{gap:12.0e}"
+            told = f"{state.iterations:6d}{state.linear_iterations:12d}{spent:9.2f}{spent / seconds:7.2f}{gap:12.0e}"
             print(f"{len(cells):7d}{poisson:9.2f}  {name:22s}{told}")
+
+
+def sizes() -> None:
+    """Whole solutions of cubes, linear cells, Poisson's ratio 0.45, to a residual of 1e-9; exponents fitted."""
+    print("cubes stretched by a quarter, P1, Poisson's ratio 0.45, residual 1e-9")
+    print("solver          cells  Newton  iterations  seconds  memory [MB]")
+    for solver in ("multigrid", "auto"):
+        table = []
+        for cells in (63_888, 132_720, 303_918, 998_250):
+            case = solvers.Case("cube", cells, "P1", 0.45)
+            solvers.measure([case], [solver], 600.0)
+            row = solvers.kept()[(*case, solver)]
+            if row["seconds"] is None:
+                print(f"{solver:10s}{cells:11d}  {row['fault']}")
+                continue
+            table.append([cells, row["seconds"], row["megabytes"]])
+            told = f"{row['newton']:8d}{row['iterations']:12d}{row['seconds']:9.2f}{row['megabytes']:13.0f}"
+            print(f"{solver:10s}{cells:11d}{told}  {row['solver']}", flush=True)
+        cells, seconds, memory = np.log(table).T
+        print(
+            f"exponent of time {np.polyfit(cells, seconds, 1)[0]:.2f}, of memory {np.polyfit(cells, memory, 1)[0]:.2f}"
+        )
 
 
 if __name__ == "__main__":
     print(describe())
     if "--solutions" in sys.argv:
         solutions()
+    elif "--sizes" in sys.argv:
+        sizes()
     else:
         if pyamg is None:
             print("pyamg is not there to compare with; pip install pyamg")

@@ -227,8 +227,8 @@ class Body:
     ) -> dict[str, Any]:
         """displacement (n, 3), internal_force (n, 3), external_force (n, 3), patch_forces (k, 3), energy, volume,
         status (str), is_converged, message, device_fault, tangent_on_device (str | None), load (fraction reached),
-        iterations, factorizations, load_steps, residuals (list of lists per load step, relative), seconds (dict),
-        contact (a dict for each tool, see `viscera.contact.Contact`)."""
+        iterations, factorizations, linear_iterations, solver (str), load_steps, residuals (list of lists per load step,
+        relative), seconds (dict), contact (a dict for each tool, see `viscera.contact.Contact`)."""
     def internal_force(self, displacement: Floats) -> Floats: ...
     def energy(self, displacement: Floats) -> float: ...
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
@@ -279,8 +279,8 @@ class Live:
     def answer(self, request: str) -> bytes: ...  # JSON object; little-endian float32
 
 class Solver(TypedDict):
-    """A linear solver: "cholesky" or the preconditioner of conjugate gradients, their settings by name, and where they
-    run ("cpu" or "gpu")."""
+    """A linear solver: "cholesky", "auto" or the preconditioner of conjugate gradients, their settings by name, and
+    where they run ("cpu" or "gpu")."""
 
     name: str
     settings: dict[str, float]

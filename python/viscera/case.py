@@ -145,6 +145,7 @@ class Case:
             "density": self.loads.get("density"),
             "steps": self.settings.get("steps", 1),
             "settings": self.settings.get("newton"),
+            "solver": self.settings.get("solver", "cholesky"),
         }
 
     def solve(self, organ: Organ, progress: Progress | None = None) -> State:

@@ -196,7 +196,8 @@ class Organ(Pictured):
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
         settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
             `[settings.newton]` of a case file (docs/case-file.md).
-        solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`.
+        solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`; or "auto", which
+            chooses the one that is likely to be the fastest (docs/solvers.md). `State.solver` says which it was.
         throw: raise `NotConverged` if the solve fails, instead of returning the state with its status.
 
         >>> import viscera as vs

@@ -18,6 +18,7 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import METRES
 from viscera.quantity import Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
 from viscera.select import FREE, METRIC, length, point
+from viscera.solver import NAMES as SOLVERS
 from viscera.solver import NEWTON
 
 STARTS = ("rest", "loads", "scan")
@@ -406,6 +407,7 @@ SETTINGS = Table(
     "Settings of the solver; rarely needed.",
     {
         "steps": Key(organ.STEPS, "initial number of load steps; more are taken where needed", "1"),
+        "solver": Key(Choice(SOLVERS), "solver of the linear systems", '"cholesky"'),
         "newton": Key(
             Table(
                 "settings.newton",

@@ -89,8 +89,11 @@ class ConjugateGradients:
 
 
 Solver: TypeAlias = str | ConjugateGradients
-""""cholesky", "cg" for `ConjugateGradients()`, "multigrid" for that preconditioner with a tolerance of 1e-8, "gpu" for
-`GPU`, or settings of its own."""
+""""auto" for what is likely to be the fastest (not in frames), "cholesky", "cg" for `ConjugateGradients()`, "multigrid"
+for that preconditioner with a tolerance of 1e-8, "gpu" for `GPU`, or settings of its own."""
+
+NAMES = ("auto", "cholesky", "cg", "multigrid", "gpu")
+"""Solvers that have a name."""
 
 GPU = ConjugateGradients("block_jacobi", max_iterations=5_000, device="gpu")
 """What `solver="gpu"` stands for."""
@@ -109,9 +112,9 @@ def core_solver(solver: Solver) -> _core.Solver:
         return core_solver(ConjugateGradients())
     if solver == "multigrid":
         return core_solver(ConjugateGradients("multigrid", tolerance=1e-8, max_iterations=2000))
-    if solver == "cholesky":
-        return {"name": "cholesky", "settings": {}, "device": "cpu"}
-    hint = did_you_mean(str(solver), ("cholesky", "cg", "multigrid", "gpu"))
+    if solver in ("cholesky", "auto"):
+        return {"name": solver, "settings": {}, "device": "cpu"}
+    hint = did_you_mean(str(solver), NAMES)
     raise VisceraError(f"no solver is called {solver!r}; {hint}; or give a viscera.ConjugateGradients")
 
 

@@ -62,6 +62,11 @@ class State(Deformed, Pictured):
         self.iterations: int = result["iterations"]
         self.factorizations: int = result["factorizations"]
         """Tangents factorised (with "cg": taken over), those rejected and those of failed load steps included."""
+        self.linear_iterations: int = result["linear_iterations"]
+        """Iterations of conjugate gradients in all; 0 with a direct solver."""
+        self.solver: str = result["solver"]
+        """The linear solver: "cholesky" or the preconditioner of conjugate gradients. With "auto", what was chosen; if
+        that was given up, both: "incomplete_cholesky, then cholesky"."""
         self.residuals: list[list[float]] = result["residuals"]
         """Relative force residual of each iteration, one list per load step."""
         self.seconds = seconds

@@ -387,7 +387,7 @@ def test_bad_words_are_answered_in_one_sentence(organ: vs.Organ) -> None:
         ({"time_step": 0.01}, "has no effect without dynamics"),
         ({"damping": (1.0, 0.0)}, "damping has no effect"),
         ({"solver": "choleski"}, "did you mean 'cholesky'"),
-        ({"solver": "pardiso"}, "known: 'cg', 'cholesky'"),
+        ({"solver": "pardiso"}, "known: 'auto', 'cg', 'cholesky'"),
         ({"budget": 0.0}, "budget must be a number above 0"),
         ({"iterations": 0}, "iterations must be a whole number from 1"),
         ({"settled": 0.0}, "settled, a relative residual, must be a number above 0 and below 1"),

@@ -328,6 +328,8 @@ fn state_dict<'py>(
     dict.set_item("load", state.load)?;
     dict.set_item("iterations", state.iterations)?;
     dict.set_item("factorizations", state.factorizations)?;
+    dict.set_item("linear_iterations", state.linear_iterations)?;
+    dict.set_item("solver", state.solvers.join(", then "))?;
     dict.set_item("load_steps", state.residuals.len())?;
     dict.set_item("residuals", PyList::new(py, state.residuals)?)?;
     let seconds = PyDict::new(py);

@@ -10,7 +10,7 @@ use viscera_core::equilibrium::{ConjugateGradients, Method, Newton, Precondition
 use viscera_core::pgd::Enrichment;
 use viscera_core::settings::{self, Setting, Values};
 
-/// A linear solver: "cholesky", or the preconditioner of conjugate gradients with their settings and where they run.
+/// A linear solver: "cholesky", "auto", or the preconditioner of conjugate gradients with their settings and where they run.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Solver {
@@ -22,8 +22,10 @@ pub struct Solver {
 impl Solver {
     /// The core's method.
     pub fn method(&self) -> PyResult<Method> {
-        if self.name == "cholesky" {
-            return Ok(Method::Cholesky);
+        match self.name.as_str() {
+            "cholesky" => return Ok(Method::Cholesky),
+            "auto" => return Ok(Method::Automatic),
+            _ => {}
         }
         let preconditioner = Preconditioner::named(&self.name).map_err(convert::error)?;
         let mut cg = ConjugateGradients { preconditioner, ..ConjugateGradients::default() };

@@ -59,6 +59,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     reactions = case.reactions(organ, state)
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
+    if "solver" in case.settings:
+        output.say(f"  linear solver         {state.solver}")
     if state.message == NOTHING_ACTS:
         output.say(f"  {NOTHING_ACTS}")
     output.say(f"  largest displacement  {1e3 * state.max_displacement:.4g} mm")
@@ -71,6 +73,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         output.say(f"  written to {args.output}: {statefile.contents(args.output)}")
     facts |= {
         "iterations": state.iterations,
+        "linear_iterations": state.linear_iterations,
+        "solver": state.solver,
         "residuals": state.residuals,
         "energy": state.energy,
         "volume_ratio": state.volume_ratio,

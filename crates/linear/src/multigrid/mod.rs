@@ -112,6 +112,14 @@ impl Multigrid {
         self.is_held.copy_from_slice(is_held);
     }
 
+    /// Moves the nodes: the next matrix is made with the rigid motions that they have there, which are what costs a bent
+    /// body least.
+    pub fn move_to(&mut self, points: impl Iterator<Item = [f64; 3]>) {
+        self.points.clear();
+        self.points.extend(points);
+        self.is_tentative_ready = false;
+    }
+
     /// Nodes of every level, the finest first.
     pub fn levels(&self) -> Vec<usize> {
         let between = self.coarse.iter().map(|level| level.b.len());

@@ -20,6 +20,10 @@ pub(super) enum Cut {
     Factor(FactorError),
     /// None could be made for the wider pattern of surfaces that have come to touch.
     Solver(Error),
+    /// Conjugate gradients would take longer than a factor.
+    Spent,
+    /// Conjugate gradients met, or may have overlooked, negative curvature.
+    Doubtful,
     Cancelled,
 }
 
@@ -119,6 +123,7 @@ impl Cut {
             }
             Cut::Factor(error) => error.to_string(),
             Cut::Solver(error) => error.to_string(),
+            Cut::Spent | Cut::Doubtful => "conjugate gradients did not converge".into(),
             Cut::Cancelled => "cancelled on request".into(),
         }
     }

@@ -24,7 +24,7 @@ pub use stepper::{
     Dynamics, Frame, Input, Integration, Mass, Prony, Stepper, StepperSettings, Torque, Turn,
 };
 pub use system::{
-    ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem,
+    Choice, ConjugateGradients, ConstrainedSystem, Device, DeviceEnd, DeviceSolution, DeviceSystem,
     DeviceTangent, Method, OnDevice, Origin, Preconditioner, Row, Solved, dofs_of, mean_rows,
 };
 pub use tangent::Tangent;

@@ -5,21 +5,27 @@
 //! linear step that begins it would stretch the body out of proportion, the series of the path takes its place and
 //! says how far the load step goes. A step that fails is halved from the last equilibrium. A tangent that is
 //! indefinite, also under what tools hold, is shifted until it yields a descent direction, and said so.
+//!
+//! Where the linear solver is chosen automatically, conjugate gradients only do what they do well. They have a budget, the
+//! stability that they find is probed, and whatever fails with them is done again by a factor.
 
 mod load_step;
 mod step;
+#[cfg(test)]
+mod tests;
 
 use super::ending::{Cut, Ending, Slopes};
 use super::iteration::Rounding;
 use super::outcome::{Equilibrium, Seconds};
 use super::predictor::Predictor;
 use super::problem::{Problem, patch_mean};
-use super::system::{ConstrainedSystem, Method};
+use super::system::{Choice, ConstrainedSystem, Method, waves};
 use super::tangent::Tangent;
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
 use crate::contact::Contact;
 use crate::error::Error;
+use crate::linear::FactorError;
 use crate::settings::{self, Setting, Values};
 use std::sync::Arc;
 
@@ -31,6 +37,10 @@ const STRETCHED: f64 = 10.0;
 /// says nothing; if a slender body was bent by the series of its path, until the residual is next to nothing.
 const NEAR: f64 = 0.02;
 const AT: f64 = 1e-6;
+
+/// Residual at which conjugate gradients have met whatever negative curvature there is. A force that holds something of all
+/// motions cannot be balanced so far without them.
+const PROBED: f64 = 1e-4;
 
 /// Settings.
 #[derive(Clone, Copy, Debug)]
@@ -122,8 +132,18 @@ impl Newton {
     ) -> Result<Equilibrium, Error> {
         self.check()?;
         problem.check()?;
+        self.solve_by(Choice::of(self.method, problem.body), problem, contact, progress)
+    }
+
+    fn solve_by(
+        &self,
+        choice: Choice,
+        problem: &Problem,
+        contact: &mut Contact,
+        progress: &mut dyn FnMut(f64) -> bool,
+    ) -> Result<Equilibrium, Error> {
         let clock = Instant::now();
-        let mut run = Run::new(*self, problem, contact, progress)?;
+        let mut run = Run::new(*self, choice, problem, contact, progress)?;
         run.seconds.analysis = clock.elapsed().as_secs_f64();
         let (mut step, mut last_cut) = (1.0 / self.steps.max(1) as f64, None);
         while run.load < 1.0 {
@@ -137,6 +157,7 @@ impl Newton {
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(Cut::Solver(error)) => return Err(error),
+                Err(_) if run.budget.is_some() => run.hand_over().map_err(Error::Factor)?,
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
                     run.follows_series = true;
@@ -186,17 +207,29 @@ struct Run<'a> {
     /// Part of the load that the load step in progress is to add.
     tried: f64,
     factorizations: usize,
+    linear_iterations: usize,
+    /// Iterations of conjugate gradients that a load step may take, where they were chosen automatically.
+    budget: Option<usize>,
+    /// Those that this one has taken.
+    spent: usize,
+    /// They may shift a tangent that is not positive definite far from equilibrium.
+    shifts: bool,
+    /// Whether the iterate is close to an equilibrium, whose stability counts.
+    is_near: bool,
+    solvers: Vec<&'static str>,
     seconds: Seconds,
 }
 
 impl<'a> Run<'a> {
     fn new(
         settings: Newton,
+        choice: Choice,
         problem: &'a Problem<'a>,
         contact: &'a mut Contact,
         progress: &'a mut dyn FnMut(f64) -> bool,
     ) -> Result<Self, Error> {
         let body = problem.body;
+        let settings = Newton { method: choice.method, ..settings };
         let tangent = settings.method.tangent(body);
         let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
         let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
@@ -241,6 +274,12 @@ impl<'a> Run<'a> {
             follows_series: false,
             tried: 0.0,
             factorizations: 0,
+            linear_iterations: 0,
+            budget: choice.budget,
+            spent: 0,
+            shifts: choice.shifts,
+            is_near: false,
+            solvers: vec![settings.method.name()],
             seconds: Seconds::default(),
         })
     }
@@ -257,14 +296,48 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         let wider = self.body().widened(u);
-        let prescribed = self.problem.prescribed.iter().map(|&(dof, _)| dof);
-        let patches = self.problem.patches.iter().map(|load| load.patch.clone()).collect();
-        let method = self.settings.method;
-        self.solver =
-            ConstrainedSystem::new(method, &wider, prescribed, patches).map_err(Cut::Solver)?;
-        self.tangent = method.tangent(&wider);
+        self.solver = self.system(&wider).map_err(Cut::Solver)?;
+        self.tangent = self.settings.method.tangent(&wider);
         self.widened = Some(Arc::new(wider));
         Ok(())
+    }
+
+    /// The linear system of a body with these supports and tools.
+    fn system(&self, body: &Body) -> Result<ConstrainedSystem, Error> {
+        let prescribed = self.problem.prescribed.iter().map(|&(dof, _)| dof);
+        let patches = self.problem.patches.iter().map(|load| load.patch.clone()).collect();
+        ConstrainedSystem::new(self.settings.method, body, prescribed, patches)
+    }
+
+    /// Lets a factor do what conjugate gradients, which were chosen automatically, do not do well.
+    fn hand_over(&mut self) -> Result<(), FactorError> {
+        (self.settings.method, self.budget) = (Method::Cholesky, None);
+        self.solvers.push(self.settings.method.name());
+        let clock = Instant::now();
+        let body = self.widened.as_deref().unwrap_or(self.problem.body);
+        self.solver = self.system(body).map_err(|error| match error {
+            Error::Factor(error) => error,
+            _ => FactorError::NotFactorized,
+        })?;
+        self.seconds.analysis += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Whether a tangent that is not positive definite is a matter for a factor.
+    fn doubts(&self) -> bool {
+        self.budget.is_some() && (self.is_near || !self.shifts)
+    }
+
+    /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen
+    /// automatically. A factor has told already.
+    fn is_probed_stable(&mut self) -> bool {
+        let clock = Instant::now();
+        let is_stable = self.budget.is_none()
+            || self.shift == 0.0
+                && self.solver.is_definite_along(&waves(self.body().points()), PROBED)
+                    == Some(true);
+        self.seconds.solve += clock.elapsed().as_secs_f64();
+        is_stable
     }
 
     /// Tells the load reached, unless the caller wants no more. A large factor takes most of a second, so it is asked
@@ -397,6 +470,8 @@ impl<'a> Run<'a> {
             load: self.load,
             iterations: self.iterations,
             factorizations: self.factorizations,
+            linear_iterations: self.linear_iterations,
+            solvers: self.solvers,
             residuals: self.residuals,
             seconds: self.seconds,
         }

@@ -75,6 +75,10 @@ pub struct Equilibrium {
     /// Tangents prepared for a solution, rejected ones and failed load steps included: with a direct solver,
     /// factorisations.
     pub factorizations: usize,
+    /// Iterations of conjugate gradients in all.
+    pub linear_iterations: usize,
+    /// The linear solvers that led here, in this order: a second one where the first was given up.
+    pub solvers: Vec<&'static str>,
     /// Relative residuals of each load step that succeeded.
     pub residuals: Vec<Vec<f64>>,
     /// Timings.

@@ -28,6 +28,9 @@ impl Run<'_> {
             else {
                 return Err(Cut::Factor(error));
             };
+            if self.doubts() {
+                return Err(Cut::Doubtful);
+            }
             unstable = unstable.or(Some(row));
             shift = next_shift(shift, first).ok_or(Cut::Factor(error))?;
         }
@@ -43,6 +46,18 @@ impl Run<'_> {
         let found = self.solver.find_instability(&self.tangent).map_err(Cut::Factor);
         self.seconds.factorization += clock.elapsed().as_secs_f64();
         found
+    }
+
+    /// Shifts the tangent further, after conjugate gradients met a direction of negative curvature; `last` is the shift of
+    /// the tangent before.
+    pub(super) fn lift(&mut self, last: f64) -> Result<(), Cut> {
+        let clock = Instant::now();
+        let first = (0.1 * last).max(FIRST_SHIFT);
+        self.shift = next_shift(self.shift, first).ok_or(Cut::Doubtful)?;
+        self.factorizations += 1;
+        self.solver.prepare(&self.tangent, self.shift).map_err(|_| Cut::Doubtful)?;
+        self.seconds.factorization += clock.elapsed().as_secs_f64();
+        Ok(())
     }
 
     /// The full-length step, which in the first iteration of a load step also moves what is prescribed; the change of
@@ -94,6 +109,16 @@ impl Run<'_> {
             skew::solve(solver, skew, &mut rhs, &constraint_residual, &mut free, &mut change)
         }
         .map_err(Cut::Factor)?;
+        self.linear_iterations += solved.iterations;
+        self.spent += solved.iterations;
+        if let Some(budget) = self.budget {
+            if solved.indefinite.is_some() {
+                return Err(Cut::Doubtful);
+            }
+            if !solved.is_complete || self.spent > budget {
+                return Err(Cut::Spent);
+            }
+        }
         step.iter_mut().zip(&free).for_each(|(s, f)| *s += f);
         Ok((step, change, solved.indefinite))
     }

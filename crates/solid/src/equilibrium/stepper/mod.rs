@@ -163,7 +163,7 @@ impl Stepper {
         let fixed = fixed.to_vec();
         let dofs = fixed.iter().copied();
         Ok(Stepper {
-            solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?,
+            solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?.renew_beside(),
             tangent: settings.method.tangent(body),
             settings,
             fixed,

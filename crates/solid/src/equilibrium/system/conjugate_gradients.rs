@@ -82,6 +82,12 @@ impl Preconditioner {
         ("multigrid", Preconditioner::Multigrid),
     ];
 
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        let found = Self::NAMES.into_iter().find(|(_, known)| *known == self);
+        found.map_or("", |(name, _)| name)
+    }
+
     /// The preconditioner with a name.
     ///
     /// # Errors

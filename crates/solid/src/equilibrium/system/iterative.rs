@@ -24,6 +24,9 @@ const ROUNDING: f64 = 1e-14;
 /// Iterations with a fresh factor beyond which its precision is not enough.
 const DOUBTFUL: usize = 12;
 
+/// Iterations of multigrid that take the time of a new hierarchy.
+const MAKING: usize = 10;
+
 /// Tolerance of one solution in single precision, relative to its right-hand side.
 const SINGLE: f64 = 1e-5;
 
@@ -114,6 +117,13 @@ impl Iterative {
         })
     }
 
+    /// Renews a factor on a second thread while the last one stays in use.
+    pub fn renew_beside(&mut self) {
+        if let Inverse::Lagged(lagged) = &mut self.inverse {
+            lagged.renew_beside();
+        }
+    }
+
     pub fn hold(&mut self, is_held: &[bool]) {
         self.operand.hold(is_held);
         self.remote.hold(is_held);
@@ -132,6 +142,20 @@ impl Iterative {
     pub fn bind(&mut self, border: &Border) {
         self.remote.bind();
         border.project(&mut self.last);
+    }
+
+    /// Tells where the nodes are, in the order of the vectors.
+    pub fn move_to(&mut self, points: impl Iterator<Item = [f64; 3]>) {
+        if let Inverse::Multigrid(multigrid) = &mut self.inverse
+            && self.is_stale
+        {
+            multigrid.move_to(points);
+        }
+    }
+
+    /// Solves to this tolerance from now on; returns the one before.
+    pub fn set_tolerance(&mut self, tolerance: f64) -> f64 {
+        std::mem::replace(&mut self.settings.tolerance, tolerance)
     }
 
     /// Takes a new tangent over; whether the preconditioner changed.
@@ -402,7 +426,12 @@ impl Iterative {
         {
             lagged.distrust();
         }
-        self.is_stale |= !solved.is_complete || solved.iterations > 2 * fresh + 2;
+        let most = match &self.inverse {
+            // A new hierarchy takes the time of so many iterations.
+            Inverse::Multigrid(_) => fresh + MAKING,
+            _ => 2 * fresh + 2,
+        };
+        self.is_stale |= !solved.is_complete || solved.iterations > most;
     }
 }
 

@@ -1,6 +1,6 @@
 //! The Cholesky factor of an earlier tangent as a preconditioner: from one frame to the next the tangent changes so
-//! little that a few iterations make up for it, and for single precision, too. A second thread, where there is one, makes the next factor while
-//! frames go on with the last.
+//! little that a few iterations make up for it, and for single precision, too. Where frames ask for it and there is a
+//! second thread, that makes the next factor while frames go on with the last.
 
 use super::factor::TangentFactor;
 use crate::body::BlockPattern;
@@ -79,7 +79,7 @@ impl LaggedFactor {
     }
 }
 
-/// A factor in use and, where there is a second thread, one in the making.
+/// A factor in use and, where one is to be renewed beside it, a spare.
 pub(super) struct Lagged {
     current: Box<LaggedFactor>,
     is_usable: bool,
@@ -87,9 +87,9 @@ pub(super) struct Lagged {
     spare: Option<Spare>,
 }
 
-/// The second factor: at home, or out with the worker.
+/// The second factor.
 struct Spare {
-    factor: Option<Box<LaggedFactor>>,
+    place: Place,
     worker: Worker,
     /// What is held has changed since the factor went out: it comes home useless.
     is_outdated: bool,
@@ -97,10 +97,27 @@ struct Spare {
     is_wanted: bool,
 }
 
-/// A factor to renew, with the values of the tangent and the shift.
-type Order = (Box<LaggedFactor>, Vec<f64>, f64);
-/// The factor come back, and whether it is of use.
-type Done = (Box<LaggedFactor>, Result<(), FactorError>);
+/// Where the second factor is.
+enum Place {
+    /// Nobody needed it yet: it takes as much analysis and memory as the first.
+    Unmade,
+    Home(Box<LaggedFactor>),
+    /// With the worker.
+    Out,
+}
+
+/// A factor to renew, or to make, with the values of the tangent and the shift.
+struct Order {
+    factor: Option<Box<LaggedFactor>>,
+    shape: Arc<Shape>,
+    is_held: Vec<bool>,
+    wants_double: bool,
+    values: Vec<f64>,
+    shift: f64,
+}
+
+/// The factor come back, and whether it is of use; an error alone where none could be made.
+type Done = Result<(Box<LaggedFactor>, Result<(), FactorError>), FactorError>;
 
 /// A thread that factorises what it is sent, and ends when nothing more can come.
 struct Worker {
@@ -113,23 +130,29 @@ struct Worker {
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
         let shape = Arc::new(Shape { blocks: blocks.clone(), free: free.to_vec() });
-        let factor = || LaggedFactor::new(&shape, n_dofs).map(Box::new);
-        let has_second_thread = rayon::current_num_threads() > 1;
         Ok(Lagged {
-            current: factor()?,
+            current: Box::new(LaggedFactor::new(&shape, n_dofs)?),
             is_usable: false,
             is_held: vec![false; n_dofs],
-            spare: if has_second_thread { Some(Spare::new(factor()?)) } else { None },
+            spare: None,
         })
+    }
+
+    /// Renews the factor on a second thread from now on, if there is one, while the last one stays in use.
+    pub fn renew_beside(&mut self) {
+        if rayon::current_num_threads() > 1 {
+            self.spare.get_or_insert_with(Spare::new);
+        }
     }
 
     pub fn hold(&mut self, is_held: &[bool]) {
         self.is_held.copy_from_slice(is_held);
         self.current.hold(is_held);
         if let Some(spare) = &mut self.spare {
-            match &mut spare.factor {
-                Some(factor) => factor.hold(is_held),
-                None => spare.is_outdated = true,
+            match &mut spare.place {
+                Place::Unmade => {}
+                Place::Home(factor) => factor.hold(is_held),
+                Place::Out => spare.is_outdated = true,
             }
         }
     }
@@ -146,7 +169,7 @@ impl Lagged {
             is_renewed = spare.collect(&mut self.current, &self.is_held);
             if self.is_usable {
                 spare.is_wanted |= is_stale;
-                spare.order(values, shift, self.current.wants_double);
+                spare.order(&self.current, values, shift);
                 return Ok(is_renewed);
             }
         }
@@ -177,9 +200,9 @@ impl Lagged {
 }
 
 impl Spare {
-    fn new(factor: Box<LaggedFactor>) -> Self {
+    fn new() -> Self {
         Spare {
-            factor: Some(factor),
+            place: Place::Unmade,
             worker: Worker::start(),
             is_outdated: false,
             is_wanted: false,
@@ -191,7 +214,11 @@ impl Spare {
         let Ok(done) = self.worker.done.get_mut() else {
             return false;
         };
-        let Ok((mut factor, outcome)) = done.try_recv() else {
+        let Ok(done) = done.try_recv() else {
+            return false;
+        };
+        let Ok((mut factor, outcome)) = done else {
+            self.place = Place::Unmade;
             return false;
         };
         let is_outdated = std::mem::take(&mut self.is_outdated);
@@ -201,21 +228,47 @@ impl Spare {
         }
         factor.hold(is_held);
         self.is_wanted |= is_outdated;
-        self.factor = Some(factor);
+        self.place = Place::Home(factor);
         is_good
     }
 
-    /// Sends the spare factor out, if one is wanted and it is at home.
-    fn order(&mut self, values: &[f64], shift: f64, wants_double: bool) {
-        if !self.is_wanted {
+    /// Sends the spare factor out, or has it made, if one is wanted and it is not out already.
+    fn order(&mut self, current: &LaggedFactor, values: &[f64], shift: f64) {
+        if !self.is_wanted || matches!(self.place, Place::Out) {
             return;
         }
-        if let (Some(mut factor), Some(orders)) = (self.factor.take(), &self.worker.orders) {
-            factor.wants_double |= wants_double;
+        if let Some(orders) = &self.worker.orders {
+            let factor = match std::mem::replace(&mut self.place, Place::Out) {
+                Place::Home(factor) => Some(factor),
+                Place::Unmade | Place::Out => None,
+            };
             // A worker that is gone leaves the factor in use as it is.
-            let _ = orders.send((factor, values.to_vec(), shift));
+            let _ = orders.send(Order {
+                factor,
+                shape: current.shape.clone(),
+                is_held: current.is_held.clone(),
+                wants_double: current.wants_double,
+                values: values.to_vec(),
+                shift,
+            });
             self.is_wanted = false;
         }
+    }
+}
+
+impl Order {
+    fn carry_out(self) -> Done {
+        let mut factor = match self.factor {
+            Some(factor) => factor,
+            None => {
+                let mut made = LaggedFactor::new(&self.shape, self.is_held.len())?;
+                made.hold(&self.is_held);
+                Box::new(made)
+            }
+        };
+        factor.wants_double |= self.wants_double;
+        let outcome = factor.factorize(&self.values, self.shift);
+        Ok((factor, outcome))
     }
 }
 
@@ -224,9 +277,8 @@ impl Worker {
         let (orders, incoming) = channel::<Order>();
         let (outgoing, done) = channel();
         let thread = std::thread::spawn(move || {
-            for (mut factor, values, shift) in incoming {
-                let outcome = factor.factorize(&values, shift);
-                if outgoing.send((factor, outcome)).is_err() {
+            for order in incoming {
+                if outgoing.send(order.carry_out()).is_err() {
                     break;
                 }
             }

@@ -4,6 +4,7 @@
 //! by sparse Cholesky, by `L D Lᵀ` or by conjugate gradients; a factor serves many right-hand sides at once. Fixed degrees of freedom are left out once and for all; what hands
 //! hold may change at any time.
 
+mod automatic;
 mod border;
 mod conjugate_gradients;
 mod device;
@@ -24,6 +25,7 @@ use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
 use crate::settings;
+pub use automatic::{Choice, waves};
 use border::Border;
 pub use border::{Row, mean_rows};
 pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
@@ -49,6 +51,8 @@ pub enum Method {
     Ldlt,
     /// Preconditioned conjugate gradients.
     ConjugateGradients(ConjugateGradients),
+    /// What is likely to be the fastest for a whole solution ([`Choice`]); frames are given a solver.
+    Automatic,
 }
 
 impl Method {
@@ -72,6 +76,16 @@ impl Method {
             ));
         }
         Ok(())
+    }
+
+    /// Its name in results.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Method::Cholesky => "cholesky",
+            Method::Ldlt => "ldlt",
+            Method::ConjugateGradients(cg) => cg.preconditioner.name(),
+            Method::Automatic => "auto",
+        }
     }
 
     /// A tangent in the form that this method needs, without values.
@@ -142,11 +156,25 @@ impl ConstrainedSystem {
             Method::ConjugateGradients(settings) => {
                 Solver::Iterative(Box::new(Numbered::new(settings, body, &free)?))
             }
+            Method::Automatic => {
+                return Err(Error::input(
+                    "\"auto\" chooses a solver for a whole solution; frames take \"cholesky\", \"cg\" or another one",
+                ));
+            }
         };
         let border = Border::new(Vec::new(), n_dofs);
         let mut system = ConstrainedSystem { free, rows, is_held, border, solver };
         system.hold(&[], mean_rows(&patches));
         Ok(system)
+    }
+
+    /// Has a second thread, where there is one, renew the factor of conjugate gradients while the last one stays in use:
+    /// frames may not wait for it, and how many of them it takes is not the same from run to run.
+    pub fn renew_beside(mut self) -> Self {
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            iterative.renew_beside();
+        }
+        self
     }
 
     /// The factorised tangent of a stable state `u`, `fixed` nodes held: for many right-hand sides.
@@ -206,6 +234,13 @@ impl ConstrainedSystem {
         match &self.solver {
             Solver::Direct(_) | Solver::Indefinite(_) => None,
             Solver::Iterative(iterative) => Some(iterative.remote()),
+        }
+    }
+
+    /// Tells where the tangent that is prepared next was made: at a displacement of the body.
+    pub fn move_to(&mut self, body: &Body, u: &[f64]) {
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            iterative.move_to(body, u);
         }
     }
 
@@ -307,6 +342,16 @@ impl ConstrainedSystem {
             Solver::Indefinite(factor) => factor.n_negative(),
             Solver::Direct(_) | Solver::Iterative(_) => None,
         }
+    }
+
+    /// Whether conjugate gradients meet no negative curvature on the way to a residual of `tolerance` for this force,
+    /// which should hold something of every motion; none if they did not get there.
+    pub fn is_definite_along(&mut self, force: &[f64], tolerance: f64) -> Option<bool> {
+        let Solver::Iterative(iterative) = &mut self.solver else { return None };
+        let mut b: Vec<f64> = force.to_vec();
+        b.iter_mut().zip(&self.is_held).for_each(|(b, &held)| *b = if held { 0.0 } else { *b });
+        let solved = iterative.probe(&b, tolerance).ok()?;
+        (solved.is_complete || solved.indefinite.is_some()).then_some(solved.indefinite.is_none())
     }
 
     /// `K⁻¹` in place, the patches left out: for columns on the free degrees of freedom, one after the other. Any number

@@ -47,6 +47,11 @@ impl Numbered {
         })
     }
 
+    /// Renews a factor on a second thread while the last one stays in use.
+    pub fn renew_beside(&mut self) {
+        self.iterative.renew_beside();
+    }
+
     /// Holds what is said of all degrees of freedom, until the next call.
     pub fn hold(&mut self, is_held: &[bool]) {
         let mut held = is_held.to_vec();
@@ -119,6 +124,31 @@ impl Numbered {
         numbering.scatter(own, step);
         solved.indefinite = solved.indefinite.map(|dof| self.dof(dof));
         Ok(solved)
+    }
+
+    /// Tells where a displacement takes the nodes: rigid motions of a bent body are not those of a straight one.
+    pub fn move_to(&mut self, body: &Body, u: &[f64]) {
+        let (moves, _) = u.as_chunks::<3>();
+        let at = |node: usize| {
+            let (x, u) = (body.points()[node], moves[node]);
+            std::array::from_fn(|i| x[i] + u[i])
+        };
+        match &self.numbering {
+            Some(numbering) => {
+                self.iterative.move_to(numbering.order().iter().map(|&node| at(node as usize)));
+            }
+            None => self.iterative.move_to((0..moves.len()).map(at)),
+        }
+    }
+
+    /// Solves for a force to another tolerance, for what that tells of the tangent.
+    pub fn probe(&mut self, force: &[f64], tolerance: f64) -> Result<Solved, FactorError> {
+        let usual = self.iterative.set_tolerance(tolerance);
+        let still = self.border.zeros();
+        let mut step = vec![0.0; force.len()];
+        let solved = self.solve(force, &still, &mut step, &mut Vec::new(), None);
+        self.iterative.set_tolerance(usual);
+        solved
     }
 
     /// The body's degree of freedom of a row.
