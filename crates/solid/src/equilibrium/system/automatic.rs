@@ -20,7 +20,7 @@ const ANALYSIS: f64 = 900.0;
 const FACTOR: f64 = 1.3;
 
 /// An iteration with an incomplete factor and one with a V-cycle, for each block; what a V-cycle takes to make.
-const INCOMPLETE: f64 = 2.5;
+const INCOMPLETE: f64 = 3.5;
 const CYCLE: f64 = 6.0;
 const MAKING: f64 = 60.0;
 
