@@ -65,7 +65,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-reduced study-soak study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
 .PHONY: reduced-liver build-times wheel
 
 help: ## this list
@@ -195,9 +195,30 @@ studies: $(development) ## the full studies of the papers; their tables go where
 docs: $(development) ## the documentation site, in out/site; a warning is an error
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs/site docs out/site
 
-study-trust: $(development) ## what trust is worth: 5,000 touches of ten bodies under all laws; kept in benchmarks/results
+study-trust: $(development) ## what trust is worth: 6,000 touches of ten bodies, each under all laws; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
+
+# Script and arguments of each.
+reduced_depth                := depth.py 40 4 1
+reduced_depth_order_6        := depth.py 60 6 1
+reduced_deep                 := deep.py
+reduced_fingers              := fingers.py
+reduced_fingers_mean_volume  := fingers.py "P1 mean volume" 12 6
+reduced_parameters           := parameters.py
+reduced_surrogates           := surrogates.py
+reduced_surrogates_liver     := surrogates.py liver anterior 1 4
+reduced_studies              := depth depth_order_6 deep fingers fingers_mean_volume parameters surrogates surrogates_liver
+
+study-reduced: $(reduced_studies:%=study-reduced-%) ## reduced models against Newton: depth, fingers, families, other methods; kept in benchmarks/results
+
+study-reduced-%: $(development)
+	mkdir -p out
+	$(BIN)/python benchmarks/$(reduced_$*) > out/$*.txt && mv out/$*.txt benchmarks/results/
+
+study-soak: $(development) ## ten minutes of a jerky random hand; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/soak.py > out/soak.txt && mv out/soak.txt benchmarks/results/soak.txt
 
 study-contact: $(development) ## tools and organs in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
 	for name in hertz hertz_pair contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
