@@ -288,8 +288,6 @@ OVERLOADED = [
 @pytest.mark.parametrize("options", [{}, {"solver": "cg"}, {"iterations": 3}], ids=str)
 def test_an_overload_does_not_freeze_an_organ(bar: vs.Mesh, law: Any, dynamics: Any, options: dict[str, Any]) -> None:
     """Seven times the force that would double the length of a linear bar, sideways: let go, the bar comes back."""
-    if isinstance(law, vs.Corotated) and "iterations" in options:
-        pytest.skip("comes back too slowly: see the next test")
     moving = {"dynamics": dynamics, "time_step": 0.02, "damping": (0.1, 0.1)} if dynamics else {}
     stepper = vs.Organ(bar, law, fixed="root", element="P1").stepper(density=1060, **moving, **options)
     largest, rest, at_bound = overloaded(bar, stepper, (0, 0, -750), 60)
@@ -298,15 +296,17 @@ def test_an_overload_does_not_freeze_an_organ(bar: vs.Mesh, law: Any, dynamics: 
     assert rest < 0.01
 
 
-def test_a_bar_that_comes_back_slowly_says_that_it_is_at_its_bounds(bar: vs.Mesh) -> None:
-    """The corotated energy is finite for a flat cell. Three iterations a frame flatten nearly all cells of the bar, and
-    it takes more frames to come back than anybody waits for: each says so."""
+def test_a_bar_at_its_bounds_says_so_and_leaves_them(bar: vs.Mesh) -> None:
+    """The corotated energy is finite for a flat cell: the load flattens nearly all cells of the bar, and each frame says
+    so. Three iterations a frame bring it back in 8 frames; 20 are asked for."""
     stepper = vs.Organ(bar, OVERLOADED[1], fixed="root", element="P1").stepper(iterations=3)
     for _ in range(60):
         loaded = stepper.frame(force={"tip": (0, 0, -750)})
-    free = [stepper.frame() for _ in range(100)]
-    assert all(frame.cells_at_bound > 0 and not frame.is_settled for frame in free)
-    assert np.abs(free[-1].displacement).max() < np.abs(loaded.displacement).max()
+    assert loaded.cells_at_bound > 150
+    free = [stepper.frame() for _ in range(20)]
+    assert not any(frame.is_settled for frame in (loaded, *free) if frame.cells_at_bound > 0)
+    assert free[-1].is_settled
+    assert np.abs(free[-1].displacement).max() < 0.01 * np.abs(loaded.displacement).max()
 
 
 def test_a_liver_comes_back_from_an_overload() -> None:

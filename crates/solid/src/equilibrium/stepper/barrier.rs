@@ -5,9 +5,10 @@
 //! A cell that a load presses against a bound comes to rest before it, may go back or along, and the others go on.
 //! Li et al., Incremental Potential Contact, SIGGRAPH 2020, with volume ratios in the place of distances.
 //!
-//! `J` is cubic in the displacement. Close to the bound its linear part, which is all that a Newton step knows, is true
-//! for a short way only, and a body with many cells there would stand still, under whatever load or none. So a step must
-//! leave each cell most of its distance: what it takes in many steps the barrier has time to give back.
+//! `J` is cubic in the displacement. Close to the bound a step that knows only its linear part is true for a short way:
+//! cut back to it, a body with many cells there would stand still, under whatever load or none. So the stiffness has the
+//! curvature of `J` too, made convex, which holds a cell the more against turning and shearing the closer it is to the
+//! bound, and a step must leave each cell most of its distance.
 
 use crate::body::{Body, Outlier, SymmetricBlocks};
 
@@ -91,16 +92,14 @@ impl VolumeBarrier {
         }
     }
 
-    /// Adds its stiffness [N/m] less what it has from the curvature of `J`, which is not definite.
+    /// Adds its stiffness [N/m], made convex point by point.
     pub fn add_stiffness(&self, body: &Body, blocks: &mut SymmetricBlocks) {
         for point in &self.points {
-            let [_, _, stiffness] = self.energy(body, point);
-            for (row, a) in &point.slopes {
-                for (column, b) in point.slopes.iter().filter(|(column, _)| column >= row) {
-                    let block = std::array::from_fn(|k| stiffness * a[k / 3] * b[k % 3]);
-                    let position = body.pattern().position(*row, *column);
-                    position.into_iter().for_each(|position| blocks.add(position, &block));
-                }
+            let [_, first, second] = self.energy(body, point);
+            let curvature = point.convex_curvature([first, second]);
+            for (row, column, block) in point.stiffness(&curvature) {
+                let position = body.pattern().position(row, column);
+                position.into_iter().for_each(|position| blocks.add(position, &block));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::barrier::VolumeBarrier;
 use super::*;
-use crate::equilibrium::tangent::Tangent;
+use crate::body::SymmetricBlocks;
 
 /// Of the bar that is pulled [m].
 const SIZE: [f64; 3] = [0.4, 0.2, 0.2];
@@ -129,7 +129,8 @@ fn slopes_of_the_volume_ratio_are_its_derivative() {
     }
 }
 
-/// Force and stiffness of the barrier against differences of its energy; what the stiffness leaves out is that of `J`.
+/// Force and curvature of the barrier against differences of its energy. Its stiffness is that made convex: along a
+/// direction it is no less, and nowhere negative.
 #[test]
 fn the_barrier_pushes_with_the_derivative_of_its_energy() {
     for element in Element::ALL {
@@ -158,21 +159,33 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         let slope = (energy(h) - energy(-h)) / (2.0 * h);
         assert!((dot(&force) - slope).abs() < 1e-6 * slope.abs(), "{element:?} {slope}");
 
-        let mut tangent = Tangent::matrix(&body);
-        here.add_stiffness(&body, tangent.blocks_mut());
-        let mut product = vec![0.0; u.len()];
-        tangent.multiply(&direction, &mut product);
-        let ratios = [h, 0.0, -h].map(|h| body.volume_ratios(&moved(h)));
-        let curved = |point: &crate::body::Outlier| {
-            let [ahead, now, behind] = [0, 1, 2].map(|k| ratios[k][point.point]);
-            here.energy(&body, point)[1] * (ahead - 2.0 * now + behind) / (h * h)
+        let quadratic = |blocks: &SymmetricBlocks, w: &[f64]| -> f64 {
+            let mut product = vec![0.0; w.len()];
+            blocks.multiply(w, &mut product);
+            product.iter().zip(w).map(|(a, w)| a * w).sum()
         };
-        let left_out: f64 = body.outliers(&u, here.inner()).iter().map(curved).sum();
+        let mut exact = body.zero_tangent();
+        for point in body.outliers(&u, here.inner()) {
+            let [_, first, second] = here.energy(&body, &point);
+            for (row, column, block) in point.stiffness(&point.curvature([first, second])) {
+                exact.add(body.pattern().position(row, column).unwrap(), &block);
+            }
+        }
         let curvature = (energy(h) - 2.0 * energy(0.0) + energy(-h)) / (h * h);
-        let found = dot(&product) + left_out;
+        let found = quadratic(&exact, &direction);
         assert!(
             (found - curvature).abs() < 1e-5 * curvature.abs(),
             "{element:?} {found} {curvature}"
         );
+        let mut convex = body.zero_tangent();
+        here.add_stiffness(&body, &mut convex);
+        let mut is_bent = false;
+        for seed in 20..60 {
+            let w = noise(u.len(), seed);
+            let [made, was] = [&convex, &exact].map(|blocks| quadratic(blocks, &w));
+            assert!(made >= was.abs() * (1.0 - 1e-9), "{element:?} {made} {was}");
+            is_bent |= made > 1.01 * was.abs();
+        }
+        assert!(is_bent, "{element:?}");
     }
 }
