@@ -297,7 +297,7 @@ def test_an_overload_does_not_freeze_an_organ(bar: vs.Mesh, law: Any, dynamics: 
 
 
 def test_a_bar_at_its_bounds_says_so_and_leaves_them(bar: vs.Mesh) -> None:
-    """The corotated energy is finite for a flat cell: the load flattens nearly all cells of the bar, and each frame says
+    """The corotated energy is finite for a flat cell: the load flattens nearly all cells of the bar, each frame says
     so. Three iterations a frame bring it back in 8 frames; 20 are asked for."""
     stepper = vs.Organ(bar, OVERLOADED[1], fixed="root", element="P1").stepper(iterations=3)
     for _ in range(60):
