@@ -9,17 +9,18 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from textwrap import fill
 
-from viscera import law, schema
+from viscera import law, scene_schema, schema
 from viscera.quantity import Choice
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "case-file.md"
 HEAD = """# The case file
 
-<!-- written by scripts/case_page.py from python/viscera/schema.py -->
+<!-- written by scripts/case_page.py from python/viscera/schema.py and scene_schema.py -->
 
-A case file is a [TOML](https://toml.io) file that describes an organ, its loads and its reduction. This page lists
-every table, key and possible value. A file with anything else in it is refused when it is read, before any work begins.
-[The command line](cli.md#a-case-file) has an example.
+A case file is a [TOML](https://toml.io) file that describes an organ, its loads and its reduction, or a
+[scene](#a-scene) of several organs. This page lists every table, key and possible value. A file with anything else in
+it is refused when it is read, before any work begins. [The command line](cli.md#a-case-file) has an example of an
+organ, [Supports and scenes](scenes.md#scenes-in-files) one of a scene.
 
 - All quantities are in SI units, except the coordinates in the mesh file, whose unit is given by `units`.
 - A number is written without quotes. `true`, `false` and words in quotes are never numbers, and `2.0` is not a whole
@@ -27,7 +28,7 @@ every table, key and possible value. A file with anything else in it is refused 
 - A place is the name of a set, a list of indices such as `"3, 14, 15"`, or one or more conditions joined by `and`, such
   as `"x < 10%"`, `"20% < y < 30 mm"` or `"within 8 mm of (100, 50, 80) mm"`.
   [Units and conventions](units-and-conventions.md#places-points-and-lengths-in-words) lists all forms.
-- In Python, `organ.to_case(path)` writes a case file, and `vs.case(path)` reads one.
+- In Python, `organ.to_case(path)` or `scene.to_case(path)` writes a case file, and `vs.case(path)` reads one.
 """
 PAIRS = """
 A law that lists `young` takes either `young` and `poisson`, or `mu` and `lam`. Any other built-in law takes exactly one
@@ -41,7 +42,16 @@ that `[material]` gives for the whole organ. To give the part another law, write
 
 def page() -> str:
     """The text of the whole page."""
-    return "\n".join((HEAD, *_table(schema.CASE), *_material(), *_tables()))
+    return "\n".join((HEAD, *_table(schema.CASE), *_material(), *_tables(), *_scene()))
+
+
+def _scene() -> Iterator[str]:
+    yield "## A scene\n"
+    yield f"{fill(scene_schema.SCENE.means, 120)}\n"
+    yield from _rows(scene_schema.SCENE.keys)
+    tables = (scene_schema.ORGAN, scene_schema.BOND, scene_schema.SPRING, scene_schema.CONTACT, scene_schema.BODY)
+    for table in (*tables, scene_schema.SCENE_LOADS):
+        yield from _table(table, level="###")
 
 
 def _tables() -> Iterator[str]:
@@ -53,8 +63,8 @@ def _tables() -> Iterator[str]:
         yield from _table(table)
 
 
-def _table(table: schema.Table) -> Iterator[str]:
-    yield f"## {f'`[{table.name}]`' if table.name else 'The organ'}\n"
+def _table(table: schema.Table, level: str = "##") -> Iterator[str]:
+    yield f"{level} {f'`[{table.name}]`' if table.name else 'The organ'}\n"
     yield f"{fill(table.means, 120)}\n"
     yield from _rows(table.keys)
 

@@ -10,7 +10,8 @@ import viscera as vs
 from viscera import VisceraError, cli
 from viscera.viewer import page
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "cli.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / "docs" / "cli.md").read_text(encoding="utf-8")
 
 CASE = """
 mesh = "organ:artery"
@@ -70,6 +71,14 @@ def test_fit(folder: Path) -> None:
 
 def test_solve(folder: Path) -> None:
     assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
+
+
+def test_solve_a_scene(folder: Path) -> None:
+    told = run(folder, "solve", str(ROOT / "examples" / "scene.toml"))
+    assert set(told) == documented("solve") | documented("solve SCENE.toml")
+    between = [each for kind in ("contacts", "springs", "bodies") for each in told[kind]]  # type: ignore[attr-defined]
+    assert len(between) == 3
+    assert all(f"`{key}`" in PAGE for each in between for key in each)
 
 
 def test_compare(folder: Path) -> None:

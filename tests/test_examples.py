@@ -7,6 +7,8 @@ from types import ModuleType
 
 import pytest
 
+from viscera import cli
+
 ROOT = Path(__file__).resolve().parent.parent
 LINES = 80
 
@@ -32,6 +34,11 @@ def test_an_example_runs_and_makes_its_picture(example: Path, tmp_path: Path, mo
         pytest.skip(str(missing))
     figure.savefig(tmp_path / "picture.png", dpi=40)
     assert (tmp_path / "picture.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("case", sorted((ROOT / "examples").glob("*.toml")), ids=lambda path: path.name)
+def test_a_case_file_solves(case: Path, tmp_path: Path) -> None:
+    assert cli.main(["solve", str(case), "--quiet", "-o", str(tmp_path / "solved.vtu")]) == 0
 
 
 @pytest.mark.parametrize("example", gallery.EXAMPLES, ids=lambda path: path.stem)

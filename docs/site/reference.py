@@ -40,7 +40,7 @@ GROUPS = {
         "Case",
     ),
     "Stress, strain and results": ("Deformed", "Moved", "Probe", "principal", "write_series"),
-    "Supports and scenes": ("ElasticSupport", "Spring", "Scene", "Bond", "ContactPair"),
+    "Supports and scenes": ("ElasticSupport", "Spring", "Scene", "Bond", "ContactPair", "SceneCase"),
     "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument", "Forceps"),
     "Reduced models": ("Touch", "Answer", "RigidProbe", "Felt", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),

@@ -17,7 +17,6 @@ from viscera._core import __version__
 from viscera.answer import Answer
 from viscera.bond import Bond
 from viscera.case import Case
-from viscera.case import read_case as case
 from viscera.cluster import sweep
 from viscera.comparison import compare
 from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
@@ -54,6 +53,8 @@ from viscera.probe import Felt, RigidProbe
 from viscera.registration import Registered
 from viscera.scan import Scan, image_fibres, scan
 from viscera.scene import Scene
+from viscera.scene_case import SceneCase
+from viscera.scene_case import read_any as case
 from viscera.series import write_series
 from viscera.solver import ConjugateGradients
 from viscera.spring import Spring
@@ -103,6 +104,7 @@ __all__ = [
     "SaintVenantKirchhoff",
     "Scan",
     "Scene",
+    "SceneCase",
     "Shape",
     "SpecimenTest",
     "Sphere",

@@ -49,10 +49,10 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -73,6 +73,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+Made = TypeVar("Made")
+PLACED = ("displacement", "force", "traction", "pressure")
+"""Loads that act at a place."""
 NAMES = {"reduce": "reduction"}
 """Attributes of a case whose name differs from the key in the file."""
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
@@ -117,9 +120,12 @@ class Case:
         >>> case.organ()
         Organ(525 points, 1920 cells, NeoHookean, P1, 25 fixed nodes)
         """
-        plain = load_mesh(self.mesh, self.units, self.folder)
-        places = [self.fixed, *self.supports]
-        for kind in ("displacement", "force", "traction", "pressure"):
+        return self._organ(load_mesh(self.mesh, self.units, self.folder))
+
+    def _organ(self, plain: Mesh, others: Iterable[str] = ()) -> Organ:
+        """The organ on its mesh, whose sets are also the places that others than the case name."""
+        places = [self.fixed, *self.supports, *others]
+        for kind in PLACED:
             places += [*self.loads.get(kind, {}), *self.scan.get(kind, {})]
         places += [self.reduction["touchable"]] if "touchable" in self.reduction else []
         named_mesh = plain.with_sets(**{place: place for place in places if isinstance(place, str)})
@@ -136,17 +142,7 @@ class Case:
         >>> case.organ().solve(**case.loading()).is_converged
         True
         """
-        return {
-            "displacement": self.loads.get("displacement", {}),
-            "force": self.loads.get("force", {}),
-            "traction": self.loads.get("traction", {}),
-            "pressure": self.loads.get("pressure", {}),
-            "gravity": self.loads.get("gravity"),
-            "density": self.loads.get("density"),
-            "steps": self.settings.get("steps", 1),
-            "settings": self.settings.get("newton"),
-            "solver": self.settings.get("solver", "cholesky"),
-        }
+        return loading(self.loads, self.settings)
 
     def solve(self, organ: Organ, progress: Progress | None = None) -> State:
         """Static equilibrium of the organ under the case's loads.
@@ -255,15 +251,24 @@ class Case:
         return organ, scanned if start == "scan" else None
 
 
-def read_case(path: str | os.PathLike[str]) -> Case:
-    """Read a CASE.toml; raises `VisceraError` with the file and the key that is wrong or missing.
+def loading(loads: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables [loads] and [settings] as `Organ.solve` takes them."""
+    return {
+        **{kind: loads.get(kind, {}) for kind in PLACED},
+        **{kind: loads.get(kind) for kind in ("gravity", "density")},
+        "steps": settings.get("steps", 1),
+        "settings": settings.get("newton"),
+        "solver": settings.get("solver", "cholesky"),
+    }
 
-    >>> import viscera as vs
-    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    >>> _ = beam.to_case("beam.toml", loads={"gravity": (0, 0, -9.81), "density": 1000.0})
-    >>> vs.case("beam.toml").loads
-    {'gravity': [0, 0, -9.81], 'density': 1000.0}
-    """
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read a CASE.toml of one organ; raises `VisceraError` with the file and the key that is wrong or missing."""
+    return read_words(path, case_of)
+
+
+def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path], Made]) -> Made:
+    """What is `made` of the words of a TOML file and of its folder; errors name the file."""
     source = Path(path)
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
@@ -272,13 +277,17 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     except (ValueError, RecursionError) as error:  # wrong TOML, or bytes that are not UTF-8; lists in lists in lists
         raise VisceraError(f"{source}: not a TOML file ({error})") from error
     try:
-        return case_of(words, source.parent)
+        return made(words, source.parent)
     except VisceraError as error:
         raise VisceraError(f"{source}: {error}") from None
 
 
 def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
     """A case from the words of its file; raises `VisceraError` naming the key that is wrong or missing."""
+    if "organs" in words:
+        raise VisceraError(
+            "a scene of several organs, and this takes one organ; `viscera solve` and viscera.case take scenes"
+        )
     schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
     return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder)
 

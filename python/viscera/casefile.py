@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from viscera import _core, law, schema
 from viscera.atomic import replacing
-from viscera.case import NAMES, Case, read_case
+from viscera.case import NAMES, PLACED, Case, read_case
 from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError
 from viscera.loads import by_place
@@ -22,8 +22,6 @@ from viscera.vary import Vary
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
-PLACED = ("displacement", "force", "traction", "pressure")
-"""Loads that act at a place."""
 MOST_PARTS = 64
 """Largest number of parts of a material in a case file. With more, its parameters count as a field over the cells."""
 
@@ -40,24 +38,17 @@ def write(
     """The case of `Organ.to_case`, written and read back."""
     import tomli_w
 
-    target = Path(path)
-    if target.suffix != ".toml":
-        raise VisceraError(f"{target}: a case file ends in .toml")
+    target = target_of(path)
     mesh_file = target.with_name(f"{target.stem}_mesh.vtu")
-    places = _Places(organ.mesh)
+    places = Places(organ.mesh)
     words: dict[str, Any] = {
-        "mesh": mesh_file.name,
-        "units": "m",
-        "fixed": places.word(organ.fixed, "fixed") if len(organ.fixed) else {},
-        "supports": _supports(organ, places),
-        "element": organ.element,
-        "material": _material(organ.law, places),
-        "loads": _loads(loads or {}, places),
-        "scan": _loads(scan or {}, places),
+        **organ_words(organ, places, mesh_file.name),
+        "loads": load_words(loads or {}, places),
+        "scan": load_words(scan or {}, places),
         "settings": dict(settings or {}),
         "reduce": _reduction(reduction or {}, places),
     }
-    words = {name: _plain(word) for name, word in words.items() if word != {}}
+    words = {name: plain(word) for name, word in words.items() if word != {}}
     Case(**{NAMES.get(name, name): word for name, word in words.items()})  # refused before anything is written
     places.mesh.write(mesh_file)
     with replacing(target) as scratch:
@@ -65,7 +56,28 @@ def write(
     return read_case(target)
 
 
-class _Places:
+def target_of(path: str | os.PathLike[str]) -> Path:
+    """The path of a case to be written, which must end as one."""
+    target = Path(path)
+    if target.suffix != ".toml":
+        raise VisceraError(f"{target}: a case file ends in .toml")
+    return target
+
+
+def organ_words(organ: Organ, places: Places, mesh_file: str) -> dict[str, Any]:
+    """What a case says of the organ itself; a table that would be empty is left out."""
+    words = {
+        "mesh": mesh_file,
+        "units": "m",
+        "fixed": places.word(organ.fixed, "fixed") if len(organ.fixed) else {},
+        "supports": _supports(organ, places),
+        "element": organ.element,
+        "material": _material(organ.law, places),
+    }
+    return {name: word for name, word in words.items() if word != {}}
+
+
+class Places:
     """The names of places in a case, and the linear mesh with the sets that they name."""
 
     def __init__(self, mesh: Mesh) -> None:
@@ -104,7 +116,7 @@ class _Places:
         return name
 
 
-def _material(material: law.Law, places: _Places) -> dict[str, Any]:
+def _material(material: law.Law, places: Places) -> dict[str, Any]:
     """The law: the parameters of most cells, and a table for each part with those that differ."""
     rows, owner, counts = np.unique(material.parameters, axis=0, return_inverse=True, return_counts=True)
     if len(rows) > MOST_PARTS:
@@ -161,7 +173,7 @@ def _parameters(material: law.Law) -> dict[str, Any]:
     return {**names, "fibres": material.fibres[:, 0].tolist(), "bear_compression": material.bear_compression}
 
 
-def _supports(organ: Organ, places: _Places) -> dict[str, Any]:
+def _supports(organ: Organ, places: Places) -> dict[str, Any]:
     """The elastic supports, each by its place."""
     words: dict[str, Any] = {}
     for k, support in enumerate(organ.supports):
@@ -174,7 +186,15 @@ def _supports(organ: Organ, places: _Places) -> dict[str, Any]:
     return words
 
 
-def _loads(loads: Mapping[str, Any], places: _Places) -> dict[str, Any]:
+class Named(Protocol):
+    """What finds words for the places of loads."""
+
+    def of(self, where: Where, name: str) -> str:
+        """The words for a place; a set that they need may be called `name`."""
+
+
+def load_words(loads: Mapping[str, Any], places: Named) -> dict[str, Any]:
+    """Loads in the words of a case."""
     words = {name: value for name, value in loads.items() if value is not None}
     for kind in PLACED:
         if kind not in words:
@@ -189,7 +209,7 @@ def _loads(loads: Mapping[str, Any], places: _Places) -> dict[str, Any]:
     return words
 
 
-def _reduction(reduction: Mapping[str, Any], places: _Places) -> dict[str, Any]:
+def _reduction(reduction: Mapping[str, Any], places: Places) -> dict[str, Any]:
     words = {name: value for name, value in reduction.items() if value is not None}
     if "touchable" in words:
         words["touchable"] = places.of(words["touchable"], "touchable")
@@ -207,10 +227,10 @@ def _unused(name: str, sets: Mapping[str, Any]) -> str:
     return next(each for each in candidates if each not in sets)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """NumPy values as TOML values."""
     if isinstance(value, Mapping):
-        return {name: _plain(each) for name, each in value.items()}
+        return {name: plain(each) for name, each in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [_plain(each) for each in value]
+        return [plain(each) for each in value]
     return value.item() if isinstance(value, np.generic) else value

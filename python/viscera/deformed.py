@@ -164,7 +164,8 @@ class Deformed:
 
     def fields(self) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """The fields of written files, by name: at nodes `von_mises` and `pressure`; in cells those, `cauchy_stress`,
-        `green_strain` and `energy_density`. If a cell is inverted, they contain no stress.
+        `green_strain` and `energy_density`; in those of a `Scene` also `organ`, its number in `organs`. If a cell is
+        inverted, they contain no stress.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -173,7 +174,11 @@ class Deformed:
         >>> sorted(nodes), sorted(cells)
         (['pressure', 'von_mises'], ['cauchy_stress', 'energy_density', 'green_strain', 'pressure', 'von_mises'])
         """
+        from viscera.scene import Scene
+
+        organ, _ = self._from_rest()
         strain = {"green_strain": self.strain("green"), "energy_density": self.energy_density()}
+        strain |= {"organ": organ.of_cell} if isinstance(organ, Scene) else {}
         if not (self._response.is_linear or (self._response.volume_ratio > 0.0).all()):
             return {}, strain
         cells, nodes = self.stress("cauchy"), self.stress("cauchy", "nodes")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from viscera.quantity import refused
 from viscera.select import length
 from viscera.spring import Spring
 from viscera.ties import Tied, Ties
+
+if TYPE_CHECKING:
+    from viscera.scene_case import SceneCase
 
 
 class Scene(Organ):
@@ -99,6 +103,11 @@ class Scene(Organ):
         """The rigid bodies."""
         return tuple(self._bodies)
 
+    @property
+    def of_cell(self) -> Floats:
+        """For each cell (m,) the number of its organ, counted from 0."""
+        return np.repeat(np.arange(float(len(self.organs))), [len(organ.mesh.cells) for organ in self.organs.values()])
+
     def place(self, organ: str, where: Where) -> tuple[int, ...]:
         """The nodes of a place of an organ in the numbering of the scene, for loads and displacements.
 
@@ -134,6 +143,31 @@ class Scene(Organ):
         """
         self.organ(name)
         return np.asarray(field[self._numbers[name]])
+
+    def to_case(  # type: ignore[override]  # a scene has no scan and no reduction in its case
+        self,
+        path: str | os.PathLike[str],
+        *,
+        loads: Mapping[str, Any] | None = None,
+        settings: Mapping[str, Any] | None = None,
+    ) -> SceneCase:
+        """Write the scene as a case file (docs/case-file.md), its meshes beside it, and read it back.
+
+        loads: as `solve` takes them, such as `{"gravity": (0, 0, -9.81), "density": {"liver": 1060}}`.
+        settings: "steps", "solver", and "newton" with a table of its settings.
+        `viscera.case(path)` reads the file, `viscera solve` solves it. Raises `VisceraError` for what a case cannot
+        express: what `Organ.to_case` names, springs among the supports of an organ, places that span several organs,
+        bodies that are a `Shape`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = vs.Scene({"beam": beam}).to_case("scene.toml", loads={"force": {"beam/tip": (0, 0, -10.0)}})
+        >>> case.organ().solve(**case.loading()).is_converged
+        True
+        """
+        from viscera import scene_file
+
+        return scene_file.write(self, path, loads=loads, settings=settings)
 
     def _samples(self, bond: Bond, mesh: Mesh, law: laws.Law) -> Ties:
         if not isinstance(bond, Bond):

@@ -122,6 +122,19 @@ def offset(value: Lengths, mesh: Sized, name: str) -> Floats:
     return _three(value, np.zeros(3), np.full(3, mesh.diagonal), name)
 
 
+def in_space(value: Lengths, name: str) -> Floats:
+    """A point or a motion (3,) [m] in space, where there is no mesh that a percentage could refer to.
+
+    >>> in_space("(0, 0, 21) cm", "the position").tolist()
+    [0.0, 0.0, 0.21]
+    """
+    if not has_words(value):
+        return vector(value, name, "m")
+    if "%" in str(value):
+        raise VisceraError(f"{name}: a percentage of what? write {brief(value)} with units, such as '12 mm'")
+    return _three(value, np.zeros(3), np.zeros(3), name)
+
+
 def has_words(value: Any) -> bool:
     """Whether a vector is given in words, at least in part."""
     return isinstance(value, str) or (isinstance(value, list | tuple) and any(isinstance(each, str) for each in value))

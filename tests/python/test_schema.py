@@ -19,6 +19,7 @@ import pytest
 import viscera as vs
 from viscera.case import Case, case_of, read_case
 from viscera.loads import nodal_forces, prescribed, pressed_faces, traction_forces
+from viscera.scene_case import SceneCase, any_case_of
 
 MUTATIONS = 10_000
 BUILDS = 300
@@ -88,6 +89,45 @@ CASES: list[dict[str, Any]] = [
         "reduce": {"start": "scan", "pade": False},
     },
 ]
+SCENE: dict[str, Any] = {
+    "organs": {
+        "lower": {
+            "mesh": "bar.vtu",
+            "units": "m",
+            "fixed": "root",
+            "material": {"law": "NeoHookean", "young": 1e5, "poisson": 0.3},
+        },
+        "upper": {
+            "mesh": "bar.vtu",
+            "units": "m",
+            "position": [0, 0, "10 cm"],
+            "supports": {"tip": {"stiffness": 1e6, "tangential": 0}},
+            "element": "P1",
+            "material": {"law": "Yeoh", "c10": 500.0, "poisson": 0.3},
+        },
+    },
+    "bonds": [{"first": "lower/x > 50%", "second": "upper", "sliding": True, "stiffness": 50, "reach": "2%"}],
+    "springs": [
+        {"first": "lower/tip", "second": "upper/tip", "stiffness": 10.0, "length": "5 cm", "cable": True},
+        {"first": "upper/tip", "point": "(40, 5, 30) cm", "stiffness": 10.0},
+    ],
+    "contacts": [{"first": "lower/x < 50%", "second": "upper/x < 50%", "reach": 0.01, "stiffness": 30}],
+    "bodies": [
+        {"shape": "HalfSpace", "position": [0, 0, "-5 cm"], "friction": "bonded", "rotation": [0, 0, 1.5]},
+        {"shape": "Box", "sides": ["1 cm", 0.01, 0.02], "rounding": 0.001, "position": [0, 0, 1], "friction": 0.3},
+        {"shape": "Capsule", "radius": "1 cm", "length": 0.1, "position": [0, 0, 2], "displacement": [0, 0, "-1 mm"]},
+        {"shape": "Sphere", "radius": 0.01, "position": [1, 1, 1], "turn": [0, 0, 1], "stiffness": 20},
+    ],
+    "loads": {
+        "gravity": [0, 0, -9.81],
+        "density": {"lower": 1000, "upper": 900.0},
+        "displacement": {"upper/x > 99%": [0.01, "free", "-3 cm"]},
+        "force": {"lower/tip": [0, 0, 1.0]},
+        "traction": {"upper/y > 99%": [0, 1, 0]},
+        "pressure": {"upper/z > 99%": 10},
+    },
+    "settings": {"steps": 2, "solver": "cg", "newton": {"tolerance": 1e-8}},
+}
 MOMENT = datetime.datetime(2026, 1, 1, tzinfo=datetime.timezone.utc)
 VALUES: list[Any] = [
     *(True, False, 0, 1, -1, 2, 7, 10**6, 99999999, 10**400, 0.5, 1.5, -0.0, 1e-300, 1e100, 1e300, math.inf, math.nan),
@@ -96,6 +136,13 @@ VALUES: list[Any] = [
     *([True, False, True], [0, True, 1], ["free", "free", "free"], [1e100, 0, 0], [math.nan, 0, 0], ["0", "0", "1"]),
     *([0, 0, [1]], [[1, 0, 0], [0, 1, 0]], [[1, 0, 0], [0, 1, True]], {}, {"a": 1}, {"tip": True}, {"tip": [0, 0, 1]}),
     *({"x": {"y": {}}}, {"law": "Linear"}, {"young": "1"}, {"root": 1e100}, MOMENT, MOMENT.date(), MOMENT.time()),
+]
+
+
+SCENE_VALUES: list[Any] = [
+    *VALUES,
+    *("lower", "lower/", "/tip", "lower/tip", "uper/tip", "Sphere", "HalfSpace", "bonded", "1 cm", "(1, 2, 3) mm"),
+    *([{}], [{"first": "lower"}], [{"first": "lower", "second": "upper"}], ["1 cm", "1 cm", "5%"], [[1, 0, 0]] * 3),
 ]
 
 
@@ -128,7 +175,7 @@ def end(value: Any) -> bool:
 
 
 def metres(value: Any) -> bool:
-    return real(value) or (isinstance(value, str) and value in {"0", "5%", "12 mm", "-3 cm"})
+    return real(value) or (isinstance(value, str) and value in {"0", "5%", "12 mm", "-3 cm", "1 cm"})
 
 
 def point(value: Any) -> bool:
@@ -199,6 +246,50 @@ KINDS: dict[str, Any] = {
 }
 
 
+def rows(**kinds: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: isinstance(value, list) and all(fits(row, kinds) for row in value)
+
+
+def in_space(value: Any) -> bool:
+    return isinstance(value, str) or (isinstance(value, list) and len(value) == 3 and all(map(end, value)))
+
+
+def side(value: Any) -> bool:
+    return isinstance(value, str) and value.partition("/")[0] in {"lower", "upper"} and not value.endswith("/")
+
+
+def addressed(kind: Callable[[Any], bool]) -> Callable[[Any], bool]:
+    return lambda value: places(kind)(value) and all(map(side, value))
+
+
+def organs(value: Any) -> bool:
+    return isinstance(value, dict) and all(fits(organ, ORGAN) for organ in value.values())
+
+
+ORGAN: dict[str, Any] = {
+    **{name: KINDS[name] for name in ("mesh", "units", "fixed", "element", "material")},
+    "supports": places(lambda value: fits(value, {"stiffness": real, "tangential": real})),
+    "position": in_space,
+}
+SCENE_KINDS: dict[str, Any] = {
+    "organs": organs,
+    "bonds": rows(first=side, second=side, sliding=flag, stiffness=real, reach=length),
+    "springs": rows(first=side, second=side, point=in_space, stiffness=real, length=end, cable=flag),
+    "contacts": rows(first=side, second=side, stiffness=real, reach=length),
+    "bodies": rows(
+        **{"shape": text, "radius": length, "length": length, "rounding": end, "sides": in_space, "turn": vector},
+        **{"position": in_space, "displacement": in_space, "friction": end, "stiffness": real},
+        rotation=lambda value: vector(value) or (isinstance(value, list) and all(map(vector, value))),
+    ),
+    "loads": {
+        **{"force": addressed(vector), "traction": addressed(vector), "pressure": addressed(real), "gravity": vector},
+        "displacement": addressed(components),
+        "density": lambda value: real(value) or fits(value, {"lower": real, "upper": real}),
+    },
+    "settings": {**KINDS["settings"], "solver": text},
+}
+
+
 def spots(words: Any) -> Iterator[tuple[Any, Any]]:
     """Every table or list of a case with a key of its own."""
     for key, value in words.items() if isinstance(words, dict) else enumerate(words):
@@ -207,9 +298,9 @@ def spots(words: Any) -> Iterator[tuple[Any, Any]]:
             yield from spots(value)
 
 
-def mutated(chance: random.Random) -> dict[str, Any]:
+def mutated(chance: random.Random, cases: list[dict[str, Any]], values: list[Any]) -> dict[str, Any]:
     """A case with one or two of its entries replaced, taken away or called by another name."""
-    words: dict[str, Any] = copy.deepcopy(chance.choice(CASES))
+    words: dict[str, Any] = copy.deepcopy(chance.choice(cases))
     for _ in range(chance.choice((1, 1, 2))):
         table, key = chance.choice(list(spots(words)))
         change = chance.random()
@@ -220,7 +311,7 @@ def mutated(chance: random.Random) -> dict[str, Any]:
                 key
             )
         else:
-            table[key] = copy.deepcopy(chance.choice(VALUES))
+            table[key] = copy.deepcopy(chance.choice(values))
     return words
 
 
@@ -235,7 +326,7 @@ def test_mutated_cases_are_refused_in_words_or_right(folder: Path) -> None:
     chance = random.Random(15)
     refused, taken = 0, []
     for _ in range(MUTATIONS):
-        words = mutated(chance)
+        words = mutated(chance, CASES, VALUES)
         try:
             taken.append(case_of(words, folder))
         except vs.VisceraError:
@@ -248,8 +339,29 @@ def test_mutated_cases_are_refused_in_words_or_right(folder: Path) -> None:
         build(case)
 
 
-def build(case: Case) -> None:
-    """The organ and its loads, in words where they cannot be made; nothing is solved."""
+def test_mutated_scenes_are_refused_in_words_or_right(folder: Path) -> None:
+    chance = random.Random(16)
+    assert isinstance(any_case_of(SCENE, folder), SceneCase)
+    assert fits(SCENE, SCENE_KINDS)
+    refused, taken = 0, []
+    for _ in range(MUTATIONS // 2):
+        words = mutated(chance, [SCENE], SCENE_VALUES)
+        try:
+            case = any_case_of(words, folder)
+        except vs.VisceraError:
+            refused += 1
+        else:
+            assert isinstance(case, SceneCase)
+            assert fits(words, SCENE_KINDS), words
+            taken.append(case)
+    assert refused > MUTATIONS / 4
+    assert len(taken) > MUTATIONS / 40
+    made = sum(map(build, chance.sample(taken, BUILDS // 3)))
+    assert made > BUILDS / 10  # most organs of a mutated scene can be made still
+
+
+def build(case: Case | SceneCase) -> bool:
+    """Whether the organ and its loads can be made, in words where they cannot; nothing is solved."""
     try:
         organ = case.organ()
         loads = case.loading()
@@ -258,7 +370,8 @@ def build(case: Case) -> None:
         traction_forces(organ.mesh, organ.fixed, loads["traction"])
         pressed_faces(organ.mesh, organ.fixed, loads["pressure"])
     except vs.VisceraError:
-        return
+        return False
+    return True
 
 
 HEAD = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'

@@ -1,6 +1,7 @@
 """Solve the nonlinear statics of one case: displacements, reactions, energy and volume change.
 
-If the case has a [scan], its loads are removed first, and displacements count from the scan.
+If the case has a [scan], its loads are removed first, and displacements count from the scan. A case with [organs.NAME]
+is a scene of several organs, solved together.
 """
 
 from __future__ import annotations
@@ -11,10 +12,20 @@ from typing import Any
 import numpy as np
 
 from viscera import progress, statefile
-from viscera.case import read_case
+from viscera.case import Case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.navigation import Unloaded
 from viscera.organ import NOTHING_ACTS
+from viscera.scene_case import SceneCase, read_any
+from viscera.state import State
+
+WORDS = {
+    "bonds": "bond of",
+    "springs": "spring between",
+    "contacts": "contact of",
+    "bodies": "contact with the body",
+}
+"""How a force between the parts of a scene is announced."""
 
 
 def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
@@ -26,6 +37,25 @@ def _say_unloaded(rest: Unloaded, name: str, output: Output) -> None:
         f"{name}: loads of the scan taken off in {len(rest.errors)} iterations, {rest.seconds:.2f} s; they move the "
         f"organ by up to {moved:.4g} mm; displacements count from the scan"
     )
+
+
+def _say_between(facts: dict[str, Any], output: Output) -> None:
+    """How far each organ of a scene moves, and the forces between them."""
+    for name, organ in facts["organs"].items():
+        output.say(f"  largest displacement of {name!r}: {1e3 * organ['max_displacement']:.4g} mm")
+    for kind in ("bonds", "springs", "contacts", "bodies"):
+        for each in facts[kind]:
+            between = each.get("shape") or f"{each['first']!r} and {_end(each)}"
+            area = f" over {1e4 * each['area']:.4g} cm2" if "area" in each else ""
+            force = ", ".join(f"{component:.4g}" for component in each["force"])
+            output.say(f"  {WORDS[kind]} {between}: {force} N{area}")
+
+
+def _end(each: dict[str, Any]) -> str:
+    """The second end of what lies between two."""
+    if "second" in each:
+        return repr(each["second"])
+    return f"({', '.join(f'{metres:g}' for metres in each['point'])}) m"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,9 +70,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve, print, write."""
-    case = read_case(args.case)
+    case = read_any(args.case)
     if args.output:
         statefile.checked(args.output)
+    if isinstance(case, SceneCase):
+        return _scene(args, case, output)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     facts: dict[str, Any] = {}
@@ -56,7 +88,28 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
             state = case.predict(rest, bar)
         else:
             state = case.solve(organ, bar)
-    reactions = case.reactions(organ, state)
+    return _told(args, case, state, case.reactions(organ, state), facts, output)
+
+
+def _scene(args: argparse.Namespace, case: SceneCase, output: Output) -> Outcome:
+    """Solve a scene, and say what lies between its organs too."""
+    scene = case.organ()
+    for name, organ in scene.organs.items():
+        output.say_all(f"{name}: {message}" for message in organ.mesh.messages)
+    with progress.bar(output.is_quiet) as bar:
+        state = case.solve(scene, bar)
+    return _told(args, case, state, case.reactions(scene, state), case.facts(scene, state), output)
+
+
+def _told(
+    args: argparse.Namespace,
+    case: Case | SceneCase,
+    state: State,
+    reactions: dict[str, list[float]],
+    facts: dict[str, Any],
+    output: Output,
+) -> Outcome:
+    """Print and write the solution; `facts` are those that not every case has."""
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
     if "solver" in case.settings:
@@ -68,6 +121,8 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say(f"  volume ratio          {state.volume_ratio:.6g}")
     for name, force in reactions.items():
         output.say(f"  reaction at {name!r}: " + ", ".join(f"{component:.4g}" for component in force) + " N")
+    if "organs" in facts:
+        _say_between(facts, output)
     if args.output:
         state.write(args.output)
         output.say(f"  written to {args.output}: {statefile.contents(args.output)}")

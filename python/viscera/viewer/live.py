@@ -21,6 +21,7 @@ from viscera.case import Case
 from viscera.errors import VisceraError
 from viscera.loads import density_per_cell
 from viscera.organ import Organ
+from viscera.quantity import refused
 from viscera.support import require_held
 from viscera.touch import Touch
 
@@ -53,6 +54,8 @@ class LiveCase:
 
 def live_case(case: Case, name: str) -> LiveCase:
     """Pack a case under a name to show; raises `VisceraError` if it cannot be stepped."""
+    if not isinstance(case, Case):
+        raise refused("what a page steps", "a case of one organ, as viscera.case reads it", case)
     case.require_unloaded("view")
     organ = case.organ()
     if organ.supports:

@@ -1,0 +1,254 @@
+"""Case files of scenes: the API's words, the same numbers, both ways; who takes them and who does not."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera import cli
+from viscera.case import read_case
+from viscera.scene_case import SceneCase
+from viscera.viewer.live import live_case
+
+LAW = vs.NeoHookean(young=1e5, poisson=0.3)
+GOOD = """
+[organs.lower]
+mesh = "bar.vtu"
+units = "m"
+fixed = "root"
+[organs.lower.material]
+law = "NeoHookean"
+young = 1e5
+poisson = 0.3
+
+[organs.upper]
+mesh = "bar.vtu"
+units = "m"
+position = "(0, 0, 11) cm"
+[organs.upper.supports.root]
+stiffness = 1e6
+[organs.upper.material]
+law = "NeoHookean"
+young = 1e5
+poisson = 0.3
+
+[[contacts]]
+first = "lower/z > 99%"
+second = "upper"
+
+[[springs]]
+first = "lower/x > 99%"
+point = [0.4, 0.05, "40 cm"]
+stiffness = 20
+cable = true
+
+[[bodies]]
+shape = "HalfSpace"
+position = [0, 0, "-0.1 mm"]
+
+[loads]
+gravity = [0, 0, -9.81]
+density = {lower = 900, upper = 1000}
+force."upper/x > 99% and z > 50%" = [0, 0, -1.5]
+"""
+
+
+@pytest.fixture
+def folder(bar: vs.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    bar.write(tmp_path / "bar.vtu")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def read(folder: Path, words: str = GOOD) -> SceneCase:
+    (folder / "scene.toml").write_text(words, encoding="utf-8")
+    case = vs.case(folder / "scene.toml")
+    assert isinstance(case, SceneCase)
+    return case
+
+
+def by_hand(bar: vs.Mesh) -> tuple[vs.Scene, dict[str, Any]]:
+    above = vs.mesh(bar.points + np.array([0, 0, 0.11]), bar.cells, bar.sets)
+    scene = vs.Scene(
+        {
+            "lower": vs.Organ(bar, LAW, fixed="root"),
+            "upper": vs.Organ(above, LAW, supports=[vs.ElasticSupport("root", 1e6)]),
+        },
+        bodies=[vs.Tool(vs.HalfSpace(), position=(0, 0, -1e-4))],
+        bonds=[vs.Spring("lower/tip", point=(0.4, 0.05, 0.4), stiffness=20.0, cable=True)],
+        contacts=[vs.ContactPair(("lower", "z > 99%"), "upper")],
+    )
+    where = scene.place("upper", "x > 99% and z > 50%")
+    loads: dict[str, Any] = {"force": {where: (0, 0, -1.5)}, "gravity": (0, 0, -9.81)}
+    return scene, {**loads, "density": {"lower": 900, "upper": 1000}}
+
+
+def test_a_case_gives_what_the_api_gives(bar: vs.Mesh, folder: Path) -> None:
+    case = read(folder)
+    scene = case.organ()
+    state = case.solve(scene)
+    hand, loads = by_hand(bar)
+    expected = hand.solve(**loads)
+    assert state.is_converged
+    assert abs(state.displacement - expected.displacement).max() < 1e-9
+    facts = case.facts(scene, state)
+    (contact,), (spring,), (body,) = facts["contacts"], facts["springs"], facts["bodies"]
+    assert contact["force"] == pytest.approx(expected.force(hand.contacts[0]), rel=1e-6, abs=1e-8)
+    assert contact["force"][2] < -1.0
+    assert spring["force"] == pytest.approx(expected.support_force(hand.bonds[0]), rel=1e-6, abs=1e-8)
+    assert body["force"] == pytest.approx(expected.force(hand.bodies[0]), rel=1e-6, abs=1e-8)
+    assert body["force"][2] > 1.0
+    reactions = case.reactions(scene, state)
+    assert list(reactions) == ["lower/root", "upper/root"]
+    weight = 9.81 * bar.volume * (900 + 1000) + 1.5
+    total = np.sum([*reactions.values(), spring["force"], body["force"]], axis=0)
+    assert total == pytest.approx([0, 0, weight], abs=1e-6 * weight)
+
+
+def test_what_is_written_is_read(bar: vs.Mesh, folder: Path) -> None:
+    scene, loads = by_hand(bar)
+    bodies = [
+        vs.Tool(vs.Box((0.1, 0.2, 0.01), rounding="1 mm"), (0, 0, -0.2), (0.0, 0.1, 0.0), friction="bonded"),
+        vs.Tool(vs.Capsule(0.01, 0.05), (0, 0, 0.5), displacement=(0, 0, 1e-3), turn=(0, 0, 0.1), stiffness=20.0),
+        vs.Tool(vs.Sphere("1 cm"), (1, 1, 1), friction=0.2),
+        *scene.bodies,
+    ]
+    tied = [
+        vs.Bond(("lower", lambda x: x[:, 0] < 0.1), ("upper", "x < 25%"), sliding=True, stiffness=10, reach="2 cm"),
+        vs.Spring("lower/tip", scene.place("upper", "x > 99% and z > 50%"), stiffness=5.0, length="1 cm"),
+        *scene.bonds,
+    ]
+    scene = vs.Scene(scene.organs, bodies, tied, scene.contacts)
+    written = scene.to_case(folder / "two.toml", loads=loads, settings={"steps": 2, "newton": {"max_iterations": 60}})
+    assert written == vs.case(folder / "two.toml")
+    assert sorted(path.name for path in folder.glob("two*")) == ["two.toml", "two_lower_mesh.vtu", "two_upper_mesh.vtu"]
+    again = written.organ()
+    state, other = scene.solve(**loads, steps=2, settings={"max_iterations": 60}), written.solve(again)
+    assert state.is_converged
+    assert abs(state.displacement - other.displacement).max() < 1e-9
+    assert repr(again) == repr(scene)
+    assert repr(again.bodies) == repr(scene.bodies)
+    for one, two in zip(scene.bodies, again.bodies, strict=True):
+        assert two._spec()[1:] == one._spec()[1:]
+
+
+def test_what_a_case_has_no_word_for(bar: vs.Mesh, folder: Path) -> None:
+    scene, _ = by_hand(bar)
+    solid = vs.Scene(scene.organs, [vs.Tool(vs.Shape(vs.organs.beam()), position=(5, 0, 0))])
+    held = vs.Organ(bar, LAW, fixed="root", supports=[vs.Spring("tip", point=(1, 0, 0), stiffness=1.0)])
+    make: Any
+    for make, sentence in (
+        (lambda: solid.to_case("a.toml"), "no word for the body Tool"),
+        (lambda: scene.to_case("a.toml", loads={"force": {"x > 99%": (0, 0, 1)}}), "'x > 99%' spans several organs"),
+        (lambda: vs.Scene({"bar": held}).to_case("a.toml"), "no word for springs"),
+        (lambda: scene.to_case("a.json"), "ends in .toml"),
+        (lambda: scene.to_case("a.toml", loads={"wind": 1}), "unknown key 'wind' in .loads"),
+    ):
+        with pytest.raises(vs.VisceraError, match=sentence):
+            make()
+    assert sorted(path.name for path in folder.iterdir()) == ["bar.vtu"]
+
+
+def test_mesh_files_of_odd_names_stay_apart(bar: vs.Mesh, folder: Path) -> None:
+    organ = vs.Organ(bar, LAW, fixed="root")
+    above = vs.Organ(vs.mesh(bar.points + np.array([0, 0, 1]), bar.cells, bar.sets), LAW, fixed="root")
+    case = vs.Scene({"le foie: 1": organ, "le foie? 1": above}).to_case("odd.toml")
+    assert [str(each["mesh"]) for each in case.organs.values()] == ["odd_le_foie_1_mesh.vtu", "odd_2_mesh.vtu"]
+    assert case.organ().organ("le foie? 1").mesh.points.min() == 0.0
+    assert case.organ().organ("le foie? 1").mesh.points[:, 2].min() == 1.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('first = "lower/z > 99%"', 'first = "lowr"', r"'lowr' of \[\[contacts\]\]: no organ .*; did you mean 'lower'"),
+        ('force."upper/', 'force."uper/', "of force: no organ is called 'uper'; did you mean 'upper'"),
+        ('force."upper/', 'force."', "of force: no organ is called 'x > 99% and z > 50%'"),
+        ("upper = 1000", "uper = 1000", "the density: no organ is called 'uper'"),
+        (", upper = 1000", "", r"density in \[loads\] has none for the organ 'upper'"),
+        ("lower = 900", "lower = -900", "of 'lower' must be a number above 0"),
+        ('second = "upper"\n', "", r"the key 'second' is missing in \[\[contacts\]\] \(number 1 of contacts\)"),
+        ("[[contacts]]", "[contacts]", r"'contacts' is a list of tables, each under \[\[contacts\]\]"),
+        ("cable = true", "cable = 1", r"cable in \[\[springs\]\] must be true or false, got 1"),
+        ("point = [", "points = [", r"unknown key 'points' in \[\[springs\]\]"),
+        ('point = [0.4, 0.05, "40 cm"]\n', "", "a spring ends at a second place or at a point"),
+        ('"40 cm"', '"40%"', r"point in \[\[springs\]\]: a percentage of what"),
+        ('"HalfSpace"', '"HalfSpac"', "shape in .* 'HalfSpac' is unknown; did you mean 'HalfSpace'"),
+        (
+            'shape = "HalfSpace"',
+            'shape = "HalfSpace"\nradius = 1',
+            "a HalfSpace has no 'radius' .* takes no size",
+        ),
+        ('"HalfSpace"', '"Sphere"', r"the key 'radius' is missing in \[\[bodies\]\]; its shape takes radius"),
+        ("young = 1e5", "yuong = 1e5", "organ 'lower': unknown key 'yuong' in .material.; did you mean 'young'"),
+        ('fixed = "root"\n', "", "organ 'lower': the key 'fixed' is missing"),
+        ("[organs.upper]", '[organs."up/per"]', "the name of an organ must be words without '/'"),
+        ("[loads]", "[reduce]\norder = 2\n[loads]", "unknown key 'reduce'"),
+    ],
+)
+def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, words: str) -> None:
+    assert old in GOOD
+    with pytest.raises(vs.VisceraError, match=f"scene.toml: .*{words}"):
+        read(folder, GOOD.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('fixed = "root"', 'fixed = "rot"', "organ 'lower': .*no node set 'rot'; did you mean 'root'"),
+        ('second = "upper"', 'second = "upper/rim"', "organ 'upper': the mesh has no node set 'rim'"),
+        ('mesh = "bar.vtu"', 'mesh = "car.vtu"', "organ 'lower': .*car.vtu: no such file"),
+        (
+            "[[contacts]]",
+            '[[bonds]]\nfirst = "lower"\nsecond = "upper"\n[[contacts]]',
+            "no triangle of the one",
+        ),
+    ],
+)
+def test_wrong_places_are_named_on_solving(folder: Path, old: str, new: str, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        read(folder, GOOD.replace(old, new, 1)).organ()
+
+
+@pytest.mark.parametrize("verb", ["reduce", "compare", "view"])
+def test_what_takes_one_organ_refuses_a_scene_before_any_work(
+    folder: Path, verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read(folder)
+    monkeypatch.setattr(vs.Organ, "__init__", lambda *_, **__: pytest.fail("an organ was made"))
+    assert cli.main([verb, "scene.toml"]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"viscera {verb}: scene.toml: a scene of several organs, and this takes one organ; ")
+    assert "`viscera solve`" in said
+    assert said.count("\n") == 1
+    with pytest.raises(vs.VisceraError, match="a scene of several organs"):
+        read_case("scene.toml")
+    with pytest.raises(vs.VisceraError, match="what a page steps must be a case of one organ"):
+        live_case(vs.case("scene.toml"), "Scene")  # type: ignore[arg-type]
+
+
+def test_solve_writes_every_organ_and_says_what_is_between_them(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = read(folder)
+    assert cli.main(["solve", "scene.toml", "-o", "out.vtu", "--json", "out.json"]) == 0
+    said = capsys.readouterr().out
+    facts = json.loads((folder / "out.json").read_text(encoding="utf-8"))
+    scene = case.organ()
+    state = case.solve(scene)
+    grid = meshio.read(folder / "out.vtu")
+    assert grid.point_data["displacement"] == pytest.approx(state.displacement, abs=1e-12)
+    (number,) = grid.cell_data["organ"]
+    assert np.array_equal(np.unique(grid.cells[0].data[number == 1.0]), scene.mesh.sets["upper"])
+    largest = np.linalg.norm(state["upper"].displacement, axis=1).max()
+    assert facts["organs"]["upper"]["max_displacement"] == pytest.approx(largest)
+    assert facts["contacts"][0]["force"] == pytest.approx(state.force(scene.contacts[0]))
+    assert facts["springs"][0]["point"] == [0.4, 0.05, 0.4]
+    for line in ("largest displacement of 'upper'", "contact of 'lower/z > 99%' and 'upper'", "the body HalfSpace"):
+        assert line in said
