@@ -63,7 +63,8 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.fibres import helical_fibres
 from viscera.mesh import Indices, Mesh, read
 from viscera.navigation import Unloaded
-from viscera.organ import Organ, Progress
+from viscera.organ import Organ
+from viscera.progress import Progress
 from viscera.state import State
 from viscera.touch import Touch
 from viscera.vary import Vary

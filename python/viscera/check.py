@@ -22,8 +22,7 @@ from viscera import _core, defaults
 from viscera.display import Tabled
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
-from viscera.organ import Progress
-from viscera.progress import shown
+from viscera.progress import Progress, shown
 from viscera.select import length
 from viscera.state import State
 from viscera.touch import Touch

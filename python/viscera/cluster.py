@@ -21,8 +21,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from viscera.errors import VisceraError
-from viscera.organ import Progress
-from viscera.progress import shown
+from viscera.progress import Progress, shown
 
 Shared = TypeVar("Shared")
 Task = TypeVar("Task")

@@ -21,8 +21,8 @@ from viscera.errors import VisceraError, did_you_mean
 from viscera.law import Corotated, Law, Linear, MooneyRivlin, NeoHookean, SaintVenantKirchhoff
 from viscera.loads import prescribed
 from viscera.mesh import Floats, Mesh
-from viscera.organ import Organ, Progress
-from viscera.progress import shown
+from viscera.organ import Organ
+from viscera.progress import Progress, shown
 from viscera.select import AXES
 from viscera.state import State
 

@@ -22,7 +22,8 @@ from viscera.quantity import Number, Whole
 from viscera.state import State
 
 if TYPE_CHECKING:
-    from viscera.organ import Organ, Progress
+    from viscera.organ import Organ
+    from viscera.progress import Progress
 
 TIGHT = {"tolerance": 1e-12}  # of the equilibria inside the iteration, in the words of Newton's settings
 MEMORY = 5  # earlier iterates that Anderson's acceleration combines

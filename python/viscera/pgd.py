@@ -8,7 +8,7 @@ Niroomandi, Alfaro, González, Cueto and Chinesta, IJNME 96 (2013) 129; crates/p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,12 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
+from viscera.progress import Progress
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
 
-Progress = Callable[[int, int, str], None]
 Place = int | np.integer[Any] | ArrayLike
 """Where the load acts: a node among the positions, or a point (3,) [m] of the surface that the positions span."""
 

@@ -16,7 +16,9 @@ from threading import Event, Thread
 from time import perf_counter
 from typing import Any, ParamSpec, TypeVar, cast
 
-Show = Callable[[int, int, str], None]
+Progress = Callable[[int, int, str], None]
+"""Called with the steps done, the total of steps, and the name of the stage. An exception that it raises stops all."""
+
 Work = ParamSpec("Work")
 Result = TypeVar("Result")
 
@@ -31,7 +33,7 @@ _is_shown = False  # in this process, by a bar or lines; work within other work 
 
 
 @contextmanager
-def bar(is_quiet: bool = False) -> Iterator[Show]:
+def bar(is_quiet: bool = False) -> Iterator[Progress]:
     """A callback for the events of long work, shown on standard error: a bar per stage, or lines without a terminal."""
     if is_quiet:
         yield lambda done, total, stage: None
@@ -70,7 +72,7 @@ def _alone() -> Iterator[None]:
 
 
 @contextmanager
-def _told(tell: Callable[[int, int, str, float], None], first: float, every: float) -> Iterator[Show]:
+def _told(tell: Callable[[int, int, str, float], None], first: float, every: float) -> Iterator[Progress]:
     """A callback whose latest event is told after a while, and then again and again until the work is done."""
     latest = [0, 0, "working"]
     is_done = Event()
@@ -125,12 +127,13 @@ def _notebook_bar() -> Callable[[int, int, str, float], None]:
 
 
 @contextmanager
-def _terminal_bar() -> Iterator[Show]:
+def _terminal_bar() -> Iterator[Progress]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Display
 
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"))
-    with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)) as display:
+    with Display(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)) as display:
         stages: dict[str, TaskID] = {}
 
         def show(done: int, total: int, stage: str) -> None:

@@ -37,7 +37,8 @@ from viscera.contact import Contact, Tool
 from viscera.contact_pair import ContactPair
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
-from viscera.organ import Organ, Progress
+from viscera.organ import Organ
+from viscera.progress import Progress
 from viscera.scene import Scene
 from viscera.scene_schema import SCENE, SHAPES, SIZES, Side
 from viscera.select import in_space

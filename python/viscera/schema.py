@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from viscera import defaults, elastic_support, law, organ, vary
+from viscera import defaults, elastic_support, held, law, reducible, statics, vary
 from viscera.errors import VisceraError, did_you_mean
 from viscera.meshfile import METRES
 from viscera.quantity import Check, Choice, Flag, Number, Vector, Whole, brief, numbers_of, refused
@@ -406,7 +406,7 @@ SETTINGS = Table(
     "settings",
     "Settings of the solver; rarely needed.",
     {
-        "steps": Key(organ.STEPS, "initial number of load steps; more are taken where needed", "1"),
+        "steps": Key(statics.STEPS, "initial number of load steps; more are taken where needed", "1"),
         "solver": Key(Choice(SOLVERS), "solver of the linear systems", '"cholesky"'),
         "newton": Key(
             Table(
@@ -440,8 +440,10 @@ REDUCE = Table(
         ),
         "radius": Key(Length(), "radius of the contact patch", _percent(defaults.RADIUS_FRACTION)),
         "depth": Key(Length(), "largest contact displacement", _percent(defaults.DEPTH_FRACTION)),
-        "order": Key(organ.ORDER, "order of the series", str(defaults.ORDER)),
-        "tolerance": Key(organ.TOLERANCE, "relative compression error of the stored field", f"{defaults.TOLERANCE:g}"),
+        "order": Key(reducible.ORDER, "order of the series", str(defaults.ORDER)),
+        "tolerance": Key(
+            statics.TOLERANCE, "relative compression error of the stored field", f"{defaults.TOLERANCE:g}"
+        ),
         "pade": Key(Flag(), "sum the series in its Padé form", "true"),
         "start": Key(Choice(STARTS), "state that touches start from", '"rest"; required if there is a `[scan]`'),
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
@@ -465,7 +467,7 @@ CASE = Table(
         "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
         "fixed": Key(Place("node"), "fixed nodes", "required, unless there are `supports`"),
         "supports": Key(Places("supports", SUPPORT), "elastic supports", "none"),
-        "element": Key(Choice(organ.ELEMENTS), "element of the mesh", "chosen for the material"),
+        "element": Key(Choice(held.ELEMENTS), "element of the mesh", "chosen for the material"),
         "material": Key(Material(), "law and parameters", is_required=True),
         "loads": Key(LOADS, "loads", "no load"),
         "scan": Key(SCAN, "loads under which the mesh was acquired", "the mesh is at rest"),

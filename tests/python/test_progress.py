@@ -85,12 +85,12 @@ def test_a_notebook_shows_one_bar_by_itself(cell: Display) -> None:
     """One for the work, none for the work within it; nothing after it."""
 
     @progress.shown
-    def inner(progress: progress.Show | None = None) -> None:
+    def inner(progress: progress.Progress | None = None) -> None:
         assert progress is None
         sleep(0.1)
 
     @progress.shown
-    def outer(progress: progress.Show | None = None) -> int:
+    def outer(progress: progress.Progress | None = None) -> int:
         inner()
         assert progress is not None
         progress(1, 2, "<stage>")

@@ -15,9 +15,9 @@ from viscera import progress, statefile
 from viscera.case import Case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.navigation import Unloaded
-from viscera.organ import NOTHING_ACTS
 from viscera.scene_case import SceneCase, read_any
 from viscera.state import State
+from viscera.statics import NOTHING_ACTS
 
 WORDS = {
     "bonds": "bond of",

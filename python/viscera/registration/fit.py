@@ -34,7 +34,8 @@ from viscera.registration.registered import Registered, band_of
 from viscera.registration.rigid import TUKEY, Rigid, Shape, aligned, levers, spaced, spread, starts, tukey, vector_of
 
 if TYPE_CHECKING:
-    from viscera.organ import Organ, Progress
+    from viscera.organ import Organ
+    from viscera.progress import Progress
     from viscera.state import State
 
 CUBE = 0.025

@@ -1,0 +1,152 @@
+"""What every computation with an organ begins from: a mesh, a law, and what holds them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viscera import _core, defaults
+from viscera.contact import Tool
+from viscera.display import Pictured
+from viscera.errors import VisceraError
+from viscera.law import Law, Several
+from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.quantity import Choice, refused
+from viscera.select import Lengths, length
+from viscera.select import point as point_of
+from viscera.support import fixed_nodes, supports_of
+from viscera.ties import Tied, joined
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from viscera.organ import Organ
+
+ELEMENTS = tuple(name for name, _ in _core.elements())
+ROUNDING = 1e-9
+"""Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
+
+
+class Held(Pictured):
+    """A mesh with its law, its element and its supports; `Organ` says what its arguments are."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        law: Law | Mapping[Any, Law],
+        fixed: Where | None = None,
+        *,
+        element: str | None = None,
+        supports: Sequence[Tied] = (),
+    ) -> None:
+        if not isinstance(mesh, Mesh):
+            raise refused("the mesh", "a viscera.Mesh, as read(path) or mesh(points, cells) gives it", mesh)
+        if isinstance(law, Mapping):
+            law = Several(mesh, law)
+        if not isinstance(law, Law):
+            raise refused("the law", "one of viscera.laws, such as NeoHookean, or a table of them by place", law)
+        rows = len(law.parameters)
+        if rows not in {1, len(mesh.cells)}:
+            raise VisceraError(f"the law has parameters for {rows} cells, the mesh has {len(mesh.cells)} cells")
+        self.element = _element(element, law)
+        """Name of the element."""
+        self.mesh = mesh.quadratic() if self.element == "P2" else mesh.linear()
+        """The mesh with the nodes of the element."""
+        self.law = law
+        self.supports = supports_of(supports)
+        """Elastic supports."""
+        self._bodies: list[Tool] = []
+        self._tied = [support.ties(self.mesh) for support in self.supports]
+        self._ties = joined(self._tied)
+        self._contact_pairs = [each for each, ties in zip(self.supports, self._tied, strict=True) if ties.surfaces]
+        self.fixed = fixed_nodes(self.mesh, fixed, self._ties)
+        """Indices (k,) of the fixed nodes."""
+        corners = self.mesh.points[: self.mesh.n_corners]
+        self._body = _core.Body(corners, mesh.cells, law.core(), self.fixed, self.element, self._ties.core)
+
+    def __repr__(self) -> str:
+        size = f"{len(self.mesh.points)} points, {len(self.mesh.cells)} cells"
+        held = [f"{len(self.fixed)} fixed nodes"] if len(self.fixed) or not self.supports else []
+        held += [f"{len(self.supports)} elastic supports"] if self.supports else []
+        return f"Organ({size}, {type(self.law).__name__}, {self.element}, {', '.join(held)})"
+
+    def patch(self, point: Lengths, radius: float | str) -> _core.Patch:
+        """The contact patch around a surface point (3,) [m]: smooth weights of sum 1 within `radius` [m].
+
+        Both may be given in words: `organ.patch("(100, 50, 80) mm", "12 mm")`.
+        In `solve` a patch can take the place of a node set: to prescribe its mean displacement, or to spread a force
+        over it.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> patch = beam.patch("(100%, 50%, 100%)", "5 cm")
+        >>> state = beam.solve(displacement={patch: (0, 0, -0.01)})
+        >>> state.reaction(patch)[2].round(3).item()
+        -0.789
+        """
+        return self._body.patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
+
+    def touchable(self, where: Where | None = None, radius: float | str | None = None) -> Indices:
+        """The free surface nodes of a place; by default all that are farther than `radius` [m] from fixed nodes.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> len(beam.touchable()), len(beam.touchable("top and x > 50%"))
+        (297, 50)
+        """
+        surface = np.setdiff1d(self.mesh.surface_nodes, self.fixed)
+        if where is not None:
+            nodes = np.intersect1d(surface, self.mesh.nodes(where))
+            advice = "the touchable set holds no whole free triangle of the surface; choose a larger one"
+        else:
+            reach = defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else self._length("radius", radius)
+            nodes = surface
+            if len(self.fixed):
+                nodes = surface[_distances(self.mesh.points[surface], self.mesh.points[self.fixed]) > reach]
+            advice = f"no surface triangle is farther than {reach:g} m from the fixed nodes; lower the radius"
+        if not np.isin(self.mesh.surface, nodes).all(axis=1).any():
+            raise VisceraError(advice)
+        return nodes
+
+    def plot(self, path: str | os.PathLike[str] | None = None, *, title: str = "") -> Figure:
+        """Draw the organ at rest, with fixed nodes as dots and cell sets as wireframes. `path`: write a PNG file there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> figure = beam.plot("beam.png")
+        """
+        from viscera.picture import draw_rest
+
+        mesh = self.mesh
+        parts = {name: _core.surface(mesh.points, mesh.cells[cells]) for name, cells in mesh.cell_sets.items()}
+        return draw_rest(mesh.points, mesh.surface, fixed=self.fixed, parts=parts, title=title, path=path)
+
+    def _length(self, name: str, value: float | str) -> float:
+        metres = length(value, self.mesh.diagonal, name)
+        if not 0.0 < metres <= self.mesh.diagonal:
+            raise VisceraError(
+                f"{name} is {metres:g} m; it must be positive and at most the organ's diagonal, "
+                f"{self.mesh.diagonal:g} m"
+            )
+        return metres
+
+    @property
+    def _organ(self) -> Organ:
+        """Itself: all that is held is an organ."""
+        return self  # type: ignore[return-value]
+
+
+def _element(name: str | None, law: Law) -> str:
+    """The element of this name; without a name, the one that suits the law."""
+    if name is None:
+        locks = law.poisson.max() > defaults.LOCKING_POISSON * (1.0 + ROUNDING)
+        return defaults.LOCKING_FREE_ELEMENT if locks else defaults.ELEMENT
+    return Choice(ELEMENTS)(name, "the element")
+
+
+def _distances(points: Floats, others: Floats) -> Floats:
+    """Distance of each point (k, 3) to the nearest of `others` (l, 3)."""
+    return np.array([np.sqrt(((others - point) ** 2).sum(axis=1).min()) for point in points])

@@ -1,0 +1,203 @@
+"""The models of an organ that answer a load anywhere on its surface: the reduced model, and paper A's."""
+
+from __future__ import annotations
+
+import json
+import os
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from viscera import _core, defaults
+from viscera.checkpoint import Batches, Checkpoint, fingerprint
+from viscera.errors import VisceraError
+from viscera.held import Held
+from viscera.law import StrainEnergy
+from viscera.mesh import Floats, Indices, Where
+from viscera.parts import notes
+from viscera.pgd import Pgd, separate
+from viscera.preload import preload_of
+from viscera.progress import Progress, shown
+from viscera.quantity import Flag, Number, Whole, refused
+from viscera.select import length
+from viscera.state import State
+from viscera.statics import TOLERANCE
+from viscera.support import require_held
+from viscera.touch import Touch
+from viscera.vary import Vary
+
+ORDER = Whole(2, 8)
+
+
+class Reducible(Held):
+    """What is held, by its response to a touch at every place."""
+
+    @shown
+    def reduce(
+        self,
+        touchable: Where | None = None,
+        *,
+        radius: float | str | None = None,
+        depth: float | str | None = None,
+        order: int = defaults.ORDER,
+        tolerance: float = defaults.TOLERANCE,
+        pade: bool = True,
+        start: State | None = None,
+        vary: Vary | None = None,
+        checkpoint: Checkpoint | str | os.PathLike[str] | None = None,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+    ) -> Touch:
+        """The reduced model of all contacts on a surface: u(x; s, d) = sum of d^alpha u_alpha(x; s), |alpha| <= order.
+
+        touchable: a place whose free surface nodes may be touched; by default all surface nodes farther than `radius`
+            from fixed nodes.
+        radius: of the contact patch [m], or in words such as "12 mm" or "5%" of the bounding-box diagonal; by default
+            a tenth of the diagonal.
+        depth: largest displacement [m] of a touch, given in the same way; by default a tenth of the diagonal.
+        order: total order of the series in the three components of the contact displacement d, 2 to 8.
+        tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
+            directions.
+        pade: sum the orders in their vector Padé form, which reaches deeper than the polynomial.
+        start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
+            patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
+        vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
+        checkpoint: a file that keeps finished batches of positions until the model is complete. After an interruption,
+            the same call continues from there. If the file belongs to another case, the work starts again, with a
+            warning.
+        executor: a `concurrent.futures.Executor` whose workers solve the batches: processes, Dask or MPI
+            (docs/cluster.md). On one kind of processor, the model is the same bit by bit for any number of workers.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("tip", depth="2%", order=2)
+        >>> touch((1, 0.1, 0.1), (0, 0, -0.01)).force.round(3).tolist()
+        [0.242, -0.034, -0.498]
+        """
+        radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
+        depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
+        order, tolerance, pade = ORDER(order, "order"), TOLERANCE(tolerance, "tolerance"), Flag()(pade, "pade")
+        if vary is not None and not isinstance(vary, Vary):
+            raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
+        if start is not None and not isinstance(start, State):
+            raise refused("the state to reduce about", "a State, as solve returns it", start)
+        if not self.law.is_analytic:
+            if isinstance(self.law, StrainEnergy):
+                raise VisceraError(
+                    "max, min and step have no power series at the point where they switch, so a reduced model of this "
+                    "formula could be wrong; write it without them, or use solve"
+                )
+            raise VisceraError(
+                "fibres that go slack have no power series about rest, so a reduced model would be wrong wherever they "
+                "are compressed; reduce with bear_compression=True, or use solve"
+            )
+        self._require_linear_ties()
+        nodes = self.touchable(touchable, radius)
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
+        organ, family = (self._organ, None) if vary is None else vary.on(self.mesh).family(self._organ, radius)
+        preload = None if start is None else preload_of(self._organ, start)
+        numbers: dict[str, Any] = {
+            "radius": radius,
+            "depth": depth,
+            "order": order,
+            "tolerance": tolerance,
+            "pade": pade,
+        }
+        settings = {"touchable": nodes, **numbers, "preload": preload}
+        with (
+            nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, numbers, family) as kept
+        ):
+            batches: _core.Batches | None = kept
+            if executor is not None:
+                from viscera.offline import Finished, Offline
+
+                offline = Offline(organ, vary and vary.on(self.mesh), settings)
+                batches = Finished(offline.batches(executor, kept, progress))
+            model = organ._body.reduce(
+                **settings,
+                family=family,
+                metadata=json.dumps(notes(self.mesh)),
+                on_progress=progress or (lambda done, total, stage: None),  # a callback lets Ctrl-C through
+                batches=batches,
+            )
+        return Touch(model)
+
+    def _batches(
+        self,
+        checkpoint: Checkpoint | str | os.PathLike[str],
+        nodes: Indices,
+        preload: Floats | None,
+        numbers: dict[str, Any],
+        family: dict[str, Any] | None,
+    ) -> AbstractContextManager[Batches]:
+        """The kept batches of this reduction."""
+        keeper = checkpoint if isinstance(checkpoint, Checkpoint) else Checkpoint(checkpoint)
+        words = {"law": self.law.name, "element": self.element, **numbers}
+        if family is not None:
+            members = [[value, radius] for value, _, radius in family["members"]]
+            words["family"] = [family["name"], family["value"], family["cells"], members]
+        rest = np.empty(0) if preload is None else preload
+        arrays = [self.mesh.points, self.mesh.cells, self.law.parameters, self.fixed, nodes, rest]
+        arrays += self._ties.arrays if self.supports else ()
+        return keeper.batches(fingerprint(arrays, words))
+
+    @shown
+    def pgd(
+        self,
+        touchable: Where | None = None,
+        *,
+        load: float,
+        order: int = 4,
+        radius: float | str = 0.0,
+        tolerance: float | None = 0.05,
+        max_terms: int = 100,
+        stagnation: float = 0.05,
+        max_iterations: int = 30,
+        progress: Progress | None = None,
+    ) -> Pgd:
+        """Paper A's model: a load normal to the surface at any node of a place, u = sum a^p sum_i F_i^p(x) G_i^p(s).
+
+        load: force [N] at a = 1; positive pushes in.
+        radius: 0 puts the load on single nodes, as in the paper. A positive radius [m] spreads it over a contact patch,
+            which separates better and does not depend on the mesh.
+        order: 1 to 15.
+        tolerance: an order is complete when the energy norm of a pair falls below this fraction of the largest norm in
+            its order. None solves every position exactly instead, for comparison.
+        max_terms: largest number of pairs in an order.
+        stagnation, max_iterations: of the alternating directions. A pair is found when the unit vector along its G
+            changes by less than `stagnation`.
+        Niroomandi et al., IJNME 96 (2013) 129, sections 3 and 4.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> model = beam.pgd("tip", load=1.0, order=3)
+        >>> model.displacement((1, 0.1, 0.1), a=0.5).shape
+        (525, 3)
+        """
+        self._require_linear_ties()
+        order = Whole(1, 15)(order, "order")
+        max_terms = Whole(1, 10_000)(max_terms, "max_terms")
+        max_iterations = Whole(1, 10_000)(max_iterations, "max_iterations")
+        load, stagnation = Number("N")(load, "load"), TOLERANCE(stagnation, "stagnation")
+        radius = length(radius, self.mesh.diagonal, "radius")
+        require_held(self.mesh, self.fixed, np.empty(0, dtype=np.uint32), [], self._ties)
+        rules = {"max_terms": max_terms, "stagnation": stagnation, "max_iterations": max_iterations}
+        return separate(
+            self._organ,
+            self.touchable(touchable),
+            load=load,
+            radius=radius,
+            order=order,
+            enrichment=None if tolerance is None else {"tolerance": TOLERANCE(tolerance, "tolerance"), **rules},
+            progress=progress,
+        )
+
+    def _require_linear_ties(self) -> None:
+        if self._ties.links:
+            raise VisceraError("a series does not know springs and cables; leave them out, or solve in load steps")
+        if self._ties.surfaces:
+            raise VisceraError(
+                "a series does not know surfaces that touch; leave the contact pairs out, or solve in load steps"
+            )

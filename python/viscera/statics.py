@@ -1,0 +1,193 @@
+"""The equilibria of an organ: one load case by Newton's method, or a path along a load by its series."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from viscera import gpu
+from viscera.contact import AnyShape, Tool, tools_of
+from viscera.errors import NotConverged, VisceraError
+from viscera.frame import Frame
+from viscera.held import Held
+from viscera.loads import (
+    Density,
+    Displacements,
+    Forces,
+    Pressures,
+    Tractions,
+    density_per_cell,
+    nodal_forces,
+    prescribed,
+    pressed_faces,
+    traction_forces,
+)
+from viscera.mesh import Floats, Mesh
+from viscera.path import Expansion, Path
+from viscera.progress import Progress, shown
+from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
+from viscera.solver import Solver, core_solver, newton_settings
+from viscera.state import State
+from viscera.support import require_held
+
+STEPS = Whole(1, 10_000)
+TOLERANCE = Number(above=0, below=1)
+
+NOTHING_ACTS = "nothing acts on the organ: no load, no prescribed displacement other than zero"
+
+
+class Statics(Held):
+    """What is held, under loads."""
+
+    @shown
+    def solve(
+        self,
+        *,
+        displacement: Displacements | None = None,
+        force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
+        gravity: ArrayLike | None = None,
+        density: Density | None = None,
+        contact: Sequence[Tool | AnyShape] | None = None,
+        steps: int = 1,
+        start: State | Frame | Floats | None = None,
+        settings: Mapping[str, float] | None = None,
+        solver: Solver = "cholesky",
+        throw: bool = False,
+        progress: Progress | None = None,
+    ) -> State:
+        """Static equilibrium, f_int(u) = f_ext, under prescribed displacements, forces, surface loads and gravity.
+
+        displacement: `{where: (x, y, z)}` [m] or in words such as "-10 mm"; None or "free" leaves a component free. An
+            array (k, 3) moves each node of a set on its own. For a contact patch (`Organ.patch`) the weighted mean is
+            prescribed.
+        force: `{where: (x, y, z)}`, the total [N]. It is spread as a uniform traction over the surface of the set, or
+            in equal shares over its nodes if it has no surface. An array (n, 3) gives nodal forces.
+        traction: `{where: (x, y, z)}` [Pa], a dead load per area at rest on the surface triangles within the set.
+        pressure: `{where: p}` [Pa] on the same triangles. It pushes against their outward normal as they deform, so a
+            positive pressure on a `lumen` inflates a vessel.
+        gravity: acceleration (3,) [m/s^2]; it needs `density` [kg/m^3], one number, one per cell, or by place:
+            `{"liver": 1060, "gallbladder": 1010}`.
+        contact: rigid tools, `[Tool(Sphere(0.01), position=..., displacement=...)]`, which move by their `displacement`
+            in proportion to the load. They must start outside the organ. `State.contact(tool)` gives their forces.
+            Friction is integrated from load step to load step; if a tool reverses its direction, solve each direction
+            separately.
+        steps: initial number of load steps; more are taken where needed.
+        start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
+        settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
+            `[settings.newton]` of a case file (docs/case-file.md).
+        solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`; or "auto", which
+            chooses the one that is likely to be the fastest (docs/solvers.md). `State.solver` says which it was.
+        throw: raise `NotConverged` if the solve fails, instead of returning the state with its status.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> state = beam.solve(displacement={"tip": (None, None, -0.05)}, gravity=(0, 0, -9.81), density=100)
+        >>> state.status, state.reaction("tip")[2].round(3).item()
+        ('converged', 12.333)
+        """
+        if gravity is not None and density is None:
+            raise VisceraError("gravity needs a density [kg/m^3]")
+        steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
+        moved = prescribed(self.mesh, self.fixed, displacement or {})
+        require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches], self._ties)
+        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
+        weight = np.zeros_like(applied)
+        if gravity is not None and density is not None:
+            acceleration = vector(gravity, "gravity", "m/s^2")
+            weight = self._body.gravity(acceleration, density_per_cell(self.mesh, density))
+        means = [mean for _, mean in moved.patches]
+        tools = [*tools_of(contact), *self._bodies]
+        began = perf_counter()
+        result = self._body.solve(
+            prescribed=moved.dofs,
+            values=moved.values,
+            force=applied,
+            body_force=weight,
+            pressed=pressed,
+            pressure=pressures,
+            patches=moved.patches,
+            tools=[tool._spec() for tool in tools],
+            start=begin,
+            steps=steps,
+            settings=newton_settings(settings),
+            solver=core_solver(solver),
+            on_progress=lambda load: progress(round(100 * load), 100, "load") if progress else None,
+        )
+        gpu.report(result["device_fault"])
+        seconds, patches = perf_counter() - began, [patch for patch, _ in moved.patches]
+        state = State(self._organ, result, patches, seconds, has_pressure=bool(pressure), tools=tools)
+        acting = (moved.values, means, applied, weight, pressures)
+        if state.is_converged and not tools and not any(np.any(each) for each in acting):
+            state.message = NOTHING_ACTS
+        if throw and not state.is_converged:
+            raise NotConverged(state)
+        return state
+
+    @shown
+    def path(
+        self,
+        *,
+        force: Forces | None = None,
+        traction: Tractions | None = None,
+        pressure: Pressures | None = None,
+        order: int = 15,
+        parameter: str = "load",
+        until: float = 1.0,
+        tolerance: float = 1e-6,
+        max_expansions: int = 50,
+    ) -> Path:
+        """The equilibrium path under `until` times a load, by the asymptotic numerical method.
+
+        Each expansion is u(a) = sum_p a^p u_p, where all orders share one tangent. The next one begins at the end of
+        its range. The parameter a is the "load", or the "arc length", which passes limit points.
+        force, traction, pressure: as in `solve`, at load 1. A pressure follows the surface.
+        Cochelin, Damil and Potier-Ferry (1994); Niroomandi et al., IJNME 96 (2013) 129.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> path = beam.path(force={"tip": (0, 0, -10.0)}, order=8)
+        >>> load, displacement = path.curve(samples=5)
+        >>> load[-1].round(6).item(), displacement[-1, :, 2].min().round(4).item()
+        (1.0, -0.1993)
+        """
+        Choice(("load", "arc length"))(parameter, "the path parameter")
+        order = Whole(2, 100)(order, "order")
+        until = Number(above=0)(until, "until")
+        tolerance = TOLERANCE(tolerance, "tolerance")
+        max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
+        pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
+        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
+        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        expansions = self._body.path(
+            force=applied,
+            pressed=pressed,
+            pressure=pressures,
+            order=order,
+            parameter=parameter,
+            until=until,
+            tolerance=tolerance,
+            max_expansions=max_expansions,
+        )
+        return Path([Expansion(**expansion) for expansion in expansions], self._organ)
+
+
+def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:
+    """The displacement (n, 3) [m] of a state to start from; None for rest."""
+    if start is None:
+        return None
+    given = numbers_of(start.displacement if isinstance(start, State | Frame) else start)
+    if given is None or not np.isfinite(given).all():
+        raise refused("start", "a State, a Frame or a finite displacement (n, 3) [m]", start)
+    if given.shape != mesh.points.shape:
+        raise VisceraError(
+            f"the state to start from belongs to another mesh: its displacement has shape {given.shape}, "
+            f"this mesh needs {mesh.points.shape}"
+        )
+    return given
