@@ -47,7 +47,7 @@ def test_the_study_has_ten_bodies_and_every_law_that_can_be_reduced(trust: Modul
     bodies = {case.body.partition(",")[0] for case in cases}
     assert len(bodies) == 10
     laws = {type(case.law) for case in cases}
-    assert laws == {law for law in LAWS.values() if law.is_analytic} - {vs.StrainEnergy}
+    assert laws == set(LAWS.values()) - {vs.StrainEnergy}
     for body in {case.body for case in cases}:
         assert {type(case.law) for case in cases if case.body == body} == laws
     assert all(case.law.is_analytic for case in cases)
