@@ -2,12 +2,12 @@
 //! first and second order.
 
 use super::cells::{CellBatches, deformation};
-use super::convex::make_convex;
 use crate::element::{Geometry, Shape};
-use crate::law::TangentBlocks;
-use crate::number::{LANES, Lanes};
-use crate::tensor::{Mat3, cofactor, determinant, mul_vector};
+use crate::tensor::{Mat3, cofactor, determinant, dot, mul_vector, transpose_mul};
 use crate::unroll::tabulate;
+
+/// Sweeps of Jacobi's rotations; they converge quadratically, and five do.
+const MAX_SWEEPS: usize = 10;
 
 /// A quadrature point of a cell at a displacement.
 #[derive(Clone, Debug)]
@@ -24,54 +24,89 @@ pub struct Outlier {
     pub slopes: Vec<(u32, [f64; 3])>,
     /// `grad N` of each node [1/m].
     gradients: Vec<[f64; 3]>,
-    /// `F`, and its cofactor, `dJ/dF`.
+    /// `F`.
     deformation: Mat3<f64>,
-    cofactor: Mat3<f64>,
 }
 
 impl Outlier {
-    /// The second derivative in `F` of a function of `J`, of which the first and second derivative are given:
-    /// `f'' dJ/dF dJ/dF + f' d2J/dF2` with `d2J/(dF_ij dF_kl) = eps_ikm eps_jln F_mn`, entry `[j][l][i][k]`.
-    pub fn curvature(&self, [first, second]: [f64; 2]) -> TangentBlocks<f64> {
-        let (f, cofactor) = (&self.deformation, &self.cofactor);
-        // Sign of the permutation that begins with a and b, and its last number.
-        let third = |a: usize, b: usize| ([0.0, 1.0, -1.0][(3 + b - a) % 3], (6 - a - b) % 3);
-        blocks_of(|j, l, i, k| {
-            let ((row, m), (column, n)) = (third(i, k), third(j, l));
-            second * cofactor[i][j] * cofactor[k][l] + first * row * column * f[m][n]
-        })
-    }
-
-    /// That derivative made convex.
-    pub fn convex_curvature(&self, derivatives: [f64; 2]) -> TangentBlocks<f64> {
-        let exact = self.curvature(derivatives);
-        let mut lanes = exact
-            .map(|row| row.map(|block| block.map(|row| row.map(|entry| Lanes([entry; LANES])))));
-        make_convex(&mut lanes);
-        blocks_of(|j, l, i, k| if j <= l { lanes[j][l][i][k][0] } else { lanes[l][j][k][i][0] })
-    }
-
-    /// The stiffness that a curvature in `F` means for each pair of nodes `(a, b)`, `a <= b`, entries `[3 i + k]`.
-    pub fn stiffness(
+    /// The second derivative in `u` of a function of `J`, of which the first and second derivative are given, with
+    /// its eigenvalues in `F` replaced by their absolute values: for each pair of nodes `(a, b)`, `a <= b`, entries
+    /// `[3 i + k]`.
+    ///
+    /// In the frames of `F = sum_p s_p u_p v_p` it is known in closed form: `J = s_1 s_2 s_3` along the `u_p v_p`, and
+    /// `-+ s_r` for `u_p v_q +- u_q v_p` (Smith, De Goes, Kim, Stable Neo-Hookean Flesh Simulation, ACM TOG 37, 2018).
+    pub fn convex_stiffness(
         &self,
-        curvature: &TangentBlocks<f64>,
+        [first, second]: [f64; 2],
     ) -> impl Iterator<Item = (u32, u32, [f64; 9])> {
-        let nodes = || self.slopes.iter().map(|(node, _)| *node).zip(&self.gradients);
-        let pairs = nodes().flat_map(move |a| nodes().map(move |b| (a, b)));
-        pairs.filter(|((a, _), (b, _))| a <= b).map(|((a, grad_a), (b, grad_b))| {
-            let entry = |i: usize, k: usize| -> f64 {
-                let part = |p: usize| (p / 3, p % 3);
-                let parts = (0..9).map(part);
-                parts.map(|(j, l)| curvature[j][l][i][k] * grad_a[j] * grad_b[l]).sum()
-            };
-            (a, b, std::array::from_fn(|p| entry(p / 3, p % 3)))
+        let f = &self.deformation;
+        let (squares, v) = eigen(transpose_mul(f, f));
+        let s = squares.map(|square| square.max(0.0).sqrt());
+        let u = v.map(|v| unit(mul_vector(f, &v)));
+        // Of the index that is neither p nor q.
+        let third = |p: usize, q: usize| if p == q { 0.0 } else { s[3 - p - q] };
+        let slope = [s[1] * s[2], s[2] * s[0], s[0] * s[1]];
+        let along = absolute(tabulate!(|p, q| second * slope[p] * slope[q] + first * third(p, q)));
+        let across = tabulate!(|p, q| first.abs() * third(p, q));
+        let turned = self.gradients.iter().map(|gradient| mul_vector(&v, gradient));
+        let nodes = self.slopes.iter().map(|(node, _)| *node).zip(turned).collect::<Vec<_>>();
+        let pairs = (0..nodes.len()).flat_map({
+            let n = nodes.len();
+            move |a| (0..n).map(move |b| (a, b))
+        });
+        pairs.filter_map(move |(a, b)| {
+            let ((row, x), (column, y)) = (nodes[a], nodes[b]);
+            let shear: [f64; 3] =
+                std::array::from_fn(|p| (0..3).map(|q| across[p][q] * x[q] * y[q]).sum());
+            let inner = tabulate!(|p, q| {
+                let entry = along[p][q] * x[p] * y[q];
+                if p == q { entry + shear[p] } else { entry }
+            });
+            let half = transpose_mul(&u, &inner);
+            let entry = |i: usize, k: usize| (0..3).map(|q| half[i][q] * u[q][k]).sum();
+            (row <= column).then(|| (row, column, std::array::from_fn(|p| entry(p / 3, p % 3))))
         })
     }
 }
 
-fn blocks_of(entry: impl Fn(usize, usize, usize, usize) -> f64) -> TangentBlocks<f64> {
-    let block = |j, l| tabulate!(|i, k| entry(j, l, i, k));
-    tabulate!(|j, l| block(j, l))
+/// A symmetric matrix with its eigenvalues replaced by their absolute values.
+fn absolute(a: Mat3<f64>) -> Mat3<f64> {
+    let (values, vectors) = eigen(a);
+    let part = |i: usize, k: usize, n: usize| values[n].abs() * vectors[n][i] * vectors[n][k];
+    tabulate!(|i, k| part(i, k, 0) + part(i, k, 1) + part(i, k, 2))
+}
+
+/// Eigenvalues and, in rows, eigenvectors of a symmetric matrix, by Jacobi's rotations.
+fn eigen(mut a: Mat3<f64>) -> ([f64; 3], Mat3<f64>) {
+    let mut v = tabulate!(|i, k| f64::from(i == k));
+    for _ in 0..MAX_SWEEPS {
+        if a[0][1] == 0.0 && a[0][2] == 0.0 && a[1][2] == 0.0 {
+            break;
+        }
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let (gap, twice) = (a[q][q] - a[p][p], 2.0 * a[p][q]);
+            if twice.abs() <= f64::EPSILON * f64::EPSILON * (a[p][p].abs() + a[q][q].abs()) {
+                (a[p][q], a[q][p]) = (0.0, 0.0);
+                continue;
+            }
+            let t = twice.copysign(twice * gap) / (gap.abs() + gap.hypot(twice));
+            let c = 1.0 / (1.0 + t * t).sqrt();
+            let turn = |x: f64, y: f64| (c * x - t * c * y, t * c * x + c * y);
+            for k in 0..3 {
+                (a[p][k], a[q][k]) = turn(a[p][k], a[q][k]);
+                (v[p][k], v[q][k]) = turn(v[p][k], v[q][k]);
+            }
+            for row in &mut a {
+                (row[p], row[q]) = turn(row[p], row[q]);
+            }
+        }
+    }
+    ([a[0][0], a[1][1], a[2][2]], v)
+}
+
+fn unit(x: [f64; 3]) -> [f64; 3] {
+    let length = dot(&x, &x).sqrt();
+    x.map(|x| x / length)
 }
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
@@ -107,10 +142,82 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                     slopes: (0..N).map(slope).collect(),
                     gradients: (0..N).map(gradient).collect(),
                     deformation: f,
-                    cofactor,
                 });
             }
         }
         outliers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::convex::make_convex;
+    use crate::law::TangentBlocks;
+    use crate::number::Lane;
+    use crate::number::{LANES, Lanes};
+
+    /// The closed form against the absolute value of the nine by nine matrix, next to both bounds.
+    #[test]
+    fn the_stiffness_of_a_volume_ratio_has_absolute_eigenvalues() {
+        let gradients = [[-1.0, -2.0, 0.5], [1.0, 0.3, 0.0], [0.2, 1.5, -0.7], [-0.2, 0.2, 0.2]];
+        let nodes = [3, 5, 7, 11];
+        for (f, derivatives) in [
+            ([[2.1, 0.3, -0.4], [0.2, 0.3, 0.1], [0.5, -0.1, 0.12]], [-3.0, 40.0]),
+            ([[1.7, 0.2, 0.1], [-0.3, 1.5, 0.4], [0.0, 0.6, 1.4]], [2.0, 0.5]),
+            ([[0.4, 0.0, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.4]], [-1.0, 0.1]),
+        ] {
+            let cofactor = cofactor(&f);
+            let slope = |a: usize| (nodes[a], mul_vector(&cofactor, &gradients[a]));
+            let point = Outlier {
+                cell: 0,
+                point: 0,
+                volume_ratio: determinant(&f, &cofactor),
+                volume: 1.0,
+                slopes: (0..4).map(slope).collect(),
+                gradients: gradients.to_vec(),
+                deformation: f,
+            };
+            let blocks = absolute_blocks(&f, &cofactor, derivatives);
+            let mut pairs = 0;
+            for (row, column, block) in point.convex_stiffness(derivatives) {
+                let at = |node: u32| gradients[nodes.iter().position(|&n| n == node).unwrap()];
+                let (x, y) = (at(row), at(column));
+                for (p, &found) in block.iter().enumerate() {
+                    let part = |q: usize| {
+                        let (j, l) = (q / 3, q % 3);
+                        let entry = if j <= l {
+                            blocks[j][l][p / 3][p % 3]
+                        } else {
+                            blocks[l][j][p % 3][p / 3]
+                        };
+                        entry[0] * x[j] * y[l]
+                    };
+                    let exact: f64 = (0..9).map(part).sum();
+                    assert!((found - exact).abs() < 1e-9 * derivatives[1].max(1.0), "{f:?} {p}");
+                }
+                pairs += 1;
+            }
+            assert_eq!(pairs, 10);
+        }
+    }
+
+    /// `f'' dJ/dF dJ/dF + f' d2J/dF2`, `d2J/(dF_ij dF_kl) = eps_ikm eps_jln F_mn`, made convex; entry `[j][l][i][k]`.
+    fn absolute_blocks(
+        f: &Mat3<f64>,
+        cofactor: &Mat3<f64>,
+        [first, second]: [f64; 2],
+    ) -> TangentBlocks<Lane> {
+        // Sign of the permutation that begins with a and b, and its last number.
+        let third = |a: usize, b: usize| ([0.0, 1.0, -1.0][(3 + b - a) % 3], (6 - a - b) % 3);
+        let mut blocks = TangentBlocks::<Lane>::default();
+        for p in 0..81 {
+            let (j, l, i, k) = (p / 27, p / 9 % 3, p / 3 % 3, p % 3);
+            let ((row, m), (column, n)) = (third(i, k), third(j, l));
+            let value = second * cofactor[i][j] * cofactor[k][l] + first * row * column * f[m][n];
+            blocks[j][l][i][k] = Lanes([value; LANES]);
+        }
+        make_convex(&mut blocks);
+        blocks
     }
 }

@@ -96,8 +96,7 @@ impl VolumeBarrier {
     pub fn add_stiffness(&self, body: &Body, blocks: &mut SymmetricBlocks) {
         for point in &self.points {
             let [_, first, second] = self.energy(body, point);
-            let curvature = point.convex_curvature([first, second]);
-            for (row, column, block) in point.stiffness(&curvature) {
+            for (row, column, block) in point.convex_stiffness([first, second]) {
                 let position = body.pattern().position(row, column);
                 position.into_iter().for_each(|position| blocks.add(position, &block));
             }

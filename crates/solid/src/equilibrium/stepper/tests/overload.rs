@@ -2,7 +2,6 @@
 
 use super::super::barrier::VolumeBarrier;
 use super::*;
-use crate::body::SymmetricBlocks;
 
 /// Of the bar that is pulled [m].
 const SIZE: [f64; 3] = [0.4, 0.2, 0.2];
@@ -129,8 +128,8 @@ fn slopes_of_the_volume_ratio_are_its_derivative() {
     }
 }
 
-/// Force and curvature of the barrier against differences of its energy. Its stiffness is that made convex: along a
-/// direction it is no less, and nowhere negative.
+/// Force of the barrier against differences of its energy. Its stiffness is the second derivative made convex: along no
+/// direction is it less than the size of that.
 #[test]
 fn the_barrier_pushes_with_the_derivative_of_its_energy() {
     for element in Element::ALL {
@@ -159,33 +158,12 @@ fn the_barrier_pushes_with_the_derivative_of_its_energy() {
         let slope = (energy(h) - energy(-h)) / (2.0 * h);
         assert!((dot(&force) - slope).abs() < 1e-6 * slope.abs(), "{element:?} {slope}");
 
-        let quadratic = |blocks: &SymmetricBlocks, w: &[f64]| -> f64 {
-            let mut product = vec![0.0; w.len()];
-            blocks.multiply(w, &mut product);
-            product.iter().zip(w).map(|(a, w)| a * w).sum()
-        };
-        let mut exact = body.zero_tangent();
-        for point in body.outliers(&u, here.inner()) {
-            let [_, first, second] = here.energy(&body, &point);
-            for (row, column, block) in point.stiffness(&point.curvature([first, second])) {
-                exact.add(body.pattern().position(row, column).unwrap(), &block);
-            }
-        }
-        let curvature = (energy(h) - 2.0 * energy(0.0) + energy(-h)) / (h * h);
-        let found = quadratic(&exact, &direction);
-        assert!(
-            (found - curvature).abs() < 1e-5 * curvature.abs(),
-            "{element:?} {found} {curvature}"
-        );
         let mut convex = body.zero_tangent();
         here.add_stiffness(&body, &mut convex);
-        let mut is_bent = false;
-        for seed in 20..60 {
-            let w = noise(u.len(), seed);
-            let [made, was] = [&convex, &exact].map(|blocks| quadratic(blocks, &w));
-            assert!(made >= was.abs() * (1.0 - 1e-9), "{element:?} {made} {was}");
-            is_bent |= made > 1.01 * was.abs();
-        }
-        assert!(is_bent, "{element:?}");
+        let mut product = vec![0.0; u.len()];
+        convex.multiply(&direction, &mut product);
+        let curvature = (energy(h) - 2.0 * energy(0.0) + energy(-h)) / (h * h);
+        assert!(dot(&product) >= curvature.abs() * (1.0 - 1e-5), "{element:?} {curvature}");
+        assert!(dot(&product) < 3.0 * curvature.abs(), "{element:?} {curvature}");
     }
 }
