@@ -65,7 +65,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-reduced study-soak study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-touches study-reduced study-soak study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
 .PHONY: reduced-liver build-times wheel
 
 help: ## this list
@@ -198,6 +198,10 @@ docs: $(development) ## the documentation site, in out/site; a warning is an err
 study-trust: $(development) ## what trust is worth: 6,000 touches of ten bodies, each under all laws; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/trust.py > out/trust.txt && mv out/trust.txt benchmarks/results/trust.txt
+
+study-touches: $(development) ## touches of the full organ: how they end under each law, and which could have been solved; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python benchmarks/touches.py > out/touches.txt && mv out/touches.txt benchmarks/results/touches.txt
 
 # Script and arguments of each.
 reduced_depth                := depth.py 40 4 1
