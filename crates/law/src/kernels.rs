@@ -427,7 +427,7 @@ impl<L: Law, T: Real> Kernel for PressureSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let pressure = self.law.pressure(&Jet::new(self.table, self.ratio));
+        let pressure = Jet::new(self.table, self.ratio).compose(|ratio| self.law.pressure(&ratio));
         self.out.iter_mut().zip(pressure.coefficients()).for_each(|(out, &p)| *out = p);
     }
 }

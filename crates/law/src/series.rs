@@ -4,12 +4,14 @@
 //! given the lower ones of `F`. Geometry is done by hand on slices of coefficients, generic
 //! arithmetic on the three scalar series only; nothing is kept between orders,
 //! because recomputing the lower degrees in cache is cheaper than fetching them from memory.
-//! A law gives its slopes alone, so all of this is compiled once, not once for each law.
+//! A law gives its slopes alone, so all of this is compiled once, not once for each law, and may know wide vectors. No
+//! product is fused with a sum: vectors of every width give the same numbers.
 
 use super::StrainEnergy;
 use std::ops::Range;
-use viscera_number::simd::{Kernel, dispatch_solver};
-use viscera_number::{Jet, Monomials, PooledVec, Real};
+use viscera_number::simd::{WideKernel, dispatch_wide};
+use viscera_number::unroll::array;
+use viscera_number::{Jet, Monomials, PooledVec, Real, Scalar};
 
 /// The inputs of the stress of a strain energy.
 #[derive(Clone, Copy)]
@@ -32,33 +34,113 @@ impl Uses {
 /// `psi_1`, `psi_2` and `psi_J` as series of `I1`, `I2` and `J`; a series that is not used is zero.
 pub(super) type Slopes<'a, T> = &'a dyn Fn([Jet<T>; 3]) -> [Jet<T>; 3];
 
-/// `out[c] (+)= sum_k sign_k sum over pairs a_k[i] b_k[j]` for the monomials `c` of a range.
-///
-/// `out` is indexed from the start of the range.
+/// Adds `sum_k a_k b_k` for the monomials `c` of a range to `out`, which is indexed from its start.
 #[inline(always)]
 fn products<T: Real, const K: usize>(
     table: &Monomials,
     monomials: Range<usize>,
-    terms: [(f64, &[T], &[T]); K],
+    terms: [[&[T]; 2]; K],
     out: &mut [T],
 ) {
     let n = table.len();
-    assert!(terms.iter().all(|(_, a, b)| a.len() == n && b.len() == n));
-    for (slot, c) in monomials.enumerate() {
+    assert!(terms.iter().flatten().all(|series| series.len() == n));
+    for (out, c) in out.iter_mut().zip(monomials) {
         let mut sums = [T::default(); K];
         for &[i, j, _] in table.pairs_of(c) {
-            for k in 0..K {
+            for (sum, [a, b]) in sums.iter_mut().zip(&terms) {
                 // SAFETY: a table's indices are below its length, asserted above.
-                let (a, b) = unsafe {
-                    (*terms[k].1.get_unchecked(i as usize), *terms[k].2.get_unchecked(j as usize))
-                };
-                sums[k].add_product(a, b);
+                let (a, b) =
+                    unsafe { (*a.get_unchecked(i as usize), *b.get_unchecked(j as usize)) };
+                sum.add_product(a, b);
             }
         }
-        for k in 0..K {
-            out[slot] = if terms[k].0 > 0.0 { out[slot] + sums[k] } else { out[slot] - sums[k] };
-        }
+        sums.into_iter().for_each(|sum| *out = *out + sum);
     }
+}
+
+/// Adds `sign (a_r b_s - a_s b_r)`, entry `j` with `r` and `s` that follow it: what row `p` of `A` and row `q` of `B` give
+/// to a row of `A x B`. Three entries at once load each series once, not four times.
+#[inline(always)]
+fn cross_row<T: Real>(
+    table: &Monomials,
+    monomials: Range<usize>,
+    (sign, a, b): (f64, [&[T]; 3], [&[T]; 3]),
+    out: [&mut [T]; 3],
+) {
+    let n = table.len();
+    assert!(a.iter().chain(&b).all(|series| series.len() == n));
+    for (slot, c) in monomials.enumerate() {
+        let (mut plus, mut minus) = ([T::default(); 3], [T::default(); 3]);
+        for &[i, j, _] in table.pairs_of(c) {
+            // SAFETY: as in `products`.
+            let (a, b) = unsafe {
+                (
+                    array!(3, |k| *a[k].get_unchecked(i as usize)),
+                    array!(3, |k| *b[k].get_unchecked(j as usize)),
+                )
+            };
+            array!(3, |k| {
+                let (r, s) = next(k);
+                plus[k].add_product(a[r], b[s]);
+                minus[k].add_product(a[s], b[r]);
+            });
+        }
+        array!(3, |k| {
+            let out = &mut out[k][slot];
+            *out = if sign > 0.0 { *out + plus[k] - minus[k] } else { *out - plus[k] + minus[k] };
+        });
+    }
+}
+
+/// Adds `series` times each of three series; a series of one coefficient is a constant, one of none is zero.
+#[inline(always)]
+fn scaled_row<T: Real>(
+    table: &Monomials,
+    monomials: Range<usize>,
+    (series, row): (&[T], [&[T]; 3]),
+    out: [&mut [T]; 3],
+) {
+    let n = table.len();
+    assert!(row.iter().all(|series| series.len() == n));
+    if let [factor] = series {
+        for (out, row) in out.into_iter().zip(row) {
+            let row = &row[monomials.clone()];
+            out.iter_mut().zip(row).for_each(|(out, &b)| out.add_product(*factor, b));
+        }
+        return;
+    }
+    if series.is_empty() {
+        return;
+    }
+    assert!(series.len() == n);
+    for (slot, c) in monomials.enumerate() {
+        let mut sums = [T::default(); 3];
+        for &[i, j, _] in table.pairs_of(c) {
+            // SAFETY: as in `products`.
+            let (a, b) = unsafe {
+                (
+                    *series.get_unchecked(i as usize),
+                    array!(3, |k| *row[k].get_unchecked(j as usize)),
+                )
+            };
+            array!(3, |k| sums[k].add_product(a, b[k]));
+        }
+        array!(3, |k| out[k][slot] = out[k][slot] + sums[k]);
+    }
+}
+
+/// The three runs of a row of a tensor.
+#[inline(always)]
+fn row<T>(tensor: &[T], i: usize, n: usize) -> [&[T]; 3] {
+    array!(3, |j| &tensor[(3 * i + j) * n..(3 * i + j + 1) * n])
+}
+
+/// Those of a row alone.
+#[inline(always)]
+fn runs<T>(row: &mut [T], n: usize) -> [&mut [T]; 3] {
+    let (first, others) = row.split_at_mut(n);
+    let (second, third) = others.split_at_mut(n);
+    [first, second, third]
 }
 
 /// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z + q dJ/dF`, p the order of `table`.
@@ -73,7 +155,7 @@ pub(super) fn stress_series<T: Real>(
     [deformation, q]: [&[T]; 2],
     out: &mut [T],
 ) {
-    dispatch_solver(Stress { uses, slopes, table, deformation, q, out });
+    dispatch_wide(Stress { uses, slopes, table, deformation, q, out });
 }
 
 struct Stress<'a, T: Real> {
@@ -85,10 +167,10 @@ struct Stress<'a, T: Real> {
     out: &'a mut [T],
 }
 
-impl<T: Real> Kernel for Stress<'_, T> {
+impl<T: Real> WideKernel for Stress<'_, T> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const BITS: usize>(self) {
         add_stress(self);
     }
 }
@@ -97,63 +179,71 @@ impl<T: Real> Kernel for Stress<'_, T> {
 #[allow(non_snake_case)]
 fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stress<'_, T>) {
     let (n, top) = (table.len(), table.of_degree(table.order()));
-    let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
+    let F = |i: usize| row(deformation, i, n);
     let mut cofactors = PooledVec::zeros(9 * n);
-    for (entry, z) in cofactors.chunks_exact_mut(n).enumerate() {
-        cofactor(table, deformation, entry, z);
+    for (i, z) in cofactors.chunks_exact_mut(3 * n).enumerate() {
+        cofactor_row(table, deformation, i, z);
     }
-    let Z = |i: usize, j: usize| &cofactors[(3 * i + j) * n..(3 * i + j + 1) * n];
+    let Z = |i: usize| row(&cofactors, i, n);
 
     let mut J = PooledVec::zeros(n);
-    products(table, 0..n, std::array::from_fn::<_, 3, _>(|j| (1.0, F(0, j), Z(0, j))), &mut J);
+    products(table, 0..n, array!(3, |j| [F(0)[j], Z(0)[j]]), &mut J);
     let mut I1 = PooledVec::zeros(if uses.slopes_of_i1 { n } else { 0 });
     if uses.slopes_of_i1 {
-        for i in 0..3 {
-            products(
-                table,
-                0..n,
-                std::array::from_fn::<_, 3, _>(|j| (1.0, F(i, j), F(i, j))),
-                &mut I1,
-            );
-        }
+        (0..3).for_each(|i| products(table, 0..n, F(i).map(|f| [f, f]), &mut I1));
     }
     let mut I2 = PooledVec::zeros(if uses.i2 { n } else { 0 });
     if uses.i2 {
-        for i in 0..3 {
-            let squares = std::array::from_fn::<_, 3, _>(|j| (1.0, Z(i, j), Z(i, j)));
-            products(table, 0..n, squares, &mut I2);
-        }
+        (0..3).for_each(|i| products(table, 0..n, Z(i).map(|z| [z, z]), &mut I2));
     }
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
-    let [psi1, psi2, psiJ] = slopes(invariants);
-    let (mut two_psi1, two_psi2) = (padded(&(psi1 * 2.0), n), padded(&(psi2 * 2.0), n));
-    let mut psiJ = padded(&psiJ, n);
+    let [mut two_psi1, two_psi2, mut psiJ] =
+        uses.slopes(slopes, invariants).map(|slope| up_to(slope, n));
+    two_psi1.iter_mut().for_each(|slope| *slope = *slope * 2.0);
     let volumetric = if uses.volume_is_trace { &mut two_psi1 } else { &mut psiJ };
-    volumetric.iter_mut().zip(q).for_each(|(slope, &q)| *slope = *slope + q);
+    if !q.is_empty() {
+        volumetric.resize(n);
+        volumetric.iter_mut().zip(q).for_each(|(slope, &q)| *slope = *slope + q);
+    }
 
-    for (entry, p) in out.chunks_exact_mut(top.len()).enumerate() {
-        let (i, j) = (entry / 3, entry % 3);
-        let terms = [(1.0, &two_psi1[..], F(i, j)), (1.0, &psiJ[..], Z(i, j))];
-        products(table, top.clone(), terms, p);
+    let m = top.len();
+    for (i, p) in out.chunks_exact_mut(3 * m).enumerate() {
+        scaled_row(table, top.clone(), (&two_psi1, F(i)), runs(p, m));
+        scaled_row(table, top.clone(), (&psiJ, Z(i)), runs(p, m));
     }
     if uses.i2 {
         let mut weighted = PooledVec::zeros(9 * n);
-        for (entry, w) in weighted.chunks_exact_mut(n).enumerate() {
-            let z = Z(entry / 3, entry % 3);
-            products(table, 0..n, [(1.0, &two_psi2[..], z)], w);
+        for (i, w) in weighted.chunks_exact_mut(3 * n).enumerate() {
+            scaled_row(table, 0..n, (&two_psi2, Z(i)), runs(w, n));
+            w.iter_mut().for_each(|w| *w = *w * 2.0);
         }
-        let W = |i: usize, j: usize| &weighted[(3 * i + j) * n..(3 * i + j + 1) * n];
-        for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
-            let (i, j) = (entry / 3, entry % 3);
-            let ((p, q), (r, s)) = (next(i), next(j));
-            let cross = [
-                (1.0, W(p, r), F(q, s)),
-                (-1.0, W(p, s), F(q, r)),
-                (-1.0, W(q, r), F(p, s)),
-                (1.0, W(q, s), F(p, r)),
-            ];
-            products(table, top.clone(), cross, out);
+        let W = |i: usize| row(&weighted, i, n);
+        for (i, out) in out.chunks_exact_mut(3 * m).enumerate() {
+            let (p, q) = next(i);
+            cross_row(table, top.clone(), (1.0, W(p), F(q)), runs(out, m));
+            cross_row(table, top.clone(), (-1.0, W(q), F(p)), runs(out, m));
         }
+    }
+}
+
+#[allow(non_snake_case)]
+impl Uses {
+    /// The slopes at the invariants; those of a law that are functions of `J` alone, by composition.
+    #[inline(always)]
+    fn slopes<T: Real>(self, slopes: Slopes<'_, T>, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
+        if self.slopes_of_i1 || self.i2 {
+            return slopes([I1, I2, J]);
+        }
+        let table = J.table();
+        let mut psi1 = Jet::new(table, PooledVec::default());
+        let psiJ = J.compose(|J| {
+            let none = J.constant(0.0);
+            let [slope, _, psiJ] = slopes([none.clone(), none, J]);
+            // A constant: if it varied with J, psi_J would vary with I1.
+            psi1 = Jet::new(table, &[slope.coefficient(0)][..]);
+            psiJ
+        });
+        [psi1, Jet::new(table, PooledVec::default()), psiJ]
     }
 }
 
@@ -164,7 +254,7 @@ pub(super) fn volume_series<T: Real>(
     deformation: &[T],
     out: &mut [T],
 ) {
-    dispatch_solver(VolumeRatio { uses, table, deformation, out });
+    dispatch_wide(VolumeRatio { uses, table, deformation, out });
 }
 
 struct VolumeRatio<'a, T> {
@@ -174,10 +264,10 @@ struct VolumeRatio<'a, T> {
     out: &'a mut [T],
 }
 
-impl<T: Real> Kernel for VolumeRatio<'_, T> {
+impl<T: Real> WideKernel for VolumeRatio<'_, T> {
     type Output = ();
     #[inline(always)]
-    fn run(self) {
+    fn run<const BITS: usize>(self) {
         add_volume_ratio(self);
     }
 }
@@ -187,28 +277,24 @@ fn add_volume_ratio<T: Real>(VolumeRatio { uses, table, deformation, out }: Volu
     let n = table.len();
     if uses.volume_is_trace {
         for f in deformation.chunks_exact(n) {
-            products(table, 0..n, [(1.0, f, f)], out);
+            products(table, 0..n, [[f, f]], out);
         }
         out[0] = out[0] - 1.0;
         out.iter_mut().for_each(|value| *value = *value * 0.5);
         return;
     }
-    let mut z = PooledVec::zeros(n);
-    for j in 0..3 {
-        z.fill(T::default());
-        cofactor(table, deformation, j, &mut z);
-        products(table, 0..n, [(1.0, &deformation[j * n..(j + 1) * n], &z[..])], out);
-    }
+    let mut z = PooledVec::zeros(3 * n);
+    cofactor_row(table, deformation, 0, &mut z);
+    let (f, z) = (row(deformation, 0, n), row(&z, 0, n));
+    products(table, 0..n, array!(3, |j| [f[j], z[j]]), out);
 }
 
-/// Adds the series of an entry of `Z = cof F`, counted row by row.
+/// Adds the series of a row of `Z = cof F`.
 #[inline(always)]
-#[allow(non_snake_case)]
-fn cofactor<T: Real>(table: &Monomials, deformation: &[T], entry: usize, z: &mut [T]) {
-    let n = table.len();
-    let F = |i: usize, j: usize| &deformation[(3 * i + j) * n..(3 * i + j + 1) * n];
-    let ((p, q), (r, s)) = (next(entry / 3), next(entry % 3));
-    products(table, 0..n, [(1.0, F(p, r), F(q, s)), (-1.0, F(p, s), F(q, r))], z);
+fn cofactor_row<T: Real>(table: &Monomials, deformation: &[T], i: usize, z: &mut [T]) {
+    let (n, (p, q)) = (table.len(), next(i));
+    let rows = (1.0, row(deformation, p, n), row(deformation, q, n));
+    cross_row(table, 0..n, rows, runs(z, n));
 }
 
 /// The two indices that follow `i` cyclically.
@@ -217,9 +303,12 @@ fn next(i: usize) -> (usize, usize) {
     ((i + 1) % 3, (i + 2) % 3)
 }
 
+/// The coefficients: none, the constant, or all `n` of them.
 #[inline(always)]
-fn padded<T: Real>(series: &Jet<T>, n: usize) -> PooledVec<T> {
+fn up_to<T: Real>(series: Jet<T>, n: usize) -> PooledVec<T> {
     let mut coefficients = PooledVec::from(series.coefficients());
-    coefficients.resize(n);
+    if coefficients.len() > 1 {
+        coefficients.resize(n);
+    }
     coefficients
 }

@@ -313,6 +313,20 @@ mod tests {
     }
 
     #[test]
+    fn halves_hold_each_pair_of_factors_once() {
+        for table in [Monomials::of(1, 9), Monomials::of(2, 5), Monomials::of(3, 6)] {
+            for c in 0..table.len() {
+                let (halves, diagonal) = table.halves_of(c);
+                let mirrored = halves.iter().rev().map(|&[a, b, c]| [b, a, c]);
+                let middle = diagonal.map(|a| [a as u16, a as u16, c as u16]);
+                let all: Vec<_> = halves.iter().copied().chain(middle).chain(mirrored).collect();
+                assert_eq!(all, table.pairs_of(c));
+                assert!(halves.iter().all(|&[a, b, _]| a < b));
+            }
+        }
+    }
+
+    #[test]
     fn elementary_functions_invert_each_other() {
         for (variables, order) in [(1, 12), (2, 5), (3, 6)] {
             let x = sample(Monomials::of(variables, order));

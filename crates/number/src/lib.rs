@@ -8,6 +8,7 @@
 //! | [`Hessian`] | its second derivatives: the consistent tangent |
 //! | [`Jet`] | its truncated power series: right-hand sides of the asymptotic numerical method |
 
+mod compose;
 mod dual;
 mod elementary;
 mod jet;

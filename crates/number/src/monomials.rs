@@ -15,6 +15,8 @@ pub struct Monomials {
     pairs: Vec<[u16; 3]>,
     /// Where the pairs of each monomial `c` start.
     pair_start: Vec<usize>,
+    /// The table of one variable, if this has several.
+    line: Option<&'static Monomials>,
 }
 
 /// Highest order of a table: beyond it power series in double precision carry no information.
@@ -32,13 +34,14 @@ impl Monomials {
         assert!((1..=3).contains(&variables));
         assert!(order <= if variables == 1 { MAX_ORDER } else { 12 });
         let tables = TABLES.get_or_init(Default::default);
+        let line = (variables > 1).then(|| Monomials::of(1, order)); // before the lock is held
         let mut tables = tables.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         tables
             .entry((variables, order))
-            .or_insert_with(|| Box::leak(Box::new(Monomials::build(variables, order))))
+            .or_insert_with(|| Box::leak(Box::new(Monomials::build(variables, order, line))))
     }
 
-    fn build(variables: usize, order: usize) -> Self {
+    fn build(variables: usize, order: usize, line: Option<&'static Monomials>) -> Self {
         let mut exponents = Vec::new();
         let mut degree_start = vec![0];
         for degree in 0..=order {
@@ -59,7 +62,12 @@ impl Monomials {
         pairs.sort_by_key(|&[a, b, c]| (c, a, b));
         let pair_start =
             (0..=exponents.len()).map(|c| pairs.partition_point(|p| (p[2] as usize) < c)).collect();
-        Monomials { variables, order, exponents, degree_start, pairs, pair_start }
+        Monomials { variables, order, exponents, degree_start, pairs, pair_start, line }
+    }
+
+    /// The table of one variable to the same order, if this has several.
+    pub fn line(&self) -> Option<&'static Monomials> {
+        self.line
     }
 
     /// Number of variables.
@@ -108,6 +116,16 @@ impl Monomials {
     #[inline(always)]
     pub fn pairs_of(&self, c: usize) -> &[[u16; 3]] {
         &self.pairs[self.pair_start[c]..self.pair_start[c + 1]]
+    }
+
+    /// The pairs `(a, b, c)` with `a < b` whose product is monomial `c`, and `a` with `x^a x^a = x^c`: the factors of a
+    /// square, each pair once. The pairs of a monomial are sorted by the first factor, the list read backwards has the
+    /// factors exchanged.
+    #[inline(always)]
+    pub fn halves_of(&self, c: usize) -> (&[[u16; 3]], Option<usize>) {
+        let pairs = self.pairs_of(c);
+        let half = pairs.len() / 2;
+        (&pairs[..half], (pairs.len() % 2 == 1).then(|| pairs[half][0] as usize))
     }
 
     /// Values of all monomials at `x`, written to `out` (length at least `len()`).

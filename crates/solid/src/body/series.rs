@@ -46,21 +46,23 @@ impl<T: Real> Along<'_, T> {
     ) {
         let n = self.table.len();
         let known = n - self.table.of_degree(self.table.order()).len();
-        out.fill(T::default());
-        for (a, &node) in nodes.iter().enumerate() {
-            for i in 0..3 {
-                let dof = 3 * node as usize + i;
-                let u = &self.displacement[dof * self.stride..dof * self.stride + known];
-                for j in 0..3 {
-                    let run = &mut out[(3 * i + j) * n..(3 * i + j) * n + known];
-                    for (f, &u) in run.iter_mut().zip(u) {
-                        *f = *f + u * gradients[a][j];
+        for (i, row) in out.chunks_exact_mut(3 * n).enumerate() {
+            let u = nodes
+                .map(|node| &self.displacement[(3 * node as usize + i) * self.stride..][..known]);
+            // Coefficient by coefficient: each is loaded once, and the sums stay in registers.
+            for c in 0..known {
+                let mut sums = [T::default(); 3];
+                for (u, g) in u.iter().zip(gradients) {
+                    for (sum, &g) in sums.iter_mut().zip(g) {
+                        *sum = *sum + u[c] * g;
                     }
                 }
+                for (j, sum) in sums.into_iter().enumerate() {
+                    row[j * n + c] = sum;
+                }
             }
-        }
-        for i in 0..3 {
-            out[4 * i * n] = out[4 * i * n] + 1.0;
+            row.chunks_exact_mut(n).for_each(|run| run[known..].fill(T::default()));
+            row[i * n] = row[i * n] + 1.0;
         }
     }
 }
@@ -138,12 +140,11 @@ where
                     for i in 0..3 {
                         let dof = 3 * node as usize + i;
                         let out = &mut force[dof * top..(dof + 1) * top];
-                        for j in 0..3 {
-                            let weight = gradients[a][j] * weight;
-                            let p = &stress[(3 * i + j) * top..(3 * i + j + 1) * top];
-                            for (out, &p) in out.iter_mut().zip(p) {
-                                *out = *out + p * weight;
-                            }
+                        let (p, others) = stress[3 * i * top..3 * (i + 1) * top].split_at(top);
+                        let (q, r) = others.split_at(top);
+                        let [x, y, z] = gradients[a].map(|slope| slope * weight);
+                        for (((out, &p), &q), &r) in out.iter_mut().zip(p).zip(q).zip(r) {
+                            *out = *out + p * x + q * y + r * z;
                         }
                     }
                 }
