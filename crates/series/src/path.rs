@@ -15,7 +15,7 @@ use crate::equilibrium::{
     ConstrainedSystem, Iteration, Limits, Method, Pressure, Rounding, Tangent, dofs_of, iterate,
 };
 use crate::error::Error;
-use crate::linear::gmres;
+use crate::linear::{FactorError, gmres};
 use crate::number::Monomials;
 use crate::number::pade::{Pade, pade_range, taylor_range};
 use crate::number::{dot, norm};
@@ -66,7 +66,7 @@ pub struct Expansion {
     /// Out-of-balance force at the end of the range, relative to the load, before correction.
     pub residual: f64,
     /// Whether the equilibrium at the end of the range is stable: its tangent, but for the skew part of a pressure on a
-    /// free rim, has no negative eigenvalue.
+    /// free rim, has no negative eigenvalue, nor does the path end there because the tangent becomes singular.
     pub is_stable: bool,
 }
 
@@ -92,8 +92,8 @@ impl Continuation {
     /// every expansion and may stop it.
     ///
     /// # Errors
-    /// Bad settings, force or pressure; a singular tangent; a stop on request. A path that ends early (its load never reached
-    /// in `max_expansions`) is returned as far as it goes.
+    /// Bad settings, force or pressure; a singular tangent at rest; a stop on request. A path that ends early (its load not
+    /// reached in `max_expansions`, or a singular tangent) is returned as far as it goes.
     pub fn follow(
         &self,
         body: &Body,
@@ -125,13 +125,20 @@ impl Continuation {
             scale: 0.0,
             previous: None,
         };
-        let (mut expansions, mut prepared) = (Vec::new(), follower.prepare());
+        let (mut expansions, mut prepared) = (Vec::<Expansion>::new(), follower.prepare());
         for _ in 0..self.max_expansions {
             prepared?;
             if !go_on() {
                 return Err(Error::Cancelled);
             }
-            let mut expansion = follower.expand()?;
+            let mut expansion = match (follower.expand(), expansions.last_mut()) {
+                // The steps become shorter towards a bifurcation; one of them may end just there.
+                (Err(Error::Factor(FactorError::Singular { .. })), Some(last)) => {
+                    last.is_stable = false;
+                    break;
+                }
+                (expansion, _) => expansion?,
+            };
             prepared = follower.prepare();
             expansion.is_stable = prepared.is_ok() && follower.system.n_negative() == Some(0);
             let is_last = follower.load() >= self.until * (1.0 - 1e-9);

@@ -131,23 +131,26 @@ fn bad_settings_are_refused() {
 }
 
 /// Straight, clamped at one end and without Poisson's effect, a column stays straight; Euler's load is
-/// `pi^2 E I / (4 L^2)`.
+/// `pi^2 E I / (4 L^2)`. Steps shorten towards it, and rounding decides whether one of them meets the singular tangent; with
+/// some of these moduli one does.
 #[test]
 fn a_straight_column_is_unstable_beyond_its_euler_load() {
-    let (length, height, mu) = (0.2, 0.01, 3e3);
-    let (points, cells) = block([12, 1, 1], [length, height, height]);
-    let material = Material::new("saint_venant_kirchhoff", vec![vec![mu, 0.0]]).unwrap();
-    let body = Body::with_element(Element::P2, points, cells, material).unwrap();
-    let fixed: Vec<u32> =
-        (0u32..).zip(body.points()).filter(|(_, x)| x[0] == 0.0).map(|(n, _)| n).collect();
-    let euler = PI.powi(2) * 2.0 * mu * height.powi(4) / (48.0 * length.powi(2));
-    let end = pressed(&body, euler / height.powi(2), |x| x[0] > 0.999 * length);
-    let mut force = vec![0.0; body.n_dofs()];
-    end.add_force(&body, &vec![0.0; body.n_dofs()], 1.0, &mut force);
-    for (until, is_stable) in [(0.9, true), (1.1, false)] {
-        let path = Continuation { until, ..settings(Parameter::Load) };
-        let path = path.follow(&body, &fixed, &force, &NONE, &mut || true).unwrap();
-        assert_eq!(path.last().unwrap().is_stable, is_stable, "{until} of Euler's load");
+    for mu in [3000.0, 3006.0, 3012.0, 3015.0] {
+        let (length, height) = (0.2, 0.01);
+        let (points, cells) = block([12, 1, 1], [length, height, height]);
+        let material = Material::new("saint_venant_kirchhoff", vec![vec![mu, 0.0]]).unwrap();
+        let body = Body::with_element(Element::P2, points, cells, material).unwrap();
+        let fixed: Vec<u32> =
+            (0u32..).zip(body.points()).filter(|(_, x)| x[0] == 0.0).map(|(n, _)| n).collect();
+        let euler = PI.powi(2) * 2.0 * mu * height.powi(4) / (48.0 * length.powi(2));
+        let end = pressed(&body, euler / height.powi(2), |x| x[0] > 0.999 * length);
+        let mut force = vec![0.0; body.n_dofs()];
+        end.add_force(&body, &vec![0.0; body.n_dofs()], 1.0, &mut force);
+        for (until, is_stable) in [(0.9, true), (1.1, false)] {
+            let path = Continuation { until, ..settings(Parameter::Load) };
+            let path = path.follow(&body, &fixed, &force, &NONE, &mut || true).unwrap();
+            assert_eq!(path.last().unwrap().is_stable, is_stable, "{until} of Euler's load, {mu}");
+        }
     }
 }
 
