@@ -33,8 +33,8 @@ class Expansion:
     residual: float
     """Force residual at the end of the range, relative to the load."""
     is_stable: bool
-    """Whether the equilibrium at the end of the range is stable: the tangent there has no negative eigenvalue, and the path
-    does not end there because it becomes singular."""
+    """Whether the equilibrium at the end of the range is stable: the tangent there has no negative eigenvalue, and the
+    path does not end there because it becomes singular."""
 
     def at(self, a: float) -> tuple[float, Floats]:
         """Load factor and displacement (n, 3) [m] at the parameter a, by the vector Padé form."""
