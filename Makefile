@@ -204,7 +204,7 @@ study-touches: $(development) ## touches of the full organ: how they end under e
 	$(BIN)/python benchmarks/touches.py > out/touches.txt && mv out/touches.txt benchmarks/results/touches.txt
 
 # Script and arguments of each.
-reduced_depth                := depth.py 40 4 1
+reduced_depth                := depth.py 40 4
 reduced_depth_order_6        := depth.py 60 6 1
 reduced_deep                 := deep.py
 reduced_fingers              := fingers.py
