@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -41,6 +42,20 @@ class NotConverged(VisceraError):
     def __init__(self, state: State) -> None:
         super().__init__(f"the solve did not converge: {state.message or state.status}")
         self.state = state
+
+
+def refuse_case_file(path: str | Path, wanted: str) -> None:
+    """Raise `VisceraError` if a path is that of a case file, which stands where another file is `wanted`.
+
+    >>> refuse_case_file("liver.toml", "a mesh")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: liver.toml is a case file, not a mesh; `viscera solve`, `reduce`, `compare` and ...
+    """
+    if Path(path).suffix.lower() == ".toml":
+        raise VisceraError(
+            f"{path} is a case file, not {wanted}; `viscera solve`, `reduce`, `compare` and `view` take case files, "
+            "and `reduce` makes a model of one"
+        )
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from viscera import febio
 from viscera.atomic import replacing
-from viscera.errors import VisceraError, did_you_mean
+from viscera.errors import VisceraError, did_you_mean, refuse_case_file
 from viscera.quantity import Number
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class RawMesh:
 def read(path: Path, units: str | float = "m") -> RawMesh:
     """Reads a file unchecked, in metres. Raises `VisceraError` if it is missing, of no known format or damaged."""
     scale = metres_per_unit(units)
+    refuse_case_file(path, "a mesh")
     if path.is_dir() or not path.exists():
         raise VisceraError(f"{path}: {'is a folder, not a mesh file' if path.is_dir() else 'no such file'}")
     ending = _known_ending(path)

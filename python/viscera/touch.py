@@ -19,7 +19,7 @@ from viscera import _core, defaults, law
 from viscera.answer import Answer
 from viscera.atomic import replacing
 from viscera.display import Pictured
-from viscera.errors import VisceraError
+from viscera.errors import VisceraError, refuse_case_file
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.parts import cell_sets
 from viscera.quantity import Whole, vector
@@ -446,6 +446,7 @@ def load(path: str | os.PathLike[str]) -> Touch:
     True
     """
     name = os.fspath(path)
+    refuse_case_file(name, "a model")
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")
     try:

@@ -233,7 +233,12 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         (["inspect", "none.vtu"], "viscera inspect: none.vtu: no such file"),
         (["solve", "none.toml"], "viscera solve: none.toml: no such case file"),
         (["check", "none.viscera"], "viscera check: none.viscera: no such model file"),
-        (["check", "case.toml"], "viscera check: case.toml: "),
+        (["check", "case.toml"], "viscera check: case.toml is a case file, not a model; `viscera solve`, `reduce`, "),
+        (
+            ["touch", "case.toml", "--at", "0", "0", "0", "--push", "0", "0", "0"],
+            "case.toml is a case file, not a model; ",
+        ),
+        (["inspect", "case.toml"], "viscera inspect: case.toml is a case file, not a mesh; "),
         (["touch", "bar.vtu", "--at", "0", "0", "0", "--push", "0", "0", "0"], "viscera touch: bar.vtu: "),
         (["reduce", "bar.vtu"], "it needs --fixed as well"),
         (["reduce", *MESH[:1], *MESH[3:]], "needs its units"),
