@@ -122,6 +122,15 @@ def nodal_forces(mesh: Mesh, fixed: Indices, force: Forces) -> Floats:
     return nodal
 
 
+def dead_forces(mesh: Mesh, fixed: Indices, force: Forces | None, traction: Tractions | None) -> Floats | None:
+    """Nodal forces (n, 3) [N] of forces and dead tractions together; None where neither is given."""
+    applied = None if force is None else nodal_forces(mesh, fixed, force)
+    if not traction:
+        return applied
+    pull = traction_forces(mesh, fixed, traction)
+    return pull if applied is None else applied + pull
+
+
 def traction_forces(mesh: Mesh, fixed: Indices, traction: Tractions) -> Floats:
     """Nodal forces (n, 3) [N] of dead tractions `{where: (x, y, z)}` [Pa] on the surface triangles of each place."""
     nodal = np.zeros_like(mesh.points)

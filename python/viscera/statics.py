@@ -19,11 +19,10 @@ from viscera.loads import (
     Forces,
     Pressures,
     Tractions,
+    dead_forces,
     density_per_cell,
-    nodal_forces,
     prescribed,
     pressed_faces,
-    traction_forces,
 )
 from viscera.mesh import Floats, Mesh
 from viscera.path import Expansion, Path
@@ -95,8 +94,7 @@ class Statics(Held):
         steps, begin = STEPS(steps, "steps"), displacement_of(start, self.mesh)
         moved = prescribed(self.mesh, self.fixed, displacement or {})
         require_held(self.mesh, self.fixed, moved.dofs, [patch for patch, _ in moved.patches], self._ties)
-        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
-        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        applied = self._dead_forces(force, traction)
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
         weight = np.zeros_like(applied)
         if gravity is not None and density is not None:
@@ -163,8 +161,7 @@ class Statics(Held):
         tolerance = TOLERANCE(tolerance, "tolerance")
         max_expansions = Whole(1, 100_000)(max_expansions, "max_expansions")
         pressed, pressures = pressed_faces(self.mesh, self.fixed, pressure or {})
-        applied = nodal_forces(self.mesh, self.fixed, {} if force is None else force)
-        applied += traction_forces(self.mesh, self.fixed, traction or {})
+        applied = self._dead_forces(force, traction)
         expansions = self._body.path(
             force=applied,
             pressed=pressed,
@@ -176,6 +173,10 @@ class Statics(Held):
             max_expansions=max_expansions,
         )
         return Path([Expansion(**expansion) for expansion in expansions], self._organ)
+
+    def _dead_forces(self, force: Forces | None, traction: Tractions | None) -> Floats:
+        applied = dead_forces(self.mesh, self.fixed, force, traction)
+        return np.zeros_like(self.mesh.points) if applied is None else applied
 
 
 def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floats | None:

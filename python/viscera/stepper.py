@@ -22,12 +22,11 @@ from viscera.loads import (
     Tractions,
     Where,
     by_place,
+    dead_forces,
     density_per_cell,
     name_of,
-    nodal_forces,
     pressed_faces,
     shares,
-    traction_forces,
 )
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.prescribed import PrescribedMotion
@@ -305,10 +304,7 @@ class Stepper:
     ) -> tuple[Floats | None, tuple[float, float, float]]:
         """Nodal forces, and the gravity from which the core computes further ones."""
         organ = self._organ
-        applied = None if force is None else nodal_forces(organ.mesh, organ.fixed, force)
-        if traction:
-            pull = traction_forces(organ.mesh, organ.fixed, traction)
-            applied = pull if applied is None else applied + pull
+        applied = dead_forces(organ.mesh, organ.fixed, force, traction)
         if gravity is None:
             return applied, (0.0, 0.0, 0.0)
         x, y, z = vector(gravity, "gravity", "m/s^2").tolist()
