@@ -82,8 +82,44 @@ NAMES = {"reduce": "reduction"}
 BUILT_IN: dict[str, Callable[[], Mesh]] = {"liver": organs.liver, "beam": organs.beam, "artery": organs.artery}
 
 
+class Solvable:
+    """What a case of an organ and one of a scene have in common: loads and settings, and a solution under them."""
+
+    loads: Mapping[str, Any]
+    settings: Mapping[str, Any]
+
+    def loading(self) -> dict[str, Any]:
+        """Loads and settings as `Organ.solve` and `Scene.solve` take them.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> case.organ().solve(**case.loading()).is_converged
+        True
+        """
+        return {
+            **{kind: self.loads.get(kind, {}) for kind in PLACED},
+            **{kind: self.loads.get(kind) for kind in ("gravity", "density")},
+            "steps": self.settings.get("steps", 1),
+            "settings": self.settings.get("newton"),
+            "solver": self.settings.get("solver", "cholesky"),
+        }
+
+    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
+        """Static equilibrium of the organ or scene under the case's loads.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
+        >>> organ = case.organ()
+        >>> case.solve(organ).status
+        'converged'
+        """
+        return organ.solve(**self.loading(), progress=progress)
+
+
 @dataclass(frozen=True)
-class Case:
+class Case(Solvable):
     """A case file as read and checked; lengths and places are not resolved yet.
 
     >>> import viscera as vs
@@ -133,29 +169,6 @@ class Case:
         supports = [ElasticSupport(place, **words) for place, words in self.supports.items()]
         held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}
         return Organ(named_mesh, material(self.material, plain), element=self.element, **held)
-
-    def loading(self) -> dict[str, Any]:
-        """Loads and settings as `Organ.solve` takes them.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
-        >>> case.organ().solve(**case.loading()).is_converged
-        True
-        """
-        return loading(self.loads, self.settings)
-
-    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
-        """Static equilibrium of the organ under the case's loads.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> case = beam.to_case("beam.toml", loads={"force": {"tip": (0, 0, -10.0)}})
-        >>> organ = case.organ()
-        >>> case.solve(organ).status
-        'converged'
-        """
-        return organ.solve(**self.loading(), progress=progress)
 
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
         """The organ free of the loads of its [scan]; if that has no density, the density of [loads] is taken.
@@ -250,17 +263,6 @@ class Case:
         if start == "loads":
             return organ, organ.solve(**self.loading(), start=scanned, progress=progress)
         return organ, scanned if start == "scan" else None
-
-
-def loading(loads: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables [loads] and [settings] as `Organ.solve` takes them."""
-    return {
-        **{kind: loads.get(kind, {}) for kind in PLACED},
-        **{kind: loads.get(kind) for kind in ("gravity", "density")},
-        "steps": settings.get("steps", 1),
-        "settings": settings.get("newton"),
-        "solver": settings.get("solver", "cholesky"),
-    }
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:

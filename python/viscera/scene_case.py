@@ -32,13 +32,11 @@ from typing import Any
 import numpy as np
 
 from viscera.bond import Bond
-from viscera.case import PLACED, Case, case_of, load_mesh, loading, read_words
+from viscera.case import PLACED, Case, Solvable, case_of, load_mesh, read_words
 from viscera.contact import Contact, Tool
 from viscera.contact_pair import ContactPair
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
-from viscera.organ import Organ
-from viscera.progress import Progress
 from viscera.scene import Scene
 from viscera.scene_schema import SCENE, SHAPES, SIZES, Side
 from viscera.select import in_space
@@ -50,7 +48,7 @@ Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class SceneCase:
+class SceneCase(Solvable):
     """A case file of a scene as read and checked; lengths and places are not resolved yet.
 
     It offers what a `Case` does for a solve: `organ`, `loading`, `solve` and `reactions`.
@@ -109,28 +107,6 @@ class SceneCase:
                 raise VisceraError(f"organ {name!r}: {error}") from error
         bonds, contacts, bodies = self._between()
         return Scene(organs, bodies, bonds, contacts)
-
-    def loading(self) -> dict[str, Any]:
-        """Loads and settings as `Scene.solve` takes them.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> case = vs.Scene({"beam": beam}).to_case("scene.toml", loads={"force": {"beam/tip": (0, 0, -10.0)}})
-        >>> case.organ().solve(**case.loading()).is_converged
-        True
-        """
-        return loading(self.loads, self.settings)
-
-    def solve(self, organ: Organ, progress: Progress | None = None) -> State:
-        """Static equilibrium of the scene under the case's loads.
-
-        >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-        >>> case = vs.Scene({"beam": beam}).to_case("scene.toml", loads={"force": {"beam/tip": (0, 0, -10.0)}})
-        >>> case.solve(case.organ()).status
-        'converged'
-        """
-        return organ.solve(**self.loading(), progress=progress)
 
     def reactions(self, organ: Scene, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves an organ, by its name in the case.
