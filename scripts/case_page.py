@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from textwrap import fill
 
-from viscera import law, scene_schema, schema
+from viscera import entries, law, material_schema, scene_schema, schema
 from viscera.quantity import Choice
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "case-file.md"
@@ -58,12 +58,12 @@ def _tables() -> Iterator[str]:
     for table in (schema.SUPPORT, schema.LOADS, schema.SCAN, schema.SETTINGS):
         yield from _table(table)
     newton = schema.SETTINGS.keys["newton"].value
-    assert isinstance(newton, schema.Table)
+    assert isinstance(newton, entries.Table)
     for table in (newton, schema.REDUCE, schema.VARY):
         yield from _table(table)
 
 
-def _table(table: schema.Table, level: str = "##") -> Iterator[str]:
+def _table(table: entries.Table, level: str = "##") -> Iterator[str]:
     yield f"{level} {f'`[{table.name}]`' if table.name else 'The organ'}\n"
     yield f"{fill(table.means, 120)}\n"
     yield from _rows(table.keys)
@@ -72,20 +72,20 @@ def _table(table: schema.Table, level: str = "##") -> Iterator[str]:
 def _material() -> Iterator[str]:
     yield "## `[material]`\n"
     yield "The [law](laws.md) of the tissue, and its parameters.\n"
-    yield from _rows({"law": schema.Key(Choice(law.LAWS), "its name", is_required=True)})
+    yield from _rows({"law": entries.Key(Choice(law.LAWS), "its name", is_required=True)})
     yield "| law | parameters |\n| --- | --- |"
     for kind in law.LAWS:
-        yield f"| `{kind}` | {', '.join(f'`{name}`' for name in schema.taken_by(kind))} |"
+        yield f"| `{kind}` | {', '.join(f'`{name}`' for name in material_schema.taken_by(kind))} |"
     yield PAIRS
-    yield from _rows(schema.PARAMETERS)
-    for kind, keys in schema.OTHERS.items():
+    yield from _rows(material_schema.PARAMETERS)
+    for kind, keys in material_schema.OTHERS.items():
         yield f"In `{kind}`, two of these parameters have another meaning:\n"
         yield from _rows(keys)
     yield PARTS
-    yield from _table(schema.HELICAL)
+    yield from _table(material_schema.HELICAL)
 
 
-def _rows(keys: Mapping[str, schema.Key]) -> Iterator[str]:
+def _rows(keys: Mapping[str, entries.Key]) -> Iterator[str]:
     yield "| key | meaning | value | default |\n| --- | --- | --- | --- |"
     for name, key in keys.items():
         default = "required" if key.is_required else key.default or "-"

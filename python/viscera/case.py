@@ -56,7 +56,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from viscera import law, organs, schema
+from viscera import law, material_schema, organs, schema
 from viscera.checkpoint import Checkpoint
 from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError, did_you_mean
@@ -309,7 +309,7 @@ def load_mesh(name: str, units: str | float | None, folder: Path = Path()) -> Me
 
 def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     """The law that a [material] table describes; its inner tables hold what differs in a part of the mesh."""
-    others = {place: part for place, part in words.items() if schema.is_part(place, part) and "law" in part}
+    others = {place: part for place, part in words.items() if material_schema.is_part(place, part) and "law" in part}
     whole = _one_law({name: value for name, value in words.items() if name not in others}, mesh)
     if not others:
         return whole
@@ -321,12 +321,12 @@ def material(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
 
 def _one_law(words: Mapping[str, Any], mesh: Mesh) -> law.Law:
     """A law whose parameters may differ from part to part."""
-    parameters = {name: value for name, value in words.items() if not schema.is_part(name, value)}
+    parameters = {name: value for name, value in words.items() if not material_schema.is_part(name, value)}
     kind = law.named(parameters.pop("law"))
     if isinstance(parameters.get("fibres"), Mapping):
         parameters["fibres"] = helical_fibres(mesh, **parameters["fibres"])
     for place, part in words.items():
-        if not schema.is_part(place, part):
+        if not material_schema.is_part(place, part):
             continue
         cells = mesh.cells_in(place)
         for name, value in part.items():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from viscera import _core, law, schema
+from viscera import _core, law, material_schema
 from viscera.atomic import replacing
 from viscera.case import NAMES, PLACED, Case, read_case
 from viscera.elastic_support import ElasticSupport
@@ -109,7 +109,7 @@ class Places:
     def part(self, cells: Indices) -> str:
         """The name of a cell set, which may be a new one."""
         for known, members in self.mesh.cell_sets.items():
-            if np.array_equal(members, cells) and known not in schema.PARAMETERS:
+            if np.array_equal(members, cells) and known not in material_schema.PARAMETERS:
                 return known
         name = _unused("part", self.mesh.cell_sets)
         self.mesh = self.mesh.with_cell_sets(**{name: cells})
@@ -127,7 +127,7 @@ def _material(material: law.Law, places: Places) -> dict[str, Any]:
     own = int(np.argmax(counts))
     one = _one_law(material, rows[own])
     whole = _parameters(one)
-    partial = one.names if isinstance(one, law.StrainEnergy) else schema.PARTIAL
+    partial = one.names if isinstance(one, law.StrainEnergy) else material_schema.PARTIAL
     words = {"law": _class_of(one), **whole}
     for k in range(len(rows)):
         if k == own:

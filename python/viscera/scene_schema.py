@@ -8,9 +8,10 @@ from inspect import Parameter, signature
 from typing import Any
 
 from viscera import bond, contact, contact_pair, spring
+from viscera.entries import Key, Length, PerCell, Table, known
 from viscera.errors import VisceraError
 from viscera.quantity import Choice, Flag, Number, Vector, brief, numbers_of, refused
-from viscera.schema import CASE, LOADS, SETTINGS, Key, Length, PerCell, Table, known
+from viscera.schema import CASE, LOADS, SETTINGS
 from viscera.select import METRIC, in_space, length
 
 SHAPES = {shape.__name__: shape for shape in (contact.Sphere, contact.Capsule, contact.Box, contact.HalfSpace)}
