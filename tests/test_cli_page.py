@@ -73,6 +73,14 @@ def test_solve(folder: Path) -> None:
     assert set(run(folder, "solve", str(folder / "case.toml"))) == documented("solve")
 
 
+def test_register(folder: Path) -> None:
+    mesh = vs.organs.artery()
+    rows = [f"{x},{y},{z}" for x, y, z in mesh.points[mesh.surface_nodes]]
+    (folder / "cloud.csv").write_text("\n".join(["x,y,z", *rows]), encoding="utf-8")
+    told = run(folder, "register", str(folder / "case.toml"), str(folder / "cloud.csv"), "--noise", "0.1mm")
+    assert set(told) == documented("register")
+
+
 def test_solve_a_scene(folder: Path) -> None:
     told = run(folder, "solve", str(ROOT / "examples" / "scene.toml"))
     assert set(told) == documented("solve") | documented("solve SCENE.toml")

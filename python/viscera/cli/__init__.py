@@ -24,6 +24,7 @@ from viscera.cli import (
     inspect,
     mesh,
     reduce,
+    register,
     solve,
     study,
     touch,
@@ -33,7 +34,10 @@ from viscera.cli import (
 from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
 from viscera.errors import VisceraError
 
-VERBS = (demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, warp, study, bench, doctor, completion)
+VERBS = (
+    demo, inspect, mesh, fit, solve, compare, reduce, check, touch, view, register, warp, study, bench, doctor,
+    completion,
+)  # fmt: skip
 NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +11,7 @@ from numpy.typing import ArrayLike
 from viscera.curves import MODES
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats
+from viscera.textfile import number, read_table
 
 SMALLEST_STRETCH = 0.05
 
@@ -102,21 +101,10 @@ class MaterialTest:
 
 def read_columns(path: str | os.PathLike[str]) -> dict[str, Floats]:
     """The columns of a CSV file by the names in its first line."""
-    path = Path(path)
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    if len(rows) < 3:
+    names, rows = read_table(path)
+    if len(rows) < 2:
         raise VisceraError(f"{path}: a curve needs a line of names and at least two lines of numbers")
-    names = [cell.strip() for cell in rows[0]]
-    values = np.empty((len(rows) - 1, len(names)))
-    for line, row in enumerate(rows[1:], start=2):
-        if len(row) != len(names):
-            raise VisceraError(f"{path}, line {line}: {len(row)} values under {len(names)} names")
-        for column, cell in enumerate(row):
-            try:
-                values[line - 2, column] = float(cell)
-            except ValueError:
-                raise VisceraError(f"{path}, line {line}: {names[column]} is {cell!r}; give a number") from None
+    values = np.array([[number(path, line, *cell) for cell in zip(names, row, strict=True)] for line, row in rows])
     return dict(zip(names, values.T, strict=True))
 
 

@@ -2,6 +2,7 @@
 
 docs/navigation.md says how to use it, and how well it does.
 
+measured.py    files of what was measured
 observed.py    what was measured, checked
 rigid.py       rigid motions; where the organ is, before anything deforms
 forces.py      forces on the boundary and in the volume, and the equilibrium responses of the organ to them

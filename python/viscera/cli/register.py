@@ -1,0 +1,116 @@
+"""Find an organ from what was measured of it: points on a part of its surface, landmarks with names.
+
+viscera register CASE.toml cloud.ply --units mm --noise 2mm -o now.vtu
+The case names mesh, material and fixed nodes; its loads play no part. Fails (exit 1) if the registration did not
+converge.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from viscera import progress, statefile
+from viscera.case import read_case
+from viscera.cli.options import metres, number_or_words
+from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.errors import VisceraError
+from viscera.registration import Registered
+from viscera.registration.measured import CLOUDS, read_cloud, read_landmarks
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of `viscera register`."""
+    parser.add_argument("case", metavar="CASE.toml", help="the organ: mesh, material, fixed nodes")
+    parser.add_argument(
+        "cloud", metavar="CLOUD", nargs="?",
+        help=f"measured points on its surface: {', '.join(CLOUDS)}; a CSV file has columns x, y, z",
+    )  # fmt: skip
+    parser.add_argument(
+        "--landmarks", metavar="FILE.csv", help="columns name, x, y, z: where the means of node sets of the mesh are"
+    )
+    parser.add_argument(
+        "--units", type=number_or_words, default="m",
+        help="unit of cloud and landmarks: m (default), cm, mm, um, inch, or metres per unit",
+    )  # fmt: skip
+    parser.add_argument(
+        "--noise", type=metres, default=2e-3, metavar="LENGTH",
+        help="standard deviation of the points along each axis (default 2 mm)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--landmark-noise",
+        type=metres,
+        metavar="LENGTH",
+        help="the same of the landmarks (default: that of the points)",
+    )
+    parser.add_argument("--visible", metavar="PLACE", help="the part of the surface that the points may lie on")
+    parser.add_argument("--loaded", metavar="PLACE", help="the part of the surface on which forces may act")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="the organ where it was found, with its band (.vtu, ...)"
+    )
+    parser.add_argument(
+        "--shape", metavar="STATE.vtu", help="its shape before the rigid motion, in axes of the scan, for viscera warp"
+    )
+
+
+def run(args: argparse.Namespace, output: Output) -> Outcome:
+    """Read, register, print, write."""
+    case = read_case(args.case)
+    for path in (args.output, args.shape):
+        if path:
+            statefile.checked(path)
+    if args.cloud is None and args.landmarks is None:
+        raise VisceraError("nothing was measured; name a cloud of points, or --landmarks")
+    cloud = None if args.cloud is None else read_cloud(args.cloud, args.units)
+    landmarks = None if args.landmarks is None else read_landmarks(args.landmarks, args.units)
+    organ = case.organ()
+    output.say_all(organ.mesh.messages)
+    with progress.bar(output.is_quiet) as bar:
+        found = organ.register(
+            cloud, landmarks=landmarks, noise=args.noise, landmark_noise=args.landmark_noise, visible=args.visible,
+            loaded=args.loaded, progress=bar,
+        )  # fmt: skip
+    facts = _facts(found)
+    output.say(f"{args.case}: {found.status}, {found.iterations} iterations in {found.seconds:.1f} s")
+    output.say_all([found.message] if found.message else [])
+    _say(found, facts, output)
+    for path, result in ((args.output, found), (args.shape, found.state)):
+        if path:
+            result.write(path)
+            output.say(f"  written to {path}: {statefile.contents(path)}")
+    return Outcome(found.status, DONE if found.is_converged else FAILED, facts)
+
+
+def _say(found: Registered, facts: dict[str, Any], output: Output) -> None:
+    """The numbers of a registration for people."""
+    motion = ", ".join(f"{1e3 * metres:.1f}" for metres in facts["translation"])
+    output.say(f"  rigid motion          turned by {facts['angle']:.1f} degrees, moved by ({motion}) mm")
+    output.say(f"  largest deformation   {1e3 * found.state.max_displacement:.1f} mm")
+    if len(found.residual):
+        share = f"{100 * facts['inlier_share']:.0f} % of {len(found.residual)} points"
+        output.say(f"  points of the organ   {share}, {1e3 * facts['residual']:.2f} mm from it (root mean square)")
+    for name, left in facts["landmarks"].items():
+        output.say(f"  landmark {name!r}: {1e3 * left:.1f} mm left")
+    within = f"within {1e3 * facts['band']:.1f} mm (95 %) in the median" if facts["band"] is not None else "none"
+    output.say(f"  observed nodes        {100 * facts['observed_share']:.0f} %: {within}")
+
+
+def _facts(found: Registered) -> dict[str, Any]:
+    inliers, seen = found.residual[found.is_inlier], found.is_observed
+    cosine = np.clip(0.5 * (np.trace(found.rotation) - 1.0), -1.0, 1.0)
+    return {
+        "rotation": found.rotation,
+        "translation": found.translation,
+        "angle": float(np.degrees(np.arccos(cosine))),
+        "max_displacement": found.state.max_displacement,
+        "residual": float(np.sqrt(np.mean(inliers**2))) if len(inliers) else None,
+        "inlier_share": float(found.is_inlier.mean()) if len(found.is_inlier) else None,
+        "landmarks": found.pair_residual,
+        "coverage": found.coverage,
+        "observed_share": float(seen.mean()),
+        "band": float(np.median(found.band[seen])) if seen.any() else None,
+        "iterations": found.iterations,
+        "message": found.message,
+    }

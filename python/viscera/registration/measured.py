@@ -1,0 +1,82 @@
+"""Reading what was measured of an organ: a cloud of points on its surface, and landmarks with names."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from viscera.errors import VisceraError
+from viscera.mesh import Floats
+from viscera.meshfile import metres_per_unit
+from viscera.textfile import number, read_table
+
+CLOUDS = (".csv", ".ply", ".obj", ".stl")
+"""Formats of a cloud."""
+AXES = ("x", "y", "z")
+
+
+def read_cloud(path: str | os.PathLike[str], units: str | float = "m") -> Floats:
+    """Points (k, 3) [m] of a cloud: a CSV file with columns x, y, z, or the points of a PLY, OBJ or STL file.
+
+    units: of the file, "mm" for instance, or metres per unit. Points that several triangles share count once. Raises
+    `VisceraError` for a file that cannot be read, an unknown format, and a cloud without points.
+
+    >>> from pathlib import Path
+    >>> _ = Path("seen.csv").write_text("x, y, z\\n10, 0, 5\\n11, 0, 5\\n")
+    >>> read_cloud("seen.csv", "mm").tolist()
+    [[0.01, 0.0, 0.005], [0.011, 0.0, 0.005]]
+    """
+    path, factor = Path(path), metres_per_unit(units)
+    if path.is_dir() or not path.exists():
+        raise VisceraError(f"{path}: {'is a folder, not a cloud of points' if path.is_dir() else 'no such file'}")
+    ending = path.suffix.lower()
+    if ending not in CLOUDS:
+        raise VisceraError(f"{path}: unknown format of a cloud; the formats are {', '.join(CLOUDS)}")
+    points = _positions(path)[1] if ending == ".csv" else _points_of(path, ending)
+    if not len(points):
+        raise VisceraError(f"{path}: it has no points")
+    if not np.isfinite(points).all():
+        place = int(np.argmin(np.isfinite(points).all(axis=1)))
+        raise VisceraError(f"{path}: point {place} is {points[place].tolist()}; it must be finite")
+    return np.asarray(factor * points)
+
+
+def read_landmarks(path: str | os.PathLike[str], units: str | float = "m") -> dict[str, Floats]:
+    """Landmarks `{name: (3,)}` [m] of a CSV file with columns name, x, y, z; each name is a node set of the mesh.
+
+    Raises `VisceraError` for a file that cannot be read, missing columns, and names that stand twice.
+
+    >>> from pathlib import Path
+    >>> _ = Path("marks.csv").write_text("name, x, y, z\\ntip, 0.1, 0.2, 0.3\\n")
+    >>> read_landmarks("marks.csv")["tip"].tolist()
+    [0.1, 0.2, 0.3]
+    """
+    names, places = _positions(Path(path), "name")
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise VisceraError(f"{path}: the landmark {twice!r} stands twice")
+    return dict(zip(names, metres_per_unit(units) * places, strict=True))
+
+
+def _positions(path: Path, *others: str) -> tuple[list[str], Floats]:
+    """The cells of another column, if one is asked for, and the positions (k, 3) of a table."""
+    names, rows = read_table(path)
+    missing = [name for name in (*others, *AXES) if name not in names]
+    if missing:
+        raise VisceraError(f"{path}: no column {missing[0]!r}; it has {', '.join(names)}, and needs x, y, z")
+    where = [names.index(axis) for axis in AXES]
+    places = [[number(path, line, names[k], row[k]) for k in where] for line, row in rows]
+    words = [row[names.index(name)] for _, row in rows for name in others]
+    return words, np.array(places, dtype=float).reshape(-1, 3)
+
+
+def _points_of(path: Path, ending: str) -> Floats:
+    import meshio
+
+    try:
+        found = {".ply": meshio.ply, ".obj": meshio.obj, ".stl": meshio.stl}[ending].read(str(path))
+    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
+        raise VisceraError(f"{path}: not a readable {ending} file ({type(error).__name__}: {error})") from error
+    return np.unique(np.asarray(found.points, dtype=np.float64).reshape(-1, 3), axis=0)
