@@ -48,6 +48,24 @@ def test_a_pressed_sphere_is_carried_by_the_base(solver: str, element: str) -> N
     assert -1e-3 * organ.mesh.diagonal < contact.gap < 0.0
 
 
+def test_a_needle_that_goes_in_is_noticed() -> None:
+    """Coarse surfaces have no sample near it: without a look into the cells it would be far away and at rest."""
+    organ = vs.Organ(block(2), SOFT, fixed="base")
+    needle, place = vs.Capsule("1 mm", "80 mm"), np.array((0.043, 0.051, SIDE + 0.0415))
+    stepper = organ.stepper(iterations=5)
+    tool = stepper.tool(needle, position=place)
+    assert not stepper.frame().contact(tool).is_inside
+    tool.move((0, 0, -0.01))
+    frame = stepper.frame()
+    assert frame.contact(tool).is_inside
+    assert not frame.is_settled
+    with pytest.raises(vs.VisceraError, match="starts inside the organ; start it outside"):
+        stepper.tool(vs.Sphere("5 mm"), position=(0.04, 0.05, 0.06))
+    state = organ.solve(contact=[vs.Tool(needle, position=place, displacement=(0, 0, -0.01))])
+    assert not state.is_converged
+    assert "goes into the organ between the samples of its surface" in state.message
+
+
 def test_unloading_is_loading_backwards(organ: vs.Organ) -> None:
     """Without friction contact has a potential: the force depends on where the sphere is, not on how it came there."""
     shape = vs.Sphere(0.03)

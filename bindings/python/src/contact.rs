@@ -98,6 +98,7 @@ fn listed(
         dict.set_item("dissipation", report.dissipation)?;
         dict.set_item("touching", report.touching)?;
         dict.set_item("sliding", report.sliding)?;
+        dict.set_item("is_inside", report.is_inside)?;
         dict.set_item("pressures", PyArray1::from_vec(py, pressures))?;
         list.append(dict)?;
     }

@@ -8,6 +8,7 @@
 //! penetration before a step may begin.
 
 mod distance;
+mod entry;
 mod facets;
 mod friction;
 mod layer;
@@ -98,9 +99,24 @@ impl Contact {
                 100.0 * depth / self.diagonal
             )));
         }
+        if held.enters(body, u) {
+            return Err(Error::input(format!(
+                "tool {number}, {}, starts inside the organ; start it outside and move it in",
+                held.tool.shape.name()
+            )));
+        }
         held.end(&self.samples, u);
         self.tools.push(Some(held));
         Ok(number)
+    }
+
+    /// Looks for tools that are inside the body although its samples do not touch them; the number of the first, and
+    /// what it is.
+    pub fn find_entry(&mut self, body: &Body, u: &[f64]) -> Option<(usize, &'static str)> {
+        self.each(|held| held.is_inside = held.enters(body, u));
+        let entered = |held: &Option<ActiveTool>| held.as_ref().is_some_and(|held| held.is_inside);
+        let number = self.tools.iter().position(entered)?;
+        Some((number, self.tools[number].as_ref()?.tool.shape.name()))
     }
 
     /// Removes a tool.

@@ -75,6 +75,14 @@ impl Solid {
         Ok(Solid { points, triangles, tree, faces, edges, corners, reach })
     }
 
+    /// Its smallest and largest coordinates [m].
+    pub(super) fn bounds(&self) -> [[f64; 3]; 2] {
+        let of = |choose: fn(f64, f64) -> f64| {
+            std::array::from_fn(|i| self.points.iter().map(|x| x[i]).reduce(choose).unwrap_or(0.0))
+        };
+        [of(f64::min), of(f64::max)]
+    }
+
     pub(super) fn reach(&self) -> f64 {
         self.reach
     }

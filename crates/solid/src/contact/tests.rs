@@ -3,7 +3,7 @@
 mod pairs;
 
 use super::*;
-use crate::equilibrium::{Newton, Pressure, Problem, Stepper, StepperSettings};
+use crate::equilibrium::{Input, Newton, Pressure, Problem, Status, Stepper, StepperSettings};
 use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::mesh::{diagonal, dot, norm, surface};
@@ -280,6 +280,8 @@ fn tools_that_cannot_be_are_refused() {
     assert_eq!(refusal(free.clone()), "");
     let inside = Tool { pose: Pose::at([0.05, 0.05, SIDE + 0.01]), ..free.clone() };
     assert!(refusal(inside).contains("starts 1.000e-2 m inside the organ"));
+    let swallowed = Tool { pose: Pose::at([0.04, 0.05, 0.06]), ..free.clone() };
+    assert!(refusal(swallowed).contains("tool 0, a sphere, starts inside the organ"));
     assert!(refusal(Tool { shape: sphere(-1.0), ..free.clone() }).contains("half sides"));
     assert!(
         refusal(Tool { friction: Friction::Coulomb(-0.1), ..free.clone() }).contains("friction")
@@ -308,7 +310,7 @@ fn a_frame_that_settles_is_the_equilibrium() {
     let settings = StepperSettings { iterations: 20, settled: 1e-8, ..StepperSettings::default() };
     let mut stepper = Stepper::new(&body, &fixed, None, settings).unwrap();
     let number = stepper.add_tool(&body, tool.clone()).unwrap();
-    let still = crate::equilibrium::Input::default();
+    let still = Input::default();
     for k in 1..=10 {
         stepper.place_tool(number, tool.pose_at(0.1 * f64::from(k))).unwrap();
         let frame = stepper.frame(&body, &still).unwrap();
@@ -375,4 +377,33 @@ fn and_slides_above_it_as_coulomb_says() {
     let (sine, cosine) = f64::sin_cos(slope.atan());
     let expected = GRAVITY * (sine - COEFFICIENT * cosine);
     assert!((acceleration / expected - 1.0).abs() < 0.01, "{acceleration} {expected}");
+}
+
+/// A needle between the samples of a coarse surface: they are all far from it, and it is inside all the same.
+#[test]
+fn a_tool_too_thin_for_the_surface_is_noticed() {
+    let body = cube(2);
+    let needle = Shape::Rounded { half: [0.0, 0.0, 0.04], radius: 1e-3 };
+    let above = Pose::at([0.043, 0.051, SIDE + 0.0415]);
+    let mut tool = Tool::new(needle, Friction::Coulomb(0.0), above);
+
+    let problem = problem(&body, base(&body));
+    let fixed: Vec<u32> = problem.prescribed.iter().map(|(dof, _)| *dof).collect();
+    let mut stepper = Stepper::new(&body, &fixed, None, StepperSettings::default()).unwrap();
+    let number = stepper.add_tool(&body, tool.clone()).unwrap();
+    let mut frame_at = |pose| {
+        stepper.place_tool(number, pose).unwrap();
+        let is_settled = stepper.frame(&body, &Input::default()).unwrap().is_settled;
+        [is_settled, stepper.contact().report(number).unwrap().is_inside]
+    };
+    assert_eq!(frame_at(above), [true, false]);
+    assert_eq!(frame_at(Pose::at([0.043, 0.051, SIDE - 0.01])), [false, true]);
+    assert_eq!(frame_at(above), [true, false]);
+    tool.displacement = [0.0, 0.0, -0.05];
+    let mut contact = Contact::new(&body);
+    contact.add(&body, tool, &vec![0.0; body.n_dofs()]).unwrap();
+    let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
+    assert_eq!(found.status, Status::StepTooSmall);
+    assert!(found.message.contains("tool 0, a capsule, goes into the organ"), "{}", found.message);
+    assert!(found.load > 0.0 && found.load < 0.1, "{}", found.load);
 }

@@ -1,11 +1,13 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
 use super::distance::Distance;
+use super::entry::{holds, spine};
 use super::friction::{Friction, spring};
 use super::layer::STIFFNESS;
 use super::pose::Pose;
 use super::samples::Samples;
 use super::shape::Shape;
+use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
@@ -56,6 +58,8 @@ pub struct Report {
     pub touching: usize,
     /// Number of samples that slide.
     pub sliding: usize,
+    /// Whether the tool is inside the body, so that none of these numbers holds.
+    pub is_inside: bool,
 }
 
 /// A sample that a tool touches.
@@ -103,6 +107,10 @@ pub(super) struct ActiveTool {
     pub touching: Vec<Touching>,
     gap: f64,
     dissipation: f64,
+    /// See [`spine`].
+    spine: Vec<[f64; 3]>,
+    /// Whether it was inside the body when that was last asked.
+    pub is_inside: bool,
 }
 
 impl Tool {
@@ -143,6 +151,8 @@ impl ActiveTool {
         ActiveTool {
             pose: tool.pose,
             before: tool.pose,
+            spine: spine(&tool.shape),
+            is_inside: false,
             tool,
             slides: vec![[0.0; 3]; anchors.len()],
             anchors,
@@ -157,6 +167,12 @@ impl ActiveTool {
     /// Smallest gap found last [m].
     pub fn gap(&self) -> f64 {
         self.gap
+    }
+
+    /// Whether it is inside the body, although no sample of the surface need touch it.
+    pub fn enters(&self, body: &Body, u: &[f64]) -> bool {
+        let points: Vec<_> = self.spine.iter().map(|x| self.pose.outward(*x)).collect();
+        holds(body, u, &points)
     }
 
     /// A step begins at `u`: samples on a sharp edge choose the sides that the tool meets.
@@ -332,8 +348,12 @@ impl ActiveTool {
     }
 
     pub fn report(&self) -> Report {
-        let mut report =
-            Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
+        let mut report = Report {
+            gap: self.gap,
+            dissipation: self.dissipation,
+            is_inside: self.is_inside,
+            ..Report::default()
+        };
         for touching in &self.touching {
             let torque = cross(sub(touching.place, self.pose.position), touching.force);
             for i in 0..3 {

@@ -18,6 +18,11 @@ pub(super) enum Cut {
         residual: f64,
     },
     Factor(FactorError),
+    /// A tool went into the body between the samples of its surface.
+    Entered {
+        tool: usize,
+        shape: &'static str,
+    },
     /// None could be made for the wider pattern of surfaces that have come to touch.
     Solver(Error),
     /// Conjugate gradients would take longer than a factor.
@@ -121,6 +126,10 @@ impl Cut {
             Cut::Iterations { residual } => {
                 format!("too many iterations (relative residual {residual:.1e})")
             }
+            Cut::Entered { tool, shape } => format!(
+                "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
+                 shorter edges there, or take a blunter tool"
+            ),
             Cut::Factor(error) => error.to_string(),
             Cut::Solver(error) => error.to_string(),
             Cut::Spent | Cut::Doubtful => "conjugate gradients did not converge".into(),

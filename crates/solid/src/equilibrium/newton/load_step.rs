@@ -57,6 +57,10 @@ impl<'a> Run<'a> {
         if let Some(row) = unstable.or(passed) {
             self.unstable = Some((load, row));
         }
+        let body = self.body();
+        if let Some((tool, shape)) = self.contact.find_entry(body, &u) {
+            return Err(Cut::Entered { tool, shape });
+        }
         self.contact.end(&u);
         (self.u, self.multipliers, self.load) = (u, multipliers, load);
         self.residuals.push(history);

@@ -309,11 +309,14 @@ impl Stepper {
             }
         };
         self.end(body);
+        let is_entered = self.contact.find_entry(body, &self.displacement).is_some();
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
         Ok(Frame {
             residual: progress.residual,
-            is_settled: progress.is_settled(self.settings.settled) && self.barrier.is_idle(),
+            is_settled: progress.is_settled(self.settings.settled)
+                && self.barrier.is_idle()
+                && !is_entered,
             steps: progress.steps,
             cells_at_bound: self.barrier.n_cells(),
             taken: progress.taken,
