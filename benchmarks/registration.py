@@ -82,7 +82,8 @@ def _happened(kind: str, mesh: vs.Mesh, seed: int) -> vs.State:
     """The equilibrium, by Newton's method from that on the mesh which registers, where it is found quickly."""
     coarse = vs.organs.liver()
     organ, loads = _case(kind, coarse, np.random.default_rng((seed, 0)))
-    first = organ.solve(**loads, settings={"tolerance": 1e-6}, throw=True)
+    short: dict[str, Any] = {"steps": 8, "settings": {"tolerance": 1e-6, "max_iterations": 8}}
+    first = organ.solve(**loads, **short, throw=True)
     cells, shares = _core.Locator(coarse.points, coarse.cells).find(mesh.points)
     for node in np.flatnonzero(cells < 0):  # beside the surface: the nearest cell, continued
         cells[node] = np.linalg.norm(coarse.centroids - mesh.points[node], axis=1).argmin()
@@ -94,9 +95,9 @@ def _happened(kind: str, mesh: vs.Mesh, seed: int) -> vs.State:
     quick = {"tolerance": 1e-6, "smallest_step": 1.0, "max_iterations": 12}
     try:
         state = organ.solve(**loads, start=start, settings=quick, solver="multigrid")
-        return state if state.is_converged else organ.solve(**loads, settings={"tolerance": 1e-6})
+        return state if state.is_converged else organ.solve(**loads, **short)
     except vs.VisceraError:  # a large motion, interpolated, turns a cell inside out
-        return organ.solve(**loads, settings={"tolerance": 1e-6})
+        return organ.solve(**loads, **short)
 
 
 def _case(kind: str, mesh: vs.Mesh, rng: np.random.Generator) -> tuple[vs.Organ, dict[str, Any]]:
