@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from viscera.bond import Side, side_of
-from viscera.contact import STIFFNESS
+from viscera.contact import BONDED, FRICTION, STIFFNESS
+from viscera.errors import VisceraError
 from viscera.loads import name_of
 from viscera.mesh import Indices
 from viscera.quantity import Number
@@ -15,7 +16,7 @@ FACTOR = Number(above=0)
 
 
 class ContactPair:
-    """Two organs, or two places of their surfaces, that press on each other and part again, without friction.
+    """Two organs, or two places of their surfaces, that press on each other, slide, and part again.
 
     The layer between them is that of a `Tool`, with the softer side's `E / (1 - nu^2) / h`. The surface with the
     shorter edges is sampled on the common pieces of both. Force and torque of the two sides cancel.
@@ -25,6 +26,8 @@ class ContactPair:
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
         the smaller organ. What is farther apart at rest may touch too; the solver then analyses its matrix anew.
     stiffness: of the layer, as in `Tool`.
+    friction: Coulomb's coefficient, 0 for none. In `solve` it is integrated from load step to load step. For surfaces
+        that stick to each other take a `Bond`.
 
     >>> import viscera as vs
     >>> vs.ContactPair(("liver", "bed"), "gallbladder")
@@ -38,11 +41,15 @@ class ContactPair:
         *,
         reach: float | str = "5%",
         stiffness: float = STIFFNESS,
+        friction: float = 0.0,
     ) -> None:
         self.first, self.second = (side_of(side, "a contact pair") for side in (first, second))
         """Pairs of a name and a place; the place is None for the whole surface."""
         self.reach = reach
         self.stiffness = FACTOR(stiffness, "the stiffness of a contact pair")
+        if isinstance(friction, str) and friction == BONDED:
+            raise VisceraError("the friction of a contact pair is a coefficient; where organs stick, take a Bond")
+        self.friction = FRICTION(friction, "the friction of a contact pair")
 
     def __repr__(self) -> str:
         words = [name if where is None else f"{name} at {name_of(where)}" for name, where in (self.first, self.second)]
@@ -51,4 +58,4 @@ class ContactPair:
     def _ties(self, faces: tuple[Indices, Indices], reach: float) -> Ties:
         """As the core takes it: faces (f, 3) of both sides in the numbering of the scene, reach [m]."""
         first, second = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
-        return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness),))
+        return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))

@@ -102,7 +102,8 @@ def _bond(bond: Bond, places: _ScenePlaces) -> dict[str, Any]:
 
 
 def _pair(pair: ContactPair, places: _ScenePlaces) -> dict[str, Any]:
-    return {**_sides(pair, places, "touching"), "reach": pair.reach, "stiffness": pair.stiffness}
+    own = {"reach": pair.reach, "stiffness": pair.stiffness, "friction": pair.friction}
+    return {**_sides(pair, places, "touching"), **own}
 
 
 def _sides(pair: Bond | ContactPair, places: _ScenePlaces, name: str) -> dict[str, str]:

@@ -197,11 +197,12 @@ SPRING = Table(
 )
 CONTACT = Table(
     "[contacts]",
-    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), without friction.",
+    "Two surfaces that may [touch each other](scenes.md#organs-that-touch).",
     {
         **_ends("surface", Key(Side(), "the other", is_required=True)),
         "reach": Key(Length(), "distance within which surfaces are looked at; per cent of the smaller organ", '"5%"'),
         "stiffness": Key(contact_pair.FACTOR, "factor of the layer between them", f"{contact.STIFFNESS:g}"),
+        "friction": Key(contact.FRICTION, "Coulomb's coefficient", "0"),
     },
 )
 BODY = Body(

@@ -55,6 +55,8 @@ class Surfaces:
     """How near they are looked at [m]."""
     stiffness: float
     """Of the layer between them, in units of that of a tool."""
+    friction: float
+    """Coulomb's coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ class Ties:
         links = [
             (list(link.ends), link.rest.tolist(), link.stiffness, link.length, link.is_cable) for link in self.links
         ]
-        pairs = [(pair.first, pair.second, pair.reach, pair.stiffness) for pair in self.surfaces]
+        pairs = [(pair.first, pair.second, pair.reach, pair.stiffness, pair.friction) for pair in self.surfaces]
         return *self.arrays, links, pairs
 
     def force(self, displacement: Floats) -> Floats:

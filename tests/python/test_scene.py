@@ -259,6 +259,43 @@ def test_what_is_lifted_lets_go() -> None:
     assert frame.contact(pair).touching == 0
 
 
+def test_a_block_sticks_on_another_until_it_slides() -> None:
+    """Pressed and dragged in frames: within the cone it is held, at the cone it slides, and the drag is dissipated."""
+    scene = pile(friction=0.3)
+    (pair,) = scene.contacts
+    base = {"lower/base": (0.0, 0.0, 0.0)}
+    stepper = scene.stepper({**base, "upper/top": (0.0, 0.0, 0.0)}, iterations=60, settled=1e-6)
+    told = []
+    for sideways in (0.0, 0.0002, 0.002, 0.004, 0.006, 0.007, 0.008):
+        frame = stepper.frame({**base, "upper/top": (sideways, 0.0, -0.004)})
+        assert frame.is_settled, sideways
+        told.append(frame.contact(pair))
+        assert told[-1].dissipation >= 0.0
+        assert np.hypot(*told[-1].force[:2]) <= 0.3 * -told[-1].force[2]
+    pressed, stuck, last = told[0], told[1], told[-1]
+    assert pressed.sliding == stuck.sliding == 0.0 == stuck.dissipation
+    assert stuck.force[0] > pressed.force[0] + 0.01
+    assert last.sliding == last.touching > 0
+    # The upper block tips, so that not all normals and slides are parallel.
+    assert 0.85 * 0.3 < last.force[0] / -last.force[2] < 0.3
+    # In a steady slide the work of the drag by 1 mm is dissipated, but for the strain that still changes.
+    assert last.dissipation == pytest.approx(1e-3 * last.force[0], rel=0.1)
+
+
+def test_friction_holds_from_load_step_to_load_step() -> None:
+    forces = []
+    for friction in (0.0, 0.3):
+        scene = pile(friction=friction)
+        (pair,) = scene.contacts
+        move = {"lower/base": (0.0, 0.0, 0.0), "upper/top": (0.0004, 0.0, -0.004)}
+        state = scene.solve(displacement=move, steps=4)
+        assert state.is_converged
+        forces.append(state.force(pair))
+    smooth, rough = forces
+    assert rough[0] > 10.0 * abs(smooth[0])
+    assert np.hypot(*rough[:2]) < 0.3 * -rough[2]
+
+
 def test_organs_apart_move_as_if_alone() -> None:
     scene = pile(apart=0.05)
     state = scene.solve(displacement=held(scene), force={"lower/top": (0.0, 0.0, 1.0)})
@@ -283,6 +320,10 @@ def test_contacts_that_cannot_be_are_refused() -> None:
         pile(element="P2")
     with pytest.raises(vs.VisceraError, match="a length above 0"):
         pile(reach=0.0)
+    with pytest.raises(vs.VisceraError, match="the friction of a contact pair"):
+        pile(friction=-0.1)
+    with pytest.raises(vs.VisceraError, match="take a Bond"):
+        pile(friction="bonded")
     scene = pile()
     with pytest.raises(vs.VisceraError, match="an organ does not touch itself"):
         vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "lower")])

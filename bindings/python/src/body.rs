@@ -28,8 +28,8 @@ type Responses<'py> =
 /// A spring or a cable: nodes and weights of its ends, vector between them at rest, stiffness, length, whether it is a cable.
 type Link = (Vec<(u32, f64)>, [f64; 3], f64, f64, bool);
 
-/// Surfaces that may touch: the triangles of both, reach and stiffness.
-type ContactPair<'py> = (PyReadonlyArray2<'py, u32>, PyReadonlyArray2<'py, u32>, f64, f64);
+/// Surfaces that may touch: the triangles of both, reach, stiffness, and the coefficient of friction.
+type ContactPair<'py> = (PyReadonlyArray2<'py, u32>, PyReadonlyArray2<'py, u32>, f64, f64, f64);
 
 /// Elastic supports and bonds: where the nodes of each sample start, nodes, weights, and stiffness (s, 9); springs;
 /// contact pairs.
@@ -46,9 +46,10 @@ struct Ties<'py>(
 impl Ties<'_> {
     fn arrays(&self, points: &[[f64; 3]]) -> PyResult<body::Ties> {
         let rows = self.3.as_array();
-        let pair = |(first, second, reach, stiffness): &ContactPair| {
+        let pair = |(first, second, reach, stiffness, friction): &ContactPair| {
             let surfaces = [convert::triangles(first)?, convert::triangles(second)?];
-            body::ContactPair::new(points, surfaces, *reach, *stiffness).map_err(convert::error)
+            body::ContactPair::new(points, surfaces, *reach, *stiffness, *friction)
+                .map_err(convert::error)
         };
         Ok(body::Ties {
             start: self.0.as_array().to_vec(),

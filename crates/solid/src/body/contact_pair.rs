@@ -13,6 +13,8 @@ pub struct ContactPair {
     pub reach: f64,
     /// Stiffness of the layer between them, in the units of that of a tool.
     pub stiffness: f64,
+    /// Coulomb's coefficient of friction between them; zero for none.
+    pub friction: f64,
     /// The pairs of nodes that the tangent couples.
     reserved: Vec<[u32; 2]>,
 }
@@ -21,12 +23,14 @@ impl ContactPair {
     /// Of two surfaces, each of other nodes, with the blocks between what is at most `reach` apart at these points.
     ///
     /// # Errors
-    /// No triangle; nodes out of range or of both surfaces; a reach or a stiffness that is not positive.
+    /// No triangle; nodes out of range or of both surfaces; a reach or a stiffness that is not positive, a coefficient
+    /// of friction that is negative.
     pub fn new(
         points: &[[f64; 3]],
         surfaces: [Vec<[u32; 3]>; 2],
         reach: f64,
         stiffness: f64,
+        friction: f64,
     ) -> Result<Self, Error> {
         let mut owner = vec![2; points.len()];
         for (side, triangles) in surfaces.iter().enumerate() {
@@ -57,7 +61,12 @@ impl ContactPair {
                 )));
             }
         }
-        let mut pair = ContactPair { surfaces, reach, stiffness, reserved: Vec::new() };
+        if !(friction >= 0.0 && friction.is_finite()) {
+            return Err(Error::input(format!(
+                "the friction coefficient of a contact pair is {friction}; it must be finite and not negative"
+            )));
+        }
+        let mut pair = ContactPair { surfaces, reach, stiffness, friction, reserved: Vec::new() };
         pair.reserve(points);
         Ok(pair)
     }

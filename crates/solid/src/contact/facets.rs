@@ -96,6 +96,12 @@ impl Placed<'_> {
         Some(Gap { gap, normal: offset.map(|w| w / gap), triangle, weights, slopes })
     }
 
+    /// The triangle and the weights of the point closest to a point; none if it is farther away than `reach`.
+    pub fn closest(&self, x: [f64; 3], reach: f64) -> Option<(usize, [f64; 3])> {
+        let closest = self.tree.closest(self.points, &self.facets.triangles, x)?;
+        (closest.distance <= reach).then_some((closest.triangle as usize, closest.barycentric))
+    }
+
     /// How far a point is from the surface, inside or out [m].
     pub fn distance(&self, x: [f64; 3]) -> f64 {
         let closest = self.tree.closest(self.points, &self.facets.triangles, x);

@@ -7,11 +7,13 @@
 //! share a face, which its pattern has already: every solver serves contact, and no point ever has to be found free of
 //! penetration before a step may begin.
 
+mod carried;
 mod distance;
 mod entry;
 mod facets;
 mod friction;
 mod layer;
+mod meeting;
 mod pair;
 mod pose;
 mod samples;
@@ -147,13 +149,14 @@ impl Contact {
     /// A step begins at a displacement.
     pub fn begin(&mut self, u: &[f64]) {
         self.start.copy_from_slice(u);
-        self.pairs.iter_mut().for_each(ActivePair::begin);
+        self.pairs.iter_mut().for_each(|pair| pair.begin(u));
         let samples = &self.samples;
         self.tools.iter_mut().flatten().for_each(|held| held.begin(samples, u));
     }
 
     /// A step has ended at a displacement: slides become permanent.
     pub fn end(&mut self, u: &[f64]) {
+        self.pairs.iter_mut().for_each(ActivePair::end);
         let samples = &self.samples;
         self.tools.iter_mut().flatten().for_each(|held| held.end(samples, u));
     }

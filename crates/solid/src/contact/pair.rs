@@ -1,26 +1,28 @@
-//! Two surfaces of a body that touch each other, without friction.
+//! Two surfaces of a body that touch each other.
 //!
 //! The finer surface is sampled, the gap `g` of a sample is its signed distance from the other surface where that is
 //! now, and the layer between them is that of tools: `sum A e(g)`, with the areas `A` at rest. The samples are points of
 //! the common pieces of both surfaces, so that the nodal forces of a uniform pressure are consistent on both sides. The
-//! pieces are found anew while a step converges. The force at a sample and that at its closest point are opposite and on
-//! one line, so force and torque of a pair cancel.
+//! pieces are found anew while a step converges.
 
+mod rubbing;
+mod steps;
+
+use super::carried::Carried;
 use super::facets::{Facets, Gap, Placed};
+use super::friction::{Friction, spring};
 use super::layer::Layer;
+use super::meeting::{Meeting, stretch};
 use super::samples::{Height, cells_behind, modulus};
 use super::tool::Report;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
-use crate::mesh::{cross, diagonal, dot, norm, overlap, sub};
+use crate::mesh::{cross, diagonal, norm, overlap, sub};
 
 /// How often a step finds the pieces anew at most, and how far, relative to the reach, a surface moves before it does:
 /// where they stay, the iteration ends as Newton's does.
 const RENEWALS: usize = 20;
 const STILL: f64 = 1e-5;
-
-/// How much deeper a step may lead one surface into the other, over the reach: the tangent knows no more than its face.
-const DEEPER: f64 = 0.1;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
@@ -53,9 +55,16 @@ pub(super) struct ActivePair {
     /// The places for which the samples were found.
     renewed: Vec<[f64; 3]>,
     is_placed: bool,
+    friction: Friction,
+    /// The places at the start of the step.
+    start: Vec<[f64; 3]>,
+    /// The stretch of the springs at the end of the last step, and which way samples slid in the last tangent.
+    stretches: Carried,
+    slides: Carried,
     touching: Vec<Meeting>,
     in_tangent: Vec<Meeting>,
     gap: f64,
+    dissipation: f64,
 }
 
 /// A point of the sampled surface.
@@ -65,24 +74,8 @@ struct Sample {
     weights: [f64; 3],
     area: f64,
     layer: Layer,
-}
-
-/// A sample that touches.
-#[derive(Clone)]
-struct Meeting {
-    /// The corners of its triangle, then those of the other; what each adds to the gap along the normal.
-    nodes: [u32; 6],
-    weights: [f64; 6],
-    /// How fast the weights of the other triangle change in its plane [1/m]; zero if the tangent leaves that out.
-    slopes: [[f64; 3]; 6],
-    normal: [f64; 3],
-    gap: f64,
-    place: [f64; 3],
-    area: f64,
-    energy: f64,
-    pressure: f64,
-    /// Fall of the force with the gap [N/m].
-    stiffness: f64,
+    /// The point of the other surface that friction ties it to: triangle and weights.
+    tied: Option<(usize, [f64; 3])>,
 }
 
 impl ActivePair {
@@ -116,6 +109,7 @@ impl ActivePair {
         let areas = sampled.triangles().iter().map(|triangle| area(&rest, triangle)).collect();
         ActivePair {
             places: rest.clone(),
+            start: rest.clone(),
             nodes,
             rest,
             sampled,
@@ -128,9 +122,13 @@ impl ActivePair {
             renewals: 0,
             renewed: Vec::new(),
             is_placed: false,
+            friction: Friction::Coulomb(pair.friction),
+            stretches: Carried::default(),
+            slides: Carried::default(),
             touching: Vec::new(),
             in_tangent: Vec::new(),
             gap: f64::INFINITY,
+            dissipation: 0.0,
         }
     }
 
@@ -163,8 +161,9 @@ impl ActivePair {
         }
     }
 
-    /// A step begins.
-    pub fn begin(&mut self) {
+    /// A step begins at `u`.
+    pub fn begin(&mut self, u: &[f64]) {
+        self.start = self.places_at(u);
         self.renewals = 0;
         self.is_placed = false;
         self.renewed.clear();
@@ -191,48 +190,57 @@ impl ActivePair {
         }
         let other = self.other.at(&self.places);
         let (mut touching, mut least) = (std::mem::take(&mut self.touching), f64::INFINITY);
-        for sample in &self.samples {
+        for number in 0..self.samples.len() {
+            let sample = &self.samples[number];
             let Some((place, gap)) = self.gap_at(sample, &self.places, &other) else { continue };
             least = least.min(gap.gap);
-            touching.extend(self.meeting(sample, place, gap));
+            touching.extend(self.meeting(number, place, gap));
         }
         drop(other);
+        if !self.friction.is_none() {
+            self.tie(&touching);
+            touching.iter_mut().for_each(|meeting| self.rub(meeting));
+        }
         (self.touching, self.gap) = (touching, least);
     }
 
-    /// Energy of the layer at a displacement [J].
+    /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
     pub fn energy(&self, u: &[f64]) -> f64 {
         let places = self.places_at(u);
         if self.samples.is_empty() || self.separation(&places) > self.reach {
             return 0.0;
         }
         let other = self.other.at(&places);
-        let of = |sample: &Sample| {
-            let gap = self.gap_at(sample, &places, &other);
-            gap.map_or(0.0, |(_, gap)| sample.area * sample.layer.at(gap.gap)[0])
-        };
-        self.samples.iter().map(of).sum()
+        let mut ties =
+            self.touching.iter().filter_map(|m| Some((m.sample, m.tie.as_ref()?))).peekable();
+        let mut energy = 0.0;
+        for (number, sample) in self.samples.iter().enumerate() {
+            let found = self.gap_at(sample, &places, &other);
+            energy += found.map_or(0.0, |(_, gap)| sample.area * sample.layer.at(gap.gap)[0]);
+            let Some((_, tie)) = ties.next_if(|&(of, _)| of == number) else { continue };
+            let Some((triangle, weights)) = sample.tied else { continue };
+            let (_, tied) = self.point_of_other(triangle, weights, &places);
+            let offset = sub(self.place_of(sample, &places), tied);
+            let stretch = stretch(offset, found.map_or(0.0, |(_, gap)| gap.gap));
+            energy += spring(stretch, tie.stiffness, tie.bound)[0];
+        }
+        energy
     }
 
     /// Adds the last forces on both surfaces [N].
     pub fn add_force(&self, force: &mut [f64]) {
-        for meeting in &self.touching {
-            let size = meeting.area * meeting.pressure;
-            for (&node, weight) in meeting.nodes.iter().zip(meeting.weights) {
-                let own = &mut force[3 * node as usize..3 * node as usize + 3];
-                own.iter_mut().zip(meeting.normal).for_each(|(f, n)| *f += weight * size * n);
-            }
-        }
+        self.touching.iter().for_each(|meeting| meeting.add_force(force));
     }
 
     /// Adds the negative derivative of the forces to a tangent; the part by the rotation of normals, which is not definite,
     /// only if it is to be exact.
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
-        self.in_tangent.clone_from(&self.touching);
-        for meeting in &mut self.in_tangent {
-            if curvature == Curvature::Projected {
-                meeting.slopes = [[0.0; 3]; 6];
-            }
+        self.in_tangent.clear();
+        self.in_tangent.extend(self.touching.iter().map(|meeting| match curvature {
+            Curvature::Exact => meeting.clone(),
+            Curvature::Projected => meeting.convex(),
+        }));
+        for meeting in &self.in_tangent {
             meeting.each_block(|row, column, block| {
                 if row <= column {
                     let position = blocks.pattern().position(row, column);
@@ -240,6 +248,10 @@ impl ActivePair {
                 }
             });
         }
+        self.slides = Carried::new(self.touching.iter().filter_map(|meeting| {
+            let sample = &self.samples[meeting.sample];
+            Some((sample.triangle, sample.weights, meeting.tie.as_ref()?.slide))
+        }));
     }
 
     /// Adds a multiple of the product of the last contribution to the tangent with `x`.
@@ -259,20 +271,26 @@ impl ActivePair {
     pub fn is_beyond(&self, pattern: &BlockPattern) -> bool {
         let mut last = None;
         self.touching.iter().any(|meeting| {
-            if last.replace(meeting.nodes) == Some(meeting.nodes) {
+            let nodes = (meeting.nodes, meeting.tie.as_ref().map(|tie| tie.nodes));
+            if last.replace(nodes) == Some(nodes) {
                 return false; // of the same piece
             }
-            let (own, other) = meeting.nodes.split_at(3);
-            own.iter().any(|&a| other.iter().any(|&b| pattern.position(a, b).is_none()))
+            let is_beyond = |nodes: &[u32; 6]| {
+                let (own, other) = nodes.split_at(3);
+                own.iter().any(|&a| other.iter().any(|&b| pattern.position(a, b).is_none()))
+            };
+            // A slide that is longer than the pattern reaches stays out of the tangent.
+            let tie = meeting.tie.as_ref().filter(|tie| norm(tie.offset) < self.reach);
+            is_beyond(&meeting.nodes) || tie.is_some_and(|tie| is_beyond(&tie.nodes))
         })
     }
 
     /// Force of the second surface on the first, and torque about the origin of space.
     pub fn report(&self) -> Report {
-        let mut report = Report { gap: self.gap, ..Report::default() };
+        let mut report =
+            Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };
         for meeting in &self.touching {
-            let size = self.sign * meeting.area * meeting.pressure;
-            let force = meeting.normal.map(|n| size * n);
+            let force = meeting.force().map(|f| self.sign * f);
             let torque = cross(meeting.place, force);
             for i in 0..3 {
                 report.force[i] += force[i];
@@ -281,6 +299,8 @@ impl ActivePair {
             report.area += meeting.area;
             report.energy += meeting.energy;
             report.touching += 1;
+            let slides = meeting.tie.as_ref().is_some_and(|tie| tie.slide != [0.0; 3]);
+            report.sliding += usize::from(slides);
         }
         report
     }
@@ -305,65 +325,11 @@ impl ActivePair {
         self.nodes.iter().zip(&self.rest).map(place).collect()
     }
 
-    /// How far apart the boxes around both surfaces are along an axis; negative where they overlap along all.
-    fn separation(&self, places: &[[f64; 3]]) -> f64 {
-        let [one, other] = [&self.sampled, &self.other].map(|facets| {
-            let corners = facets.triangles().iter().flatten().map(|&node| places[node as usize]);
-            let mut ends = [[f64::MAX; 3], [f64::MIN; 3]];
-            for x in corners {
-                (0..3).for_each(|k| ends[0][k] = ends[0][k].min(x[k]));
-                (0..3).for_each(|k| ends[1][k] = ends[1][k].max(x[k]));
-            }
-            ends
-        });
-        let along = |k: usize| (one[0][k] - other[1][k]).max(other[0][k] - one[1][k]);
-        (0..3).map(along).fold(f64::MIN, f64::max)
-    }
-
     /// Whether a surface has moved since its samples were found.
     fn has_moved(&self) -> bool {
         let still = STILL * self.reach;
         let pairs = self.places.iter().zip(&self.renewed);
         self.renewed.is_empty() || pairs.into_iter().any(|(x, y)| norm(sub(*x, *y)) > still)
-    }
-
-    /// The part of a step, possibly more than all of it, that leads no surface much deeper into the other.
-    pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
-        let places = self.places_at(u);
-        let motion: Vec<[f64; 3]> =
-            self.nodes.iter().map(|&n| std::array::from_fn(|i| step[3 * n as usize + i])).collect();
-        let fastest = |facets: &Facets| {
-            let nodes = facets.triangles().iter().flatten();
-            nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max)
-        };
-        let (own_speed, its_speed) = (fastest(&self.sampled), fastest(&self.other));
-        let (deeper, speed) = (DEEPER * self.reach, own_speed + its_speed);
-        let apart = self.separation(&places);
-        if speed <= deeper || apart > self.reach {
-            return (apart.max(0.0) + deeper) / speed;
-        }
-        let other = self.other.at(&places);
-        let mut longest = f64::INFINITY;
-        for sample in &self.samples {
-            let place = self.place_of(sample, &places);
-            let own =
-                self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
-            let own = mean(&own, sample.weights);
-            let Some(gap) = other.gap(place, self.reach) else {
-                // Wherever it goes, it meets nothing before it has gone so far.
-                let free = other.distance(place);
-                longest = longest.min((free + deeper) / (norm(own) + its_speed));
-                continue;
-            };
-            let its = self.other.triangles()[gap.triangle].map(|n| motion[n as usize]);
-            let moved = sub(own, mean(&its, gap.weights));
-            let (away, free) = (dot(moved, gap.normal), gap.gap.max(0.0));
-            longest = longest.min((free + self.reach) / norm(moved));
-            if away < 0.0 {
-                longest = longest.min((free + deeper) / -away);
-            }
-        }
-        longest
     }
 
     /// The samples where the surfaces are now: on their common pieces, and on whole triangles that have none.
@@ -381,7 +347,13 @@ impl ActivePair {
                     (0..3).map(|k| point[k] * piece.corners[k][0][i]).sum::<f64>()
                 });
                 let area = part * self.areas[triangle] / 3.0;
-                samples.push(Sample { triangle: triangle as u32, weights, area, layer });
+                samples.push(Sample {
+                    triangle: triangle as u32,
+                    weights,
+                    area,
+                    layer,
+                    tied: None,
+                });
             }
         }
         let softest = self.layers[1].iter().copied().reduce(softer);
@@ -389,7 +361,8 @@ impl ActivePair {
             let layer =
                 softest.map_or(self.layers[0][triangle], |s| softer(s, self.layers[0][triangle]));
             let area = self.areas[triangle] / 3.0;
-            let sample = |weights| Sample { triangle: triangle as u32, weights, area, layer };
+            let sample =
+                |weights| Sample { triangle: triangle as u32, weights, area, layer, tied: None };
             samples.extend(RULE.map(sample));
         }
         samples
@@ -411,7 +384,8 @@ impl ActivePair {
         mean(&triangle.map(|node| places[node as usize]), sample.weights)
     }
 
-    fn meeting(&self, sample: &Sample, place: [f64; 3], gap: Gap) -> Option<Meeting> {
+    fn meeting(&self, number: usize, place: [f64; 3], gap: Gap) -> Option<Meeting> {
+        let sample = &self.samples[number];
         let [energy, pressure, slope] = sample.layer.at(gap.gap);
         if pressure == 0.0 {
             return None;
@@ -421,6 +395,7 @@ impl ActivePair {
         let corner = |i: usize| if i < 3 { own[i] } else { other[i - 3] };
         let still = [0.0; 3];
         Some(Meeting {
+            sample: number,
             nodes: std::array::from_fn(|i| self.nodes[corner(i) as usize]),
             weights: std::array::from_fn(|i| {
                 if i < 3 { sample.weights[i] } else { -gap.weights[i - 3] }
@@ -433,30 +408,8 @@ impl ActivePair {
             energy: sample.area * energy,
             pressure,
             stiffness: sample.area * slope,
+            tie: None,
         })
-    }
-}
-
-impl Meeting {
-    /// Calls with row and column node and the entries `[i][k]` of each block.
-    ///
-    /// With the weights `w`, the normal `n` and the slopes `s`, the block of nodes a and b is
-    ///   `A e'' w_a w_b n n + A p (w_a s_b n + w_b n s_a + g s_a . s_b n n)`.
-    fn each_block(&self, mut take: impl FnMut(u32, u32, [f64; 9])) {
-        let (n, force) = (self.normal, self.area * self.pressure);
-        for a in 0..6 {
-            for b in 0..6 {
-                let ([w, v], [s, t]) =
-                    ([a, b].map(|k| self.weights[k]), [a, b].map(|k| self.slopes[k]));
-                let turn: f64 = s.iter().zip(t).map(|(s, t)| s * t).sum();
-                let along = self.stiffness * w * v + force * self.gap * turn;
-                let entries = std::array::from_fn(|entry| {
-                    let (i, k) = (entry / 3, entry % 3);
-                    along * n[i] * n[k] + force * (w * t[i] * n[k] + v * n[i] * s[k])
-                });
-                take(self.nodes[a], self.nodes[b], entries);
-            }
-        }
     }
 }
 

@@ -13,7 +13,12 @@ const SIDE: f64 = 0.1;
 
 /// A block of `n[0]`^3 cubes and one of `n[1]`^3 above it, this far apart, shifted sideways. A spring too weak to be felt
 /// holds the upper one.
-fn blocks(n: [usize; 2], apart: f64, shift: [f64; 2]) -> Body {
+pub(super) fn blocks(n: [usize; 2], apart: f64, shift: [f64; 2]) -> Body {
+    rough_blocks(n, apart, shift, 0.0)
+}
+
+/// The same with a coefficient of friction between them.
+pub(super) fn rough_blocks(n: [usize; 2], apart: f64, shift: [f64; 2], friction: f64) -> Body {
     let (mut points, mut cells) = block([n[0]; 3], [SIDE; 3]);
     let first = surface(&points, &cells);
     let (above, others) = block([n[1]; 3], [SIDE; 3]);
@@ -21,7 +26,7 @@ fn blocks(n: [usize; 2], apart: f64, shift: [f64; 2]) -> Body {
     let second = surface(&above, &others).into_iter().map(|t| t.map(|node| start + node)).collect();
     points.extend(above.iter().map(|x| [x[0] + shift[0], x[1] + shift[1], x[2] + SIDE + apart]));
     cells.extend(others.iter().map(|cell| cell.map(|node| start + node)));
-    let pair = ContactPair::new(&points, [first, second], 0.02, STIFFNESS).unwrap();
+    let pair = ContactPair::new(&points, [first, second], 0.02, STIFFNESS, friction).unwrap();
     let material = Material::new("neo_hookean", vec![vec![4e3, 6e3]]).unwrap();
     let weak = |entry: usize| if entry.is_multiple_of(4) { 1e-9 } else { 0.0 };
     let ties = Ties {
@@ -36,7 +41,7 @@ fn blocks(n: [usize; 2], apart: f64, shift: [f64; 2]) -> Body {
 }
 
 /// Held by `held` where it says so: node by node, place at rest and component.
-fn problem(body: &Body, held: impl Fn([f64; 3], usize) -> Option<f64>) -> Problem<'_> {
+pub(super) fn problem(body: &Body, held: impl Fn([f64; 3], usize) -> Option<f64>) -> Problem<'_> {
     let nodes = (0u32..).zip(body.points());
     let held = &held;
     let of = move |(n, x): (u32, &[f64; 3])| {
@@ -263,16 +268,17 @@ fn surfaces_that_overlap_at_rest_are_refused() {
 fn pairs_that_cannot_be_are_refused() {
     let (points, cells) = block([1; 3], [SIDE; 3]);
     let whole = surface(&points, &cells);
-    let refusal = |surfaces, reach, stiffness| {
-        let made = ContactPair::new(&points, surfaces, reach, stiffness);
+    let refusal = |surfaces, reach, stiffness, friction| {
+        let made = ContactPair::new(&points, surfaces, reach, stiffness, friction);
         made.map_or_else(|error| error.to_string(), |_| String::new())
     };
     let [one, other] = [whole[..1].to_vec(), Vec::new()];
-    assert!(refusal([whole.clone(), whole.clone()], 0.1, 30.0).contains("both sides"));
-    assert!(refusal([one.clone(), other], 0.1, 30.0).contains("no triangle"));
-    assert!(refusal([one.clone(), vec![[7, 8, 9]]], 0.1, 30.0).contains("there are 8 points"));
+    assert!(refusal([whole.clone(), whole.clone()], 0.1, 30.0, 0.0).contains("both sides"));
+    assert!(refusal([one.clone(), other], 0.1, 30.0, 0.0).contains("no triangle"));
+    assert!(refusal([one.clone(), vec![[7, 8, 9]]], 0.1, 30.0, 0.0).contains("there are 8 points"));
     let apart = |t: &&[u32; 3]| t.iter().all(|node| !one[0].contains(node));
     let two = whole.iter().find(apart).map_or(Vec::new(), |t| vec![*t]);
-    assert!(refusal([one.clone(), two.clone()], f64::NAN, 30.0).contains("reach"));
-    assert!(refusal([one.clone(), two], 0.1, 0.0).contains("stiffness"));
+    assert!(refusal([one.clone(), two.clone()], f64::NAN, 30.0, 0.0).contains("reach"));
+    assert!(refusal([one.clone(), two.clone()], 0.1, 0.0, 0.0).contains("stiffness"));
+    assert!(refusal([one.clone(), two], 0.1, 30.0, -0.1).contains("friction coefficient"));
 }

@@ -1,0 +1,78 @@
+//! Friction between two surfaces: the return mapping of tools. Since samples come and go with the pieces, the stretch of
+//! the springs is carried along by the sampled surface: a sample takes that of the nearest one at the end of the last step,
+//! and is tied to the point of the other surface that was so far behind it then.
+
+use super::{ActivePair, mean};
+use crate::contact::carried::Carried;
+use crate::contact::meeting::{Meeting, Tie};
+use crate::mesh::sub;
+
+impl ActivePair {
+    /// A step ends where it was linearized last: slides become permanent.
+    pub(in super::super) fn end(&mut self) {
+        self.dissipation = 0.0;
+        if self.friction.is_none() {
+            return;
+        }
+        let mut left = vec![[0.0; 3]; self.samples.len()];
+        for meeting in &self.touching {
+            if let Some(tie) = &meeting.tie {
+                left[meeting.sample] = tie.elastic();
+                self.dissipation += tie.slip().1;
+            }
+        }
+        let samples = self.samples.iter().zip(left);
+        self.stretches = Carried::new(samples.map(|(s, stretch)| (s.triangle, s.weights, stretch)));
+    }
+
+    /// Ties the samples that touch, as far as they are new, to the points of the other surface that they stick to.
+    pub(super) fn tie(&mut self, touching: &[Meeting]) {
+        let is_new = |meeting: &&Meeting| self.samples[meeting.sample].tied.is_none();
+        let new: Vec<usize> =
+            touching.iter().filter(is_new).map(|meeting| meeting.sample).collect();
+        if new.is_empty() {
+            return;
+        }
+        let other = self.other.at(&self.start);
+        let mut found = Vec::with_capacity(new.len());
+        for &number in &new {
+            let sample = &self.samples[number];
+            let behind = self.stretches.nearest(sample.triangle, sample.weights);
+            let place = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
+            found.push(other.closest(place, self.reach));
+        }
+        drop(other);
+        for (number, tied) in new.into_iter().zip(found) {
+            self.samples[number].tied = tied;
+        }
+    }
+
+    /// Adds friction to a sample that touches. One that was far away at the start of the step is not tied yet.
+    pub(super) fn rub(&self, meeting: &mut Meeting) {
+        let sample = &self.samples[meeting.sample];
+        let Some((triangle, weights)) = sample.tied else { return };
+        let (corners, place) = self.point_of_other(triangle, weights, &self.places);
+        let bound = meeting.area * self.friction.bound(meeting.pressure);
+        let tie = Tie::new(
+            std::array::from_fn(|i| {
+                if i < 3 { meeting.nodes[i] } else { self.nodes[corners[i - 3] as usize] }
+            }),
+            std::array::from_fn(|i| if i < 3 { sample.weights[i] } else { -weights[i - 3] }),
+            meeting.area * sample.layer.stiffness,
+            bound,
+        );
+        let slid = self.slides.nearest(sample.triangle, sample.weights);
+        meeting.tie(tie, sub(meeting.place, place), slid.unwrap_or([0.0; 3]));
+    }
+
+    /// The corners of a triangle of the other surface, and the point with these weights.
+    pub(super) fn point_of_other(
+        &self,
+        triangle: usize,
+        weights: [f64; 3],
+        places: &[[f64; 3]],
+    ) -> ([u32; 3], [f64; 3]) {
+        let corners = self.other.triangles()[triangle];
+        (corners, mean(&corners.map(|node| places[node as usize]), weights))
+    }
+}

@@ -1,0 +1,64 @@
+//! How far a step may go before a surface is much deeper in the other than it was.
+
+use super::{ActivePair, mean};
+use crate::contact::facets::Facets;
+use crate::mesh::{dot, norm, sub};
+
+/// How much deeper a step may lead one surface into the other, over the reach: the tangent knows no more than its face.
+const DEEPER: f64 = 0.1;
+
+impl ActivePair {
+    /// The part of a step, possibly more than all of it, that leads no surface much deeper into the other.
+    pub(in super::super) fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
+        let places = self.places_at(u);
+        let motion: Vec<[f64; 3]> =
+            self.nodes.iter().map(|&n| std::array::from_fn(|i| step[3 * n as usize + i])).collect();
+        let fastest = |facets: &Facets| {
+            let nodes = facets.triangles().iter().flatten();
+            nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max)
+        };
+        let (own_speed, its_speed) = (fastest(&self.sampled), fastest(&self.other));
+        let (deeper, speed) = (DEEPER * self.reach, own_speed + its_speed);
+        let apart = self.separation(&places);
+        if speed <= deeper || apart > self.reach {
+            return (apart.max(0.0) + deeper) / speed;
+        }
+        let other = self.other.at(&places);
+        let mut longest = f64::INFINITY;
+        for sample in &self.samples {
+            let place = self.place_of(sample, &places);
+            let own =
+                self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
+            let own = mean(&own, sample.weights);
+            let Some(gap) = other.gap(place, self.reach) else {
+                // Wherever it goes, it meets nothing before it has gone so far.
+                let free = other.distance(place);
+                longest = longest.min((free + deeper) / (norm(own) + its_speed));
+                continue;
+            };
+            let its = self.other.triangles()[gap.triangle].map(|n| motion[n as usize]);
+            let moved = sub(own, mean(&its, gap.weights));
+            let (away, free) = (dot(moved, gap.normal), gap.gap.max(0.0));
+            longest = longest.min((free + self.reach) / norm(moved));
+            if away < 0.0 {
+                longest = longest.min((free + deeper) / -away);
+            }
+        }
+        longest
+    }
+
+    /// How far apart the boxes around both surfaces are along an axis; negative where they overlap along all.
+    pub(super) fn separation(&self, places: &[[f64; 3]]) -> f64 {
+        let [one, other] = [&self.sampled, &self.other].map(|facets| {
+            let corners = facets.triangles().iter().flatten().map(|&node| places[node as usize]);
+            let mut ends = [[f64::MAX; 3], [f64::MIN; 3]];
+            for x in corners {
+                (0..3).for_each(|k| ends[0][k] = ends[0][k].min(x[k]));
+                (0..3).for_each(|k| ends[1][k] = ends[1][k].max(x[k]));
+            }
+            ends
+        });
+        let along = |k: usize| (one[0][k] - other[1][k]).max(other[0][k] - one[1][k]);
+        (0..3).map(along).fold(f64::MIN, f64::max)
+    }
+}
