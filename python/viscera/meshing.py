@@ -153,6 +153,13 @@ def mesh_surface(
     return replace(found, messages=(*messages, *found.messages))
 
 
+def read_surface(path: Path, units: str | float) -> tuple[Floats, Indices]:
+    """Points (n, 3) [m] and triangles (t, 3) of a file, with equal points joined and triangles turned outward."""
+    points, triangles, _ = _surface(path, units)
+    points, triangles, _ = _mended(points, triangles)
+    return points, triangles
+
+
 def edge_means(points: Floats, cells: Indices) -> Floats:
     """The mean length of each cell's edges (m,) [m]."""
     pairs = points[cells[:, [0, 0, 0, 1, 1, 2]]] - points[cells[:, [1, 2, 3, 2, 3, 3]]]

@@ -33,10 +33,12 @@ import numpy as np
 
 from viscera.bond import Bond
 from viscera.case import PLACED, Case, Solvable, case_of, load_mesh, read_words
-from viscera.contact import Contact, Tool
+from viscera.contact import AnyShape, Contact, HalfSpace, Shape, Tool
 from viscera.contact_pair import ContactPair
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
+from viscera.meshing import read_surface
+from viscera.rotation import rotation_matrix
 from viscera.scene import Scene
 from viscera.scene_schema import SCENE, SHAPES, SIZES, Side
 from viscera.select import in_space
@@ -72,8 +74,9 @@ class SceneCase(Solvable):
     def __post_init__(self) -> None:
         """Raise `VisceraError` naming the first key that a scene does not have, or an organ that it does not have."""
         SCENE({each.name: getattr(self, each.name) for each in fields(self) if each.name != "folder"}, "a scene")
-        for name in self.organs:
+        for name, words in self.organs.items():
             self._organ_case(name)
+            rotation_matrix(words.get("rotation"), f"the rotation of the organ {name!r}")
         for place, of in self._places():
             self._split(place, of)
         density = self.loads.get("density", {})
@@ -101,11 +104,11 @@ class SceneCase(Solvable):
         for name, words in self.organs.items():
             case = self._organ_case(name)
             try:
-                placed = _moved(load_mesh(case.mesh, case.units, case.folder), words.get("position"))
+                placed = _moved(load_mesh(case.mesh, case.units, case.folder), words)
                 organs[name] = case._organ(placed, named[name])
             except VisceraError as error:
                 raise VisceraError(f"organ {name!r}: {error}") from error
-        bonds, contacts, bodies = self._between()
+        bonds, contacts, bodies = self._between(self.folder)
         return Scene(organs, bodies, bonds, contacts)
 
     def reactions(self, organ: Scene, state: State) -> dict[str, list[float]]:
@@ -162,7 +165,7 @@ class SceneCase(Solvable):
 
     def _organ_case(self, name: str) -> Case:
         """One organ as a case of its own, where its mesh file has it."""
-        words = {key: word for key, word in self.organs[name].items() if key != "position"}
+        words = {key: word for key, word in self.organs[name].items() if key not in {"position", "rotation"}}
         try:
             return Case(**words, folder=self.folder)
         except VisceraError as error:
@@ -184,14 +187,14 @@ class SceneCase(Solvable):
             raise VisceraError(f"{place!r} of {of}: no organ is called {name!r}; {did_you_mean(name, self.organs)}")
         return name, where
 
-    def _between(self) -> tuple[list[Bond | Spring], list[ContactPair], list[Tool]]:
-        """Bonds and springs, contact pairs, bodies."""
+    def _between(self, folder: Path | None = None) -> tuple[list[Bond | Spring], list[ContactPair], list[Tool]]:
+        """Bonds and springs, contact pairs, bodies; without a folder, no file of a surface is read."""
         bonds = [Bond(*_sides(row), **_rest(row)) for row in self.bonds]
         springs = [
             Spring(row["first"], row.get("second"), **_in_metres(_rest(row), ("point",))) for row in self.springs
         ]
         contacts = [ContactPair(*_sides(row), **_rest(row)) for row in self.contacts]
-        return [*bonds, *springs], contacts, [_body(row) for row in self.bodies]
+        return [*bonds, *springs], contacts, [_body(row, folder) for row in self.bodies]
 
 
 def read_any(path: str | os.PathLike[str]) -> Case | SceneCase:
@@ -236,17 +239,30 @@ def _in_metres(row: Row, vectors: Sequence[str]) -> dict[str, Any]:
     return {name: in_space(value, name) if name in vectors else value for name, value in row.items()}
 
 
-def _body(row: Row) -> Tool:
-    shape = SHAPES[row["shape"]](**{name: row[name] for name in SIZES if name in row})
-    rest = {name: value for name, value in row.items() if name not in {"shape", *SIZES}}
+def _body(row: Row, folder: Path | None) -> Tool:
+    shape: AnyShape
+    if "surface" not in row:
+        shape = SHAPES[row["shape"]](**{name: row[name] for name in SIZES if name in row})
+    else:
+        shape = HalfSpace() if folder is None else _shape(folder / row["surface"], row["units"])
+    rest = {name: value for name, value in row.items() if name not in {"shape", "units", *SIZES}}
     return Tool(shape, **_in_metres(rest, ("position", "displacement")))
 
 
-def _moved(plain: Mesh, position: Any) -> Mesh:
-    """The mesh with its origin at a position."""
-    if position is None:
+def _shape(path: Path, units: str | float) -> Shape:
+    try:
+        return Shape(read_surface(path, units))
+    except VisceraError as error:
+        raise VisceraError(str(error) if str(path) in str(error) else f"{path}: {error}") from error
+
+
+def _moved(plain: Mesh, words: Row) -> Mesh:
+    """The mesh turned about its origin, and that at a position."""
+    position, rotation = words.get("position"), words.get("rotation")
+    if position is None and rotation is None:
         return plain
-    points = plain.points + in_space(position, "position")
+    points = plain.points @ rotation_matrix(rotation).T
+    points = points + (0.0 if position is None else in_space(position, "position"))
     points.flags.writeable = False  # a mesh that was checked stays so
     return replace(plain, points=points)
 

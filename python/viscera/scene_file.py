@@ -12,12 +12,12 @@ import numpy as np
 from viscera import _core
 from viscera.atomic import replacing
 from viscera.casefile import Places, load_words, organ_words, plain, target_of
-from viscera.contact import Tool
+from viscera.contact import Shape, Tool
 from viscera.errors import VisceraError
 from viscera.loads import Where, name_of
 from viscera.mesh import Where as Nodes
 from viscera.scene_case import SceneCase, any_case_of, read_any
-from viscera.scene_schema import SHAPES, SIZES
+from viscera.scene_schema import SIZES
 from viscera.spring import Spring
 
 if TYPE_CHECKING:
@@ -120,8 +120,8 @@ def _spring(spring: Spring, places: _ScenePlaces) -> dict[str, Any]:
 
 def _body(body: Tool) -> dict[str, Any]:
     shape = type(body.shape).__name__
-    if shape not in SHAPES:
-        raise VisceraError(f"a case file has no word for the body {body!r}; it knows {', '.join(SHAPES)}")
+    if isinstance(body.shape, Shape):
+        raise VisceraError(f"the surface of the body {body!r} is in no file; write it, and name it in the case by hand")
     sizes = {name: getattr(body.shape, name) for name in SIZES if hasattr(body.shape, name)}
     words = {
         "position": body.position,

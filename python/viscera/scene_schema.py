@@ -8,15 +8,15 @@ from inspect import Parameter, signature
 from typing import Any
 
 from viscera import bond, contact, contact_pair, spring
-from viscera.entries import Key, Length, PerCell, Table, known
+from viscera.entries import Key, Length, PerCell, Table, Text, Units, known
 from viscera.errors import VisceraError
 from viscera.quantity import Choice, Flag, Number, Vector, brief, numbers_of, refused
 from viscera.schema import CASE, LOADS, SETTINGS
 from viscera.select import METRIC, in_space, length
 
-SHAPES = {shape.__name__: shape for shape in (contact.Sphere, contact.Capsule, contact.Box, contact.HalfSpace)}
-"""Shapes of rigid bodies that a case has words for."""
-SIZES = ("radius", "length", "sides", "rounding")
+SHAPES = {shape.__name__: shape for shape in contact.SHAPES}
+"""Shapes of rigid bodies."""
+SIZES = ("radius", "length", "sides", "rounding", "surface")
 """What may be said of the size of a shape."""
 
 
@@ -155,6 +155,8 @@ class Body(Table):
                 raise VisceraError(f"a {words['shape']} has no {name!r}{self._takes(takes)}")
             if name in takes and name not in words and takes[name].default is Parameter.empty:
                 raise VisceraError(f"the key {name!r} is missing{self._takes(takes)}")
+        if ("units" in words) != ("surface" in words):
+            raise VisceraError(f"'units' are those of a 'surface'; give both or none{self._takes(takes)}")
 
     def _takes(self, takes: Mapping[str, Any]) -> str:
         return f" in [{self.name}]; its shape takes {' and '.join(takes) or 'no size'}"
@@ -171,6 +173,7 @@ ORGAN = Table(
     "of its own, and all must be of one element.",
     {
         **{name: CASE.keys[name] for name in ("mesh", "units", "fixed", "supports", "element", "material")},
+        "rotation": Key(Rotation(), "turns the mesh about the origin of its file", "none"),
         "position": Key(InSpace(), "where the origin of the mesh file lies", "[0, 0, 0]"),
     },
 )
@@ -215,6 +218,8 @@ BODY = Body(
         "length": Key(Metres(), "length of the segment of a capsule, along its z axis"),
         "sides": Key(Sides(), "sides of a box"),
         "rounding": Key(Metres(low=0), "radius of the edges of a box", "0"),
+        "surface": Key(Text(), "path of the closed surface of a `Shape`, from the folder of the case: STL, OBJ or PLY"),
+        "units": Key(Units(), "unit of the surface file", "required with `surface`"),
         "position": Key(InSpace(), "where its origin lies", "[0, 0, 0]"),
         "rotation": Key(Rotation(), "from its axes to those of space", "none"),
         "friction": Key(Friction(), "Coulomb's coefficient", "0"),

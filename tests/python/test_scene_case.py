@@ -144,7 +144,7 @@ def test_what_a_case_has_no_word_for(bar: vs.Mesh, folder: Path) -> None:
     held = vs.Organ(bar, LAW, fixed="root", supports=[vs.Spring("tip", point=(1, 0, 0), stiffness=1.0)])
     make: Any
     for make, sentence in (
-        (lambda: solid.to_case("a.toml"), "no word for the body Tool"),
+        (lambda: solid.to_case("a.toml"), "the surface of the body Tool.* is in no file"),
         (lambda: scene.to_case("a.toml", loads={"force": {"x > 99%": (0, 0, 1)}}), "'x > 99%' spans several organs"),
         (lambda: vs.Scene({"bar": held}).to_case("a.toml"), "no word for springs"),
         (lambda: scene.to_case("a.json"), "ends in .toml"),
@@ -214,6 +214,36 @@ def test_wrong_words_are_named_on_reading(folder: Path, old: str, new: str, word
 def test_wrong_places_are_named_on_solving(folder: Path, old: str, new: str, words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         read(folder, GOOD.replace(old, new, 1)).organ()
+
+
+def test_an_organ_is_turned_and_a_body_is_a_surface_file(folder: Path) -> None:
+    """As the same scene by hand: the upper bar stands upright, and a block of a file takes the place of the table."""
+    table = vs.mesh([[0, 0, -100], [400, 0, -100], [0, 400, -100], [0, 0, 0]], [[0, 1, 2, 3]])
+    meshio.write(folder / "table.stl", meshio.Mesh(table.points, [("triangle", table.surface)]))
+    words = GOOD.replace(
+        'position = "(0, 0, 11) cm"', 'position = "(0, 0, 11) cm"\nrotation = [0, -1.5707963267948966, 0]'
+    )
+    words = words.replace('shape = "HalfSpace"', 'shape = "Shape"\nsurface = "table.stl"\nunits = "mm"')
+    scene = read(folder, words).organ()
+    plain = read(folder).organ().organ("upper").mesh.points - np.array([0, 0, 0.11])
+    upright = np.stack([-plain[:, 2], plain[:, 1], plain[:, 0]], axis=1) + np.array([0, 0, 0.11])
+    assert scene.organ("upper").mesh.points == pytest.approx(upright, abs=1e-12)
+    (body,) = scene.bodies
+    assert repr(body.shape) == "Shape(4 triangles)"
+    assert body.shape._core.distance(np.array([[0.05, 0.05, -0.09]]))[0] < 0.0
+    with pytest.raises(vs.VisceraError, match="is in no file; write it"):
+        scene.to_case("again.toml")
+    for old, new, said in (
+        ('surface = "table.stl"\n', "", "the key 'surface' is missing"),
+        ('units = "mm"\nposition', "position", "'units' are those of a 'surface'"),
+        ("rotation = [0, -1.57", "rotation = [[1, 0, 0], [0, 2, 0], [0, 0, 1]] #", "the rotation of the organ 'upper'"),
+    ):
+        assert old in words
+        with pytest.raises(vs.VisceraError, match=said):
+            read(folder, words.replace(old, new, 1))
+    (folder / "table.stl").unlink()
+    with pytest.raises(vs.VisceraError, match=r"table.stl: no such file"):
+        read(folder, words).organ()
 
 
 @pytest.mark.parametrize("verb", ["reduce", "compare", "view"])
