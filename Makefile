@@ -66,7 +66,7 @@ stages = @times=; for stage in $(1); do \
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-touches study-reduced study-soak study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
-.PHONY: reduced-liver build-times wheel
+.PHONY: reduced-liver build-times compare wheel
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -182,6 +182,9 @@ wheel: $(node_viewer) ## a wheel for this platform, in out/wheel; its size is ke
 
 build-times: $(development) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
 	$(BIN)/python scripts/build_times.py | tee benchmarks/results/build.txt
+
+compare: $(development) ## whether this is slower than revision REV, or revision WITH is, row by row in turns
+	@$(BIN)/python scripts/compare.py $(REV) $(WITH)
 
 out/liver.viscera: | $(extension)
 	$(BIN)/viscera demo --no-view --output out
