@@ -21,13 +21,16 @@ ifeq ($(shell uname),Darwin)
 c_system     := -lSystem -lm
 c_shared     := libviscera.$(c_version).dylib libviscera.$(c_major).dylib libviscera.dylib
 c_strip       = strip -S $(1) -o $(2)
+c_strip_all   = strip -x $(1) -o $(2)
 else
 c_system     := -lgcc_s -lutil -lrt -lpthread -lm -ldl -lc
 c_shared     := libviscera.so.$(c_version) libviscera.so.$(c_major) libviscera.so
 c_strip       = objcopy --strip-debug --remove-section=.llvmbc --remove-section=.llvmcmd $(1) $(2)
+c_strip_all   = objcopy --strip-all $(1) $(2)
 endif
 c_link       := $(lastword $(c_shared))
-c_packages   := viscera.pc VisceraConfig.cmake VisceraConfigVersion.cmake
+c_hands      := $(c_shared:libviscera.%=libviscera_hands.%)
+c_packages   := viscera.pc viscera_hands.pc VisceraConfig.cmake VisceraConfigVersion.cmake
 
 # What GPU=1 adds: the library that the solver "gpu" loads. What is built and tested every day has no wgpu in it.
 gpu_name     := $(if $(filter Darwin,$(shell uname)),libviscera_gpu.dylib,libviscera_gpu.so)
@@ -139,24 +142,29 @@ fuzz: ## files, touches and requests that bring evaluator or stepper down, FUZZ_
 			$$target out/fuzz/$$target fuzz/corpus/$$target -- \
 			-max_total_time=$(FUZZ_SECONDS) -malloc_limit_mb=128 -artifact_prefix=out/fuzz/ || exit; done
 
-c-library: ## the C library for haptic loops, shared and static, with what pkg-config and CMake read, in target/c
-	$(CARGO) build --profile library --package viscera-c
+# The library with solvers shares the crates that everything else has compiled: made small like the other, it would take
+# minutes, and it is loaded once.
+c-library: ## the C libraries for haptic loops, with what pkg-config and CMake read, in target/c
+	$(CARGO) build --profile library --package viscera-c --no-default-features
+	$(CARGO) build --release --package viscera-c
 	install -d $(c_folder)
 	install -m 644 target/library/$(c_link) $(c_folder)/$(firstword $(c_shared))
-	ln -sf $(word 1,$(c_shared)) $(c_folder)/$(word 2,$(c_shared))
-	ln -sf $(word 2,$(c_shared)) $(c_folder)/$(word 3,$(c_shared))
+	$(call c_strip_all,target/release/$(c_link),$(c_folder)/$(firstword $(c_hands)))
+	for names in "$(c_shared)" "$(c_hands)"; do set -- $$names; \
+		ln -sf $$1 $(c_folder)/$$2 && ln -sf $$2 $(c_folder)/$$3 || exit; done
 	$(call c_strip,target/library/libviscera.a,$(c_folder)/libviscera.a)
 	for package in $(c_packages); do \
 		sed -e 's|@PREFIX@|$(PREFIX)|' -e 's|@PRIVATE@|$(c_system)|' -e 's|@VERSION@|$(c_version)|' -e 's|@MAJOR@|$(c_major)|' \
 			-e 's|@SHARED@|$(word 1,$(c_shared))|' -e 's|@SONAME@|$(word 2,$(c_shared))|' \
+			-e 's|@HANDS@|$(word 1,$(c_hands))|' -e 's|@HANDS_SONAME@|$(word 2,$(c_hands))|' \
 			bindings/c/packages/$$package.in > $(c_folder)/$$package; done
 
-install-c: c-library ## headers and libraries of the C library, and what pkg-config and CMake read, into PREFIX
+install-c: c-library ## headers and libraries for C, and what pkg-config and CMake read, into PREFIX
 	install -d $(PREFIX)/include $(PREFIX)/lib/pkgconfig $(PREFIX)/lib/cmake/Viscera
-	install -m 644 bindings/c/include/viscera.h bindings/c/include/viscera.hpp $(PREFIX)/include
+	install -m 644 bindings/c/include/*.h bindings/c/include/*.hpp $(PREFIX)/include
 	install -m 644 $(c_folder)/libviscera.a $(PREFIX)/lib
-	cp -P $(addprefix $(c_folder)/,$(c_shared)) $(PREFIX)/lib
-	install -m 644 $(c_folder)/viscera.pc $(PREFIX)/lib/pkgconfig
+	cp -P $(addprefix $(c_folder)/,$(c_shared) $(c_hands)) $(PREFIX)/lib
+	install -m 644 $(c_folder)/*.pc $(PREFIX)/lib/pkgconfig
 	install -m 644 $(c_folder)/*.cmake $(PREFIX)/lib/cmake/Viscera
 
 bench: $(development) c-library out/liver.viscera ## the benchmarks

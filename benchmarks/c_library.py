@@ -15,8 +15,9 @@ SOURCES = ROOT / "bindings" / "c"
 
 
 def sizes(folder: Path) -> dict[str, int]:
-    """Bytes of the shared and of the static library."""
-    names = ["libviscera.so" if (folder / "libviscera.so").exists() else "libviscera.dylib", "libviscera.a"]
+    """Bytes of the libraries."""
+    end = "so" if (folder / "libviscera.so").exists() else "dylib"
+    names = [f"libviscera.{end}", "libviscera.a", f"libviscera_hands.{end}"]
     return {name: (folder / name).stat().st_size for name in names}
 
 
@@ -35,6 +36,7 @@ def main() -> None:
     rows = sizes(BUILT)
     rows["haptic.c with libviscera.a"] = program(BUILT, [])
     rows["the same, cc -s"] = program(BUILT, ["-s"])
+    rows = {name: rows[name] for name in sorted(rows, key=lambda name: "hands" in name)}
     for name, size in rows.items():
         print(f"{name:<28} {size / 1e6:5.2f} MB")
 

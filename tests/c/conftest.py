@@ -54,6 +54,7 @@ def build(libraries: Path, tmp_path: Path) -> Callable[..., Path]:
         system = (libraries / "viscera.pc").read_text().split("Libs.private:")[1].split()
         library = {
             "shared": [f"-L{libraries}", "-lviscera", f"-Wl,-rpath,{libraries}"],
+            "hands": [f"-L{libraries}", "-lviscera_hands", f"-Wl,-rpath,{libraries}"],
             "static": [str(libraries / "libviscera.a"), *system],
         }[linkage]
         program = tmp_path / Path(sources[0]).stem

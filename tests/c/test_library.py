@@ -171,24 +171,37 @@ RUST_TYPES = {
     **{"double": "f64", "float": "f32", "char": "c_char", "size_t": "usize"},
     **{"int32_t": "i32", "uint8_t": "u8", "uint32_t": "u32", "uint64_t": "u64"},
     **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard", "Probe", "Felt")},
-    **{f"viscera_{name.lower()}": name for name in ("Places", "Parameter")},
+    **{f"viscera_{name.lower()}": name for name in ("Places", "Parameter", "Hands", "Grasp", "Held")},
     "viscera_info_t": "Info",
+    "viscera_sampling": "SamplingSettings",
+    "viscera_grasp_state": "GraspState",
+    "viscera_search": "SearchFacts",
+    "viscera_go_on": "GoOn",
+    "void": "c_void",
 }
 
 
 def rust_type(declaration: str) -> str:
     """The Rust type of a C parameter or result: `const double point[3]` is `*const f64`."""
     base = next(word for word in re.findall(r"\w+", declaration) if word != "const")
-    if base == "void":
+    if declaration.split() == ["void"]:
         return ""
     pointers = declaration.count("*") + declaration.count("[")
     kind = "*const " if declaration.lstrip().startswith("const") else "*mut "
     return kind * pointers + RUST_TYPES[base]
 
 
-def test_the_header_declares_what_the_library_exports() -> None:
-    header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
-    rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))
+def declarations() -> str:
+    headers = "".join((SOURCES / "include" / name).read_text() for name in ("viscera.h", "viscera_hands.h"))
+    return re.sub(r"/\*.*?\*/", "", headers, flags=re.DOTALL)
+
+
+def sources() -> str:
+    return "".join(path.read_text() for path in sorted((SOURCES / "src").rglob("*.rs")))
+
+
+def test_the_headers_declare_what_the_libraries_export() -> None:
+    header, rust = declarations(), sources()
     rust = re.sub(r"\b(viscera_status|Mode)\b", "i32", rust)
 
     declared = {
@@ -201,16 +214,20 @@ def test_the_header_declares_what_the_library_exports() -> None:
     }
     assert "viscera_evaluate" in declared
     assert declared == exported
+    assert "viscera_grasp_solve" in declared
     numbers = dict(re.findall(r"VISCERA_(?:GUARD_|)(\w+) = (\d+)", header))
     assert numbers == dict(re.findall(r"pub const (\w+): i32 = (\d+);", rust))
     assert re.findall(r"VISCERA_ABI_VERSION (\d+)", header) == re.findall(r"ABI_VERSION: u32 = (\d+)", rust)
 
 
-@pytest.mark.parametrize("name", ["Info", "Answer", "Frame", "Guard", "Felt", "Parameter"])
-def test_structs_have_the_same_fields(name: str) -> None:
-    header = re.sub(r"/\*.*?\*/", "", (SOURCES / "include" / "viscera.h").read_text(), flags=re.DOTALL)
-    rust = "".join(path.read_text() for path in sorted((SOURCES / "src").glob("*.rs")))
-    in_c = re.search(rf"struct viscera_{name.lower()} {{(.*?)}}", header, re.DOTALL)
+STRUCTS = {name.lower(): name for name in ("Info", "Answer", "Frame", "Guard", "Felt", "Parameter")}
+STRUCTS |= {"sampling": "SamplingSettings", "grasp_state": "GraspState", "search": "SearchFacts"}
+
+
+@pytest.mark.parametrize(("struct", "name"), STRUCTS.items())
+def test_structs_have_the_same_fields(struct: str, name: str) -> None:
+    header, rust = declarations(), sources()
+    in_c = re.search(rf"struct viscera_{struct} {{(.*?)}}", header, re.DOTALL)
     in_rust = re.search(rf"pub struct {name} {{(.*?)\n}}", rust, re.DOTALL)
     assert in_c is not None
     assert in_rust is not None

@@ -44,6 +44,9 @@ def test_pkg_config_finds_it(model: Path, prefix: Path, tmp_path: Path) -> None:
     program, rpath = tmp_path / "haptic", f"-Wl,-rpath,{prefix / 'lib'}"
     output("cc", SOURCES / "examples" / "haptic.c", *flags, rpath, "-lm", "-o", program)
     assert "ticks trusted" in output(program, model)
+    flags = output("pkg-config", "--cflags", "--libs", "viscera_hands", env=paths).split()
+    output("cc", SOURCES / "examples" / "hands.c", *flags, rpath, "-lpthread", "-lm", "-o", program)
+    assert "ticks trusted" in output(program, model)
 
 
 def test_cmake_finds_it_also_where_it_was_moved_to(model: Path, prefix: Path, tmp_path: Path) -> None:
@@ -56,6 +59,7 @@ def test_cmake_finds_it_also_where_it_was_moved_to(model: Path, prefix: Path, tm
     output("cmake", "--build", build)
     assert "ticks trusted" in output(build / "haptic", model)
     assert "in millimetres" in output(build / "wrapper", model)
+    assert "ticks trusted" in output(build / "hands", model)
 
 
 @pytest.mark.parametrize(("asked", "serves"), [(VERSION, True), ("0.0.9", True), ("0.9", False), ("1.0", False)])
@@ -90,12 +94,20 @@ def test_programs_keep_the_name_with_the_first_version_number(prefix: Path, mode
 
 
 @linux
-def test_it_is_small_and_shows_nothing_else(libraries: Path) -> None:
-    sizes = {name: (libraries / name).stat().st_size for name in ("libviscera.so", "libviscera.a")}
+def test_they_are_small_and_show_nothing_else(libraries: Path) -> None:
+    names = ("libviscera.so", "libviscera.a", "libviscera_hands.so")
+    sizes = {name: (libraries / name).stat().st_size for name in names}
     assert sizes["libviscera.so"] < 0.9e6, sizes
     assert sizes["libviscera.a"] < 3e6, sizes
+    assert sizes["libviscera_hands.so"] < 12e6, sizes
     if shutil.which("nm"):
-        symbols = output("nm", "--dynamic", "--defined-only", libraries / "libviscera.so").split("\n")
-        names = [line.split()[-1].split("@")[0] for line in symbols if line]
-        assert names
-        assert all(name.startswith("viscera_") for name in names), names
+        small, large = (shown(libraries / f"{name}.so") for name in ("libviscera", "libviscera_hands"))
+        assert small
+        assert all(name.startswith("viscera_") for name in small | large), small | large
+        assert small < large
+        assert "viscera_grasp_solve" in large - small
+
+
+def shown(library: Path) -> set[str]:
+    symbols = output("nm", "--dynamic", "--defined-only", library).split("\n")
+    return {line.split()[-1].split("@")[0] for line in symbols if line}

@@ -1,6 +1,8 @@
 // The C interface for C# and Unity. Put libviscera (viscera.dll, libviscera.so or libviscera.dylib) into
 // Assets/Plugins, a model into Assets/StreamingAssets, and the component VisceraOrgan onto an object with a MeshFilter.
 //
+// It covers single touches, drawing and the guard; declare what else the header has likewise. Not run in Unity.
+//
 // Unity's axes are left-handed with y up: x_mesh = (x, z, y), a reflection. Every struct is blittable, so that a call
 // neither copies nor allocates.
 using System;
@@ -12,7 +14,8 @@ namespace Viscera
     public enum Status
     {
         Ok = 0, BeyondDepth = 1, ErrorTooLarge = 2, OffSurface = 3, NotFinite = 4, NullPointer = 5, ShortBuffer = 6,
-        BadModel = 7, BadSetting = 8, Stale = 9
+        BadModel = 7, BadSetting = 8, Stale = 9, Inside = 10, NotConverged = 11, OutOfTime = 12, Inverted = 13,
+        Unstable = 14, Cancelled = 15
     }
 
     public enum GuardMode { Follows = 0, Limits = 1, Holds = 2, Fades = 3, Refuses = 4, Damps = 5 }

@@ -26,7 +26,7 @@ extern "C" {
 /* Compare with viscera_abi_version() once at the start: the two differ if header and library do not belong together. */
 #define VISCERA_ABI_VERSION 3
 
-/* Status of a call. The first three come with an answer; only the answer of the first is trusted. */
+/* Status of a call. The first three come with an answer; only the answer of VISCERA_OK is trusted. */
 enum viscera_status {
     VISCERA_OK = 0,
     VISCERA_BEYOND_DEPTH = 1,    /* the displacement exceeds the depth that the model was made for */
@@ -38,7 +38,13 @@ enum viscera_status {
     VISCERA_BAD_MODEL = 7,       /* the file cannot be read, or file or bytes hold no usable model */
     VISCERA_BAD_SETTING = 8,     /* a setting of a frame or a guard is out of its range */
     VISCERA_STALE = 9,           /* passed to viscera_guard_step by a loop that has no new answer */
-    VISCERA_INSIDE = 10          /* a probe came into the organ in one step: no force until it is lifted off */
+    VISCERA_INSIDE = 10,         /* a probe came into the organ in one step: no force until it is lifted off */
+    /* Of several touches (viscera_hands.h); the first four come with an answer that is not trusted. */
+    VISCERA_NOT_CONVERGED = 11,  /* no equilibrium was found */
+    VISCERA_OUT_OF_TIME = 12,    /* the time for the search was over before there was an equilibrium */
+    VISCERA_INVERTED = 13,       /* a cell is inside out */
+    VISCERA_UNSTABLE = 14,       /* the whole organ would not stay there */
+    VISCERA_CANCELLED = 15       /* the caller has cancelled */
 };
 
 typedef struct viscera_model viscera_model;
@@ -220,8 +226,8 @@ int32_t viscera_guard_init(viscera_guard *guard, double force_limit, double rate
 /* REAL TIME. The force to send to the device, `dt` seconds after the last step; returns an enum viscera_guard_mode.
  * `force_in` and `force_out` may be the same. The force depends on the status:
  * - VISCERA_OK: the force follows `force_in` within the limits.
- * - VISCERA_BEYOND_DEPTH, VISCERA_ERROR_TOO_LARGE: the last trusted force stays, because a series beyond its range may
- *   pull.
+ * - VISCERA_BEYOND_DEPTH, VISCERA_ERROR_TOO_LARGE, and VISCERA_NOT_CONVERGED to VISCERA_UNSTABLE: the last trusted
+ *   force stays, because a series beyond its range may pull.
  * - VISCERA_OFF_SURFACE: the tool is free of the organ, and the force goes to zero within the rate limit.
  * - VISCERA_STALE: there is no new answer. The force stays for the time of the watchdog, then fades linearly to zero.
  * - Any other status, a force that is null or not finite, a `dt` longer than the watchdog: the force fades at once. */

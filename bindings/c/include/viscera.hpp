@@ -132,6 +132,8 @@ public:
         take(made, status, message);
     }
 
+    const viscera_places *get() const { return handle.get(); }
+
     /// Room for the displacements; make it before the loop.
     std::vector<double> room() const { return std::vector<double>(3 * count); }
 

@@ -95,6 +95,12 @@ impl Frame {
         })
     }
 
+    /// `R^T S R`, in force units per squared length unit of the caller.
+    #[cfg(feature = "hands")]
+    pub fn stress_out(&self, s: &Matrix) -> Matrix {
+        self.stiffness_out(s).map(|row| row.map(|x| x * self.metres_per_unit))
+    }
+
     fn back(&self, v: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|i| (0..3).map(|k| self.rotation[k][i] * v[k]).sum())
     }

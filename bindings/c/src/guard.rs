@@ -269,9 +269,15 @@ pub unsafe extern "C" fn viscera_guard_step_moved(
     let (force, moved) = unsafe { (vector(force_in), vector(moved)) };
     let news = match (status, force) {
         (status::OK, Some(force)) if all_finite(&force) => News::Trusted(force),
-        (status::BEYOND_DEPTH | status::ERROR_TOO_LARGE, Some(force)) if all_finite(&force) => {
-            News::NotTrusted
-        }
+        (
+            status::BEYOND_DEPTH
+            | status::ERROR_TOO_LARGE
+            | status::NOT_CONVERGED
+            | status::OUT_OF_TIME
+            | status::INVERTED
+            | status::UNSTABLE,
+            Some(force),
+        ) if all_finite(&force) => News::NotTrusted,
         (status::OFF_SURFACE, _) => News::Free,
         (status::STALE, _) => News::Nothing,
         _ => News::Fault,

@@ -1,4 +1,5 @@
-//! The C interface of the on-line evaluator: `include/viscera.h` in Rust.
+//! The C interface of the on-line evaluator: `include/viscera.h` in Rust; with the feature `hands` also that of several
+//! touches, `include/viscera_hands.h`, which brings the solvers along.
 //!
 //! Only what makes, copies or sets something allocates, and only there a panic is caught. The functions of a haptic
 //! loop check their pointers and lengths first, then run a fixed number of operations: no allocation, no lock, no log,
@@ -8,6 +9,8 @@ mod family;
 mod field;
 mod frame;
 mod guard;
+#[cfg(feature = "hands")]
+mod hands;
 mod load;
 mod model;
 mod places;

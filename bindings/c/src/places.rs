@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 pub struct Places {
     /// It outlives the places by the caller's contract.
     model: *const Model,
-    inside: viscera_touch::Places,
+    pub(crate) inside: viscera_touch::Places,
 }
 
 impl Places {

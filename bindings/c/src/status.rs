@@ -17,6 +17,11 @@ pub const BAD_MODEL: viscera_status = 7;
 pub const BAD_SETTING: viscera_status = 8;
 pub const STALE: viscera_status = 9;
 pub const INSIDE: viscera_status = 10;
+pub const NOT_CONVERGED: viscera_status = 11;
+pub const OUT_OF_TIME: viscera_status = 12;
+pub const INVERTED: viscera_status = 13;
+pub const UNSTABLE: viscera_status = 14;
+pub const CANCELLED: viscera_status = 15;
 
 /// A status in words, without end: never null.
 #[unsafe(no_mangle)]
@@ -33,6 +38,13 @@ pub extern "C" fn viscera_status_text(status: viscera_status) -> *const c_char {
         BAD_SETTING => c"a setting is out of its range",
         STALE => c"no new answer",
         INSIDE => c"the probe came into the organ in one step; lift it off",
+        NOT_CONVERGED => c"not trusted: no equilibrium was found",
+        OUT_OF_TIME => {
+            c"not trusted: the time for the search was over before there was an equilibrium"
+        }
+        INVERTED => c"not trusted: a cell is inside out",
+        UNSTABLE => c"not trusted: the whole organ would not stay there",
+        CANCELLED => c"cancelled by the caller",
         _ => c"no such status",
     };
     text.as_ptr()

@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use viscera_core::Error;
-use viscera_core::galerkin::{self, ReducedContacts, ReducedStatus, Sampling, Solution, Trust};
+use viscera_core::galerkin::{self, Asked, ReducedStatus, Sampling, Solution, Trust};
 
 /// The series model of an organ and its body.
 #[pyclass(frozen, module = "viscera._core")]
@@ -119,8 +119,9 @@ impl HyperReducedModel {
         let d = convert::points("displacements", &displacements)?;
         let budget = budget.map(duration).transpose().map_err(convert::error)?;
         let solve = |grasp: &mut galerkin::HyperReducedModel| -> Result<GalerkinAnswer, Error> {
-            let solution = grasp.solve_within(&d, from_last, with_stiffness, budget)?;
-            Ok(GalerkinAnswer { contacts: Arc::clone(grasp.contacts()), solution })
+            let mut solution = grasp.room();
+            grasp.solve_into(&d, Asked { from_last, with_stiffness, budget }, &mut solution)?;
+            Ok(GalerkinAnswer { solution })
         };
         self.ask(py, solve)?.map_err(convert::error)
     }
@@ -139,7 +140,6 @@ impl HyperReducedModel {
 /// An answer, with the data for its field and its assessment.
 #[pyclass(frozen, module = "viscera._core")]
 pub struct GalerkinAnswer {
-    contacts: Arc<ReducedContacts>,
     solution: Solution,
 }
 
@@ -168,13 +168,12 @@ impl GalerkinAnswer {
     }
 
     fn displacement<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        convert::field(py, py.detach(|| self.contacts.displacement(&self.solution)))
+        convert::field(py, py.detach(|| self.solution.displacement()))
     }
 
     /// Error estimate, and the reason if the answer is not trusted.
     fn assess(&self, py: Python<'_>) -> PyResult<(f64, &'static str)> {
-        let assessment =
-            py.detach(|| self.contacts.assess(&self.solution)).map_err(convert::error)?;
+        let assessment = py.detach(|| self.solution.assess()).map_err(convert::error)?;
         Ok((assessment.error, reason(assessment.trust)))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::origin::Origin;
 use super::panels::{BATCHES, Panel, Work, curvature_place, place};
-use super::reduced_energy::Reduced;
+use super::reduced_energy::{Reduced, Wanted};
 use super::sample::{Batch, EDGES, Sample};
 use crate::law::{LawKernels, Shared, TangentBlocks};
 use crate::number::{LANES, Lane};
@@ -35,36 +35,37 @@ impl SampledCells {
         self.sample.len()
     }
 
-    /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
-    pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+    /// Energy and force at `q`, and the tangent where asked for.
+    pub fn evaluate(&mut self, q: &[f64], wanted: Wanted, reduced: &mut Reduced) {
         let SampledCells { sample, panels, works } = self;
+        let with_tangent = wanted != Wanted::Force;
         let evaluate = |((panel, batches), work): ((&Panel, &[Batch]), &mut Work)| {
             panel.combine(q, work);
-            let results = dispatch_solver(PanelEvaluation {
+            let (energy, jacobian) = dispatch_solver(PanelEvaluation {
                 law: sample.material.law(),
                 batches,
                 work,
                 with_tangent,
             });
+            (work.energy, work.jacobian) = (energy, jacobian);
             panel.project(work);
             if with_tangent {
                 panel.curve(work);
             }
-            results
         };
-        let is_shared = with_tangent && panels.len() > 1 && rayon::current_num_threads() > 1;
-        let results: Vec<PanelResult> = if is_shared {
+        let is_shared = wanted == Wanted::SharedTangent && panels.len() > 1;
+        if is_shared && rayon::current_num_threads() > 1 {
             let panels = panels.par_iter().zip(sample.batches.par_chunks(BATCHES));
-            panels.zip(works).map(evaluate).collect()
+            panels.zip(works).for_each(evaluate);
         } else {
             let panels = panels.iter().zip(sample.batches.chunks(BATCHES));
-            panels.zip(works).map(evaluate).collect()
-        };
-        self.add(&results, with_tangent, reduced);
+            panels.zip(works).for_each(evaluate);
+        }
+        self.add(with_tangent, reduced);
     }
 
     /// The sum over all panels, always in the same order.
-    fn add(&self, results: &[PanelResult], with_tangent: bool, reduced: &mut Reduced) {
+    fn add(&self, with_tangent: bool, reduced: &mut Reduced) {
         let Reduced { force, tangent, .. } = reduced;
         force.fill(0.0);
         for work in &self.works {
@@ -77,8 +78,10 @@ impl SampledCells {
             }
             reduced.mirror();
         }
-        reduced.jacobian = results.iter().fold(f64::INFINITY, |least, s| least.min(s.jacobian));
-        reduced.energy = results.iter().map(|s| s.energy).sum();
+        let works = self.works.iter();
+        reduced.jacobian =
+            works.clone().fold(f64::INFINITY, |least, work| least.min(work.jacobian));
+        reduced.energy = works.map(|work| work.energy).sum();
     }
 
     /// The force of each cell along each mode at `q`: runs of all modes, cell by cell.
@@ -96,15 +99,9 @@ impl SampledCells {
     }
 }
 
-/// The sum over some cells.
-struct PanelResult {
-    /// Their energy; infinite if a cell is outside the domain of its law.
-    energy: f64,
-    /// Smallest volume ratio of a cell with a weight; minus infinity if one is not a number.
-    jacobian: f64,
-}
-
-/// Evaluates the law of the cells of a panel: from edge displacements to forces on the edges and their derivative.
+/// Evaluates the law of the cells of a panel: from edge displacements to forces on the edges and their derivative. The
+/// result is the energy of these cells, infinite if one is outside the domain of its law, and the smallest volume ratio
+/// of one with a weight, minus infinity if one is not a number.
 struct PanelEvaluation<'a> {
     law: &'a dyn LawKernels,
     batches: &'a [Batch],
@@ -113,9 +110,9 @@ struct PanelEvaluation<'a> {
 }
 
 impl Kernel for PanelEvaluation<'_> {
-    type Output = PanelResult;
+    type Output = (f64, f64);
     #[inline(always)]
-    fn run(self) -> PanelResult {
+    fn run(self) -> (f64, f64) {
         let PanelEvaluation { law, batches, work, with_tangent } = self;
         let (mut f, mut stresses) =
             ([Mat3::<Lane>::default(); BATCHES], [Mat3::<Lane>::default(); BATCHES]);
@@ -149,7 +146,7 @@ impl Kernel for PanelEvaluation<'_> {
             }
         }
         let is_outside = law.forbids_inversion() && !(jacobian > 0.0);
-        PanelResult { energy: if is_outside { f64::INFINITY } else { energy }, jacobian }
+        (if is_outside { f64::INFINITY } else { energy }, jacobian)
     }
 }
 

@@ -126,15 +126,15 @@ impl ReducedFactor {
     }
 
     /// `dF/dd = (A K_g^-1 A^T)^-1 - g`, row by row.
-    pub fn stiffness(&self) -> Vec<f64> {
+    pub fn stiffness(&self, inverse: &mut Vec<f64>) {
         let n = self.constraints;
-        let mut inverse = vec![0.0; n * n];
+        inverse.clear();
+        inverse.resize(n * n, 0.0);
         for (k, row) in inverse.chunks_exact_mut(n).enumerate() {
             row[k] = 1.0;
             solve(&self.compliance, n, row);
             row[k] -= self.penalty;
         }
-        inverse
     }
 }
 

@@ -25,7 +25,7 @@ impl Guess {
 
     /// Coordinates of the model's answer to the displacements; the guess itself if the search fails.
     pub fn answer(&self, subspace: &Subspace, model: &mut ReducedNewton) -> Vec<f64> {
-        model.start_at(&self.d, subspace.guess(&self.d));
+        model.start_at(&self.d, subspace.guess(&self.d, &mut vec![0.0; self.d.len()]));
         match model.solve(&self.d, &mut Search::default()) {
             ReducedStatus::Converged => model.q.clone(),
             _ => self.q.clone(),

@@ -2,7 +2,7 @@
 
 use super::background::BackgroundTraining;
 use super::contacts::ReducedContacts;
-use super::model::Galerkin;
+use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::newton::{ReducedStatus, Search};
 use super::solution::Solution;
 use super::trained::{Trained, train};
@@ -31,12 +31,28 @@ pub struct HyperReducedModel {
     place: Place,
     /// Source of better models, if training goes on in the background.
     background: Option<BackgroundTraining>,
+    /// Room for the prescribed means.
+    means: Vec<f64>,
+    is_alone: bool,
+}
+
+/// How an equilibrium is looked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked {
+    /// From the last solution, for a moving hand, in place of the superposed series.
+    pub from_last: bool,
+    /// With the stiffness, which costs one more tangent.
+    pub with_stiffness: bool,
+    /// Time for the search. When it is over, the status is [`ReducedStatus::OutOfTime`], and the next search from the
+    /// last solution continues. One step is always taken, with a new tangent if it needs one.
+    pub budget: Option<Duration>,
 }
 
 impl HyperReducedModel {
     /// A model whose training is complete.
     fn new(now: Trained) -> Self {
-        HyperReducedModel { now, place: Place::Nowhere, background: None }
+        let means = vec![0.0; 3 * now.contacts.places().len()];
+        HyperReducedModel { now, place: Place::Nowhere, background: None, means, is_alone: false }
     }
 
     /// A model in the span of the series; snapshots follow while it is in use.
@@ -72,33 +88,28 @@ impl HyperReducedModel {
             (ReducedContacts::clone(&self.now.contacts), self.now.training.clone());
         let is_wrong = training.correct(&mut contacts, &self.field(), depth)?;
         if is_wrong {
-            self.give_way(Trained::new(contacts, training, since));
+            let mut better = Trained::new(contacts, training, since);
+            go_on(&self.now, &mut better, self.place, self.is_alone);
+            self.now = better;
         }
         Ok(is_wrong)
     }
 
-    /// Replaces this model by a better one that is ready.
-    fn improve(&mut self) -> Result<(), Error> {
-        let Some(mut background) = self.background.take() else { return Ok(()) };
-        let better = background.newest()?; // a training that fails is over
-        self.background = Some(background);
-        if let Some(better) = better {
-            self.give_way(better);
-        }
-        Ok(())
+    /// Searches stay on the thread that asks, for loops that wait for nobody; with linear cells they also allocate
+    /// nothing. Answers are the same.
+    pub fn stay_on_one_thread(&mut self) {
+        self.is_alone = true;
+        self.now.solver.share(false);
     }
 
-    /// Replaces this model by a better one, which continues from the present field: modes are only ever added, and the
-    /// present field has no part in the new ones. The old memory is freed on another thread, since that may take longer
-    /// than a tick.
-    fn give_way(&mut self, better: Trained) {
-        let mut q = self.now.solver.q.clone();
-        q.resize(better.contacts.n_modes(), 0.0);
-        let old = std::mem::replace(&mut self.now, better);
-        if self.place != Place::Nowhere {
-            self.now.solver.start(|share| q.iter().map(|q| share * q).collect());
-        }
-        rayon::spawn(|| drop(old));
+    /// Replaces this model by a better one that is ready.
+    fn improve(&mut self) -> Result<(), Error> {
+        let Some(background) = self.background.take() else { return Ok(()) };
+        let (is_alone, place) = (self.is_alone, self.place);
+        let go_on = |old: &Trained, better: &mut Trained| go_on(old, better, place, is_alone);
+        background.improve(&mut self.now, go_on)?; // a training that fails is over
+        self.background = Some(background);
+        Ok(())
     }
 
     /// Displacement of all nodes.
@@ -152,28 +163,35 @@ impl HyperReducedModel {
         from_last: bool,
         with_stiffness: bool,
     ) -> Result<Solution, Error> {
-        self.solve_within(displacements, from_last, with_stiffness, None)
+        let mut solution = self.room();
+        let asked = Asked { from_last, with_stiffness, budget: None };
+        self.solve_into(displacements, asked, &mut solution)?;
+        Ok(solution)
     }
 
-    /// As [`HyperReducedModel::solve`], with a `budget` for the search. When it is over, the status is
-    /// [`ReducedStatus::OutOfTime`], and the next search with `from_last` continues. One step is always taken, with a
-    /// new tangent if it needs one.
+    /// Room for the solutions of this model and of those that replace it.
+    pub fn room(&self) -> Solution {
+        let contacts = Arc::clone(&self.now.contacts);
+        Solution::with_room(contacts, self.now.contacts.n_modes() + MOST_SNAPSHOTS)
+    }
+
+    /// As [`HyperReducedModel::solve`], into a [`HyperReducedModel::room`].
     ///
     /// # Errors
-    /// As [`HyperReducedModel::solve`].
-    pub fn solve_within(
+    /// As [`HyperReducedModel::solve`]; the solution is then as it was.
+    pub fn solve_into(
         &mut self,
         displacements: &[[f64; 3]],
-        from_last: bool,
-        with_stiffness: bool,
-        budget: Option<Duration>,
-    ) -> Result<Solution, Error> {
+        Asked { from_last, with_stiffness, budget }: Asked,
+        out: &mut Solution,
+    ) -> Result<(), Error> {
         let clock = Instant::now();
         self.now.contacts.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
         if !from_last || self.place == Place::Nowhere {
-            self.now.solver.start_at(d, self.now.contacts.subspace.guess(d));
+            let Trained { solver, contacts, .. } = &mut self.now;
+            solver.start_at(d, contacts.subspace.guess(d, &mut self.means));
         }
         let limit = budget.map(|budget| (clock, budget));
         let mut search = Search { limit, ..Search::default() };
@@ -185,9 +203,9 @@ impl HyperReducedModel {
             ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => Place::Nowhere,
         };
         let is_settled = status == ReducedStatus::Converged;
-        let mut stiffness = Vec::new();
+        out.stiffness.clear();
         if with_stiffness && is_settled {
-            stiffness = self.now.solver.stiffness(&mut search);
+            self.now.solver.stiffness(&mut search, &mut out.stiffness);
         }
         if is_settled
             && self.now.contacts.is_within(depth)
@@ -199,19 +217,29 @@ impl HyperReducedModel {
             let is_known = f.iter().all(|x| x.is_finite());
             if is_known { [f[0], f[1], f[2]] } else { [0.0; 3] }
         };
-        Ok(Solution {
-            coordinates: self.now.solver.q.clone(),
-            forces: self.now.solver.forces.chunks_exact(3).map(force).collect(),
-            stiffness,
-            energy: self.now.solver.reduced.energy,
-            depth,
-            status,
-            smallest_jacobian: self.now.solver.reduced.jacobian,
-            iterations: search.iterations,
-            tangents: search.tangents,
-            residual: search.residual,
-            seconds: clock.elapsed().as_secs_f64(),
-        })
+        let Trained { solver, contacts, .. } = &self.now;
+        out.coordinates.clear();
+        out.coordinates.extend_from_slice(&solver.q);
+        out.forces.clear();
+        out.forces.extend(solver.forces.chunks_exact(3).map(force));
+        out.contacts = Arc::clone(contacts);
+        (out.energy, out.depth, out.status) = (solver.reduced.energy, depth, status);
+        out.smallest_jacobian = solver.reduced.jacobian;
+        (out.iterations, out.tangents) = (search.iterations, search.tangents);
+        (out.residual, out.seconds) = (search.residual, clock.elapsed().as_secs_f64());
+        Ok(())
+    }
+}
+
+/// Readies a better model to continue from the present field: modes are only ever added, and the present field has no
+/// part in the new ones.
+fn go_on(old: &Trained, better: &mut Trained, place: Place, is_alone: bool) {
+    better.solver.share(!is_alone);
+    if place != Place::Nowhere {
+        better.solver.start(|share, q| {
+            q.fill(0.0);
+            q.iter_mut().zip(&old.solver.q).for_each(|(q, old)| *q = share * old);
+        });
     }
 }
 

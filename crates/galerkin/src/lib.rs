@@ -37,11 +37,11 @@ mod trained;
 mod training;
 mod units;
 
-pub use contacts::{Assessment, ReducedContacts, Trust};
-pub use hyper_reduced::HyperReducedModel;
+pub use contacts::ReducedContacts;
+pub use hyper_reduced::{Asked, HyperReducedModel};
 pub use model::{Galerkin, Sampling};
 pub use newton::ReducedStatus;
-pub use solution::Solution;
+pub use solution::{Assessment, Solution, Trust};
 
 use viscera_law as law;
 use viscera_linear::{self as linear, clock, threads};

@@ -2,6 +2,7 @@
 
 use super::origin::Origin;
 use super::solvers::Solvers;
+use crate::body::QuadraturePoint;
 use crate::error::Error;
 use crate::reduced::ReducedModel;
 
@@ -39,6 +40,16 @@ impl Galerkin {
         check(&model, &sampling)?;
         let origin = Origin::new(&model)?;
         Ok(Galerkin { model, origin, sampling, solvers: Solvers::default() })
+    }
+
+    /// The series model.
+    pub fn model(&self) -> &ReducedModel {
+        &self.model
+    }
+
+    /// Stress and energy of the whole body where touches have displaced its nodes by `u` [m].
+    pub fn quadrature_points(&self, u: &[f64]) -> Vec<QuadraturePoint> {
+        self.origin.body.quadrature_points(&self.origin.moved(u))
     }
 }
 

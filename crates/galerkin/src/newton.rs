@@ -114,10 +114,10 @@ impl ReducedNewton {
         self.sampled.n_cells()
     }
 
-    /// Starts from the largest of the tried shares of `guess` in which no sampled cell is inverted.
-    pub fn start(&mut self, guess: impl Fn(f64) -> Vec<f64>) {
+    /// Starts from the largest of the tried shares of what `guess` puts, in which no sampled cell is inverted.
+    pub fn start(&mut self, mut guess: impl FnMut(f64, &mut [f64])) {
         backtrack(1.0, HALVINGS + 1, |share| {
-            self.q = guess(share);
+            guess(share, &mut self.q);
             self.evaluate(false);
             (self.reduced.jacobian > 0.0).then_some(())
         });
@@ -126,19 +126,27 @@ impl ReducedNewton {
 
     /// Starts from the [`Starts`] for `d` that has the lowest energy without inverted cells; if all have such cells,
     /// from a share of the guess.
-    pub fn start_at(&mut self, d: &[f64], guess: impl Fn(f64) -> Vec<f64>) {
-        let (mut best, mut lowest) = (None, f64::INFINITY);
-        for q in self.starts.at(d, guess(1.0), &self.constraints) {
-            self.q = q;
+    pub fn start_at(&mut self, d: &[f64], mut guess: impl FnMut(f64, &mut [f64])) {
+        let (found, mut lowest) = (self.starts.find(d), f64::INFINITY);
+        let mut best = std::mem::take(&mut self.origin);
+        for candidate in 0..=found {
+            match candidate {
+                0 => guess(1.0, &mut self.q),
+                _ => self.starts.put(candidate - 1, &mut self.q),
+            }
+            self.starts.shift(d, &self.constraints, &mut self.q);
             self.evaluate(false);
             if self.reduced.jacobian > 0.0 && self.reduced.energy < lowest {
-                (best, lowest) = (Some(self.q.clone()), self.reduced.energy);
+                lowest = self.reduced.energy;
+                best.copy_from_slice(&self.q);
             }
         }
-        match best {
-            Some(q) => self.start(|_| q.clone()),
-            None => self.start(guess),
+        if lowest < f64::INFINITY {
+            self.start(|_, q| q.copy_from_slice(&best));
+        } else {
+            self.start(guess);
         }
+        self.origin = best;
     }
 
     /// Energy and force at `q`, and the tangent where asked for.
@@ -146,10 +154,15 @@ impl ReducedNewton {
         self.sampled.evaluate(&self.q, with_tangent, &mut self.reduced);
     }
 
-    /// Derivative of the contact forces with respect to `d`, with a new tangent at `q`.
-    pub fn stiffness(&mut self, search: &mut Search) -> Vec<f64> {
+    /// Derivative of the contact forces with respect to `d`, row by row, with a new tangent at `q`.
+    pub fn stiffness(&mut self, search: &mut Search, out: &mut Vec<f64>) {
         self.renew(search);
-        self.factor.stiffness()
+        self.factor.stiffness(out);
+    }
+
+    /// Whether threads share the work for a tangent.
+    pub fn share(&mut self, is_shared: bool) {
+        self.sampled.is_shared = is_shared;
     }
 
     /// Iterates from `q`, where the energy was evaluated last, to the equilibrium under `A q = d`, or as far as

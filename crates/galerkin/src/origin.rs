@@ -77,7 +77,8 @@ impl Origin {
         self.body.smallest_jacobian(&self.moved(u)).0
     }
 
-    fn moved(&self, u: &[f64]) -> Vec<f64> {
+    /// `u_0 + u`.
+    pub fn moved(&self, u: &[f64]) -> Vec<f64> {
         self.displacement.iter().zip(u).map(|(start, u)| start + u).collect()
     }
 

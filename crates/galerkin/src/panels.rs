@@ -8,8 +8,6 @@ use super::sample::{EDGES, Sample};
 use crate::linear::Precision;
 use crate::number::LANES;
 use crate::simd::{WideKernel, dispatch_wide};
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, MatMut, MatRef, Par};
 
 /// Batches whose cells lie side by side: eight numbers in single precision are a vector of 256 bits.
 const TWO: usize = 2;
@@ -53,6 +51,9 @@ pub(super) struct Work {
     pub tangent: Vec<f32>,
     /// `D E`.
     stresses: Vec<f32>,
+    /// Energy and smallest volume ratio of the cells.
+    pub energy: f64,
+    pub jacobian: f64,
 }
 
 /// The modes on some batches: `E`, a column for each mode.
@@ -95,6 +96,8 @@ impl Panel {
             force: vec![0.0; r],
             tangent: vec![0.0; r * r],
             stresses: vec![0.0; self.columns.len()],
+            energy: 0.0,
+            jacobian: f64::INFINITY,
         }
     }
 
@@ -115,17 +118,13 @@ impl Panel {
         let r = self.columns.len() / self.rows;
         let Work { curvature, stresses, tangent, .. } = work;
         dispatch_wide(Stress { panel: self, curvature, out: stresses });
-        triangular::matmul(
-            MatMut::from_row_major_slice_mut(tangent, r, r),
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            MatRef::from_column_major_slice(&self.columns, self.rows, r).transpose(),
-            BlockStructure::Rectangular,
-            MatRef::from_column_major_slice(stresses, self.rows, r),
-            BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
+        dispatch_wide(Products {
+            rows: self.rows,
+            left: &self.columns,
+            right: stresses,
+            r,
+            out: tangent,
+        });
     }
 
     /// The force of each cell of the first batches along each mode, `out(cell, mode, e . s)`.
@@ -246,6 +245,51 @@ fn stresses<const BITS: usize>(row: &[f32], e: [&[f32]; ABREAST]) -> [[f32; SIDE
         }
     }
     sums
+}
+
+/// Products of all columns with those up to them, `out[k r + l] = left_k . right_l` for `l <= k`, by blocks whose sums
+/// stay in registers. A general kernel is no faster for matrices as small as these, and takes memory in every tick.
+struct Products<'a> {
+    rows: usize,
+    left: &'a [f32],
+    right: &'a [f32],
+    r: usize,
+    out: &'a mut [f32],
+}
+
+/// Columns of `right` that are multiplied by [`ABREAST`] of `left` together.
+const ACROSS: usize = 2;
+
+impl WideKernel for Products<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Products { rows, left, right, r, out } = self;
+        for first in (0..r).step_by(ABREAST) {
+            // The last columns once more where fewer are left.
+            let k: [usize; ABREAST] = std::array::from_fn(|i| (first + i).min(r - 1));
+            let a = k.map(|k| left[k * rows..(k + 1) * rows].as_chunks::<SIDE>().0);
+            for second in (0..=k[ABREAST - 1]).step_by(ACROSS) {
+                let l: [usize; ACROSS] = std::array::from_fn(|j| (second + j).min(r - 1));
+                let b = l.map(|l| right[l * rows..(l + 1) * rows].as_chunks::<SIDE>().0);
+                let mut sums = [[[0.0f32; SIDE]; ACROSS]; ABREAST];
+                for at in 0..rows / SIDE {
+                    for (sums, a) in sums.iter_mut().zip(a) {
+                        for (sum, b) in sums.iter_mut().zip(b) {
+                            for lane in 0..SIDE {
+                                sum[lane] = a[at][lane].times_plus::<BITS>(b[at][lane], sum[lane]);
+                            }
+                        }
+                    }
+                }
+                for (k, sums) in k.iter().zip(sums) {
+                    for (l, sum) in l.iter().zip(sums) {
+                        out[k * r + l] = sum.iter().sum();
+                    }
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]

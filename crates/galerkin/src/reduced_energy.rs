@@ -1,5 +1,16 @@
 //! The energy in the coordinates of the modes, with its derivatives, after one evaluation.
 
+/// What is evaluated.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Wanted {
+    /// Energy and force.
+    Force,
+    /// The tangent, too, by this thread alone.
+    Tangent,
+    /// The tangent, too, by all threads.
+    SharedTangent,
+}
+
 /// Energy, force and tangent at some coordinates.
 #[derive(Clone)]
 pub(super) struct Reduced {

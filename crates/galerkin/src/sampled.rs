@@ -4,7 +4,7 @@
 
 use super::cells::SampledCells;
 use super::origin::Origin;
-use super::reduced_energy::Reduced;
+use super::reduced_energy::{Reduced, Wanted};
 use super::units::SamplingUnits;
 use crate::body::SharedNodes;
 use crate::element::Element;
@@ -38,10 +38,10 @@ impl SampledEnergy {
         }
     }
 
-    fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+    fn evaluate(&mut self, q: &[f64], wanted: Wanted, reduced: &mut Reduced) {
         match self {
-            SampledEnergy::Cells(cells) => cells.evaluate(q, with_tangent, reduced),
-            SampledEnergy::Units(units) => units.evaluate(q, with_tangent, reduced),
+            SampledEnergy::Cells(cells) => cells.evaluate(q, wanted, reduced),
+            SampledEnergy::Units(units) => units.evaluate(q, wanted, reduced),
         }
     }
 
@@ -61,6 +61,8 @@ pub(super) struct Sampled {
     energy: f64,
     force: Vec<f64>,
     rounding: Rounding,
+    /// Whether threads share the work for a tangent.
+    pub is_shared: bool,
 }
 
 impl Sampled {
@@ -68,13 +70,19 @@ impl Sampled {
     pub fn new(origin: &Origin, units: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
         let mut sum = SampledEnergy::new(origin, units, weights, SharedNodes::Merged, modes);
         let mut there = Reduced::new(modes.len());
-        sum.evaluate(&vec![0.0; modes.len()], false, &mut there);
-        Sampled { sum, energy: there.energy, force: there.force, rounding: origin.rounding }
+        sum.evaluate(&vec![0.0; modes.len()], Wanted::Force, &mut there);
+        let (energy, force, rounding) = (there.energy, there.force, origin.rounding);
+        Sampled { sum, energy, force, rounding, is_shared: true }
     }
 
-    /// Energy and force at `q`, and the tangent where asked for. Threads share the work for a tangent.
+    /// Energy and force at `q`, and the tangent where asked for.
     pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
-        self.sum.evaluate(q, with_tangent, reduced);
+        let wanted = match (with_tangent, self.is_shared) {
+            (false, _) => Wanted::Force,
+            (true, false) => Wanted::Tangent,
+            (true, true) => Wanted::SharedTangent,
+        };
+        self.sum.evaluate(q, wanted, reduced);
         reduced.energy -= self.energy + dot(&self.force, q);
         reduced.force.iter_mut().zip(&self.force).for_each(|(f, there)| *f -= there);
     }

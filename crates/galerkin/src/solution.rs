@@ -1,10 +1,51 @@
-//! The result of a search for equilibrium.
+//! The result of a search for equilibrium, and its assessment.
+//!
+//! With force `f` and tangent `K` of the whole body in an answer `u`, Newton's step
+//!   K z - A^T F = -f,   A z = 0,
+//! with `A` the means of the patches, is close to the error: `|z| / |u|` is the error estimate. If the tangent is not
+//! positive definite, the organ would not stay in this state, however small the step is.
 
+use super::contacts::ReducedContacts;
 use super::newton::ReducedStatus;
+use super::snapshots::Step;
+use crate::error::Error;
+use crate::number::norm;
+use crate::reduced::allowance;
+use std::sync::Arc;
+
+/// Whether a solution is trusted, and if not, why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trust {
+    /// The error estimate is within the allowance at this depth.
+    Trusted,
+    /// No equilibrium was found.
+    NotConverged,
+    /// The search ran out of time.
+    OutOfTime,
+    /// A sampled cell is inverted.
+    Inverted,
+    /// A contact is displaced farther than in training.
+    BeyondDepth,
+    /// The whole organ would not stay in this state.
+    Unstable,
+    /// The error estimate is larger than allowed.
+    ErrorTooLarge,
+}
+
+/// Assessment of a solution by the whole body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assessment {
+    /// Error estimate of the field, relative to its norm; at most 1.
+    pub error: f64,
+    /// Whether the solution is trusted.
+    pub trust: Trust,
+}
 
 /// An equilibrium of the reduced energy, or the last iterate of a search that failed.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Solution {
+    /// The contacts and their modes.
+    pub contacts: Arc<ReducedContacts>,
     /// Coordinates in the modes.
     pub coordinates: Vec<f64>,
     /// Force of each tool on the organ [N]; zero if the search ended before the first step.
@@ -28,4 +69,81 @@ pub struct Solution {
     pub residual: f64,
     /// Time spent [s].
     pub seconds: f64,
+}
+
+impl Solution {
+    /// Room for solutions in at most `modes` modes; nothing has been searched for yet.
+    pub(super) fn with_room(contacts: Arc<ReducedContacts>, modes: usize) -> Self {
+        let n = contacts.places().len();
+        Solution {
+            contacts,
+            coordinates: Vec::with_capacity(modes),
+            forces: Vec::with_capacity(n),
+            stiffness: Vec::with_capacity(9 * n * n),
+            energy: 0.0,
+            depth: 0.0,
+            status: ReducedStatus::TooManyIterations,
+            smallest_jacobian: 1.0,
+            iterations: 0,
+            tangents: 0,
+            residual: 0.0,
+            seconds: 0.0,
+        }
+    }
+
+    /// Displacement of all nodes [m]. Allocates.
+    pub fn displacement(&self) -> Vec<f64> {
+        self.contacts.subspace.basis.field(&self.coordinates)
+    }
+
+    /// Displacement of a node [m].
+    pub fn displacement_of(&self, node: usize) -> [f64; 3] {
+        let mut u = [0.0; 3];
+        for (mode, q) in self.contacts.subspace.basis.modes.iter().zip(&self.coordinates) {
+            (0..3).for_each(|i| u[i] += q * mode[3 * node + i]);
+        }
+        u
+    }
+
+    /// What the search alone tells: trusted until it is assessed.
+    pub fn trust_of_search(&self) -> Trust {
+        match self.status {
+            ReducedStatus::OutOfTime => Trust::OutOfTime,
+            ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => Trust::NotConverged,
+            ReducedStatus::Converged if !(self.smallest_jacobian > 0.0) => Trust::Inverted,
+            ReducedStatus::Converged if !self.contacts.is_within(self.depth) => Trust::BeyondDepth,
+            ReducedStatus::Converged => Trust::Trusted,
+        }
+    }
+
+    /// Assesses it by the whole body: a factorised tangent and a substitution. Takes as long as a frame of a simulator, so
+    /// not for every tick.
+    ///
+    /// # Errors
+    /// No memory for a solver.
+    pub fn assess(&self) -> Result<Assessment, Error> {
+        let allowed = allowance(self.depth / self.contacts.model().metadata().diagonal);
+        let (error, is_stable) = self.expected_error()?;
+        let trust = match self.trust_of_search() {
+            Trust::Trusted if !is_stable => Trust::Unstable,
+            Trust::Trusted if !(error <= allowed) => Trust::ErrorTooLarge,
+            known => known,
+        };
+        Ok(Assessment { error, trust })
+    }
+
+    /// Newton's step relative to the field, at most 1, and whether the state is stable.
+    fn expected_error(&self) -> Result<(f64, bool), Error> {
+        if self.depth == 0.0 {
+            return Ok((0.0, true));
+        }
+        let u = self.displacement();
+        Ok(match self.contacts.owner.newton_step(&self.contacts.patches(), &u)? {
+            Some(Step { increment, is_stable }) => {
+                let error = norm(&increment) / norm(&u);
+                (if error < 1.0 { error } else { 1.0 }, is_stable)
+            }
+            None => (1.0, false),
+        })
+    }
 }

@@ -21,6 +21,13 @@ pub(super) struct Starts {
     known: Vec<Known>,
     /// The tangent in the origin, in which the modes are orthonormal.
     in_origin: ReducedFactor,
+    /// Squared distance and place of each, nearest first.
+    order: Vec<(f64, usize)>,
+    /// What is missing of the means, a step, no force, and the forces of the contacts.
+    missing: Vec<f64>,
+    step: Vec<f64>,
+    rest: Vec<f64>,
+    forces: Vec<f64>,
 }
 
 impl Starts {
@@ -30,30 +37,39 @@ impl Starts {
             let d = constraints.iter().map(|row| dot(row, q)).collect();
             Known { q: q.clone(), d }
         });
-        Starts { known: known.collect(), in_origin: ReducedFactor::in_origin(constraints, r) }
+        let (known, n): (Vec<Known>, usize) = (known.collect(), constraints.len());
+        Starts {
+            order: vec![(0.0, 0); known.len()],
+            known,
+            in_origin: ReducedFactor::in_origin(constraints, r),
+            missing: vec![0.0; n],
+            step: vec![0.0; r],
+            rest: vec![0.0; r],
+            forces: vec![0.0; n],
+        }
     }
 
-    /// The `guess` and the known equilibria nearest to `d`, moved by the tangent in the origin to where the means are `d`.
-    pub fn at(&self, d: &[f64], guess: Vec<f64>, constraints: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        let gap = |known: &Known| known.d.iter().zip(d).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
-        let mut nearest: Vec<(f64, &Known)> = self.known.iter().map(|k| (gap(k), k)).collect();
-        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let known = nearest.into_iter().take(NEAREST).map(|(_, known)| known.q.clone());
-        std::iter::once(guess).chain(known).map(|q| self.moved(q, d, constraints)).collect()
+    /// Finds the known equilibria nearest to `d`; returns how many.
+    pub fn find(&mut self, d: &[f64]) -> usize {
+        for ((place, known), found) in self.known.iter().enumerate().zip(&mut self.order) {
+            *found = (known.d.iter().zip(d).map(|(a, b)| (a - b).powi(2)).sum(), place);
+        }
+        self.order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.order.len().min(NEAREST)
     }
 
-    fn moved(&self, mut q: Vec<f64>, d: &[f64], constraints: &[Vec<f64>]) -> Vec<f64> {
-        let constraint_residual: Vec<f64> =
-            d.iter().zip(constraints).map(|(d, row)| d - dot(row, &q)).collect();
-        let (mut step, mut forces) = (vec![0.0; q.len()], vec![0.0; d.len()]);
-        self.in_origin.step(
-            &vec![0.0; q.len()],
-            &constraint_residual,
-            constraints,
-            &mut step,
-            &mut forces,
-        );
-        q.iter_mut().zip(step).for_each(|(q, s)| *q += s);
-        q
+    /// Copies one of the equilibria that were found.
+    pub fn put(&self, found: usize, q: &mut [f64]) {
+        q.copy_from_slice(&self.known[self.order[found].1].q);
+    }
+
+    /// Moves coordinates by the tangent in the origin to where the means are `d`.
+    pub fn shift(&mut self, d: &[f64], constraints: &[Vec<f64>], q: &mut [f64]) {
+        let Starts { in_origin, missing, step, rest, forces, .. } = self;
+        for ((missing, d), row) in missing.iter_mut().zip(d).zip(constraints) {
+            *missing = d - dot(row, q);
+        }
+        in_origin.step(rest, missing, constraints, step, forces);
+        q.iter_mut().zip(&*step).for_each(|(q, s)| *q += s);
     }
 }

@@ -6,7 +6,7 @@ use super::coupling::coupling_fields;
 use super::origin::Origin;
 use crate::error::Error;
 use crate::mesh::Patch;
-use crate::number::{degree_of, evaluate_monomials};
+use crate::number::{degree_of, dot, evaluate_monomials};
 use crate::reduced::{Contact, ReducedModel};
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};
@@ -105,31 +105,30 @@ impl Subspace {
     /// Sum of the series of all contacts with their couplings, moved so that the means of the patches come out as `d`
     /// to second order.
     pub fn superposed(&self, d: &[f64]) -> Vec<f64> {
-        let mut alone = self.unmix(d);
-        let q = self.sum_of_series(&alone);
-        let mut constraint_residual = d.to_vec();
-        for (m, row) in constraint_residual.iter_mut().zip(&self.constraints) {
-            *m -= row.iter().zip(&q).map(|(a, q)| a * q).sum::<f64>();
-        }
-        alone.iter_mut().zip(self.unmix(&constraint_residual)).for_each(|(a, more)| *a += more);
-        self.sum_of_series(&alone)
-    }
-
-    /// The superposed series under shares of `d`, to start a search from.
-    pub fn guess(&self, d: &[f64]) -> impl Fn(f64) -> Vec<f64> {
-        move |share| self.superposed(&d.iter().map(|d| share * d).collect::<Vec<_>>())
-    }
-
-    /// The displacement each contact must have on its own for all first-order means to come out as `d`, in units of
-    /// the model's depth.
-    fn unmix(&self, d: &[f64]) -> Vec<f64> {
-        let n = d.len();
-        (0..n).map(|i| (0..n).map(|j| self.unmixed[(i, j)] * d[j]).sum()).collect()
-    }
-
-    fn sum_of_series(&self, alone: &[f64]) -> Vec<f64> {
         let mut q = vec![0.0; self.len()];
-        let part = |contact: usize, i: usize| alone[3 * contact + i];
+        self.guess(d, &mut vec![0.0; d.len()])(1.0, &mut q);
+        q
+    }
+
+    /// The superposed series under shares of `d`, in place, to start a search from; `means` is room for as many numbers.
+    pub fn guess(&self, d: &[f64], means: &mut [f64]) -> impl FnMut(f64, &mut [f64]) {
+        move |share, q| {
+            means.iter_mut().zip(d).for_each(|(mean, d)| *mean = share * d);
+            self.sum_of_series(means, q);
+            for (mean, row) in means.iter_mut().zip(&self.constraints) {
+                *mean += *mean - dot(row, q);
+            }
+            self.sum_of_series(means, q);
+        }
+    }
+
+    /// The sum of the series of all contacts, each displaced on its own so that all first-order means come out as `d`.
+    fn sum_of_series(&self, d: &[f64], q: &mut [f64]) {
+        q.fill(0.0);
+        // In units of the model's depth.
+        let part = |contact: usize, i: usize| -> f64 {
+            d.iter().enumerate().map(|(j, d)| self.unmixed[(3 * contact + i, j)] * d).sum()
+        };
         for (field, source) in self.sources.iter().enumerate() {
             let amplitude = match *source {
                 Source::Series { contact, exponents } => {
@@ -140,9 +139,8 @@ impl Subspace {
                 }
                 Source::Coupling([[a, i], [b, j]]) => part(a, i) * part(b, j),
             };
-            self.basis.add(field, amplitude, &mut q);
+            self.basis.add(field, amplitude, q);
         }
-        q
     }
 }
 

@@ -9,8 +9,9 @@ use super::nnls::{self, Columns};
 use super::origin::Origin;
 use super::reduced_energy::Reduced;
 use super::sampled::Sampled;
+use super::solution::Solution;
 use super::subspace::Subspace;
-use super::{Assessment, HyperReducedModel, Trust};
+use super::{Asked, Assessment, HyperReducedModel, Trust};
 use crate::body::Body;
 use crate::element::Element;
 use crate::equilibrium::{Newton, PatchLoad, Pressure, Problem, patch_mean};
@@ -227,7 +228,7 @@ fn sampled_energies_are_those_of_the_body_in_training() {
     assert!(grasp.n_cells() < body.cells().len() * 3 / 4, "{} cells", grasp.n_cells());
     for state in states(&MODEL.origin, &grasp.contacts().subspace, DEPTH, 0..20) {
         let full = body.energy(&grasp.contacts().subspace.basis.field(&state.q));
-        grasp.solver_mut().start(|_| state.q.clone());
+        grasp.solver_mut().start(|_, q| q.copy_from_slice(&state.q));
         let error = (grasp.solver_mut().reduced.energy - full).abs() / full;
         assert!(error < 0.03, "energy off by {error}");
     }
@@ -268,7 +269,7 @@ fn two_fingers_are_near_newton_where_superposition_is_not() {
         let d = pushes(depth);
         let (field, forces) = newton(&patches, &d);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let error = relative(&grasp.contacts().displacement(&solution), &field);
+        let error = relative(&solution.displacement(), &field);
         let force_error = relative(solution.forces.as_flattened(), forces.as_flattened());
         assert!(error < 0.015 && force_error < 0.03, "{error}, force {force_error} at {depth} m");
         let responses = grasp.contacts().places().iter().zip(d);
@@ -308,10 +309,7 @@ fn the_way_there_does_not_matter() {
     let warm = grasp.solve(&d, true, false).unwrap();
     assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
     let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
-    assert_eq!(
-        grasp.contacts().assess(&rest).unwrap(),
-        Assessment { error: 0.0, trust: Trust::Trusted }
-    );
+    assert_eq!(rest.assess().unwrap(), Assessment { error: 0.0, trust: Trust::Trusted });
     assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
 }
 
@@ -322,8 +320,8 @@ fn the_whole_body_knows_the_error_of_an_answer() {
         let d = pushes(depth);
         let solution = grasp.solve(&d, false, false).unwrap();
         let (field, _) = newton(&grasp.contacts().patches(), &d);
-        let error = relative(&grasp.contacts().displacement(&solution), &field);
-        let Assessment { error: expected, trust } = grasp.contacts().assess(&solution).unwrap();
+        let error = relative(&solution.displacement(), &field);
+        let Assessment { error: expected, trust } = solution.assess().unwrap();
         // An expectation, no bound: it may fall short by little.
         assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
@@ -335,21 +333,23 @@ fn the_whole_body_knows_the_error_of_an_answer() {
 fn a_search_that_runs_out_of_time_goes_on_in_the_next() {
     let (mut grasp, d) = (two(), pushes(0.8 * DEPTH));
     let whole = grasp.solve(&d, false, false).unwrap();
-    let mut step = |from_last| {
-        let solution = grasp.solve_within(&d, from_last, true, Some(Duration::ZERO)).unwrap();
+    let mut solution = grasp.room();
+    let mut step = |from_last, solution: &mut Solution| {
+        let asked = Asked { from_last, with_stiffness: true, budget: Some(Duration::ZERO) };
+        grasp.solve_into(&d, asked, solution).unwrap();
         assert!(solution.iterations <= 1, "one step and no more");
         assert_eq!(solution.stiffness.is_empty(), solution.status != ReducedStatus::Converged);
-        solution
     };
-    let mut solution = step(false);
+    step(false, &mut solution);
     assert_eq!(solution.status, ReducedStatus::OutOfTime);
     for _ in 0..whole.iterations + 2 {
-        solution = step(true);
+        step(true, &mut solution);
     }
     assert_eq!(solution.status, ReducedStatus::Converged);
     assert!(relative(solution.forces.as_flattened(), whole.forces.as_flattened()) < 1e-4);
-    let late = grasp.solve_within(&d, false, false, Some(Duration::ZERO)).unwrap();
-    assert_eq!(grasp.contacts().assess(&late).unwrap().trust, Trust::OutOfTime);
+    let late = Asked { budget: Some(Duration::ZERO), ..Asked::default() };
+    grasp.solve_into(&d, late, &mut solution).unwrap();
+    assert_eq!(solution.assess().unwrap().trust, Trust::OutOfTime);
     assert!(!grasp.add_snapshot().unwrap(), "there is no answer to learn from");
 }
 
@@ -357,11 +357,11 @@ fn a_search_that_runs_out_of_time_goes_on_in_the_next() {
 fn failures_say_so() {
     let mut grasp = two();
     let beyond = grasp.solve(&pushes(1.5 * DEPTH), false, false).unwrap();
-    assert_ne!(grasp.contacts().assess(&beyond).unwrap().trust, Trust::Trusted);
+    assert_ne!(beyond.assess().unwrap().trust, Trust::Trusted);
     // Two fingers pulled through each other: no equilibrium, or none to be trusted.
     let through = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]];
     let hopeless = grasp.solve(&through, false, true).unwrap();
-    assert_ne!(grasp.contacts().assess(&hopeless).unwrap().trust, Trust::Trusted);
+    assert_ne!(hopeless.assess().unwrap().trust, Trust::Trusted);
     assert!(hopeless.forces.iter().flatten().all(|f| f.is_finite()));
     let again = grasp.solve(&pushes(0.5 * DEPTH), true, false).unwrap();
     assert_eq!(

@@ -4,13 +4,13 @@
 //! With the modes `E` on its nodes, a row for each degree of freedom, force and tangent of `W(u_0 + E q)` are `E^T f` and
 //! `E^T K E`. The modes are held in single precision, as they are for [linear cells](super::panels).
 
-use super::reduced_energy::Reduced;
+use super::reduced_energy::{Reduced, Wanted};
 use crate::body::{Body, SymmetricBlocks, WeightedSubset};
 use crate::linear::Precision;
 use crate::simd::{WideKernel, dispatch_wide};
 use crate::threads::all_threads;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, MatMut, MatRef};
+use faer::{Accum, MatMut, MatRef, Par};
 use std::sync::Arc;
 
 /// Numbers of a row come in runs of so many, with zeros after the last mode.
@@ -57,19 +57,19 @@ impl SamplingUnits {
     }
 
     /// Energy and force at `q`, and the tangent where asked for.
-    pub fn evaluate(&mut self, q: &[f64], with_tangent: bool, reduced: &mut Reduced) {
+    pub fn evaluate(&mut self, q: &[f64], wanted: Wanted, reduced: &mut Reduced) {
         let SamplingUnits { subset, modes, u, f, .. } = self;
         modes.combine(q, u);
         reduced.energy = subset.body.internal_force(u, f);
         reduced.jacobian = smallest_jacobian(&subset.body, u);
         modes.project(f, &mut reduced.force);
-        if with_tangent {
-            self.curve(reduced);
+        if wanted != Wanted::Force {
+            self.curve(wanted, reduced);
         }
     }
 
     /// `E^T K E` at `u`.
-    fn curve(&mut self, reduced: &mut Reduced) {
+    fn curve(&mut self, wanted: Wanted, reduced: &mut Reduced) {
         let SamplingUnits { subset, modes, u, f, tangent, pairs, stresses, products } = self;
         subset.body.internal_force_and_tangent(u, f, tangent);
         stresses.clear();
@@ -86,7 +86,7 @@ impl SamplingUnits {
             modes.matrix(stresses),
             BlockStructure::Rectangular,
             1.0,
-            all_threads(),
+            if wanted == Wanted::SharedTangent { all_threads() } else { Par::Seq },
         );
         reduced.tangent.iter_mut().zip(&*products).for_each(|(k, &x)| *k = f64::from(x));
         reduced.mirror();

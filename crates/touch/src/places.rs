@@ -17,6 +17,8 @@ pub struct Places {
     start: Vec<usize>,
     /// Rows of the modes, and how much each counts.
     rows: Vec<(u32, f64)>,
+    /// The node of each row.
+    nodes: Vec<u32>,
     /// The modes at the nodes that count (modes, 3 nodes).
     modes: Vec<i16>,
     workspace: Vec<f32>,
@@ -32,6 +34,21 @@ impl Places {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// What a field of nodes is at the places. It allocates nothing.
+    pub fn interpolate(&self, of_node: impl Fn(usize) -> [f64; 3], out: &mut [[f64; 3]]) {
+        self.sum(|row| of_node(self.nodes[row] as usize), out);
+    }
+
+    fn sum(&self, of_row: impl Fn(usize) -> [f64; 3], out: &mut [[f64; 3]]) {
+        for (range, out) in self.start.windows(2).zip(out) {
+            *out = [0.0; 3];
+            for &(row, share) in &self.rows[range[0]..range[1]] {
+                let u = of_row(row as usize);
+                (0..3).for_each(|i| out[i] += share * u[i]);
+            }
+        }
     }
 }
 
@@ -94,15 +111,9 @@ impl ReducedModel {
         d: [f64; 3],
         out: &mut [[f64; 3]],
     ) {
-        let Places { start, rows, modes, workspace, field } = places;
+        let Places { modes, workspace, field, .. } = places;
         self.modes_displacement(contact, d, workspace, modes, field);
-        for (range, out) in start.windows(2).zip(out) {
-            *out = [0.0; 3];
-            for &(row, share) in &rows[range[0]..range[1]] {
-                let u = &field[3 * row as usize..3 * row as usize + 3];
-                (0..3).for_each(|i| out[i] += share * f64::from(u[i]));
-            }
-        }
+        places.sum(|row| std::array::from_fn(|i| f64::from(places.field[3 * row + i])), out);
     }
 
     /// All nodes of every cell of a quadratic element; none of a linear one.
@@ -138,6 +149,7 @@ impl ReducedModel {
             modes: self.modes_at(&nodes),
             workspace: vec![0.0; self.workspace_len()],
             field: vec![0.0; 3 * nodes.len()],
+            nodes,
         }
     }
 }

@@ -63,7 +63,7 @@ fn snapshots_bring_answers_nearer_to_newton() {
     let (field, _) = newton(&patches, &d);
     let error = |grasp: &mut HyperReducedModel| {
         let solution = grasp.solve(&d, false, false).unwrap();
-        relative(&grasp.contacts().displacement(&solution), &field)
+        relative(&solution.displacement(), &field)
     };
     let (series, snapshots) = (error(&mut without), error(&mut with));
     assert!(2.0 * snapshots < series, "{series} without, {snapshots} with");
@@ -89,11 +89,11 @@ fn lessons_come_while_a_grasp_is_in_use_and_change_nothing_that_it_holds() {
     let mut grasp = WITH_SNAPSHOTS.grasp_in_background(&[LEFT, RIGHT]).unwrap();
     let mut trained = WITH_SNAPSHOTS.grasp(&[LEFT, RIGHT]).unwrap();
     let first = grasp.solve(&d, false, false).unwrap();
-    let mut answers = vec![(grasp.contacts().displacement(&first), grasp.n_snapshots())];
+    let mut answers = vec![(first.displacement(), grasp.n_snapshots())];
     while grasp.is_training().unwrap() {
         let solution = grasp.solve(&d, true, false).unwrap();
         assert_eq!(solution.status, ReducedStatus::Converged);
-        let answer = grasp.contacts().displacement(&solution);
+        let answer = solution.displacement();
         assert!(relative(&answer, &answers.last().unwrap().0) < 0.05, "a jump");
         answers.push((answer, grasp.n_snapshots()));
     }
@@ -102,7 +102,7 @@ fn lessons_come_while_a_grasp_is_in_use_and_change_nothing_that_it_holds() {
     let (field, _) = newton(&grasp.contacts().patches(), &d);
     let error = |grasp: &mut HyperReducedModel, from_last: bool| {
         let solution = grasp.solve(&d, from_last, false).unwrap();
-        relative(&grasp.contacts().displacement(&solution), &field)
+        relative(&solution.displacement(), &field)
     };
     let (last, best) = (error(&mut grasp, true), error(&mut trained, false));
     assert!(last < 1.1 * best, "{last} in the background, {best} by waiting");
@@ -116,7 +116,7 @@ fn a_wrong_answer_is_learned_once() {
     let (field, _) = newton(&grasp.contacts().patches(), &d);
     let error = |grasp: &mut HyperReducedModel| {
         let solution = grasp.solve(&d, true, false).unwrap();
-        relative(&grasp.contacts().displacement(&solution), &field)
+        relative(&solution.displacement(), &field)
     };
     let shape = |grasp: &mut HyperReducedModel| {
         let q = grasp.solver_mut().q.clone();
@@ -142,10 +142,10 @@ fn a_grasp_that_does_not_wait_learns_where_the_tools_are() {
     let taken = grasp.n_snapshots();
     let d = pushes(DEPTH);
     let first = grasp.solve(&d, false, false).unwrap();
-    let first = grasp.contacts().displacement(&first);
+    let first = first.displacement();
     while grasp.is_training().unwrap() {}
     let last = grasp.solve(&d, true, false).unwrap();
-    let last = grasp.contacts().displacement(&last);
+    let last = last.displacement();
     let (field, _) = newton(&grasp.contacts().patches(), &d);
     assert_eq!(grasp.n_snapshots(), taken + 1);
     let (before, after) = (relative(&first, &field), relative(&last, &field));
@@ -204,13 +204,15 @@ fn a_search_starts_from_the_nearest_snapshot_where_that_is_better_than_the_serie
     let field = contacts.subspace.basis.field(&u);
     let means: Vec<[f64; 3]> = contacts.patches().iter().map(|p| patch_mean(p, &field)).collect();
     let solver = grasp.solver_mut();
-    solver.start_at(means.as_flattened(), |_| vec![0.0; u.len()]);
+    solver.start_at(means.as_flattened(), |_, q| q.fill(0.0));
     let (started, energy) = (solver.q.clone(), solver.reduced.energy);
     assert!(relative(&started, &u) < 1e-9, "from the snapshot itself");
-    solver.start_at(means.as_flattened(), |_| started.clone());
+    solver.start_at(means.as_flattened(), |_, q| q.copy_from_slice(&started));
     assert_eq!(solver.reduced.energy, energy);
     // Where nothing is sound, from a share of the guess.
     let absurd = means.iter().map(|d| d.map(|x| 30.0 * x)).collect::<Vec<_>>();
-    solver.start_at(absurd.as_flattened(), |share| started.iter().map(|q| share * q).collect());
+    solver.start_at(absurd.as_flattened(), |share, q| {
+        q.iter_mut().zip(&started).for_each(|(q, started)| *q = share * started);
+    });
     assert!(relative(&solver.q, &started) < 1e-9);
 }
