@@ -25,8 +25,8 @@ export class Controller {
   );
   private readonly sign = new Sign();
   private readonly ray = new THREE.Raycaster();
-  /** Where one hand alone can touch, either controller is that one. */
-  private readonly hand: number;
+  /** The hand that it is; where one alone can touch, either controller is that one. */
+  private hand: number;
   /** From where the contact's displacement counts [m]; null while it holds nothing. */
   private start: THREE.Vector3 | null = null;
   private readonly displacement = new THREE.Vector3();
@@ -40,13 +40,13 @@ export class Controller {
   ] as const;
 
   constructor(
-    index: number,
+    private readonly index: number,
     private readonly stage: Stage,
     private readonly body: Pick<Body, "hit">,
     private readonly touched: Touched,
   ) {
     this.pose = stage.renderer.xr.getController(index);
-    this.hand = Math.min(index, touched.hands - 1);
+    this.hand = index;
     this.pose.add(this.beam);
     stage.scene.add(this.pose, this.sign.sprite);
     const pose = this.pose as THREE.EventDispatcher<Record<string, object>>;
@@ -79,10 +79,12 @@ export class Controller {
   }
 
   private grab(): void {
-    if (this.owners[this.hand]) return;
+    const free = [this.index, 0, 1].find((hand) => hand < this.touched.hands && !this.owners[hand]);
+    if (free === undefined) return;
+    this.hand = free;
     const along = new THREE.Vector3(0, 0, -1).applyQuaternion(this.pose.getWorldQuaternion(new THREE.Quaternion()));
     this.ray.set(this.pose.getWorldPosition(new THREE.Vector3()), along);
-    const hit = this.touched.hands > 0 ? this.body.hit(this.ray) : null;
+    const hit = this.body.hit(this.ray);
     if (!hit) return;
     this.owners[this.hand] = this;
     this.touched.grab(hit, this.hand);

@@ -28,6 +28,18 @@ export interface Gesture {
 
 type Request = Gesture & { laws?: string[]; gravity?: Vec3; stress?: boolean; second?: Gesture };
 
+/** What the stepper says first; rejects with the sentence where it refuses. */
+export function introduction(link: Link): Promise<Hello> {
+  return new Promise((resolve, reject) => {
+    link.onClose = (sentence) => reject(new Error(sentence));
+    link.onMessage = (data) => {
+      const hello = JSON.parse(data as string) as Hello | { error: string };
+      if ("error" in hello) reject(new Error(hello.error));
+      else resolve(hello);
+    };
+  });
+}
+
 export class Conversation {
   /** Of a frame that has come: its numbers. */
   onFrame: (numbers: Float32Array) => void = () => {};

@@ -66,6 +66,16 @@ export class Display {
     this.speech.say(caption, touching?.warning(order) ?? "");
   }
 
+  /** Leaves the stage to a stepped organ, or takes it back. */
+  set isAway(isAway: boolean) {
+    this.body.mesh.visible = this.inside.group.visible = !isAway;
+    this.readings.root.hidden = isAway;
+    this.inside.root.hidden = isAway || this.inside.isEmpty;
+    if (!isAway) return;
+    this.arrow.hide();
+    this.legend.hide();
+  }
+
   /** Marks where a press would touch; null is nowhere. */
   hover(point: Vec3 | null): void {
     if (point) this.arrow.hover(point, this.body.normalAt(point, this.evaluator.about.metadata.radius));

@@ -19,18 +19,23 @@ export async function hybrid(place: HTMLElement, caseUrl: string, modelUrl: stri
   // The model's own surface is touched, and nothing pulls at the organ.
   const known = { touchable: Array.from(indices(bytes, "touchable")), gravity: null };
   const first = await connect(place, new WorkerLink(bytes.buffer), isEmbedded, known);
-  return { first, then: takeOver(place, first, modelUrl, isEmbedded) };
+  return { first, then: takeOver(place, first, [caseUrl, modelUrl], isEmbedded) };
 }
 
 /** Puts the model's view in the place of the first one, once no hand holds on. */
-async function takeOver(place: HTMLElement, first: LiveView, modelUrl: string, isEmbedded: boolean): Promise<View> {
+async function takeOver(
+  place: HTMLElement,
+  first: LiveView,
+  [caseUrl, modelUrl]: readonly [string, string],
+  isEmbedded: boolean,
+): Promise<View> {
   try {
     first.say("loading the reduced model");
     const model = await load(modelUrl, (percent) => first.say(`loading the reduced model, ${percent} %`));
     const evaluator = await Evaluator.load(model);
     first.say("the reduced model takes over when you let go");
     await first.free();
-    const view = new View(place, evaluator, isEmbedded);
+    const view = new View(place, evaluator, isEmbedded, caseUrl);
     view.lookFrom(first.from);
     view.announce("The reduced model has taken over.");
     first.dispose();

@@ -18,9 +18,9 @@ declare global {
   }
 }
 
-/** Fetches a model file and fills the place with its view. */
-export async function open(place: HTMLElement, url: string): Promise<void> {
-  await show(place, async (say) => View.mount(place, await load(url, loading(say)), isFramed()));
+/** Fetches a model file and fills the place with its view; a case of the same organ, if there is one, answers two hands. */
+export async function open(place: HTMLElement, url: string, caseUrl: string | null = null): Promise<void> {
+  await show(place, async (say) => View.mount(place, await load(url, loading(say)), isFramed(), caseUrl));
 }
 
 /** Connects to the stepper of a case on this machine and fills the place with its view. */
@@ -38,7 +38,7 @@ export async function openCase(place: HTMLElement, url: string): Promise<void> {
  * has arrived. An address that carries a touch is the model's own.
  */
 export async function openHybrid(place: HTMLElement, caseUrl: string, modelUrl: string): Promise<void> {
-  if (location.hash) return open(place, modelUrl);
+  if (location.hash) return open(place, modelUrl, caseUrl);
   await show(place, async () => {
     const { first, then } = await hybrid(place, caseUrl, modelUrl, isFramed());
     // Where the model cannot be loaded, the first view says so.

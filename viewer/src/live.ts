@@ -2,7 +2,7 @@
 import * as THREE from "three";
 import { lookOver, type Hit, type Surface } from "./body";
 import { Contrast } from "./contrast";
-import { Conversation, type Hello } from "./conversation";
+import { Conversation, introduction, type Hello } from "./conversation";
 import { button, element, followTheme, toggleTheme } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { Gauge } from "./gauge";
@@ -430,13 +430,6 @@ export class LiveView implements Touched, Keyed, Shared {
 }
 
 /** Fills the place with the view of a case, once its stepper has introduced it; rejects with a sentence. */
-export function connect(place: HTMLElement, link: Link, isEmbedded: boolean, known: Partial<Hello> = {}): Promise<LiveView> {
-  return new Promise((resolve, reject) => {
-    link.onClose = (sentence) => reject(new Error(sentence));
-    link.onMessage = (data) => {
-      const hello = JSON.parse(data as string) as Hello | { error: string };
-      if ("error" in hello) reject(new Error(hello.error));
-      else resolve(new LiveView(place, link, { ...hello, ...known }, isEmbedded));
-    };
-  });
+export async function connect(place: HTMLElement, link: Link, isEmbedded: boolean, known: Partial<Hello> = {}): Promise<LiveView> {
+  return new LiveView(place, link, { ...(await introduction(link)), ...known }, isEmbedded);
 }

@@ -28,6 +28,8 @@ export interface Touched {
   reading(hand: number): Reading | null;
   /** How many hands may touch at once. */
   readonly hands: number;
+  /** Readies what a second hand needs, where one may come. */
+  expectTwo?(): void;
   readonly tool: Tool;
   readonly depth: number;
   /** Whether the wheel is meant for the view, not for what it is embedded in. */
@@ -97,7 +99,10 @@ export class Pointer {
     // What is handed on comes by here again.
     if (!event.isTrusted) return;
     const isTouch = event.pointerType === "touch";
-    if (isTouch) this.fingers.set(event.pointerId, event);
+    if (isTouch) {
+      this.fingers.set(event.pointerId, event);
+      this.touched.expectTwo?.();
+    }
     const isFurther = isTouch && this.fingers.size > 1;
     // With two hands full, a third finger is nobody's.
     if (isFurther && this.holding.size > 1) return event.stopImmediatePropagation();

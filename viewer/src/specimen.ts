@@ -1,7 +1,7 @@
 // An organ under one law: on the stage with its arrow, and in the readings.
 import * as THREE from "three";
 import { Arrow, type Standing } from "./arrow";
-import { Body, type Surface } from "./body";
+import { Body, displacementAt, type Surface } from "./body";
 import { lengths } from "./colouring";
 import { choice, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Vec3 } from "./evaluator";
@@ -213,13 +213,7 @@ export class Specimen {
 
   /** Displacement of the node closest to a point at rest: where a hand takes hold of a deformed organ. */
   displacementAt(point: Vec3): Vec3 {
-    const { rest } = this.surface;
-    let [best, least] = [0, Infinity];
-    for (let n = 0; n < rest.length; n += 3) {
-      const distance = Math.hypot(rest[n]! - point[0], rest[n + 1]! - point[1], rest[n + 2]! - point[2]);
-      if (distance < least) [best, least] = [n, distance];
-    }
-    return [...this.field.subarray(best, best + 3)] as Vec3;
+    return displacementAt(this.surface.rest, this.field, point);
   }
 
   dispose(): void {

@@ -1,5 +1,6 @@
 // One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
 import type { Standing } from "./arrow";
+import { displacementAt } from "./body";
 import { sample, type Curves } from "./curve";
 import { fixed, newtons } from "./dom";
 import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
@@ -95,6 +96,11 @@ export class TouchState {
   /** The touch as one would say it. */
   get inShort(): string {
     return `${newtons(Math.hypot(...this.force))} at a depth of ${fixed(1000 * this.depth, 1)} mm.`;
+  }
+
+  /** How far the surface has moved near a point at rest [m]. */
+  displacementAt(point: Vec3): Vec3 {
+    return displacementAt(this.evaluator.rest, this.field, point);
   }
 
   /** Whether a point [m] is well within the contact. */

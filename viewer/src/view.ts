@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { lookOver, type Hit } from "./body";
 import { COLOURINGS, type Colouring } from "./colouring";
 import { Display } from "./display";
+import { Duet } from "./duet";
 import { element, followTheme, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
 import { read, written } from "./address";
@@ -25,7 +26,6 @@ import { headsetButton } from "./xr";
 type Activity = "rest" | "held" | "kept" | "springing" | "path" | "modes";
 
 export class View implements Touched, Keyed, Shared {
-  readonly hands = 1;
   tool: Tool = "push";
   order: number;
   readonly title: string;
@@ -34,6 +34,11 @@ export class View implements Touched, Keyed, Shared {
   private isKeeping = false;
   private hasProbe = false;
   private touching: TouchState | null = null;
+  /** The hand that touches the model. */
+  private owner = 0;
+  /** What answers two hands; null until it has been asked for and is there. */
+  private duet: Duet | null = null;
+  private isExpecting = false;
   private readonly spring = new Spring();
   private readonly plan: Plan;
   /** Work after a touch has changed. */
@@ -49,19 +54,24 @@ export class View implements Touched, Keyed, Shared {
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
   private readonly walk: Walk;
+  /** Where the readings of two hands stand, and the numbers beside their arrows. */
+  private readonly second = element("div");
+  private readonly labels = element("div");
 
   /**
    * Reads a model file and fills the place with its view; throws a sentence where the file is no model, or nothing can be
    * drawn. Embedded in something that scrolls, the view takes the wheel only while it has the focus.
    */
-  static async mount(place: HTMLElement, model: Uint8Array, isEmbedded = false): Promise<View> {
-    return new View(place, await Evaluator.load(model), isEmbedded);
+  static async mount(place: HTMLElement, model: Uint8Array, isEmbedded = false, caseUrl: string | null = null): Promise<View> {
+    return new View(place, await Evaluator.load(model), isEmbedded, caseUrl);
   }
 
   constructor(
     place: HTMLElement,
     readonly evaluator: Evaluator,
     isEmbedded = false,
+    /** A case of the same organ, which answers two hands. */
+    private readonly caseUrl: string | null = null,
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
@@ -73,22 +83,23 @@ export class View implements Touched, Keyed, Shared {
     this.stage = new Stage(this.plan.canvas, centre, metadata.diagonal, facing);
     this.display = new Display(evaluator, this.stage, (order) => this.setOrder(order));
     const { body, inside, readings, speech, gauge, legend, clock, label } = this.display;
-    this.sight = new Sight(this.stage, () => [body]);
+    this.sight = new Sight(this.stage, () => (this.duet ? [body, this.duet.body] : [body]));
     this.walk = new Walk(evaluator, body, this.stage.world);
     if (evaluator.notes.inside?.length) this.sight.choose("translucent");
     this.modes = new Modes(evaluator, body, this.stage.towards, () => this.stage.invalidate());
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    this.tools = new Tools(this, headsetButton(this.stage, body, this));
-    const side = element("div", { class: "side" }, readings.root, inside.root, this.modes.root, clock);
+    const touchable = { hit: (ray: THREE.Raycaster) => (this.duet?.isShown ? this.duet.body : body).hit(ray) };
+    this.tools = new Tools(this, headsetButton(this.stage, touchable, this));
+    const side = element("div", { class: "side" }, this.second, readings.root, inside.root, this.modes.root, clock);
     this.plan.fill(
       place,
-      [label.root, this.hint.root],
+      [label.root, this.labels, this.hint.root],
       [this.stage.clearing, this.tools.header, speech.warning, gauge.root, legend.root, side, this.tools.root],
       [this.help, speech.summary.root],
     );
     this.stage.enclose([{ rest: evaluator.rest, at: [0, 0, 0] }]);
-    this.pointer = new Pointer(this.stage, body, this);
+    this.pointer = new Pointer(this.stage, touchable, this);
     this.deaf = [listen(root, this), followTheme(root, () => readings.redraw())];
     this.stage.onFrame = (seconds) => this.frame(seconds);
     this.setOrder(this.order);
@@ -99,14 +110,38 @@ export class View implements Touched, Keyed, Shared {
 
   // What a hand does.
 
-  grab(hit: Hit): void {
+  /** How many hands may touch at once. */
+  get hands(): number {
+    return this.duet ? 2 : 1;
+  }
+
+  /** Loads what answers two hands, where a second one may come. */
+  expectTwo(): void {
+    if (this.caseUrl === null || this.isExpecting) return;
+    this.isExpecting = true;
+    const enter = (duet: Duet) => {
+      this.second.append(duet.root);
+      duet.onShow = () => (this.display.isAway = true);
+      duet.specimen.hasProbe = this.hasProbe;
+      duet.factor = this.evaluator.factor;
+      this.duet = duet;
+      this.sight.renew();
+    };
+    // Where it cannot be loaded, one hand touches as before.
+    Duet.prepare(this.stage, this.display.gauge, this.labels, this.caseUrl).then(enter, (error: unknown) => console.info(error));
+  }
+
+  grab(hit: Hit, hand = 0): void {
+    if (this.joins(hand)) return this.duet!.join(this.touching!, this.owner, hit, hand);
+    this.owner = hand;
     this.stop();
     if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest, this.hasProbe);
     this.activity = "held";
     this.hint.end();
   }
 
-  move(displacement: Vec3): void {
+  move(displacement: Vec3, hand = this.owner): void {
+    if (this.duet?.isPlaying) return this.duet.move(displacement, hand);
     if (!this.touching) return;
     const began = performance.now();
     this.touching.displace(displacement, this.order);
@@ -114,8 +149,9 @@ export class View implements Touched, Keyed, Shared {
     this.show();
   }
 
-  release(): void {
+  release(hand = this.owner): void {
     if (this.activity !== "held") return;
+    if (this.duet?.isPlaying && !this.ends(this.duet, hand)) return;
     if (this.isKeeping || !this.touching) {
       this.activity = "kept";
       return;
@@ -128,12 +164,38 @@ export class View implements Touched, Keyed, Shared {
     if (this.activity === "rest") this.display.hover(hit && hit.rest);
   }
 
-  contact(): { normal: Vec3; displacement: Vec3 } | null {
+  contact(hand = this.owner): { normal: Vec3; displacement: Vec3 } | null {
+    if (this.duet?.isPlaying) return this.duet.contact(hand);
     return this.touching && { normal: this.touching.normal, displacement: this.touching.motion };
   }
 
-  reading(): Reading | null {
-    return this.touching && this.display.reading(this.touching, this.order);
+  reading(hand = this.owner): Reading | null {
+    if (this.duet?.isShown) return this.duet.reading(hand);
+    return this.touching && hand === this.owner ? this.display.reading(this.touching, this.order) : null;
+  }
+
+  /** Whether a hand takes hold while another one does. */
+  private joins(hand: number): boolean {
+    return this.duet !== null && this.activity === "held" && this.touching !== null && (this.duet.isPlaying || hand !== this.owner);
+  }
+
+  /** One of two hands lets go. Whether it was the last one, whose touch the model then answers again. */
+  private ends(duet: Duet, hand: number): boolean {
+    const last = duet.leave(hand);
+    if (!last) {
+      this.owner = 1 - hand;
+      return false;
+    }
+    this.takeStage();
+    this.touchAt(last.point);
+    this.move(last.displacement);
+    return true;
+  }
+
+  /** Shows the model again. */
+  private takeStage(): void {
+    this.display.isAway = false;
+    this.setColouring(this.display.painter.colouring);
   }
 
   // What tools, keys and programs do.
@@ -158,7 +220,7 @@ export class View implements Touched, Keyed, Shared {
   nudge(right: number, up: number, inward: number): void {
     if (!this.touching) return this.touchMiddle();
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
-    this.activity = "kept";
+    if (!this.duet?.isPlaying) this.activity = "kept";
     this.move(nudged(this.stage, this.contact()!, by));
   }
 
@@ -194,7 +256,8 @@ export class View implements Touched, Keyed, Shared {
     if (!this.evaluator.notes.is_stress_free || !(factor > 0)) return;
     this.evaluator.factor = factor;
     this.tools.sayStiffness(factor);
-    if (this.touching) this.move(this.touching.motion);
+    if (this.duet) this.duet.factor = factor;
+    if (this.touching && !this.duet?.isPlaying) this.move(this.touching.motion);
   }
 
   /** Whether the wheel is meant for the view. */
@@ -236,7 +299,8 @@ export class View implements Touched, Keyed, Shared {
     this.hasProbe = !this.hasProbe;
     this.display.arrow.hasProbe = this.hasProbe;
     this.tools.press("probe", this.hasProbe);
-    if (this.touching && (this.activity === "held" || this.activity === "kept")) {
+    if (this.duet) this.duet.specimen.hasProbe = this.hasProbe;
+    if (this.touching && !this.duet?.isPlaying && (this.activity === "held" || this.activity === "kept")) {
       const { point, displacement } = this.touching;
       this.touchAt(point, this.hasProbe);
       this.move(displacement);
@@ -296,6 +360,7 @@ export class View implements Touched, Keyed, Shared {
       looking: this.sight.looking,
       stiffness_factor: this.evaluator.factor,
       inside: this.display.shifts(touching, this.order),
+      two: this.duet?.isPlaying ? this.duet.state : null,
       shapes: this.walk.shapes,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
@@ -303,7 +368,11 @@ export class View implements Touched, Keyed, Shared {
 
   /** The touch, for whom it is told to. */
   get told(): Told {
-    return told(this.touching);
+    const { duet } = this;
+    const held = duet?.isShown ? duet.holding[0] : null;
+    if (!held) return told(this.touching);
+    const { force, isSettled } = duet!.specimen.facts;
+    return { point: held.point, displacement: held.displacement, force, is_trusted: isSettled };
   }
 
   /** The middle of the organ at rest [m]. */
@@ -320,6 +389,7 @@ export class View implements Touched, Keyed, Shared {
     this.deaf.forEach((end) => end());
     this.share.dispose();
     this.pointer.dispose();
+    this.duet?.dispose();
     this.walk.dispose();
     this.display.dispose();
     this.stage.dispose();
@@ -333,7 +403,8 @@ export class View implements Touched, Keyed, Shared {
 
   /** The touch as one would say it: the sentence below a picture. */
   caption(): string {
-    const { touching } = this;
+    const { touching, duet } = this;
+    if (duet?.isShown) return duet.inWords[0];
     return touching && this.activity !== "path" ? this.display.caption(touching, this.order) : "";
   }
 
@@ -373,6 +444,8 @@ export class View implements Touched, Keyed, Shared {
       this.display.inside.move(this.modes.advance(seconds));
       this.stage.invalidate();
     }
+    if (this.duet?.advance()) this.stage.shape(() => this.shape());
+    if (this.duet?.isPlaying) this.duet.follow();
     this.sight.follow();
     this.hint.follow(this.activity === "rest");
     this.display.follow(this.touching, this.order, this.answering.value);
@@ -398,6 +471,10 @@ export class View implements Touched, Keyed, Shared {
 
   /** Ends what moved the organ by itself. */
   private stop(): void {
+    if (this.duet?.isPlaying) {
+      this.duet.end();
+      this.takeStage();
+    }
     if (this.activity === "modes") this.modes.hide();
     this.display.readings.root.hidden = false;
     this.display.inside.root.hidden = this.display.inside.isEmpty;
@@ -415,7 +492,10 @@ export class View implements Touched, Keyed, Shared {
   }
 
   private shape(): void {
-    this.display.show(this.touching, this.order, this.caption());
+    if (this.duet?.isShown) {
+      this.duet.show();
+      this.display.speech.say(...this.duet.inWords);
+    } else this.display.show(this.touching, this.order, this.caption());
     this.onTouch();
   }
 }

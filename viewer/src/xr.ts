@@ -35,6 +35,7 @@ async function start(stage: Stage, body: Pick<Body, "hit">, touched: Touched, en
   room.add(stage.world);
   scene.add(room);
   renderer.xr.enabled = true;
+  touched.expectTwo?.();
   // Before the session, which tells each controller at once what it is.
   const controllers = [0, 1].map((index) => new Controller(index, stage, body, touched));
   const grasp = new Grasp(room, controllers.map(({ pose }) => pose));

@@ -80,7 +80,8 @@ def first_case(touch: Touch, name: str) -> LiveCase | None:
     The same organ, law and contact patch as the model's, touchable where the model is. A model about a preload or
     without its cells has none, nor has one with elastic supports.
     """
-    if touch.preload is not None or not len(touch._model.array("cells")):
+    is_large = touch.mesh.points.size > PAGE_UNKNOWNS
+    if is_large or touch.preload is not None or not len(touch._model.array("cells")):
         return None
     organ = touch.organ()
     if organ.supports:

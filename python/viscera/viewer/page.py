@@ -47,6 +47,11 @@ def hybrid_files(model: bytes, case: bytes) -> dict[str, bytes]:
     return {**_stepping(), "page.js": _script("openHybrid", CASE, MODEL), CASE: case, MODEL: model}
 
 
+def two_handed_files(model: bytes, case: bytes) -> dict[str, bytes]:
+    """All files of the page of a model that steps its organ while two hands hold on."""
+    return {**_stepping(), "page.js": _script("open", MODEL, CASE), CASE: case, MODEL: model}
+
+
 def can_step() -> bool:
     """Whether what steps a case in a page was built."""
     return _built().keys() >= set(STEPPER)

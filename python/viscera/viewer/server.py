@@ -217,6 +217,7 @@ def serve_live(case: Case, name: str = "Organ", port: int = 0, *, in_page: bool 
 def serve(touch: Touch, name: str = "Organ", port: int = 0, *, is_hybrid: bool | None = None) -> Server:
     """A server with the page of a model; nothing is served before it is run or entered.
 
-    is_hybrid: whether the page steps the organ until the model has arrived (`page_of`).
+    is_hybrid: whether the page steps the organ until the model has arrived (`page_of`). It also steps it
+        while two hands hold on, where it can.
     """
-    return Server(page_of(touch, surface_model(touch, name), name, is_hybrid=is_hybrid), port)
+    return Server(page_of(touch, surface_model(touch, name), name, is_hybrid=is_hybrid, is_near=True), port)

@@ -1,0 +1,213 @@
+// Two hands on a reduced model, which knows one contact: while both hold on, its organ is stepped by a worker of the page.
+import type { Body, Hit } from "./body";
+import { Conversation, introduction } from "./conversation";
+import { element } from "./dom";
+import type { Vec3 } from "./evaluator";
+import { load } from "./files";
+import type { Gauge } from "./gauge";
+import { lawName } from "./lawname";
+import { WorkerLink, type Link } from "./link";
+import type { Reading } from "./pointer";
+import { indices } from "./safetensors";
+import { Specimen, type Hand } from "./specimen";
+import type { Stage } from "./stage";
+import type { TouchState } from "./touchstate";
+import { forces, trouble } from "./verdict";
+
+/** Frames after which the stepped organ is shown even if it has not settled. */
+const PATIENCE = 20;
+/** Below this residual, with nothing new wanted, no more frames are asked for. */
+const AT_REST = 1e-8;
+const NOWHERE: Vec3 = [0, 0, 0];
+
+export class Duet {
+  /** Whether two hands have taken hold, and not yet all let go. */
+  isPlaying = false;
+  /** Whether the stepped organ is seen: once it has come to where the first hand was. */
+  isShown = false;
+  /** Why it cannot go on; empty while it can. */
+  complaint = "";
+  /** Work when the stepped organ takes the place of the model's. */
+  onShow: () => void = () => {};
+  readonly holding: [Hand | null, Hand | null] = [null, null];
+  /** All stiffnesses of the organ, in units of its own. */
+  factor = 1;
+  /** How much farther a contact has come than its hand has moved [m]: a probe's goes its own way. */
+  private ahead: [Vec3, Vec3] = [NOWHERE, NOWHERE];
+  /** What is read off, in the place of the model's readings. */
+  readonly root: HTMLElement;
+  private readonly conversation: Conversation;
+  private frames = 0;
+  private isFresh = false;
+  /** The largest force of this grip [N]: the longest arrow. */
+  private peak = 0;
+
+  /** Loads a case of the model's organ, and what steps it. */
+  static async prepare(stage: Stage, gauge: Gauge, labels: HTMLElement, caseUrl: string): Promise<Duet> {
+    const bytes = await load(caseUrl, () => {});
+    const touchable = Uint32Array.from(indices(bytes, "touchable"));
+    const link = new WorkerLink(bytes.buffer);
+    try {
+      const hello = await introduction(link);
+      const [rest, triangles] = [Float32Array.from(hello.rest), Uint32Array.from(hello.triangles)];
+      const surface = { rest, triangles, touchable, diagonal: hello.diagonal };
+      const own: [string, string] = [hello.law, lawName(hello.law)];
+      const specimen = new Specimen(surface, hello.radius, stage, gauge.root, [own], hello.law, "", () => {});
+      labels.append(...specimen.grips.map(({ label }) => label.root));
+      return new Duet(stage, link, specimen, hello.radius);
+    } catch (error) {
+      link.close();
+      throw error;
+    }
+  }
+
+  private constructor(
+    private readonly stage: Stage,
+    private readonly link: Link,
+    readonly specimen: Specimen,
+    private readonly radius: number,
+  ) {
+    this.conversation = new Conversation(link);
+    this.conversation.onFrame = (numbers) => this.take(numbers);
+    this.conversation.onComplaint = (sentence) => (this.complaint = sentence);
+    specimen.place.visible = false;
+    stage.world.add(specimen.place);
+    const words = "With two hands the organ itself is stepped; the reduced model has one contact.";
+    this.root = element("section", { class: "panel readings live", "aria-label": "two hands" }, specimen.root, element("p", {}, words));
+    this.root.hidden = true;
+  }
+
+  get body(): Body {
+    return this.specimen.body;
+  }
+
+  /** A second hand joins the one that touches the model: from now on the organ is stepped, from rest. */
+  join(touching: TouchState, owner: number, hit: Hit, hand: number): void {
+    if (!this.isPlaying) {
+      const { point, normal, displacement, motion } = touching;
+      this.isPlaying = true;
+      this.isShown = this.isFresh = false;
+      this.frames = this.peak = 0;
+      this.ahead = [NOWHERE, NOWHERE];
+      this.ahead[owner] = displacement.map((x, i) => x - motion[i]!) as Vec3;
+      this.conversation.forget();
+      this.conversation.want({ laws: [this.specimen.law] });
+      this.grab({ point, normal, displacement }, owner);
+    }
+    const displacement = (this.isShown ? this.specimen : touching).displacementAt(hit.rest);
+    this.grab({ point: hit.rest, normal: this.body.normalAt(hit.rest, this.radius), displacement }, hand);
+  }
+
+  /** Moves a hand to a displacement from where it took hold [m]. */
+  move(displacement: Vec3, hand: number): void {
+    const held = this.holding[hand];
+    if (!held) return;
+    held.displacement = displacement.map((x, i) => x + this.ahead[hand]![i]!) as Vec3;
+    this.conversation.gesture(hand, { move: held.displacement });
+    this.ask();
+  }
+
+  /** Outward normal where a hand took hold, and how far it has moved. */
+  contact(hand: number): { normal: Vec3; displacement: Vec3 } | null {
+    const held = this.holding[hand];
+    return held ? { normal: held.normal, displacement: held.displacement.map((x, i) => x - this.ahead[hand]![i]!) as Vec3 } : null;
+  }
+
+  /** A hand lets go. What it held if it was the last one: then the stage is the model's again. */
+  leave(hand: number): Hand | null {
+    const held = this.holding[hand]!;
+    this.release(hand);
+    if (this.holding.some(Boolean)) return null;
+    this.end();
+    return held;
+  }
+
+  /** Leaves the stage to the model. */
+  end(): void {
+    this.holding.forEach((held, hand) => held && this.release(hand));
+    this.isPlaying = this.isShown = this.specimen.place.visible = false;
+    this.root.hidden = true;
+    this.follow();
+  }
+
+  /** What is told beside the force of a hand; null until it is known. */
+  reading(hand: number): Reading | null {
+    return this.isShown && this.holding[hand] ? this.specimen.reading(hand) : null;
+  }
+
+  /** Asks for the next frame; says whether there is a new one to be shown. */
+  advance(): boolean {
+    if (this.isPlaying) this.ask();
+    return this.isShown && this.isFresh;
+  }
+
+  /** Shapes the organ as the last frame says. */
+  show(): void {
+    const { specimen } = this;
+    this.isFresh = false;
+    specimen.present();
+    const { sizes, facts } = specimen;
+    // A force on its way may be of any size: it does not set the scale.
+    if (facts.isSettled) this.peak = Math.max(this.peak, ...sizes);
+    specimen.hold(this.holding, this.peak || Math.max(...sizes));
+    specimen.body.paintTissue();
+  }
+
+  /** Writes the forces beside their arrows. */
+  follow(): void {
+    this.specimen.follow();
+  }
+
+  /** The forces in words, and what is the matter. */
+  get inWords(): [string, string] {
+    return [forces([this.specimen], this.holding), this.complaint || trouble([this.specimen])];
+  }
+
+  /** Its part of the state in numbers: SI units. */
+  get state(): Record<string, unknown> {
+    const { facts, field } = this.specimen;
+    return { hands: this.holding, ...facts, field: Array.from(field) };
+  }
+
+  dispose(): void {
+    this.link.close();
+    this.stage.world.remove(this.specimen.place);
+    this.specimen.dispose();
+    this.root.remove();
+  }
+
+  private grab(held: Hand, hand: number): void {
+    this.holding[hand] = held;
+    this.conversation.gesture(hand, { grab: held.point, move: held.displacement });
+    this.ask();
+  }
+
+  private release(hand: number): void {
+    this.holding[hand] = null;
+    this.specimen.letGo(hand);
+    this.conversation.gesture(hand, { release: true });
+    this.ask();
+  }
+
+  private ask(): void {
+    const { residual, taken, isSettled } = this.specimen.facts;
+    this.conversation.ask(residual > AT_REST || taken < 1 || !isSettled);
+  }
+
+  private take(numbers: Float32Array): void {
+    this.specimen.take(numbers.subarray(1));
+    const { facts } = this.specimen;
+    for (const force of [facts.force, facts.second]) force.forEach((f, i) => (force[i] = this.factor * f));
+    this.frames += 1;
+    this.isFresh = true;
+    this.stage.invalidate();
+    if (!this.isPlaying) return;
+    if (!this.isShown && (this.specimen.facts.isSettled || this.frames > PATIENCE)) {
+      this.isShown = this.specimen.place.visible = true;
+      this.root.hidden = false;
+      this.onShow();
+    }
+    // An organ on its way, or a hand that has moved, does not wait for the drawing.
+    if (!this.specimen.facts.isSettled || this.conversation.hasWishes) this.ask();
+  }
+}
