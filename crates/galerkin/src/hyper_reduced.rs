@@ -95,8 +95,8 @@ impl HyperReducedModel {
         Ok(is_wrong)
     }
 
-    /// Searches stay on the thread that asks, for loops that wait for nobody; with linear cells they also allocate
-    /// nothing. Answers are the same.
+    /// With linear cells, searches stay on the thread that asks and allocate nothing, for loops that wait for nobody.
+    /// Answers are the same.
     pub fn stay_on_one_thread(&mut self) {
         self.is_alone = true;
         self.now.solver.share(false);
