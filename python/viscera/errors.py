@@ -49,12 +49,12 @@ def refuse_case_file(path: str | Path, wanted: str) -> None:
 
     >>> refuse_case_file("liver.toml", "a mesh")
     Traceback (most recent call last):
-    viscera.errors.VisceraError: liver.toml is a case file, not a mesh; `viscera solve`, `reduce`, `compare` and ...
+    viscera.errors.VisceraError: liver.toml is a case file, not a mesh; `viscera solve`, `reduce`, `compare`, ...
     """
     if Path(path).suffix.lower() == ".toml":
         raise VisceraError(
-            f"{path} is a case file, not {wanted}; `viscera solve`, `reduce`, `compare` and `view` take case files, "
-            "and `reduce` makes a model of one"
+            f"{path} is a case file, not {wanted}; `viscera solve`, `reduce`, `compare`, `register` and `view` take "
+            "case files, and `reduce` makes a model of one"
         )
 
 
