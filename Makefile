@@ -68,7 +68,7 @@ stages = @times=; for stage in $(1); do \
 
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
-.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-touches study-reduced study-soak study-contact study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
+.PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-touches study-reduced study-soak study-contact study-calculix study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
 .PHONY: reduced-liver build-times compare wheel
 
 help: ## this list
@@ -238,6 +238,9 @@ study-soak: $(development) ## ten minutes of a jerky random hand; kept in benchm
 study-contact: $(development) ## tools and organs in contact: Hertz, what a frame costs, 100,000 frames; kept in benchmarks/results
 	for name in hertz hertz_pair contact contact_soak; do $(BIN)/python benchmarks/$$name.py --write || exit; done
 
+study-calculix: $(development) $(VENV)/calculix ## rigid tools on the liver with CalculiX; decks and forces are kept in tests/reference/data
+	$(BIN)/python tests/reference/run_calculix_contact.py
+
 study-probe: $(development) ## the rigid probe against true contact, and what a tick costs; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/probe.py > out/probe.txt && mv out/probe.txt benchmarks/results/probe.txt
@@ -293,6 +296,10 @@ viewer/node_modules/.package-lock.json: viewer/package-lock.json
 
 $(VENV)/chromium: | $(VENV)/development
 	command -v chromium chromium-browser google-chrome || $(debian) chromium
+	touch $@
+
+$(VENV)/calculix: | $(VENV)/development
+	command -v ccx || $(debian) calculix-ccx
 	touch $@
 
 $(VENV)/cmake: | $(VENV)/development
