@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import viscera as vs
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARY = ROOT / "target" / "release"
+LIBRARY = ROOT / "target" / "c"
 if shutil.which("cc") is None or not (LIBRARY / "libviscera.a").is_file():
     raise SystemExit("this example needs a C compiler and the C library; `make c-library` builds it")
 

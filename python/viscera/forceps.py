@@ -113,7 +113,7 @@ class Forceps:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper()
-        >>> forceps = stepper.forceps(vs.Sphere(0.05), position=(0.9, 0.1, 0.1), opening=0.3)
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.3)
         >>> forceps.move((0.02, 0, 0))
         >>> forceps.position.round(3).tolist()
         [0.92, 0.1, 0.1]
@@ -126,8 +126,8 @@ class Forceps:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper()
-        >>> forceps = stepper.forceps(vs.Sphere(0.05), position=(0.9, 0.1, 0.1), opening=0.3)
-        >>> forceps.turn((0, 0, 3.141592653589793))
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.3)
+        >>> forceps.turn((0, 0, 1.5708))
         >>> forceps.rotation.round(3).diagonal().tolist()
         [-1.0, -1.0, 1.0]
         """
@@ -139,7 +139,7 @@ class Forceps:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper()
-        >>> forceps = stepper.forceps(vs.Sphere(0.05), position=(0.9, 0.1, 0.1), opening=0.3)
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.3)
         >>> forceps.place((0.8, 0.1, 0.1), rotation=(0, 0, 1.5707963267948966))
         >>> [jaw.position.round(3).tolist() for jaw in forceps.jaws]
         [[0.8, -0.1, 0.1], [0.8, 0.3, 0.1]]
@@ -154,7 +154,7 @@ class Forceps:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper()
-        >>> forceps = stepper.forceps(vs.Sphere(0.05), position=(0.9, 0.1, 0.1), opening=0.3)
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.3)
         >>> forceps.open("1 cm")
         >>> round(forceps.opening, 3)
         0.31
@@ -203,7 +203,7 @@ class Forceps:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> stepper = beam.stepper()
-        >>> forceps = stepper.forceps(vs.Sphere(0.05), position=(0.9, 0.1, 0.1), opening=0.3)
+        >>> forceps = stepper.forceps(vs.Sphere(0.05), (0.9, 0.1, 0.1), (0, 0, 1.5708), opening=0.3)
         >>> forceps.remove()
         >>> frame = stepper.frame()
         """

@@ -47,7 +47,7 @@ class Problem:
         across = np.hypot(beside, x[:, 0] - start[0])
         near = across < self.radius
         start[2] = (x[near, 2] + np.sqrt(self.radius**2 - across[near] ** 2)).max() + CLEARANCE
-        return start
+        return np.asarray(start)
 
 
 PROBLEMS = {
