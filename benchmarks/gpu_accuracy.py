@@ -77,7 +77,7 @@ def traffic(organ: vs.Organ, where: str, depth: float) -> str:
     for k in range(1, 6):
         before = np.array(_core.gpu_traffic())
         frame = stepper.frame({where: (None, None, -0.02 * depth * k)})
-    written, read, dispatches = np.array(_core.gpu_traffic()) - before
+    written, read, dispatches, _ = np.array(_core.gpu_traffic()) - before
     n = len(organ.mesh.points)
     counts = f"{frame.iterations:10}   {written / n:12.0f}   {read / n:9.0f}   {dispatches:10}"
     return f"{frame.tangent_on_device or 'none':8}   {counts}"

@@ -23,6 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 static WRITTEN: AtomicU64 = AtomicU64::new(0);
 static READ: AtomicU64 = AtomicU64::new(0);
 static DISPATCHES: AtomicU64 = AtomicU64::new(0);
+static TOUCHED: AtomicU64 = AtomicU64::new(0);
 
 /// Bytes moved to devices since the program started, without the initial contents of buffers, and back.
 pub fn traffic() -> viscera_device::Traffic {
@@ -30,7 +31,13 @@ pub fn traffic() -> viscera_device::Traffic {
         written: WRITTEN.load(Relaxed),
         read: READ.load(Relaxed),
         dispatches: DISPATCHES.load(Relaxed),
+        touched: TOUCHED.load(Relaxed),
     }
+}
+
+/// Notes what iterations read and wrote on the device.
+pub(crate) fn note_touched(bytes: usize) {
+    TOUCHED.fetch_add(bytes as u64, Relaxed);
 }
 
 /// A graphics processor, or a software renderer in its place.
@@ -161,11 +168,11 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A uniform: four numbers for a kernel.
-    pub(crate) fn uniform(&self, words: [u32; 4]) -> Buffer {
+    /// A uniform: a few numbers for a kernel.
+    pub(crate) fn uniform<T: Pod>(&self, words: T) -> Buffer {
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("uniform"),
-            contents: bytemuck::cast_slice(&words),
+            contents: bytemuck::bytes_of(&words),
             usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         })
     }

@@ -8,24 +8,30 @@
 //! Single precision limits the accuracy of one solution. The caller computes the residual in double precision and
 //! solves again: each solution corrects the last one.
 
+mod border;
 mod cells;
 mod clusters;
+mod cycle;
 mod device;
 mod error;
+mod hierarchy;
 mod law;
 mod layout;
 mod library;
+mod operator;
 pub mod plan;
 mod program;
 mod rest;
 mod system;
 
+pub use border::{MOST_MEANS, Mean};
 pub use cells::{CellBuffers, Solid, Tangent};
 pub use clusters::Clusters;
 pub use device::{About, Gpu, traffic};
 pub use error::Error;
+pub use hierarchy::{Hierarchy, Level};
 pub use law::Law;
 pub use library::viscera_gpu;
 pub use program::{Invariant, Operation, Program, Value};
 pub use rest::RestBlock;
-pub use system::{Ending, MOST_MEANS, Mean, Settings, Solution, System};
+pub use system::{Ending, Settings, Solution, System};

@@ -1,8 +1,8 @@
 //! This crate as a library that is loaded at run time: the functions of `viscera-device`. Panics are caught.
 
 use crate::{
-    CellBuffers, Clusters, Ending, Error, Gpu, Law, Mean, RestBlock, Settings, Solid, System,
-    Tangent, traffic,
+    CellBuffers, Clusters, Ending, Error, Gpu, Hierarchy, Law, Level, Mean, RestBlock, Settings,
+    Solid, System, Tangent, traffic,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -13,6 +13,9 @@ use viscera_device::{
 
 /// Iterations between two checks whether the device has finished.
 const CHECK_EVERY: usize = 16;
+
+/// The same with a cycle, of which there are fewer and which take longer.
+const CHECK_CYCLES_EVERY: usize = 4;
 
 /// Environment variable that limits the size of a binding.
 const BINDING: &str = "VISCERA_GPU_BINDING";
@@ -33,6 +36,7 @@ static INTERFACE: Interface = Interface {
     hold,
     load,
     form,
+    precondition,
     multiply,
     magnitude,
     traffic: read_traffic,
@@ -220,6 +224,32 @@ unsafe extern "C" fn form(
     })
 }
 
+unsafe extern "C" fn precondition(
+    handle: Handle,
+    hierarchy: &viscera_device::Hierarchy,
+    fault: &mut Text,
+) -> bool {
+    attempt(fault, || {
+        // SAFETY: the caller's handle and slices live until this returns.
+        let (body, given) = unsafe { (body(handle), hierarchy.levels.get()) };
+        // SAFETY: the same.
+        let level = |level: &viscera_device::Level| unsafe {
+            Level {
+                pairs: level.pairs.get(),
+                values: level.values.get(),
+                inverses: level.inverses.get(),
+                largest: level.largest,
+                starts: level.starts.get(),
+                columns: level.columns.get(),
+                blocks: level.blocks.get(),
+            }
+        };
+        // SAFETY: the same.
+        let coarsest = unsafe { hierarchy.coarsest.get() };
+        body.system.precondition(&Hierarchy { levels: given.iter().map(level).collect(), coarsest })
+    })
+}
+
 unsafe extern "C" fn multiply(
     handle: Handle,
     x: Slice<f64>,
@@ -264,10 +294,11 @@ unsafe extern "C" fn solve(
         // SAFETY: the caller's handle and slice live until this returns.
         let (body, b) = unsafe { (body(handle), task.b.get()) };
         let has_deadline = task.seconds < FAR;
+        let has_cycle = body.system.has_cycle();
         let settings = Settings {
             tolerance: task.tolerance,
             max_iterations: task.max_iterations,
-            check_every: CHECK_EVERY,
+            check_every: if has_cycle { CHECK_CYCLES_EVERY } else { CHECK_EVERY },
             deadline: has_deadline
                 .then(|| Instant::now() + Duration::from_secs_f64(task.seconds.max(0.0))),
         };

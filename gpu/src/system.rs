@@ -3,18 +3,19 @@
 //! iterations whether it has finished.
 
 use crate::Error;
-use crate::device::{Gpu, THREADS, dispatch, workgroups};
+use crate::border::{Border, Closing, Mean};
+use crate::cycle::Cycle;
+use crate::device::{Gpu, THREADS, dispatch, note_touched, workgroups};
+use crate::hierarchy::Hierarchy;
 use crate::layout::{Layout, PADDING};
 use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
 
 /// Partial sums of a scalar product, over all chunks.
 const MOST_PARTS: usize = 1024;
-
-/// Largest number of prescribed means.
-pub const MOST_MEANS: usize = 48;
 
 /// When conjugate gradients stop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,9 +64,6 @@ pub struct Solution {
     pub ending: Ending,
 }
 
-/// A prescribed weighted mean: degrees of freedom and weights.
-pub type Mean = Vec<(u32, f64)>;
-
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 struct State {
@@ -82,6 +80,8 @@ struct State {
 /// Buffers of a chunk.
 pub(crate) struct ChunkBuffers {
     pub values: Buffer,
+    columns: Buffer,
+    starts: Buffer,
     product: BindGroup,
     magnitude: BindGroup,
     n_groups: u32,
@@ -95,27 +95,37 @@ struct Kernels {
     update: ComputePipeline,
     begin: ComputePipeline,
     invert: ComputePipeline,
-    prepare: ComputePipeline,
-    project: ComputePipeline,
+    weigh: ComputePipeline,
 }
 
 /// The vectors of a solve.
-struct Vectors {
+pub(crate) struct Vectors {
     xp: Buffer,
-    rs: Buffer,
-    z: Buffer,
+    pub rs: Buffer,
+    pub z: Buffer,
     w: Buffer,
-    inverse: Buffer,
+    pub inverse: Buffer,
     held: Buffer,
-    sums: Buffer,
+    pub sums: Buffer,
     state: Buffer,
 }
 
-/// Prescribed means on the device.
-struct Border {
-    prepare: BindGroup,
+/// A cycle as the preconditioner, and what follows on it.
+struct Cycled {
+    cycle: Cycle,
     /// After the start and odd iterations, after even ones.
-    project: [BindGroup; 2],
+    weigh: [BindGroup; 2],
+    /// Takes what a result changes of the means away, if means are held.
+    closing: Option<Closing>,
+}
+
+/// What a cycle shares with the system.
+pub(crate) struct Shared<'a> {
+    pub z: &'a Buffer,
+    pub rs: &'a Buffer,
+    pub inverse: &'a Buffer,
+    /// Of every chunk: rows, values, columns, slices.
+    pub matrix: Vec<(Range<usize>, [&'a Buffer; 3])>,
 }
 
 /// A matrix on the device, with the buffers and kernels that solve with it.
@@ -129,7 +139,9 @@ pub struct System {
     update: [BindGroup; 2],
     begin: BindGroup,
     n_update: u32,
+    n_product: u32,
     border: Option<Border>,
+    cycled: Option<Cycled>,
     is_held: Vec<bool>,
 }
 
@@ -178,7 +190,9 @@ impl System {
             update,
             begin,
             n_update,
+            n_product,
             border: None,
+            cycled: None,
             is_held: vec![false; 3 * n_nodes],
         })
     }
@@ -196,6 +210,22 @@ impl System {
     /// Bytes of the matrix that a product reads: values and columns, with padding.
     pub fn matrix_bytes(&self) -> usize {
         40 * self.layout.n_places()
+    }
+
+    /// Bytes that an iteration reads and writes, a vector that neighbours share counted once. Means take next to nothing.
+    pub fn bytes_per_iteration(&self) -> usize {
+        // The product reads z and what is held, and writes w; the update as in the plan; weighing reads r and a result,
+        // and writes z.
+        let (product, update, weigh) = (28, 156, 36);
+        let cycle = self.cycled.as_ref().map_or(0, |cycled| {
+            cycled.cycle.bytes(self.matrix_bytes()) + weigh * self.layout.n_rows()
+        });
+        self.matrix_bytes() + (product + update) * self.layout.n_rows() + cycle
+    }
+
+    /// Whether a cycle is the preconditioner.
+    pub fn has_cycle(&self) -> bool {
+        self.cycled.is_some()
     }
 
     /// Number of chunks.
@@ -221,50 +251,51 @@ impl System {
             masks[row as usize] = (0..3).map(|i| u32::from(is_held[3 * node + i]) << i).sum();
         }
         self.gpu.write(&self.vectors.held, &masks);
-        self.border = self.bordered(means)?;
+        self.border = Border::new(&self.gpu, &self.layout, is_held, &self.vectors, means)?;
+        if let Some(Cycled { cycle, .. }) = self.cycled.take() {
+            self.cycled = Some(self.followed(cycle));
+        }
         self.gpu.check()
     }
 
-    fn bordered(&self, means: &[Mean]) -> Result<Option<Border>, Error> {
-        if means.is_empty() {
-            return Ok(None);
-        }
-        if means.len() > MOST_MEANS {
-            return Err(Error::Limit(format!(
-                "{} means are held; the kernels take {MOST_MEANS}, three for each patch",
-                means.len()
-            )));
-        }
-        let mut nodes: Vec<u32> = means.iter().flatten().map(|&(dof, _)| dof / 3).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let mut weights = vec![0.0f32; means.len() * 3 * nodes.len()];
-        for (k, mean) in means.iter().enumerate() {
-            for &(dof, weight) in mean.iter().filter(|(dof, _)| !self.is_held[*dof as usize]) {
-                let n = nodes.partition_point(|&node| node < dof / 3);
-                weights[3 * (k * nodes.len() + n) + dof as usize % 3] = weight as f32;
-            }
-            if weights[3 * k * nodes.len()..3 * (k + 1) * nodes.len()].iter().all(|&w| w == 0.0) {
-                return Err(Error::Input(format!("mean {k} has no free degree of freedom")));
-            }
-        }
-        let rows: Vec<u32> = nodes.iter().map(|&node| self.layout.row_of[node as usize]).collect();
-        let (gpu, vectors, kernels) = (&self.gpu, &self.vectors, &self.kernels);
-        let nodes = gpu.buffer("nodes of means", &rows)?;
-        let influence = gpu.zeros::<f32>("influence of means", weights.len())?;
-        let weights = gpu.buffer("weights of means", &weights)?;
-        let schur = gpu.zeros::<f32>("means", 2 * means.len() * means.len())?;
-        let size = |parity| gpu.uniform([rows.len() as u32, means.len() as u32, parity, 0]);
-        let Vectors { z, rs, sums, inverse, .. } = vectors;
-        let of_prepare =
-            [(0, inverse), (1, &nodes), (2, &weights), (3, &influence), (4, &schur), (8, &size(0))];
-        let project = |parity| {
-            let buffers = [&nodes, &weights, &influence, &schur, z, rs, sums, &size(parity)];
-            let bound: Vec<_> = (1..).zip(buffers).collect();
-            gpu.bind_at(&kernels.project, &bound)
+    /// Takes a hierarchy of the matrix, or of one like it, for a V-cycle as the preconditioner, in place of the inverse
+    /// diagonal blocks alone. The finest level is the present matrix.
+    ///
+    /// # Errors
+    /// A hierarchy of another body; too little memory; a fault of the device.
+    pub fn precondition(&mut self, hierarchy: &Hierarchy<'_>) -> Result<(), Error> {
+        let known = self.cycled.take().map(|cycled| cycled.cycle);
+        let mut cycle = match known.filter(|known| known.fits(hierarchy)) {
+            Some(known) => known,
+            None => Cycle::new(&self.gpu, self, hierarchy)?,
         };
-        let prepare = gpu.bind_at(&kernels.prepare, &of_prepare);
-        Ok(Some(Border { prepare, project: [project(0), project(1)] }))
+        cycle.take(&self.gpu, self, hierarchy)?;
+        self.cycled = Some(self.followed(cycle));
+        self.gpu.check()
+    }
+
+    fn followed(&self, cycle: Cycle) -> Cycled {
+        let Vectors { rs, z, sums, held, .. } = &self.vectors;
+        let (kernels, result) = (&self.kernels, cycle.result());
+        let weigh = [0, 1].map(|parity| {
+            let size = self.gpu.uniform([self.layout.n_rows() as u32, parity, self.n_product, 0]);
+            let bound = [(1, rs), (2, z), (3, result), (5, sums), (7, &size), (8, held)];
+            self.gpu.bind_at(&kernels.weigh, &bound)
+        });
+        let closing = self.border.as_ref().map(|border| border.closing(&self.gpu, result));
+        Cycled { cycle, weigh, closing }
+    }
+
+    pub(crate) fn shared(&self) -> Shared<'_> {
+        let Vectors { z, rs, inverse, .. } = &self.vectors;
+        let chunks = self.layout.chunks.iter().zip(&self.chunks);
+        let matrix = chunks
+            .map(|(chunk, own)| (chunk.rows.clone(), [&own.values, &own.columns, &own.starts]));
+        Shared { z, rs, inverse, matrix: matrix.collect() }
+    }
+
+    pub(crate) fn layout(&self) -> &Layout {
+        &self.layout
     }
 
     /// Loads nine values for each block of the upper triangle, row-major, and adds `shift` to the diagonal.
@@ -300,7 +331,7 @@ impl System {
             dispatch(encoder, &self.kernels.invert, &buffers.inverse, n_groups);
         }
         if let Some(border) = &self.border {
-            dispatch(encoder, &self.kernels.prepare, &border.prepare, 1);
+            border.encode_preparation(encoder);
         }
     }
 
@@ -338,6 +369,7 @@ impl System {
             }
             encoder = self.gpu.encoder();
         };
+        note_touched(state.iterations as usize * self.bytes_per_iteration());
         let xp: Vec<f32> = self.gpu.read(self.gpu.encoder(), &self.vectors.xp, 2 * b.len())?;
         let of = |offset: usize| {
             let rows = self.layout.row_of.iter();
@@ -450,8 +482,19 @@ impl System {
         dispatch(encoder, &self.kernels.begin, &self.begin, self.n_update);
         if let Some(border) = &self.border {
             // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
-            dispatch(encoder, &self.kernels.project, &border.project[0], 1);
+            border.encode_projection(encoder, 0);
         }
+        self.encode_cycle(encoder, 0);
+    }
+
+    /// The preconditioner, where it is more than the inverse diagonal blocks, which were applied already.
+    fn encode_cycle(&self, encoder: &mut CommandEncoder, parity: usize) {
+        let Some(Cycled { cycle, weigh, closing }) = &self.cycled else { return };
+        cycle.encode(encoder);
+        if let Some(closing) = closing {
+            closing.encode(encoder);
+        }
+        dispatch(encoder, &self.kernels.weigh, &weigh[parity], self.n_update);
     }
 
     /// Encodes an even number of iterations. Once the device has finished, they do nothing.
@@ -461,14 +504,18 @@ impl System {
             self.encode_product(encoder);
             dispatch(encoder, &self.kernels.update, &self.update[parity], self.n_update);
             if let Some(border) = &self.border {
-                dispatch(encoder, &self.kernels.project, &border.project[1 - parity], 1);
+                border.encode_projection(encoder, 1 - parity);
             }
+            self.encode_cycle(encoder, 1 - parity);
         }
     }
 
     /// Dispatches of an iteration.
     pub fn dispatches_per_iteration(&self) -> usize {
-        self.chunks.len() + 1 + usize::from(self.border.is_some())
+        let border = usize::from(self.border.is_some());
+        let cycled =
+            self.cycled.as_ref().map_or(0, |cycled| cycled.cycle.dispatches() + 1 + border);
+        self.chunks.len() + 1 + border + cycled
     }
 }
 
@@ -494,15 +541,13 @@ impl Kernels {
         let with_sums = |source: &str| format!("{sum}\n{source}");
         let product = with_sums(include_str!("kernels/product.wgsl"));
         let update = with_sums(include_str!("kernels/update.wgsl"));
-        let border = with_sums(include_str!("kernels/border.wgsl"));
         Ok(Kernels {
             product: gpu.kernel(&product, "multiply")?,
             magnitude: gpu.kernel(include_str!("kernels/magnitude.wgsl"), "measure")?,
             update: gpu.kernel(&update, "update")?,
             begin: gpu.kernel(&update, "begin")?,
             invert: gpu.kernel(include_str!("kernels/invert.wgsl"), "invert")?,
-            prepare: gpu.kernel(&border, "prepare")?,
-            project: gpu.kernel(&border, "project")?,
+            weigh: gpu.kernel(&update, "weigh")?,
         })
     }
 }
@@ -544,6 +589,15 @@ impl ChunkBuffers {
         let magnitude =
             gpu.bind(&kernels.magnitude, &[&values, &columns, &starts, held, z, w, &size]);
         let inverse = gpu.bind(&kernels.invert, &[&values, &diagonal, held, inverse, &of_inverse]);
-        Ok(ChunkBuffers { values, product, magnitude, n_groups, inverse, of_inverse })
+        Ok(ChunkBuffers {
+            values,
+            columns,
+            starts,
+            product,
+            magnitude,
+            n_groups,
+            inverse,
+            of_inverse,
+        })
     }
 }

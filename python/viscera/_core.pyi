@@ -305,9 +305,9 @@ def load_gpu(path: str) -> None:
 def gpu() -> tuple[str, str, str, bool]:
     """Name, driver and interface of the graphics processor, and whether it is software; raises `VisceraError`."""
 
-def gpu_traffic() -> tuple[int, int, int]:
+def gpu_traffic() -> tuple[int, int, int, int]:
     """Bytes written to graphics processors since the library was loaded, after their buffers were made; bytes read;
-    kernels dispatched."""
+    kernels dispatched; bytes that iterations read and wrote there."""
 
 def lose_gpu() -> None:
     """Shut the graphics processor down, as after a fault of its driver."""

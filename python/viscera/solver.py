@@ -45,6 +45,7 @@ NEWTON: dict[str, tuple[Rule, str, str]] = {
 """Settings of Newton's method: allowed values, meaning and default of each."""
 
 PRECONDITIONERS = tuple(_core.preconditioners())
+ON_DEVICE = ("block_jacobi", "multigrid")
 _CG = {row["name"]: row for row in _SETTINGS["conjugate_gradients"]}
 
 
@@ -69,8 +70,8 @@ class ConjugateGradients:
     """Never assemble the tangent: every product evaluates the tangents of all cells again. This is slower, and needs
     little more memory than the mesh. For "block_jacobi" only, since the others are made from the matrix."""
     device: str = "cpu"
-    """Where they run: "cpu", or "gpu" with "block_jacobi", in single precision, corrected by residuals in double
-    precision."""
+    """Where they run: "cpu", or "gpu" with "block_jacobi" or "multigrid", in single precision, corrected by residuals
+    in double precision."""
 
     def __post_init__(self) -> None:
         if self.preconditioner not in PRECONDITIONERS:
@@ -79,8 +80,10 @@ class ConjugateGradients:
         for name, row in _CG.items():
             _rule(row)(getattr(self, name), f"{name} of conjugate gradients")
         Choice(("cpu", "gpu"))(self.device, "the device")
-        if self.device == "gpu" and (self.preconditioner != "block_jacobi" or self.matrix_free):
-            raise VisceraError('the device "gpu" takes the preconditioner "block_jacobi" and an assembled matrix')
+        if self.device == "gpu" and (self.preconditioner not in ON_DEVICE or self.matrix_free):
+            raise VisceraError(
+                'the device "gpu" takes the preconditioner "block_jacobi" or "multigrid", and an assembled matrix'
+            )
         if self.matrix_free and self.preconditioner != "block_jacobi":
             raise VisceraError(
                 f"{self.preconditioner!r} is made from the matrix, and matrix_free=True leaves none; "

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 import viscera as vs
 from viscera import _core, gpu
 from viscera.law import Law
-from viscera.solver import GPU
+from viscera.solver import GPU, Solver
 
 CPU = vs.ConjugateGradients("block_jacobi", max_iterations=GPU.max_iterations)
+
+MULTIGRID = vs.ConjugateGradients("multigrid", max_iterations=500, device="gpu")
 
 NEARLY_INCOMPRESSIBLE = vs.NeoHookean(young=1e4, poisson=0.499)
 
@@ -90,6 +92,47 @@ def test_every_law_ends_where_the_processor_does(
     assert found.tangent_on_device == ("uploaded" if type(law) in NO_PROGRAM else "formed")
     assert exact.tangent_on_device is None
     assert not caplog.records
+
+
+@pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[3], NEARLY_INCOMPRESSIBLE, LAWS[6], LAWS[8]], ids=str)
+def test_multigrid_ends_where_the_processor_does(
+    organ: Make, law: Law, element: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    body = organ(law, element)
+    load = {"end": (0.0, 0.0, -0.004)}
+    exact, found = body.solve(force=load), body.solve(force=load, solver=MULTIGRID)
+    assert found.is_converged, found.message
+    assert distance(found.displacement, exact.displacement) < 1e-5
+    assert not caplog.records
+
+
+@pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
+def test_multigrid_takes_few_iterations_and_keeps_its_hierarchy_over_frames(element: str) -> None:
+    """A fraction of the iterations of block-Jacobi, and at most half as many again as on the processor, whose smoother
+    is another one; the first tangent is assembled, and the device forms the others."""
+    body = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=1e4, poisson=0.45), fixed="hilum", element=element)
+    patch = body.patch(body.mesh.points[body.mesh.sets["tip"][0]], 0.02)
+    settings = {"cpu": ("multigrid", "cpu"), "gpu": ("multigrid", "gpu"), "plain": ("block_jacobi", "gpu")}
+    for hand in ("tip", patch):
+        counts, ends, origins = {}, {}, []
+        for name, (preconditioner, place) in settings.items():
+            solver = vs.ConjugateGradients(preconditioner, 1e-6, 5_000, device=place)
+            stepper = body.stepper(solver=solver)
+            frames = [
+                stepper.frame({hand: (None, None, 0.001 * k) if hand == "tip" else (0.0, 0.0, 0.001 * k)})
+                for k in range(1, 5)
+            ]
+            assert all(frame.is_solved for frame in frames)
+            counts[name], ends[name] = sum(frame.iterations for frame in frames), frames[-1].displacement
+            if name == "gpu":
+                origins = [frame.tangent_on_device for frame in frames]
+        assert origins == ["uploaded", "formed", "formed", "formed"]
+        assert counts["gpu"] < 0.2 * counts["plain"]
+        assert counts["gpu"] <= 1.5 * counts["cpu"]
+        assert distance(ends["gpu"], ends["cpu"]) < 1e-5
 
 
 @pytest.mark.usefixtures("device")
@@ -237,26 +280,30 @@ def test_a_frame_says_what_single_precision_leaves_and_solves_beyond_it(organ: M
 
 
 @pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("solver", ["gpu", MULTIGRID], ids=["block_jacobi", "multigrid"])
 @pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
-def test_the_same_frames_give_the_same_bits(organ: Make, element: str) -> None:
+def test_the_same_frames_give_the_same_bits(organ: Make, element: str, solver: Solver) -> None:
     body = organ(vs.MooneyRivlin(c1=1.4e3, c2=0.3e3, kappa=5e4), element)
     runs = []
     for _ in range(2):
-        stepper = body.stepper(solver="gpu")
+        stepper = body.stepper(solver=solver)
         runs.append([stepper.frame({"end": (0.0, 0.0, -0.001 * k)}).displacement for k in range(1, 5)])
     assert np.array_equal(runs[0], runs[1])
 
 
 @pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("solver", ["gpu", MULTIGRID], ids=["block_jacobi", "multigrid"])
 @pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
 def test_a_device_lost_between_frames_leaves_them_to_the_processor(
-    organ: Make, element: str, caplog: pytest.LogCaptureFixture
+    organ: Make, element: str, solver: Solver, caplog: pytest.LogCaptureFixture
 ) -> None:
     body = organ(vs.NeoHookean(young=1e4, poisson=0.45), element)
     hand = {"end": (0.0, 0.0, -0.001)}
     exact = body.solve(displacement=hand)
-    stepper = body.stepper(solver="gpu")
-    assert stepper.frame(hand).tangent_on_device == ("uploaded" if element == "P2" else "formed")
+    stepper = body.stepper(solver=solver)
+    # A hierarchy is made from an assembled tangent.
+    is_formed = element != "P2" and solver is not MULTIGRID
+    assert stepper.frame(hand).tangent_on_device == ("formed" if is_formed else "uploaded")
     assert not caplog.records
     _core.lose_gpu()
     frames = [stepper.frame(hand) for _ in range(4)]
@@ -296,16 +343,17 @@ import viscera as vs
 organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.45), fixed="clamp", element=sys.argv[1])
 load = {"tip": (0, 0, -0.1)}
 exact = organ.solve(force=load, solver=vs.ConjugateGradients("block_jacobi", max_iterations=5_000))
-found = organ.solve(force=load, solver="gpu")
+found = organ.solve(force=load, solver=vs.ConjugateGradients(sys.argv[2], max_iterations=5_000, device="gpu"))
 error = np.linalg.norm(found.displacement - exact.displacement) / np.linalg.norm(exact.displacement)
 print(found.tangent_on_device, abs(found.iterations - exact.iterations) <= 1, error < 1e-5)
 """
 
 
 @pytest.mark.usefixtures("device")
+@pytest.mark.parametrize("preconditioner", ["block_jacobi", "multigrid"])
 @pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
-def test_a_device_of_small_bindings_works_in_chunks(element: str) -> None:
-    run = [sys.executable, "-c", IN_CHUNKS, element]
+def test_a_device_of_small_bindings_works_in_chunks(element: str, preconditioner: str) -> None:
+    run = [sys.executable, "-c", IN_CHUNKS, element, preconditioner]
     small = os.environ | {"VISCERA_GPU_BINDING": "200000"}
     done = subprocess.run(run, env=small, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["formed", "True", "True"]
@@ -353,7 +401,8 @@ def test_a_library_of_something_else_is_refused(tmp_path: os.PathLike[str]) -> N
 
 
 def test_settings_that_do_not_go_together_are_refused() -> None:
-    with pytest.raises(vs.VisceraError, match="block_jacobi"):
-        vs.ConjugateGradients("lagged_cholesky", device="gpu")
+    for refused in ("lagged_cholesky", "incomplete_cholesky"):
+        with pytest.raises(vs.VisceraError, match='"block_jacobi" or "multigrid"'):
+            vs.ConjugateGradients(refused, device="gpu")
     with pytest.raises(vs.VisceraError, match="'gpv'"):
         vs.ConjugateGradients("block_jacobi", device="gpv")

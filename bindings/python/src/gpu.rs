@@ -8,9 +8,10 @@ use viscera_core::body::ProgrammedCells;
 use viscera_core::equilibrium::{
     Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice,
 };
+use viscera_core::linear::{Hierarchy, HierarchyLevel};
 use viscera_device::{
-    About, Answer, Cells, Entry, Handle, Interface, RestBlock, SYMBOL, Slice, Tangent, Task, Text,
-    Traffic, VERSION, law,
+    About, Answer, Cells, Entry, Handle, Interface, Level, RestBlock, SYMBOL, Slice, Tangent, Task,
+    Text, Traffic, VERSION, law,
 };
 
 /// The library, once it is loaded; it stays.
@@ -72,13 +73,13 @@ pub fn gpu(py: Python<'_>) -> PyResult<(String, String, String, bool)> {
 }
 
 /// Bytes written to graphics processors since the library was loaded, after their buffers were made; bytes read; kernels
-/// dispatched.
+/// dispatched; bytes that iterations read and wrote there.
 #[pyfunction]
-pub fn gpu_traffic() -> PyResult<(u64, u64, u64)> {
+pub fn gpu_traffic() -> PyResult<(u64, u64, u64, u64)> {
     let mut traffic = Traffic::default();
     // SAFETY: it is ours.
     unsafe { (library()?.0.traffic)(&mut traffic) };
-    Ok((traffic.written, traffic.read, traffic.dispatches))
+    Ok((traffic.written, traffic.read, traffic.dispatches, traffic.touched))
 }
 
 /// Shuts the graphics processor down as its driver would after a fault: every system on it is lost.
@@ -170,6 +171,30 @@ impl DeviceSystem for System {
         };
         // SAFETY: as in `hold`.
         spoken(|fault| unsafe { (self.of.form)(self.handle, &tangent, fault) })
+    }
+
+    fn precondition(&mut self, hierarchy: &Hierarchy) -> Result<(), String> {
+        let pairs: Vec<Vec<[u32; 2]>> = hierarchy
+            .levels
+            .iter()
+            .map(|level| level.pairs.iter().map(|&(row, column)| [row, column]).collect())
+            .collect();
+        let level = |(level, pairs): (&HierarchyLevel, &Vec<[u32; 2]>)| Level {
+            pairs: Slice::new(pairs),
+            values: Slice::new(&level.values),
+            inverses: Slice::new(&level.inverses),
+            largest: level.largest,
+            starts: Slice::new(&level.starts),
+            columns: Slice::new(&level.columns),
+            blocks: Slice::new(&level.blocks),
+        };
+        let levels: Vec<Level> = hierarchy.levels.iter().zip(&pairs).map(level).collect();
+        let hierarchy = viscera_device::Hierarchy {
+            levels: Slice::new(&levels),
+            coarsest: Slice::new(&hierarchy.coarsest),
+        };
+        // SAFETY: as in `hold`.
+        spoken(|fault| unsafe { (self.of.precondition)(self.handle, &hierarchy, fault) })
     }
 
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String> {

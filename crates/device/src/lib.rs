@@ -9,7 +9,7 @@ pub mod law;
 use std::ffi::c_void;
 
 /// Raised with every change of this crate.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -157,6 +157,38 @@ pub struct Traffic {
     pub read: u64,
     /// Kernels dispatched.
     pub dispatches: u64,
+    /// Bytes that the iterations of conjugate gradients read and wrote there, a vector that neighbours share counted once.
+    pub touched: u64,
+}
+
+/// A level of multigrid that is smoothed. Blocks are row-major.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Level {
+    /// Row and column of the blocks of the matrix's upper triangle; none on the finest level.
+    pub pairs: Slice<[u32; 2]>,
+    /// These blocks, 6x6.
+    pub values: Slice<f32>,
+    /// Inverses of the diagonal blocks, 6x6; none on the finest level.
+    pub inverses: Slice<f32>,
+    /// Largest eigenvalue of `D^-1 A`, estimated from below.
+    pub largest: f64,
+    /// Where the blocks of each node start that lead to it from the level below, and the last end.
+    pub starts: Slice<u32>,
+    /// The node below of each block.
+    pub columns: Slice<u32>,
+    /// The blocks, 3x6 on the finest level, 6x6 on others.
+    pub blocks: Slice<f32>,
+}
+
+/// Levels of multigrid, for a V-cycle as the preconditioner.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct Hierarchy {
+    /// The levels that are smoothed, the finest first.
+    pub levels: Slice<Level>,
+    /// The inverse of the matrix of the coarsest level.
+    pub coarsest: Slice<f32>,
 }
 
 /// Right-hand side and limits of conjugate gradients.
@@ -221,6 +253,8 @@ pub struct Interface {
     pub load: unsafe extern "C" fn(Handle, Slice<f64>, f64, &mut Text) -> bool,
     /// Forms the tangent of a system with cells.
     pub form: unsafe extern "C" fn(Handle, &Tangent, &mut Text) -> bool,
+    /// Takes a hierarchy of the matrix, or of one like it, for the preconditioner.
+    pub precondition: unsafe extern "C" fn(Handle, &Hierarchy, &mut Text) -> bool,
     /// The product of the matrix with a vector, zero on what is held, to where there is room for it.
     pub multiply: unsafe extern "C" fn(Handle, Slice<f64>, *mut f64, &mut Text) -> bool,
     /// `| |K| |x| |` on what is free.

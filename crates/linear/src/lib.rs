@@ -34,7 +34,7 @@ pub use column::Column;
 pub use error::FactorError;
 pub use gmres::gmres;
 pub use ldlt::{Inertia, Ldlt};
-pub use multigrid::Multigrid;
+pub use multigrid::{Hierarchy, HierarchyLevel, Multigrid};
 pub use numbering::Numbering;
 pub use pattern::Pattern;
 pub use precision::Precision;

@@ -70,9 +70,8 @@ fn prepare(@builtin(local_invocation_index) thread: u32) {
     }
 }
 
-@compute @workgroup_size(128)
-fn project(@builtin(local_invocation_index) thread: u32) {
-    let width = 3u * size.x;
+// The forces that take away what z changes of the means.
+fn find_forces(thread: u32, width: u32) {
     for (var k = 0u; k < size.y; k++) {
         var part = 0.0;
         for (var d = thread; d < width; d += 128u) {
@@ -92,6 +91,12 @@ fn project(@builtin(local_invocation_index) thread: u32) {
         forces[i] = sum;
     }
     workgroupBarrier();
+}
+
+@compute @workgroup_size(128)
+fn project(@builtin(local_invocation_index) thread: u32) {
+    let width = 3u * size.x;
+    find_forces(thread, width);
     var change = vec3f();
     for (var d = thread; d < width; d += 128u) {
         let at = 3u * nodes[d / 3u] + d % 3u;
@@ -111,5 +116,18 @@ fn project(@builtin(local_invocation_index) thread: u32) {
     if thread == 0u {
         sums[pair_at(size.z, MOST_PARTS)] = total.x;
         sums[pair_at(size.z, MOST_PARTS) + 1u] = total.y;
+    }
+}
+
+// z <- z - G mu alone, after a cycle, whose residual has been projected before.
+@compute @workgroup_size(128)
+fn close(@builtin(local_invocation_index) thread: u32) {
+    let width = 3u * size.x;
+    find_forces(thread, width);
+    for (var d = thread; d < width; d += 128u) {
+        let at = 3u * nodes[d / 3u] + d % 3u;
+        for (var k = 0u; k < size.y; k++) {
+            z[at] -= influence[k * width + d] * forces[k];
+        }
     }
 }

@@ -1,5 +1,5 @@
 // The inverse of each node's block, with a shift added to its diagonal.
-// Held degrees of freedom become rows of the identity.
+// It is zero on held degrees of freedom.
 
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
 // Place of the first entry of each row's diagonal block.
@@ -37,5 +37,11 @@ fn invert(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         inverse[k + 3u] = select(mean, c1.y * factor, is_definite);
         inverse[k + 4u] = select(0.0, c1.z * factor, is_definite);
         inverse[k + 5u] = select(mean, c2.z * factor, is_definite);
+        // They were rows of the identity.
+        for (var i = 0u; i < 3u; i++) {
+            if (held[row] & (1u << i)) != 0u {
+                inverse[k + i * (5u - i) / 2u + i] = 0.0;
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 // Conjugate gradients in the form of Chronopoulos and Gear (1989): one product and one update an iteration.
 //   beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'), gamma = r . z, delta = z . A z,
 //   p = z + beta p, s = A z + beta s, x = x + alpha p, r = r - alpha s, z = D^-1 r.
+// With a cycle, z is D^-1 r for it to set out from, and its result is weighed afterwards.
 // Every workgroup sums the partial sums itself, in the same order.
 
 // Row by row x, p; and r, s.
@@ -14,6 +15,7 @@
 @group(0) @binding(6) var<storage, read_write> state: array<State, 2>;
 // Number of rows, parity of the iteration, number of partial sums of products and of updates.
 @group(0) @binding(7) var<uniform> size: vec4u;
+@group(0) @binding(8) var<storage, read> held: array<u32>;
 
 struct State {
     gamma: f32,
@@ -75,7 +77,8 @@ fn update(
             now.ended = 3u;
         } else if now.now <= now.goal * now.first {
             now.ended = 1u;
-        } else if now.iterations >= now.most {
+        } else if now.iterations >= now.most || !(gamma > 0.0) {
+            // Without a positive gamma the preconditioner is no longer positive definite.
             now.ended = 4u;
         } else if !(curvature > 0.0) {
             now.ended = 2u;
@@ -170,6 +173,39 @@ fn begin(
             fresh.goal = state[0].goal;
             fresh.most = state[0].most;
             state[0] = fresh;
+        }
+    }
+}
+
+// z is the result of a cycle, which is in w, where nothing is held: a hierarchy may be older than that. r . z and r . r.
+@compute @workgroup_size(128)
+fn weigh(
+    @builtin(global_invocation_id) id: vec3u,
+    @builtin(local_invocation_index) thread: u32,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    let parity = size.y;
+    var part = vec3f();
+    for (var row = id.x; row < size.x; row += 128u * groups.x) {
+        let one = 3u * row;
+        let r = vec3f(rs[2u * one], rs[2u * one + 1u], rs[2u * one + 2u]);
+        let mask = held[row];
+        let found = vec3f(w[one], w[one + 1u], w[one + 2u]);
+        let new_z = select(found, vec3f(), vec3<bool>((mask & 1u) != 0u, (mask & 2u) != 0u, (mask & 4u) != 0u));
+        z[one] = new_z.x;
+        z[one + 1u] = new_z.y;
+        z[one + 2u] = new_z.z;
+        part += vec3f(dot(r, new_z), dot(r, r), 0.0);
+    }
+    let sum = sum_all(part, thread);
+    if thread == 0u {
+        sums[pair_at(parity, group.x)] = sum.x;
+        sums[pair_at(parity, group.x) + 1u] = sum.y;
+        if group.x == 0u {
+            // What the projection changed is in the sums above.
+            sums[pair_at(parity, MOST_PARTS)] = 0.0;
+            sums[pair_at(parity, MOST_PARTS) + 1u] = 0.0;
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Small bodies, laws, and their energies in double precision: what the device is compared with.
 #![allow(dead_code)] // every test file uses a part
 
+pub mod problem;
+
 use std::sync::{Arc, OnceLock};
 use viscera_gpu::{Gpu, Law, Solid};
 use viscera_law::Material;

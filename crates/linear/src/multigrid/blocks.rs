@@ -153,11 +153,27 @@ impl<const B: usize, const W: usize> Smoother<B, W> {
         dispatch(Jacobi { smoother: self, x, y });
     }
 
+    /// Blocks of the matrix's upper triangle, row-major.
+    pub fn values(&self) -> impl Iterator<Item = f32> + '_ {
+        self.blocks.iter().flat_map(by_rows)
+    }
+
+    /// Inverses of the diagonal blocks, row-major.
+    pub fn inverses(&self) -> impl Iterator<Item = f32> + '_ {
+        self.inverses.iter().flat_map(by_rows)
+    }
+
     /// `D⁻¹ a` for a node.
     #[inline(always)]
     pub fn solve_diagonal(&self, node: usize, a: [f32; W]) -> [f32; W] {
         times(&self.inverses[node], &a)
     }
+}
+
+fn by_rows<const B: usize, const W: usize>(
+    columns: &[[f32; W]; B],
+) -> impl Iterator<Item = f32> + '_ {
+    (0..B * B).map(|k| columns[k % B][k / B])
 }
 
 struct Forward<'a, const B: usize, const W: usize> {

@@ -10,6 +10,7 @@
 mod aggregates;
 mod blocks;
 mod galerkin;
+mod hierarchy;
 mod prolongation;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use super::{Cholesky, FactorError, Factorization, Pattern, conjugate_gradients a
 use aggregates::Aggregates;
 use blocks::{Smoother, Upper};
 use galerkin::SQUARE;
+pub use hierarchy::{Hierarchy, HierarchyLevel};
 use prolongation::{MODES, Part, Prolongation, rigid_modes};
 
 /// Nodes up to which a level is solved by a factor.
@@ -48,6 +50,8 @@ pub struct Multigrid {
 struct Level<const B: usize, const W: usize> {
     smoother: Smoother<B, W>,
     prolongation: Prolongation<B>,
+    /// Largest eigenvalue of `D⁻¹ A`.
+    largest: f64,
     /// The node around which each aggregate was made.
     root: Vec<u32>,
     b: Vec<[f32; W]>,
@@ -198,6 +202,10 @@ impl cg::Preconditioner for Multigrid {
         for (z, x) in z.chunks_exact_mut(3).zip(&self.finest.x) {
             (0..3).for_each(|i| z[i] = scale * f64::from(x[i]));
         }
+        // The matrix may be one from before these were held.
+        for (z, _) in z.iter_mut().zip(&self.is_held).filter(|(_, held)| **held) {
+            *z = 0.0;
+        }
     }
 }
 
@@ -230,6 +238,7 @@ impl<const B: usize, const W: usize> Level<B, W> {
         let level = Level {
             smoother: Smoother::new(upper),
             prolongation,
+            largest: 0.0,
             root: aggregates.root,
             b: zeros.clone(),
             x: zeros,
@@ -246,9 +255,10 @@ impl<const B: usize, const W: usize> Level<B, W> {
         shift: f64,
         has_unknown: impl Fn(usize) -> bool,
     ) -> Result<(), usize> {
-        let Level { smoother, prolongation, b, x, below, below_upper, .. } = self;
+        let Level { smoother, prolongation, largest, b, x, below, below_upper, .. } = self;
         smoother.fill(values, shift, has_unknown)?;
-        let omega = DAMPING / largest_eigenvalue(smoother, b, x);
+        *largest = largest_eigenvalue(smoother, b, x);
+        let omega = DAMPING / *largest;
         prolongation.smooth(smoother, values, shift, omega);
         let fine = &smoother.pattern;
         galerkin::Product { fine, values, shift, prolongation, coarse: below_upper, out: below }

@@ -90,6 +90,11 @@ impl<const B: usize> Prolongation<B> {
         (&self.column[range.clone()], &self.blocks[range])
     }
 
+    /// Where the blocks of each node start, their columns, and all blocks.
+    pub fn parts(&self) -> (&[u32], &[u32], &[[Part; B]]) {
+        (&self.start, &self.column, &self.blocks)
+    }
+
     /// Makes the modes orthonormal in each aggregate, `modes = Q R`, and keeps `Q`; `R`, the modes of the next level.
     pub fn orthonormalize(&mut self, modes: &Modes) -> Modes {
         let mut members = vec![Vec::new(); self.n_coarse];

@@ -313,3 +313,80 @@ fn refuses_bad_arguments() {
         assert!(matches!(refused, Err(FactorError::InvalidPattern { .. })), "{pairs:?}");
     }
 }
+
+/// Every coarse matrix is the product of the one above with what leads to it, and the last comes as its inverse.
+#[test]
+fn a_hierarchy_holds_the_products_of_its_levels() {
+    let body = Elastic::new([6, 5, 5], 0.3);
+    let multigrid = body.multigrid_to(4);
+    let Hierarchy { levels, coarsest } = multigrid.hierarchy().unwrap().unwrap();
+    assert!(levels.len() > 1);
+    let mut matrix = body.dense();
+    for (k, level) in levels.iter().enumerate() {
+        let (size, n) = (if k == 0 { 3 } else { MODES }, level.starts.len() - 1);
+        if k > 0 {
+            let mut own = Mat::zeros(MODES * n, MODES * n);
+            for (&(row, column), block) in level.pairs.iter().zip(level.values.chunks(36)) {
+                for e in 0..36 {
+                    let (r, c) = (MODES * row as usize + e / 6, MODES * column as usize + e % 6);
+                    own[(r, c)] = f64::from(block[e]);
+                    own[(c, r)] = f64::from(block[e]);
+                }
+            }
+            assert!((&own - &matrix).norm_l2() < 1e-5 * matrix.norm_l2());
+            for node in 0..n {
+                let block = own.submatrix(MODES * node, MODES * node, MODES, MODES);
+                let inverse = Mat::from_fn(MODES, MODES, |i, j| {
+                    f64::from(level.inverses[36 * node + 6 * i + j])
+                });
+                let unit = block * &inverse;
+                // Rows without an unknown are zero in both.
+                assert!(
+                    (0..MODES).all(|i| unit[(i, i)] == 0.0 || (unit[(i, i)] - 1.0).abs() < 1e-3)
+                );
+            }
+        }
+        assert!(level.largest > 1.0 && level.largest < 4.0);
+        let n_below = levels
+            .get(k + 1)
+            .map_or(multigrid.coarsest.pattern.n, |l| MODES * (l.starts.len() - 1));
+        let mut up = Mat::zeros(size * n, n_below);
+        for node in 0..n {
+            for at in level.starts[node] as usize..level.starts[node + 1] as usize {
+                for e in 0..size * MODES {
+                    let column = MODES * level.columns[at] as usize + e % MODES;
+                    up[(size * node + e / MODES, column)] =
+                        f64::from(level.blocks[size * MODES * at + e]);
+                }
+            }
+        }
+        matrix = up.transpose() * &matrix * &up;
+    }
+    let n = matrix.nrows();
+    let inverse = Mat::from_fn(n, n, |i, k| f64::from(coarsest[n * i + k]));
+    let unit = &matrix * &inverse;
+    let known = multigrid.coarsest.pattern.n;
+    assert_eq!(known, n);
+    for i in 0..n {
+        let is_unknown = matrix[(i, i)] > 0.0;
+        for k in 0..n {
+            let wanted = f64::from(u8::from(is_unknown && i == k));
+            assert!((unit[(i, k)] - wanted).abs() < 1e-2, "{i} {k}: {}", unit[(i, k)]);
+        }
+    }
+}
+
+/// The inverse of its matrix would be larger than all other levels.
+#[test]
+fn a_coarsest_level_of_hundreds_of_nodes_gives_no_hierarchy() {
+    let multigrid = Elastic::new([22, 22, 22], 0.3).multigrid_to(usize::MAX);
+    assert!(multigrid.coarsest.pattern.n > 2048);
+    assert_eq!(multigrid.hierarchy().unwrap(), None);
+}
+
+#[test]
+fn without_a_matrix_there_is_no_hierarchy() {
+    let body = Elastic::new([3, 3, 3], 0.3);
+    let multigrid = Multigrid::new(&body.points, body.pairs.iter().copied()).unwrap();
+    assert!(multigrid.hierarchy().is_err());
+}

@@ -16,7 +16,7 @@ pub struct ConjugateGradients {
     /// Whether the tangent is never assembled and multiplies cell by cell. For block-Jacobi only, since other
     /// preconditioners need the matrix.
     pub is_matrix_free: bool,
-    /// Where they run, if not on the processor; with block-Jacobi and a matrix only.
+    /// Where they run, if not on the processor; with block-Jacobi or multigrid and a matrix only.
     pub device: Option<OnDevice>,
 }
 

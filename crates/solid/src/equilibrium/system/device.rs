@@ -9,6 +9,7 @@ use super::border::Border;
 use crate::body::{Body, ProgrammedCells};
 use crate::clock::Instant;
 use crate::equilibrium::tangent::{ProductOperator, RestBlock};
+use crate::linear::{FactorError, Hierarchy};
 use std::fmt;
 
 /// Where conjugate gradients may run.
@@ -26,7 +27,8 @@ pub trait Device: Send + Sync {
     ) -> Result<Box<dyn DeviceSystem>, String>;
 }
 
-/// A linear system on a device, its preconditioner the inverse of each node's block. Every error is a sentence.
+/// A linear system on a device, its preconditioner the inverse of each node's block until it takes another. Every error is
+/// a sentence.
 pub trait DeviceSystem: Send + Sync {
     /// Holds degrees of freedom at zero, and means `sum w u = 0` of others, by rows of degree of freedom and weight.
     ///
@@ -45,6 +47,12 @@ pub trait DeviceSystem: Send + Sync {
     /// # Errors
     /// The device is lost; the system has no cells.
     fn form(&mut self, tangent: &DeviceTangent<'_>) -> Result<(), String>;
+
+    /// Takes a hierarchy of its matrix, or of one like it, and preconditions with a V-cycle from now on.
+    ///
+    /// # Errors
+    /// The device is lost, or has too little memory.
+    fn precondition(&mut self, hierarchy: &Hierarchy) -> Result<(), String>;
 
     /// The product of its matrix with a vector, zero on what is held.
     ///
@@ -242,6 +250,26 @@ impl Remote {
         if let Remote::Working(working) = self {
             working.is_tangent_new = true;
         }
+    }
+
+    /// Takes the hierarchy that the processor made, unless there is none that a device takes.
+    pub fn precondition(
+        &mut self,
+        hierarchy: impl FnOnce() -> Result<Option<Hierarchy>, FactorError>,
+    ) -> Result<(), FactorError> {
+        let Remote::Working(working) = self else { return Ok(()) };
+        let taken = match hierarchy()? {
+            Some(hierarchy) => working.system.precondition(&hierarchy),
+            None => {
+                Err("the coarsest level of multigrid is too large for the graphics processor; \
+                         choose the preconditioner \"block_jacobi\""
+                    .to_string())
+            }
+        };
+        if let Err(fault) = taken {
+            *self = Remote::Failed(fault);
+        }
+        Ok(())
     }
 
     /// The solution under the border, where there is a device that finds one.

@@ -162,7 +162,10 @@ impl Iterative {
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<bool, FactorError> {
         let shift = self.operand.take(tangent, shift)?;
         let (is_stale, is_formed) = (std::mem::take(&mut self.is_stale), self.is_formed());
+        // What became stale after this tangent was left to the device serves until the next one.
+        let waits = is_stale && self.operand.is_product() && self.is_multigrid();
         let renewed = match &mut self.inverse {
+            Inverse::Multigrid(_) if waits => Ok(false),
             // The device has its own; this one only leads to steps that move the patches.
             Inverse::BlockJacobi(_) if !is_stale && is_formed => Ok(false),
             Inverse::BlockJacobi(inverse) => self.operand.factorize(inverse).map(|()| true),
@@ -170,14 +173,15 @@ impl Iterative {
                 incomplete.matrix.fill(self.operand.values()?, shift);
                 incomplete.factor.factorize(&incomplete.matrix).map(|()| true)
             }
-            Inverse::Multigrid(multigrid) if is_stale => {
-                multigrid.factorize(self.operand.values()?, shift).map(|()| true)
-            }
+            Inverse::Multigrid(multigrid) if is_stale => self
+                .operand
+                .values()
+                .and_then(|values| renew(multigrid, values, shift, &mut self.remote)),
             Inverse::IncompleteCholesky(_) | Inverse::Multigrid(_) => Ok(false),
             Inverse::Lagged(inverse) => inverse.renew(self.operand.values()?, shift, is_stale),
         };
         self.remote.renew();
-        self.is_stale = is_stale && renewed.is_err();
+        self.is_stale = waits || is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
             self.fresh_iterations = None;
         }
@@ -191,11 +195,20 @@ impl Iterative {
         let shift = absolute(shift, || self.operand.mean_diagonal());
         let renewed = match &mut self.inverse {
             Inverse::Lagged(inverse) => inverse.renew(values, shift, true),
-            Inverse::Multigrid(multigrid) => multigrid.factorize(values, shift).map(|()| true),
+            Inverse::Multigrid(multigrid) => renew(multigrid, values, shift, &mut self.remote),
             Inverse::BlockJacobi(_) | Inverse::IncompleteCholesky(_) => return None,
         };
         self.is_stale &= renewed.is_err();
         Some(renewed)
+    }
+
+    /// Whether a device forms the next tangent: not one that a new hierarchy is to be made from.
+    pub fn forms_tangents(&self) -> bool {
+        self.remote.can_form() && !(self.is_stale && self.is_multigrid())
+    }
+
+    fn is_multigrid(&self) -> bool {
+        matches!(self.inverse, Inverse::Multigrid(_))
     }
 
     /// The requested device.
@@ -433,6 +446,18 @@ impl Iterative {
         };
         self.is_stale |= !solved.is_complete || solved.iterations > most;
     }
+}
+
+/// A new hierarchy, on the device as well where there is one.
+fn renew(
+    multigrid: &mut Multigrid,
+    values: &[f64],
+    shift: f64,
+    remote: &mut Remote,
+) -> Result<bool, FactorError> {
+    multigrid.factorize(values, shift)?;
+    remote.precondition(|| multigrid.hierarchy())?;
+    Ok(true)
 }
 
 impl Inverse {

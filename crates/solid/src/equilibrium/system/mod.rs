@@ -68,11 +68,11 @@ impl Method {
                 "without a matrix there is nothing to make a factor from; choose the preconditioner \"block_jacobi\"",
             ));
         }
-        let is_assembled_block_jacobi =
-            cg.preconditioner == Preconditioner::BlockJacobi && !cg.is_matrix_free;
-        if cg.device.is_some() && !is_assembled_block_jacobi {
+        let is_of_a_device =
+            matches!(cg.preconditioner, Preconditioner::BlockJacobi | Preconditioner::Multigrid);
+        if cg.device.is_some() && (!is_of_a_device || cg.is_matrix_free) {
             return Err(Error::input(
-                "a device takes the assembled tangent and the preconditioner \"block_jacobi\", no other",
+                "a device takes the assembled tangent and the preconditioner \"block_jacobi\" or \"multigrid\", no other",
             ));
         }
         Ok(())
@@ -225,9 +225,9 @@ impl ConstrainedSystem {
         self.remote().and_then(Remote::origin)
     }
 
-    /// Whether a device forms the matrix of tangents that are left to it.
+    /// Whether a device forms the matrix of tangents that are left to it, and the next one is not needed here.
     pub fn forms_tangents(&self) -> bool {
-        self.remote().is_some_and(Remote::can_form)
+        matches!(&self.solver, Solver::Iterative(iterative) if iterative.forms_tangents())
     }
 
     fn remote(&self) -> Option<&Remote> {

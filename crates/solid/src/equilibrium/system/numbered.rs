@@ -77,6 +77,11 @@ impl Numbered {
         self.iterative.remote()
     }
 
+    /// Whether a device forms the next tangent.
+    pub fn forms_tangents(&self) -> bool {
+        self.iterative.forms_tangents()
+    }
+
     /// Makes ready to solve with a new tangent; `shift` is over its mean diagonal.
     pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
         self.prepare_ordered(tangent, shift).map_err(|error| self.in_dofs(error))

@@ -2,11 +2,15 @@
 
 use super::*;
 use crate::body::ProgrammedCells;
+use crate::linear::Hierarchy;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// A device that works so many times and is then lost: it solves by elimination, in double precision. It forms the
 /// tangents of a body, or takes them.
 pub(super) struct Fragile(pub(super) usize, pub(super) Option<fn() -> Body>);
+
+/// Hierarchies that devices have taken.
+static HIERARCHIES: AtomicUsize = AtomicUsize::new(0);
 
 struct FragileSystem {
     pairs: Vec<(u32, u32)>,
@@ -74,6 +78,12 @@ impl DeviceSystem for FragileSystem {
             values.iter_mut().zip(block).for_each(|(k, more)| *k += more);
         }
         self.load(blocks.values(), tangent.shift)
+    }
+
+    fn precondition(&mut self, hierarchy: &Hierarchy) -> Result<(), String> {
+        assert_eq!(hierarchy.levels[0].starts.len(), self.is_held.len() / 3 + 1);
+        HIERARCHIES.fetch_add(1, Relaxed);
+        Ok(())
     }
 
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String> {
@@ -230,4 +240,86 @@ fn a_device_forms_what_the_processor_assembles() {
         let gap: Vec<f64> = found.iter().zip(exact).map(|(s, exact)| s - exact).collect();
         assert!(norm(&gap) < 1e-8 * norm(exact), "{}", norm(&gap) / norm(exact));
     }
+}
+
+/// A hierarchy is made from an assembled tangent, which goes to the device as well; the device forms the next ones, until
+/// something else is held. The last step of all is lost, and the processor finds it.
+#[test]
+fn a_device_forms_the_tangents_that_no_hierarchy_is_made_from() {
+    let (body, u, fixed) = bar();
+    let device = OnDevice(Box::leak(Box::new(Fragile(3, Some(|| bar().0)))));
+    let multigrid = ConjugateGradients {
+        preconditioner: Preconditioner::Multigrid,
+        tolerance: 1e-9,
+        max_iterations: 1000,
+        is_matrix_free: false,
+        device: Some(device),
+    };
+    let mut answers = Vec::new();
+    for method in [Method::Cholesky, Method::ConjugateGradients(multigrid)] {
+        let fixed = fixed.iter().copied();
+        let mut solver = ConstrainedSystem::new(method, &body, fixed, Vec::new()).unwrap();
+        let is_remote = method != Method::Cholesky;
+        let wanted = [
+            (Some(Origin::Uploaded), 1),
+            (Some(Origin::Formed), 1),
+            (Some(Origin::Uploaded), 2),
+            (None, 2),
+        ];
+        for (round, (origin, hierarchies)) in wanted.into_iter().enumerate() {
+            if round == 2 {
+                solver.hold(&[60, 61, 62], Vec::new());
+            }
+            let forms = is_remote && matches!(round, 1 | 3);
+            assert_eq!(solver.forms_tangents(), forms);
+            solver.prepare(&left_to(&solver, method, &body, &u), 0.0).unwrap();
+            let (mut b, mut s) = (noise(body.n_dofs(), 4 + round as u64), vec![0.0; body.n_dofs()]);
+            let solved = solver.solve(&mut b, &[], &mut s, &mut Vec::new(), None).unwrap();
+            assert!(solved.is_complete);
+            if is_remote {
+                assert_eq!(solver.origin(), origin);
+                assert_eq!(HIERARCHIES.load(Relaxed), hierarchies);
+            }
+            answers.push(s);
+        }
+        assert_eq!(solver.device_fault(), is_remote.then_some("the device was lost"));
+    }
+    for (exact, found) in answers[..4].iter().zip(&answers[4..]) {
+        let gap: Vec<f64> = found.iter().zip(exact).map(|(s, exact)| s - exact).collect();
+        assert!(norm(&gap) < 1e-7 * norm(exact), "{}", norm(&gap) / norm(exact));
+    }
+}
+
+/// What is held after a tangent was left to the device stays at rest, although the hierarchy knows nothing of it, also
+/// where the processor takes over.
+#[test]
+fn a_hierarchy_from_before_something_was_held_does_not_move_it() {
+    let (body, u, fixed) = bar();
+    let device = OnDevice(Box::leak(Box::new(Fragile(1, Some(|| bar().0)))));
+    let mut exact = vec![0.0; body.n_dofs()];
+    let mut found = exact.clone();
+    let multigrid = ConjugateGradients {
+        preconditioner: Preconditioner::Multigrid,
+        tolerance: 1e-9,
+        max_iterations: 1000,
+        is_matrix_free: false,
+        device: Some(device),
+    };
+    for (method, s) in
+        [(Method::Cholesky, &mut exact), (Method::ConjugateGradients(multigrid), &mut found)]
+    {
+        let mut solver =
+            ConstrainedSystem::new(method, &body, fixed.iter().copied(), Vec::new()).unwrap();
+        solver.prepare(&left_to(&solver, method, &body, &u), 0.0).unwrap();
+        let mut b = noise(body.n_dofs(), 4);
+        solver.solve(&mut b, &[], s, &mut Vec::new(), None).unwrap();
+        let tangent = left_to(&solver, method, &body, &u);
+        solver.hold(&[60, 61, 62], Vec::new());
+        solver.prepare(&tangent, 0.0).unwrap();
+        let mut b = noise(body.n_dofs(), 5);
+        assert!(solver.solve(&mut b, &[], s, &mut Vec::new(), None).unwrap().is_complete);
+        assert_eq!(s[60..63], [0.0; 3]);
+    }
+    let gap: Vec<f64> = found.iter().zip(&exact).map(|(s, exact)| s - exact).collect();
+    assert!(norm(&gap) < 1e-7 * norm(&exact), "{}", norm(&gap) / norm(&exact));
 }
