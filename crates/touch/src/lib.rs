@@ -24,6 +24,7 @@ mod model;
 mod places;
 mod probe;
 mod resummation;
+mod rows;
 mod surface;
 mod walk;
 

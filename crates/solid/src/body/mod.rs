@@ -13,6 +13,7 @@ mod clusters;
 mod contact_pair;
 mod convex;
 mod curvature;
+mod eigen;
 mod elements;
 mod integrals;
 mod kernels;

@@ -12,7 +12,9 @@ use super::contact::Contact;
 use super::forms::SECOND;
 use super::model::ReducedModel;
 use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
+use super::rows::Rows;
 use second_order::SecondOrder;
+use viscera_number::simd::dispatch;
 use viscera_number::tensor::{Mat3, inverse, mul_vector};
 use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, degree_of, evaluate_monomials};
@@ -272,7 +274,7 @@ impl<'a> Interpolation<'a> {
             let at = |(second, weight): &(SecondOrder, f64)| weight * second.monomials[k][term];
             self.shape(k) * second.map_or(0.0, at)
         };
-        let mut slots = [None; 3];
+        let (mut slots, mut weights) = ([None; 3], [0.0; MAX_TERMS]);
         for (k, &corner) in self.corners.iter().enumerate() {
             let region = arrays.position_region[corner];
             let slot = slot_of(&mut slots, region);
@@ -280,17 +282,17 @@ impl<'a> Interpolation<'a> {
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let linear = self.linear_displacement(k, f, second);
             let range = model.position_offset[corner]..model.position_offset[corner + 1];
-            let rows = arrays.answers.position_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.take(self.terms).enumerate() {
-                let weight = if term < SECOND.start {
+            for (term, weight) in weights[..self.terms].iter_mut().enumerate() {
+                *weight = if term < SECOND.start {
                     linear[term]
                 } else if term < first {
                     of_second(k, term - SECOND.start)
                 } else {
                     self.corner_weight(k, term) * monomials[term]
-                };
-                add_scaled(weight as f32, row, out);
+                } as f32;
             }
+            let rows = &arrays.answers.position_coefficients[range];
+            dispatch(Rows { weights: &weights[..self.terms], rows, out });
         }
         for (k, &edge) in self.edges.iter().enumerate() {
             let region = arrays.edge_region[edge];
@@ -298,15 +300,15 @@ impl<'a> Interpolation<'a> {
             let out =
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
-            let rows = arrays.answers.edge_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.take(self.edge_terms()).enumerate() {
-                let weight = if SECOND.start + term < first {
+            for (term, weight) in weights[..self.edge_terms()].iter_mut().enumerate() {
+                *weight = if SECOND.start + term < first {
                     of_second(3 + k, term)
                 } else {
                     4.0 * self.edge_weights[k] * monomials[3 + term]
-                };
-                add_scaled(weight as f32, row, out);
+                } as f32;
             }
+            let rows = &arrays.answers.edge_coefficients[range];
+            dispatch(Rows { weights: &weights[..self.edge_terms()], rows, out });
         }
         slots
     }
@@ -344,13 +346,6 @@ fn slot_of(slots: &mut [Option<u32>; 3], region: u32) -> usize {
     let slot = slots.iter().position(|s| s.is_none_or(|r| r == region)).unwrap_or(0);
     slots[slot] = Some(region);
     slot
-}
-
-#[inline(always)]
-fn add_scaled(weight: f32, row: &[f32], out: &mut [f32]) {
-    if weight != 0.0 {
-        out.iter_mut().zip(row).for_each(|(out, &value)| *out += weight * value);
-    }
 }
 
 fn monomial_gradient(exponents: &[u8; 3], d: [f64; 3]) -> [f64; 3] {
