@@ -151,5 +151,5 @@ def test_a_random_tool_keeps_out_and_the_energy_balance_holds(shape: str, monkey
     soak = importlib.import_module("contact_soak").Soak(shape, seed=0)
     for _ in range(150):
         soak.frame()
-    assert soak.touched > 20
-    assert soak.wrong() == []
+    assert soak.tally.touched > 20
+    assert soak.tally.wrong() == []

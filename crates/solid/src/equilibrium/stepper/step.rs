@@ -178,7 +178,7 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.press(body);
+        self.press(body, is_first);
         self.stiffen(body);
         if is_first {
             self.begin_frame();
