@@ -13,7 +13,7 @@ pub(crate) enum Field<'a> {
 
 impl<'a> Field<'a> {
     pub(crate) fn of(a: &'a mut Arrays, which: u8) -> Self {
-        match which % 41 {
+        match which % 43 {
             0 => Field::Double(&mut a.points),
             1 => Field::Index(&mut a.cells),
             2 => Field::Index(&mut a.fixed),
@@ -54,7 +54,9 @@ impl<'a> Field<'a> {
             37 => Field::Single(&mut a.answers.sketch),
             38 => Field::Single(&mut a.family.sketch),
             39 => Field::Single(&mut a.answers.linear_compression),
-            _ => Field::Single(&mut a.family.linear_compression),
+            40 => Field::Single(&mut a.family.linear_compression),
+            41 => Field::Single(&mut a.answers.departure),
+            _ => Field::Single(&mut a.family.departure),
         }
     }
 

@@ -158,10 +158,16 @@ impl Reduction {
             }
         }
         let (metadata, arrays) = model.into_parts();
-        let seconds = clock.elapsed().as_secs_f64();
         let Measured { errors, interpolation_shares, truncation_share } = measured;
-        let metadata =
-            Metadata { errors, interpolation_shares, truncation_share, seconds, ..metadata };
+        let metadata = Metadata { errors, interpolation_shares, truncation_share, ..metadata };
+        let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
+        let departures = self.measure_departure(&members, fixed, &mut model, progress)?;
+        let (metadata, mut arrays) = model.into_parts();
+        if family.is_some() {
+            arrays.family.departure = departures.concat();
+        }
+        arrays.answers.departure = departures.into_iter().next().unwrap_or_default();
+        let metadata = Metadata { seconds: clock.elapsed().as_secs_f64(), ..metadata };
         let mut model = ReducedModel::new(metadata, arrays).map_err(refused)?;
         if let Some(family) = family {
             model.set_parameter(family.parameter.value).map_err(refused)?;

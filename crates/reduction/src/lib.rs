@@ -10,6 +10,8 @@ mod attend;
 mod basis;
 mod batch;
 mod build;
+mod correction;
+mod departure;
 mod measure;
 mod positions;
 mod preload;

@@ -1,5 +1,6 @@
 //! The reduced model against the exact series it was made from.
 
+mod departure;
 mod family;
 mod file;
 mod pade;
@@ -8,6 +9,7 @@ mod preload;
 mod recompress;
 mod work;
 
+use super::correction::Correction;
 use super::measure::{DIRECTIONS, on_sphere};
 use super::*;
 use crate::body::Body;

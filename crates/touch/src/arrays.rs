@@ -85,6 +85,9 @@ pub struct Answers {
     pub compression: Vec<f32>,
     /// The same of the first order alone, which remains in shallow touches; empty in files of format 1.
     pub linear_compression: Vec<f32>,
+    /// How fast the organ departs from the path of the series (p,): errors of trusted touches, measured off-line in units of
+    /// the square of what the rest of the series is in proportion to; empty where that is not measured.
+    pub departure: Vec<f32>,
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,
     /// Mode amplitudes of each edge: (edge terms, modes of its region), edge after edge.
@@ -93,7 +96,7 @@ pub struct Answers {
 
 impl Answers {
     /// Name and length of each array.
-    pub(super) fn lengths(&self) -> [(&'static str, usize); 12] {
+    pub(super) fn lengths(&self) -> [(&'static str, usize); 13] {
         [
             ("compliance", self.compliance.len()),
             ("cross_compliance", self.cross_compliance.len()),
@@ -105,6 +108,7 @@ impl Answers {
             ("norms", self.norms.len()),
             ("compression", self.compression.len()),
             ("linear_compression", self.linear_compression.len()),
+            ("departure", self.departure.len()),
             ("position_coefficients", self.position_coefficients.len()),
             ("edge_coefficients", self.edge_coefficients.len()),
         ]

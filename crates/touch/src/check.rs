@@ -135,6 +135,11 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
             a.answers.linear_compression.len(),
             if a.answers.linear_compression.is_empty() { 0 } else { n.positions },
         ),
+        (
+            "departure",
+            a.answers.departure.len(),
+            if a.answers.departure.is_empty() { 0 } else { n.positions },
+        ),
         ("position_region", a.position_region.len(), n.positions),
         ("edge_region", a.edge_region.len(), n.edges),
         ("surface_modes", a.surface_modes.len(), 3 * n.surface * n.modes),
@@ -260,6 +265,7 @@ pub(super) fn check_values(a: &Arrays) -> Result<(), Error> {
         check_finite(family, "norms", &answers.norms)?;
         check_finite(family, "compression", &answers.compression)?;
         check_finite(family, "linear_compression", &answers.linear_compression)?;
+        check_finite(family, "departure", &answers.departure)?;
         check_finite(family, "position_coefficients", &answers.position_coefficients)?;
         check_finite(family, "edge_coefficients", &answers.edge_coefficients)?;
     }

@@ -83,6 +83,7 @@ impl ReducedModel {
         // An error is no quantity to interpolate: the largest of the members stands for all.
         largest(&f.compression, &mut a.compression);
         largest(&f.linear_compression, &mut a.linear_compression);
+        largest(&f.departure, &mut a.departure);
         self.arrays.family = f;
         if is_radius {
             self.metadata.radius = value;

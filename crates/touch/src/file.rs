@@ -19,6 +19,7 @@ fn is_optional(name: &str) -> bool {
         "triangle_energy",
         "sketch",
         "linear_compression",
+        "departure",
         "parameter_cells",
     ];
     optional.contains(&name) || name.starts_with("family_") || name.starts_with("tie_")
@@ -81,6 +82,7 @@ macro_rules! for_each_array {
         $apply!("norms", answers.norms, 1);
         $apply!("compression", answers.compression, 1);
         $apply!("linear_compression", answers.linear_compression, 1);
+        $apply!("departure", answers.departure, 1);
         $apply!("position_region", position_region, 1);
         $apply!("edge_region", edge_region, 1);
         $apply!("region_start", region_start, 1);
@@ -100,6 +102,7 @@ macro_rules! for_each_array {
         $apply!("family_norms", family.norms, 1);
         $apply!("family_compression", family.compression, 1);
         $apply!("family_linear_compression", family.linear_compression, 1);
+        $apply!("family_departure", family.departure, 1);
         $apply!("family_position_coefficients", family.position_coefficients, 1);
         $apply!("family_edge_coefficients", family.edge_coefficients, 1);
     };

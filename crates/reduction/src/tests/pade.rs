@@ -17,7 +17,7 @@ static POLYNOMIAL: LazyLock<ReducedModel> = LazyLock::new(|| {
 });
 
 /// Contacts at positions, where nothing is interpolated, and directions.
-fn touches() -> Vec<(Contact, [f64; 3])> {
+pub(super) fn touches() -> Vec<(Contact, [f64; 3])> {
     let mut touches = Vec::new();
     for (k, d) in directions().into_iter().enumerate().step_by(3) {
         let node = PADE.arrays().positions[k % PADE.n_positions()] as usize;
