@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.check import Full, allowed_error
 from viscera.law import LAWS
 
 
@@ -91,3 +92,21 @@ def test_shares_are_measured_where_orders_are_summed_in_their_pade_form(bar: vs.
     assert 0.0 < measured["truncation_share"] < 2.0
     assert measured["is_pole_aware"]
     assert not {"interpolation_shares", "truncation_share", "is_pole_aware"} & set(polynomial)
+
+
+def test_an_answer_is_not_trusted_where_a_thin_part_turns_aside() -> None:
+    """The margin of the liver, pushed along itself: from 8 % of the diagonal on it leaves the path of the series."""
+    liver = vs.organs.liver()
+    organ = vs.Organ(liver, vs.NeoHookean(young=0.17e6, poisson=0.48), fixed="hilum", element="P1")
+    point, direction = np.array([-0.0055468, -0.0209482, 0.0743734]), np.array([0.5108337, 0.6746813, -0.5327795])
+    near = np.intersect1d(organ.touchable("anterior"), liver.near(point, 0.06 * liver.diagonal))
+    touch = organ.reduce(near, depth=0.1 * liver.diagonal, order=4)
+    full, patch, state = Full(touch), touch.patch(point), None
+    for fraction, is_right in ((0.05, True), (0.075, True), (0.09, False), (0.1, False)):
+        push = fraction * liver.diagonal * direction
+        state = full.solve(patch, push, state)
+        assert state.status == "converged"  # the organ is stable: it turns aside smoothly
+        answer, field = touch(point, push), full.added(state)
+        error = np.linalg.norm(answer.displacement - field) / np.linalg.norm(field)
+        assert (error < allowed_error(fraction)) == is_right
+        assert (answer.is_trusted and answer.is_shape_trusted) == is_right
