@@ -62,7 +62,7 @@ def test_the_page_describes_every_array_of_the_file(reader: ModuleType, file: Pa
     names = set(reader.read(file)[1])
     for touch in (
         organ.reduce("tip", order=2, start=state),
-        organ.reduce("tip", order=2, vary=vary),
+        organ.reduce("tip", order=3, vary=vary),
         lying.reduce("tip", order=2),
     ):
         touch.save(file.with_name("bar.viscera"))
