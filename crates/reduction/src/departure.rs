@@ -17,10 +17,11 @@ use viscera_touch::{Contact, Metadata, ReducedModel, Trust, allowance};
 
 /// Directions in which trust is followed from each position.
 const DIRECTIONS: usize = 24;
-/// How many of them are taken, those with the largest rest of the series. Neighbours share them: each measures in
-/// one of `TURNS`, and takes the largest of what it and they find.
+/// How many of them are suspect, those with the largest rest of the series. A correction takes a factorisation, so neighbours
+/// share the directions: one position of each `EVERY` measures in one direction, and all take the largest of what they and
+/// their neighbours find.
 const SUSPECTS: usize = 6;
-const TURNS: usize = 3;
+const EVERY: usize = 2;
 /// Depths at which trust is asked for, as parts of the largest.
 const DEPTHS: [f64; 6] = [1.0, 0.9, 0.8, 0.7, 0.6, 0.5];
 /// Parts of the deepest trusted touch at which it is corrected: at the first at which the organ is stable.
@@ -102,15 +103,18 @@ impl<'a> Place<'a> {
         Ok(Place { model, correction, workspace, field: vec![0.0; 3 * model.n_points()] })
     }
 
-    /// The largest of the directions whose turn it is.
+    /// That of the direction whose turn it is; 0 of a position that is left to its neighbours.
     fn departure(&mut self, position: usize, patch: &Patch) -> f64 {
+        if !position.is_multiple_of(EVERY) {
+            return 0.0;
+        }
         let Some(contact) = self.model.locate(self.model.position(position)) else { return 0.0 };
         let mut deepest: Vec<(f64, [f64; 3])> = (0..DIRECTIONS)
             .filter_map(|k| self.deepest(&contact, on_sphere(k, DIRECTIONS)))
             .collect();
         deepest.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-        let suspects = deepest.into_iter().take(SUSPECTS).skip(position % TURNS).step_by(TURNS);
-        suspects.map(|touch| self.along(&contact, patch, touch)).fold(0.0, f64::max)
+        let turn = (position / EVERY) % SUSPECTS.min(deepest.len()).max(1);
+        deepest.get(turn).map_or(0.0, |&touch| self.along(&contact, patch, touch))
     }
 
     /// The deepest trusted touch in a direction, behind what its rest of the series is in proportion to; none if that is
