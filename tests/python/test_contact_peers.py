@@ -35,8 +35,8 @@ def test_a_sphere_pressed_deep_needs_the_force_that_calculix_finds(problems: Mod
 
 
 def test_a_dragged_capsule_takes_a_tenth_less_force_than_calculix_finds(problems: ModuleType) -> None:
-    """2 cm with friction over a dozen triangles: where a corner slips past the tool, our force drops at once, theirs by
-    and by, so the mean forces differ by 11 %."""
+    """2 cm with friction over a dozen triangles: where a corner slips past the tool, our force drops at once and
+    theirs gradually, so the mean forces differ by 11 %."""
     theirs = DATA["drag/liver/1"][-20:, 1:]
     ours = problems.forces(problems.PROBLEMS["drag"], vs.organs.liver())[-20:]
     mean, other = (np.linalg.norm(forces, axis=1).mean() for forces in (ours, theirs))
