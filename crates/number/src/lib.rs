@@ -18,6 +18,7 @@ pub mod pade;
 mod pool;
 mod power;
 pub mod simd;
+mod sphere;
 pub mod tensor;
 pub mod unroll;
 mod vector;
@@ -28,6 +29,7 @@ pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
 pub use monomials::{Monomials, degree_of, evaluate_monomials};
 pub use pade::Pade;
 pub use pool::{Pooled, PooledVec};
+pub use sphere::on_sphere;
 pub use vector::{dot, norm};
 
 use std::fmt::Debug;

@@ -7,10 +7,9 @@ use super::settings::{Progress, Reduction};
 use super::solve::Expanded;
 use crate::error::Error;
 use crate::mesh::Patch;
-use crate::number::{Monomials, degree_of, evaluate_monomials};
+use crate::number::{Monomials, degree_of, evaluate_monomials, on_sphere};
 use crate::series::{TouchExpansion, TouchSeries};
 use rayon::prelude::*;
-use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 use viscera_touch::{Contact, Errors, MAX_ORDER, Metadata, ReducedModel, pade_weights};
 
@@ -280,15 +279,6 @@ fn share(errors: impl Iterator<Item = [f64; 2]>) -> Option<f64> {
     (!ratios.is_empty()).then(|| (squares / ratios.len() as f64).sqrt())
 }
 
-/// Point n of a spiral that covers the unit sphere evenly with as many (Swinbank and Purser, QJRMS 132 (2006) 1769).
-pub(super) fn on_sphere(n: usize, of: usize) -> [f64; 3] {
-    let golden_angle = PI * (3.0 - 5f64.sqrt());
-    let height = 1.0 - (2 * n + 1) as f64 / of as f64;
-    let (sin, cos) = (n as f64 * golden_angle).sin_cos();
-    let radius = (1.0 - height * height).sqrt();
-    [radius * cos, radius * sin, height]
-}
-
 /// A displacement of the given size along one of six axes.
 fn along(axis: usize, size: f64) -> [f64; 3] {
     let mut d = [0.0; 3];
@@ -323,24 +313,4 @@ fn sum(
 fn relative(value: &mut dyn Iterator<Item = f64>, exact: &[f64]) -> f64 {
     let difference: f64 = value.zip(exact).map(|(a, b)| (a - b).powi(2)).sum();
     (difference / exact.iter().map(|x| x * x).sum::<f64>()).sqrt()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// As an even cover has them: unit vectors with no mean and the second moments of the sphere.
-    #[test]
-    fn the_spiral_covers_the_sphere_evenly() {
-        let points: Vec<_> = (0..192).map(|n| on_sphere(n, 192)).collect();
-        let mean = |of: &dyn Fn(&[f64; 3]) -> f64| points.iter().map(of).sum::<f64>() / 192.0;
-        for i in 0..3 {
-            assert!(mean(&|x| x[i]).abs() < 1e-2);
-            for j in 0..3 {
-                let sphere = if i == j { 1.0 / 3.0 } else { 0.0 };
-                assert!((mean(&|x| x[i] * x[j]) - sphere).abs() < 1e-2, "{i}{j}");
-            }
-        }
-        assert!(points.iter().all(|x| (x.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-12));
-    }
 }

@@ -10,7 +10,7 @@ mod recompress;
 mod work;
 
 use super::correction::Correction;
-use super::measure::{DIRECTIONS, on_sphere};
+use super::measure::DIRECTIONS;
 use super::*;
 use crate::body::Body;
 use crate::error::Error;
@@ -19,6 +19,7 @@ use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface, surface};
 use crate::number::evaluate_monomials;
 use crate::number::norm;
+use crate::number::on_sphere;
 use crate::series::{TouchExpansion, TouchSeries};
 use std::sync::LazyLock;
 use viscera_touch::{Places, to_bytes};

@@ -85,8 +85,9 @@ pub struct Answers {
     pub compression: Vec<f32>,
     /// The same of the first order alone, which remains in shallow touches; empty in files of format 1.
     pub linear_compression: Vec<f32>,
-    /// How fast the organ departs from the path of the series (p,): errors of trusted touches, measured off-line in units of
-    /// the square of what the rest of the series is in proportion to; empty where that is not measured.
+    /// How fast the organ departs from the path of the series (p, 24), in 24 directions: errors of trusted touches, measured
+    /// off-line in units of the cube of what the rest of the series is in proportion to; empty where that is not
+    /// measured.
     pub departure: Vec<f32>,
     /// Mode amplitudes of each position: (terms, modes of its region), position after position.
     pub position_coefficients: Vec<f32>,

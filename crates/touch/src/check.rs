@@ -1,6 +1,7 @@
 //! The checks that make a model safe to evaluate: every shape, index range and value.
 
 use super::arrays::Arrays;
+use super::departure::DIRECTIONS;
 use super::forms::{N_CUBIC, SECOND};
 use super::metadata::{Metadata, Parameter};
 use super::resummation::SKETCH;
@@ -138,7 +139,7 @@ fn check_shapes(a: &Arrays, n: &Counts) -> Result<(), Error> {
         (
             "departure",
             a.answers.departure.len(),
-            if a.answers.departure.is_empty() { 0 } else { n.positions },
+            if a.answers.departure.is_empty() { 0 } else { DIRECTIONS * n.positions },
         ),
         ("position_region", a.position_region.len(), n.positions),
         ("edge_region", a.edge_region.len(), n.edges),

@@ -235,7 +235,8 @@ impl Interpolation<'_> {
         {
             let share = model.metadata.truncation_share.unwrap_or(TRUNCATION_SHARE).sqrt();
             let last = self.last_order(&size, [field, force], order_weights);
-            let truncation = (TRUNCATION_MARGIN * share * last).max(self.departure() * last * last);
+            let departure = self.departure([monomials[0], monomials[1], monomials[2]]);
+            let truncation = (TRUNCATION_MARGIN * share * last).max(departure * last.powi(3));
             let is_exact = self.is_second_exact();
             let margin = if is_exact { INTERPOLATION_MARGIN } else { OLD_INTERPOLATION_MARGIN };
             let [force, shape]: [f64; 2] = std::array::from_fn(|k| {
@@ -258,13 +259,6 @@ impl Interpolation<'_> {
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
         let force = truncation + MARGIN * interpolation + parameter;
         Estimates { force: force.min(1.0), shape: (force + compression).min(1.0) }
-    }
-
-    /// How fast the organ departs from the path of the series around a contact: at the corner where it does so fastest.
-    fn departure(&self) -> f64 {
-        let stored = &self.model.arrays.answers.departure;
-        let at = |corner: &usize| stored.get(*corner).copied().map_or(0.0, f64::from);
-        self.corners.iter().map(at).fold(0.0, f64::max)
     }
 
     /// What the compression of the field loses, relative to it, at a share of the full depth: of the

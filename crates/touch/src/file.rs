@@ -2,6 +2,7 @@
 
 use super::arrays::Arrays;
 use super::checksum::Checksums;
+use super::departure::DIRECTIONS;
 use super::forms::N_CUBIC;
 use super::metadata::{FORMAT_VERSION, Metadata};
 use super::model::ReducedModel;
@@ -82,7 +83,7 @@ macro_rules! for_each_array {
         $apply!("norms", answers.norms, 1);
         $apply!("compression", answers.compression, 1);
         $apply!("linear_compression", answers.linear_compression, 1);
-        $apply!("departure", answers.departure, 1);
+        $apply!("departure", answers.departure, DIRECTIONS);
         $apply!("position_region", position_region, 1);
         $apply!("edge_region", edge_region, 1);
         $apply!("region_start", region_start, 1);
@@ -102,7 +103,7 @@ macro_rules! for_each_array {
         $apply!("family_norms", family.norms, 1);
         $apply!("family_compression", family.compression, 1);
         $apply!("family_linear_compression", family.linear_compression, 1);
-        $apply!("family_departure", family.departure, 1);
+        $apply!("family_departure", family.departure, DIRECTIONS);
         $apply!("family_position_coefficients", family.position_coefficients, 1);
         $apply!("family_edge_coefficients", family.edge_coefficients, 1);
     };

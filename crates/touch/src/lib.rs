@@ -9,6 +9,7 @@ mod check;
 mod checksum;
 mod combine;
 mod contact;
+mod departure;
 mod energy;
 mod error;
 mod estimates;
@@ -29,6 +30,7 @@ mod walk;
 
 pub use arrays::{Answers, Arrays};
 pub use contact::Contact;
+pub use departure::{DIRECTIONS, directions};
 pub use error::Error;
 pub use evaluate::{Answer, Trust, allowance};
 pub use file::{View, to_bytes};

@@ -2,6 +2,7 @@
 
 use super::arrays::Arrays;
 use super::check::{check, offsets};
+use super::departure::{DIRECTIONS, directions};
 use super::ground::Ground;
 use super::metadata::Metadata;
 use crate::Error;
@@ -28,6 +29,8 @@ pub struct ReducedModel {
     /// Nodes that are not on the surface, ascending.
     pub(super) interior_nodes: Vec<u32>,
     pub(super) ground: Ground,
+    /// In which departure is known.
+    pub(super) directions: [[f64; 3]; DIRECTIONS],
 }
 
 impl ReducedModel {
@@ -71,6 +74,7 @@ impl ReducedModel {
             edge_length,
             interior_nodes,
             ground,
+            directions: directions(),
             metadata,
             arrays,
         })
