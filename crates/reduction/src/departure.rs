@@ -19,7 +19,7 @@ use viscera_touch::{Contact, DIRECTIONS, Metadata, ReducedModel, Trust, allowanc
 /// One ray in so many is asked first. Where the organ departs its neighbours are asked, too.
 const TURNS: usize = 2;
 /// A touch is corrected if its estimate, over the allowance, is larger than this: others were never found to depart.
-const SUSPICIOUS: f64 = 0.6;
+const SUSPICIOUS: f64 = 0.7;
 /// Cosine of the angle between directions that are near each other: about five around each.
 const NEAR: f64 = 0.68;
 /// Depths at which trust is asked for, as parts of the largest.
