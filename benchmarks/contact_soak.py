@@ -1,23 +1,25 @@
 """A random tool against a soft cube, driven through a coupling that bounds its force, for many frames with inertia.
 
-    python benchmarks/contact_soak.py [FRAMES, 100000 by default] [--seed N] [--write]
+    python benchmarks/contact_soak.py [FRAMES, 100000 by default] [--seed N] [--shapes NAME ...] [--write]
 
 Backward Euler, frames of 10 ms. A target wanders through and around the cube; a spring of bounded force draws a sphere,
 a capsule or a box with friction after it. What must not happen, and ends the run with status 1: a depth of more than
 0.1 % of the diagonal at a node or a sample, a cell inside out, a value that is not finite, an energy (of motion, strain
 and layer, with what friction took) above that of the start and the work of the tool by more than 1e-6 of the work
-exchanged.
+exchanged. The shapes share the frames. An interrupted study goes on with the next shape: what it found is kept in
+out/contact_soak.jsonl, to be deleted for a new one.
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import json
 import sys
-from pathlib import Path
+from dataclasses import asdict, dataclass
 
 import numpy as np
-from machine import describe
+from machine import ROOT, describe
 
 import viscera as vs
 
@@ -38,6 +40,38 @@ def cube(n: int) -> vs.Mesh:
     return vs.mesh(points, np.vstack(parts), {"base": np.flatnonzero(points[:, 2] == 0.0)})
 
 
+@dataclass
+class Tally:
+    """What happened to one shape."""
+
+    shape: str
+    frames: int = 0
+    touched: int = 0
+    unsettled: int = 0
+    deepest: float = 0.0
+    """Over the diagonal of the cube."""
+    gain: float = 0.0
+    """Of energy over its balance, over the work exchanged."""
+    work: float = 0.0
+    exchanged: float = 0.0
+    dissipated: float = 0.0
+    """Energies [J]."""
+
+    def wrong(self) -> list[str]:
+        """What must not be."""
+        found = []
+        if self.deepest > LARGEST_DEPTH:
+            found.append(f"the {self.shape} was {100 * self.deepest:.3f} % of the diagonal deep")
+        if self.gain > LARGEST_GAIN:
+            found.append(f"{self.shape}: energy above its balance by {self.gain:.1e} of the work exchanged")
+        return found
+
+    def __str__(self) -> str:
+        counts = f"{self.shape:<10}{self.frames:<9d}{self.touched:<10d}{self.unsettled:<12d}"
+        energies = f"{self.gain:<12.1e}{self.exchanged:<14.3e}{self.dissipated:.3e}"
+        return f"{counts}{100 * self.deepest:<12.4f}{energies}"
+
+
 class Soak:
     """One tool and one cube; the energy balance from frame to frame."""
 
@@ -50,9 +84,7 @@ class Soak:
         self.tool = self.stepper.tool(SHAPES[shape], (0.05, 0.05, SIDE + 0.035), friction=friction)
         self.target = self.tool.position.copy()
         self.force = np.zeros(3)
-        self.work = self.exchanged = self.dissipated = 0.0
-        self.deepest = self.gain = 0.0
-        self.unsettled = self.touched = 0
+        self.tally = Tally(shape)
 
     def frame(self) -> None:
         goal = self.random.uniform((-0.02, -0.02, 0.07), (0.12, 0.12, 0.15))
@@ -64,54 +96,56 @@ class Soak:
         frame = self.stepper.frame()
         told = frame.contact(self.tool)
         self.force = told.force
-        self.work += float(told.force @ step)
-        self.exchanged += abs(float(told.force @ step))
-        self.dissipated += told.dissipation
-        energy = frame.energy + frame.kinetic_energy + told.energy + self.dissipated
-        if self.exchanged > 0.0:
-            self.gain = max(self.gain, (energy - self.work) / self.exchanged)
-        self.deepest = min(self.deepest, told.gap / self.organ.mesh.diagonal)
-        self.unsettled += not frame.is_settled
-        self.touched += told.touching > 0
+        tally, work = self.tally, float(told.force @ step)
+        tally.work += work
+        tally.exchanged += abs(work)
+        tally.dissipated += told.dissipation
+        energy = frame.energy + frame.kinetic_energy + told.energy + tally.dissipated
+        if tally.exchanged > 0.0:
+            tally.gain = max(tally.gain, (energy - tally.work) / tally.exchanged)
+        tally.deepest = max(tally.deepest, -told.gap / self.organ.mesh.diagonal)
+        tally.frames += 1
+        tally.unsettled += not frame.is_settled
+        tally.touched += told.touching > 0
         if not (np.isfinite(frame.displacement).all() and np.isfinite(energy)):
             raise SystemExit("a value is not finite")
 
-    def wrong(self) -> list[str]:
-        """What must not be."""
-        found = []
-        if -self.deepest > LARGEST_DEPTH:
-            found.append(f"the tool was {-100 * self.deepest:.3f} % of the diagonal deep")
-        if self.gain > LARGEST_GAIN:
-            found.append(f"the energy was above its balance by {self.gain:.1e} of the work exchanged")
-        return found
 
-    def row(self, name: str, frames: int) -> str:
-        counts = f"{name:<10}{frames:<9d}{self.touched:<10d}{self.unsettled:<12d}"
-        energies = f"{self.gain:<12.1e}{self.exchanged:<14.3e}{self.dissipated:.3e}"
-        return f"{counts}{-100 * self.deepest:<12.4f}{energies}"
+def soaked(shape: str, frames: int, seed: int) -> Tally:
+    """After so many frames; what an earlier run found is read."""
+    path = ROOT / "out" / "contact_soak.jsonl"
+    path.parent.mkdir(exist_ok=True)
+    for line in path.read_text().splitlines() if path.exists() else []:
+        known = json.loads(line)
+        if known["seed"] == seed and (known["tally"]["shape"], known["tally"]["frames"]) == (shape, frames):
+            return Tally(**known["tally"])
+    soak = Soak(shape, seed)
+    for _ in range(frames):
+        soak.frame()
+    with path.open("a") as file:
+        file.write(json.dumps({"seed": seed, "tally": asdict(soak.tally)}) + "\n")
+    return soak.tally
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("frames", nargs="?", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--shapes", nargs="*", choices=SHAPES, default=list(SHAPES))
     parser.add_argument("--write", action="store_true", help="keep it in benchmarks/results")
     arguments = parser.parse_args()
     heads = "tool      frames   touching  unsettled   depth [%]   gain        exchanged [J] dissipated [J]"
     lines, wrong = [describe(), "", heads], []
     print("\n".join(lines), flush=True)
-    each = arguments.frames // len(SHAPES)
-    for shape in SHAPES:
-        soak = Soak(shape, arguments.seed)
-        for _ in range(each):
-            soak.frame()
-        lines.append(soak.row(shape, each))
-        wrong += [f"{shape}: {line}" for line in soak.wrong()]
+    for shape in arguments.shapes:
+        tally = soaked(shape, arguments.frames // len(SHAPES), arguments.seed)
+        lines.append(str(tally))
+        wrong += tally.wrong()
         print(lines[-1], flush=True)
     lines += wrong
     print("\n".join(wrong))
     if arguments.write:
-        path = Path(__file__).parent / "results" / "contact_soak.txt"
+        path = ROOT / "benchmarks" / "results" / "contact_soak.txt"
         path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     sys.exit(1 if wrong else 0)
 

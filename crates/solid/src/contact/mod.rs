@@ -168,6 +168,18 @@ impl Contact {
         self.tools.iter_mut().flatten().for_each(|held| held.linearize(samples, u, start));
     }
 
+    /// As [`Contact::linearize`], for the first step of a frame at its start, after one in equilibrium: tools are taken to
+    /// lead what they touch.
+    pub fn lead(&mut self, u: &[f64]) {
+        self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
+        let samples = &self.samples;
+        for held in self.tools.iter_mut().flatten() {
+            if !held.lead(samples, u) {
+                held.linearize(samples, u, &self.start);
+            }
+        }
+    }
+
     /// The part of a step from `u`, at most 1, that leads no surface of a contact pair much deeper into the other.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         self.pairs.iter().map(|pair| pair.longest(u, step)).fold(1.0, f64::min)

@@ -178,10 +178,16 @@ impl Samples {
         std::array::from_fn(|i| rest[i] + moved[i])
     }
 
+    /// Height of the cells behind a sample, as far as it counts [m].
+    pub fn height(&self, sample: usize) -> f64 {
+        let Sample { area, height, .. } = self.samples[sample];
+        height / area
+    }
+
     /// The layer at a sample, for a tool of a stiffness.
     pub fn layer(&self, sample: usize, factor: f64) -> Layer {
-        let Sample { area, modulus, height, .. } = self.samples[sample];
-        Layer::new(modulus / area, height / area, factor)
+        let Sample { area, modulus, .. } = self.samples[sample];
+        Layer::new(modulus / area, self.height(sample), factor)
     }
 }
 

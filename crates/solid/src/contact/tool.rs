@@ -22,6 +22,10 @@ const STEADY: f64 = 0.5;
 /// How far below its bound, relative to it, friction is at the bound.
 const ROUNDING: f64 = 1e-6;
 
+/// Largest motion of a tool across the surface, over the height of the cell behind, with which the body is taken to go
+/// along.
+const FAR: f64 = 1.0;
+
 /// A rigid tool and its motion in a solve.
 #[derive(Clone, Debug)]
 pub struct Tool {
@@ -179,7 +183,7 @@ impl ActiveTool {
     pub fn begin(&mut self, samples: &Samples, u: &[f64]) {
         for &sample in samples.sharp() {
             if self.kept.binary_search(&sample).is_err() {
-                let normal = self.distance(samples.place(sample, u)).normal;
+                let normal = self.distance(&self.pose, samples.place(sample, u)).normal;
                 self.areas[sample] = samples.area_towards(sample, normal, u);
             }
         }
@@ -203,45 +207,81 @@ impl ActiveTool {
             if least > layer.smooth && least >= self.gap {
                 continue;
             }
-            let distance = self.distance(x);
+            let distance = self.distance(&self.pose, x);
             self.gap = self.gap.min(distance.gap);
-            let [energy, pressure, slope] = layer.at(distance.gap);
-            if pressure == 0.0 {
-                continue;
+            let pressed = layer.at(distance.gap);
+            if pressed[1] > 0.0 {
+                let from = samples.place(sample, start);
+                self.touching.push(self.touched(samples, sample, x, from, distance, pressed));
             }
-            let area = self.areas[sample];
-            let Distance { normal: n, curvature, .. } = distance;
-            // At sharp edges the curvature of the gap has no end.
-            let size = curvature.iter().flatten().map(|k| k * k).sum::<f64>().sqrt();
-            let most = CURVED * layer.stiffness / self.tool.stiffness;
-            let part = area * if pressure * size > most { most / size } else { pressure };
-            let mut touching = Touching {
-                sample,
-                place: x,
-                normal: n,
-                pressure,
-                force: n.map(|n| area * pressure * n),
-                stiffness: std::array::from_fn(|i| {
-                    std::array::from_fn(|j| area * slope * n[i] * n[j])
-                }),
-                curvature: curvature.map(|row| row.map(|k| -part * k)),
-                bound: 0.0,
-                slide: [0.0; 3],
-                pull: 0.0,
-                anchor: x,
-                energy: area * energy,
-            };
-            if !self.anchors.is_empty() {
-                let point = match anchor {
-                    Some(anchor) => anchor.point,
-                    None => self.before.inward(samples.place(sample, start)),
-                };
-                touching.anchor = self.pose.outward(point);
-                touching.bound = area * self.tool.friction.bound(pressure);
+        }
+    }
+
+    /// Instead of [`ActiveTool::linearize`] at the start of a step, where the tool has moved and the body has not: the
+    /// samples that touched are taken to stay on the tool, with the pressure and the stiffness that they had, and no
+    /// others are taken to touch, though the tool is over them as long as the body has not given way. False if the tool
+    /// has moved too far for that.
+    pub fn lead(&mut self, samples: &Samples, u: &[f64]) -> bool {
+        if self.kept.is_empty() || self.tool.friction == Friction::Bonded {
+            return false;
+        }
+        self.touching.clear();
+        for &sample in &self.kept {
+            let x = samples.place(sample, u);
+            let layer = samples.layer(sample, self.tool.stiffness);
+            let distance = self.distance(&self.pose, x);
+            let before = self.distance(&self.before, x).gap;
+            if (distance.gap - before).abs() > FAR * samples.height(sample) {
+                return false;
+            }
+            let [energy, pressure, slope] = layer.at(before);
+            let pressed = [energy, pressure + slope * (before - distance.gap), slope];
+            self.touching.push(self.touched(samples, sample, x, x, distance, pressed));
+        }
+        true
+    }
+
+    /// A sample at `x`, and `from` at the start of the step, under energy per area, pressure and slope of the layer.
+    fn touched(
+        &self,
+        samples: &Samples,
+        sample: usize,
+        x: [f64; 3],
+        from: [f64; 3],
+        distance: Distance,
+        [energy, pressure, slope]: [f64; 3],
+    ) -> Touching {
+        let layer = samples.layer(sample, self.tool.stiffness);
+        let area = self.areas[sample];
+        let Distance { normal: n, curvature, .. } = distance;
+        // At sharp edges the curvature of the gap has no end.
+        let size = curvature.iter().flatten().map(|k| k * k).sum::<f64>().sqrt();
+        let most = CURVED * layer.stiffness / self.tool.stiffness;
+        let bent = pressure.max(0.0);
+        let part = area * if bent * size > most { most / size } else { bent };
+        let mut touching = Touching {
+            sample,
+            place: x,
+            normal: n,
+            pressure,
+            force: n.map(|n| area * pressure * n),
+            stiffness: std::array::from_fn(|i| std::array::from_fn(|j| area * slope * n[i] * n[j])),
+            curvature: curvature.map(|row| row.map(|k| -part * k)),
+            bound: 0.0,
+            slide: [0.0; 3],
+            pull: 0.0,
+            anchor: x,
+            energy: area * energy,
+        };
+        if let Some(anchor) = self.anchors.get(sample) {
+            let point = anchor.map_or_else(|| self.before.inward(from), |anchor| anchor.point);
+            touching.anchor = self.pose.outward(point);
+            touching.bound = area * self.tool.friction.bound(pressure.max(0.0));
+            if touching.bound > 0.0 {
                 touching.rub(area * layer.stiffness, self.slides[sample]);
             }
-            self.touching.push(touching);
         }
+        touching
     }
 
     /// For samples that slide in the same direction as before, the tangent takes the derivative instead of the chord;
@@ -269,7 +309,7 @@ impl ActiveTool {
         let stiffness = area * samples.layer(sample, self.tool.stiffness).stiffness;
         let point = self.pose.outward(anchor.point);
         let stretch = sub(x, point);
-        let normal = self.distance(x).normal;
+        let normal = self.distance(&self.pose, x).normal;
         let force = stretch.map(|s| -stiffness * s);
         Touching {
             sample,
@@ -300,7 +340,7 @@ impl ActiveTool {
             let x = samples.place(sample, u);
             let layer = samples.layer(sample, self.tool.stiffness);
             if norm(sub(x, self.pose.position)) - reach < layer.smooth {
-                energy += self.areas[sample] * layer.at(self.distance(x).gap)[0];
+                energy += self.areas[sample] * layer.at(self.distance(&self.pose, x).gap)[0];
             }
         }
         for touching in self.touching.iter().filter(|touching| touching.bound > 0.0) {
@@ -386,16 +426,16 @@ impl ActiveTool {
         sums.into_iter().map(|[force, area]| if area > 0.0 { force / area } else { 0.0 }).collect()
     }
 
-    /// Signed distance in the world.
-    fn distance(&self, x: [f64; 3]) -> Distance {
-        let local = self.tool.shape.distance(self.pose.inward(x));
-        let r = &self.pose.rotation;
+    /// Signed distance in the world from the tool in a pose.
+    fn distance(&self, pose: &Pose, x: [f64; 3]) -> Distance {
+        let local = self.tool.shape.distance(pose.inward(x));
+        let r = &pose.rotation;
         let half: Mat3<f64> = std::array::from_fn(|i| {
             std::array::from_fn(|k| (0..3).map(|j| r[i][j] * local.curvature[j][k]).sum())
         });
         Distance {
             gap: local.gap,
-            normal: self.pose.turn(local.normal),
+            normal: pose.turn(local.normal),
             curvature: std::array::from_fn(|i| std::array::from_fn(|l| dot(half[i], r[l]))),
         }
     }

@@ -81,7 +81,7 @@ impl Stepper {
     /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
     /// tools feel, and the motion that a frame would end with.
     pub(super) fn measure(&mut self, body: &Body, is_cut: bool) -> f64 {
-        self.press(body);
+        self.press(body, false);
         let mut scale = square(&self.internal).max(square(&self.external));
         self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {

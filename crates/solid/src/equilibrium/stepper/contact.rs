@@ -8,9 +8,12 @@ use crate::error::Error;
 use std::sync::Arc;
 
 /// Part of the initial power of a step. If the final power has the opposite sign and exceeds it, the step was too long.
-pub(super) const OVERSHOT: f64 = 0.5;
-/// Largest number of times that a step is shortened.
-pub(super) const MAX_RETURNS: usize = 4;
+pub(super) const OVERSHOT: f64 = 0.2;
+/// Largest number of places that are tried on the way back.
+pub(super) const MAX_RETURNS: usize = 6;
+/// Least part of what lies between a place before the balance and one beyond it that the next try leaves behind: beyond,
+/// a stiff layer may have a power hundreds of times as large.
+pub(super) const LEAST_PART: f64 = 0.1;
 
 impl Stepper {
     /// Adds a tool, from the next frame on; returns its number.

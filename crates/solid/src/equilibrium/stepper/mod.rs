@@ -81,6 +81,8 @@ pub struct Stepper {
     /// Part of their motion that the hands make in an iteration: 1, or less after a step was cut.
     motion_fraction: f64,
     hands_move: bool,
+    /// Whether the last frame settled: tools may then lead what they touch.
+    was_settled: bool,
     /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
     /// Time of the last convex tangent.
@@ -182,6 +184,7 @@ impl Stepper {
             barrier,
             motion_fraction: 1.0,
             hands_move: false,
+            was_settled: false,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
             projects_next: false,
@@ -312,11 +315,11 @@ impl Stepper {
         let is_entered = self.contact.find_entry(body, &self.displacement).is_some();
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));
         let seconds = clock.elapsed().as_secs_f64();
+        self.was_settled =
+            progress.is_settled(self.settings.settled) && self.barrier.is_idle() && !is_entered;
         Ok(Frame {
             residual: progress.residual,
-            is_settled: progress.is_settled(self.settings.settled)
-                && self.barrier.is_idle()
-                && !is_entered,
+            is_settled: self.was_settled,
             steps: progress.steps,
             cells_at_bound: self.barrier.n_cells(),
             taken: progress.taken,

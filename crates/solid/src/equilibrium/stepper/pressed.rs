@@ -23,14 +23,19 @@ impl Stepper {
         Ok(())
     }
 
-    /// The external forces at the displacement, those of tools and torques among them.
-    pub(super) fn press(&mut self, body: &Body) {
+    /// The external forces at the displacement, those of tools and torques among them; with `leads` those of tools that
+    /// lead what they touch.
+    pub(super) fn press(&mut self, body: &Body, leads: bool) {
         self.external.copy_from_slice(&self.dead);
         self.pressure.add_force(body, &self.displacement, 1.0, &mut self.external);
         for torque in &self.torques {
             torque.add_force(body, &self.displacement, &mut self.external);
         }
-        self.contact.linearize(&self.displacement);
+        if leads {
+            self.contact.lead(&self.displacement);
+        } else {
+            self.contact.linearize(&self.displacement);
+        }
         self.contact.add_force(&mut self.external);
     }
 

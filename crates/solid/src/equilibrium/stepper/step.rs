@@ -2,7 +2,7 @@
 //! that would crush or tear a cell is cut back, and the hands then wait for the body. Cells that come close to a bound
 //! all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
-use super::contact::{MAX_RETURNS, OVERSHOT};
+use super::contact::{LEAST_PART, MAX_RETURNS, OVERSHOT};
 use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
@@ -156,11 +156,10 @@ impl Stepper {
         self.shift = if taken == 0.0 { larger } else { 0.0 };
     }
 
-    /// Forces and tangent where the body is, and what is out of balance there with the hands' motion.
+    /// Forces and tangent where the body is.
     fn linearize(
         &mut self,
         body: &Body,
-        input: &Input<'_>,
         curvature: Curvature,
         is_first: bool,
     ) -> Result<(), Error> {
@@ -178,13 +177,8 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.press(body);
+        self.press(body, is_first && self.was_settled);
         self.stiffen(body);
-        if is_first {
-            self.begin_frame();
-        }
-        self.move_hands(input);
-        self.balance(curvature);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
         }
@@ -203,7 +197,12 @@ impl Stepper {
     ) -> Result<(bool, Solved), Error> {
         let projects_next = self.projects_next && self.has_time_for_convex(deadline);
         let mut curvature = if projects_next { Curvature::Projected } else { Curvature::Exact };
-        self.linearize(body, input, curvature, is_first)?;
+        self.linearize(body, curvature, is_first)?;
+        if is_first {
+            self.begin_frame();
+        }
+        self.move_hands(input);
+        self.balance(curvature);
         let residual = self.constraint_residual(input);
         self.hands_move = residual.iter().chain(&self.step).any(|&by| by != 0.0);
         let (mut shift, mut iterations) = (self.shift, 0);
@@ -229,7 +228,9 @@ impl Stepper {
                 shift = larger.unwrap_or(shift);
             } else {
                 curvature = Curvature::Projected;
-                self.linearize(body, input, curvature, false)?;
+                self.linearize(body, curvature, is_first)?;
+                self.move_hands(input);
+                self.balance(curvature);
             }
         };
         self.step.iter_mut().zip(&self.increment).for_each(|(s, f)| *s += f);
@@ -279,16 +280,26 @@ impl Stepper {
         (0.0, energy)
     }
 
-    /// Goes back from where a step led among tools, if it led far beyond the place on its way where what is out of balance
-    /// has no power any more: what touches there, or does not, is not what the tangent knew.
+    /// Goes back from where a step led among tools, if it led beyond the place on its way where what is out of balance has
+    /// no power any more: what touches there, or does not, is not what the tangent knew. The next step would set out
+    /// without the tool, or deep in it. That place is looked for by false position.
     fn go_back(&mut self, body: &Body, progress: &mut Progress) {
-        let mut length = 1.0;
+        let most = OVERSHOT * self.descent;
+        let (mut length, mut near, mut far) = (1.0, [0.0, self.descent], None);
         for _ in 0..MAX_RETURNS {
             let power = dot(&self.residual, &self.increment);
-            if power >= -OVERSHOT * self.descent {
-                return;
-            }
-            let shorter = length * self.descent / (self.descent - power);
+            let here = [length, power];
+            let beyond = match far {
+                _ if power < -most => here,
+                Some(beyond) if power > most => {
+                    near = here;
+                    beyond
+                }
+                _ => return,
+            };
+            far = Some(beyond);
+            let part = (near[1] / (near[1] - beyond[1])).max(LEAST_PART);
+            let shorter = near[0] + part * (beyond[0] - near[0]);
             self.try_at(shorter - length);
             let energy = self.force_within_bounds(body);
             if !energy.is_finite() {

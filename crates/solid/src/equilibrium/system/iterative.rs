@@ -27,6 +27,9 @@ const DOUBTFUL: usize = 12;
 /// Iterations of multigrid that take the time of a new hierarchy.
 const MAKING: usize = 10;
 
+/// Iterations beyond those with a fresh factor that may have taken the time of a new one, which nobody makes beside them.
+const REPAID: usize = 15;
+
 /// Tolerance of one solution in single precision, relative to its right-hand side.
 const SINGLE: f64 = 1e-5;
 
@@ -65,6 +68,8 @@ pub(super) struct Iterative {
     is_stale: bool,
     /// Iterations of the first solve after the preconditioner was made.
     fresh_iterations: Option<usize>,
+    /// Iterations beyond that number since then.
+    further_iterations: usize,
     workspace: Workspace,
     residual: Vec<f64>,
     correction: Vec<f64>,
@@ -109,6 +114,7 @@ impl Iterative {
             remote: Remote::new(settings.device, body),
             is_stale: true,
             fresh_iterations: None,
+            further_iterations: 0,
             workspace: Workspace::new(n_dofs),
             residual: vec![0.0; n_dofs],
             correction: vec![0.0; n_dofs],
@@ -179,7 +185,7 @@ impl Iterative {
         self.remote.renew();
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
-            self.fresh_iterations = None;
+            (self.fresh_iterations, self.further_iterations) = (None, 0);
         }
         renewed
     }
@@ -416,7 +422,8 @@ impl Iterative {
         }
     }
 
-    /// Requests a new preconditioner if iterations are far above those of a fresh one, or did not converge.
+    /// Requests a new preconditioner if iterations are far above those of a fresh one, or did not converge; where the
+    /// iterations would wait for it, only if they have already lost the time that it takes.
     fn note(&mut self, solved: &Solved) {
         let is_first = self.fresh_iterations.is_none();
         let fresh = *self.fresh_iterations.get_or_insert(solved.iterations);
@@ -426,12 +433,19 @@ impl Iterative {
         {
             lagged.distrust();
         }
+        self.further_iterations += solved.iterations.saturating_sub(fresh);
         let most = match &self.inverse {
             // A new hierarchy takes the time of so many iterations.
             Inverse::Multigrid(_) => fresh + MAKING,
             _ => 2 * fresh + 2,
         };
-        self.is_stale |= !solved.is_complete || solved.iterations > most;
+        let repays = match &self.inverse {
+            Inverse::Lagged(lagged) => {
+                lagged.is_renewed_beside() || self.further_iterations > REPAID
+            }
+            _ => true,
+        };
+        self.is_stale |= !solved.is_complete || solved.iterations > most && repays;
     }
 }
 

@@ -145,6 +145,11 @@ impl Lagged {
         }
     }
 
+    /// Whether nothing waits for a renewal.
+    pub fn is_renewed_beside(&self) -> bool {
+        self.spare.is_some()
+    }
+
     pub fn hold(&mut self, is_held: &[bool]) {
         self.is_held.copy_from_slice(is_held);
         self.current.hold(is_held);
