@@ -50,6 +50,8 @@ class Tally:
     unsettled: int = 0
     deepest: float = 0.0
     """Over the diagonal of the cube."""
+    smallest: float = 1.0
+    """Volume of a cell over that at rest; at zero it turns inside out."""
     gain: float = 0.0
     """Of energy over its balance, over the work exchanged."""
     work: float = 0.0
@@ -62,14 +64,16 @@ class Tally:
         found = []
         if self.deepest > LARGEST_DEPTH:
             found.append(f"the {self.shape} was {100 * self.deepest:.3f} % of the diagonal deep")
+        if self.smallest <= 0.0:
+            found.append(f"{self.shape}: a cell was inside out")
         if self.gain > LARGEST_GAIN:
             found.append(f"{self.shape}: energy above its balance by {self.gain:.1e} of the work exchanged")
         return found
 
     def __str__(self) -> str:
         counts = f"{self.shape:<10}{self.frames:<9d}{self.touched:<10d}{self.unsettled:<12d}"
-        energies = f"{self.gain:<12.1e}{self.exchanged:<14.3e}{self.dissipated:.3e}"
-        return f"{counts}{100 * self.deepest:<12.4f}{energies}"
+        state = f"{100 * self.deepest:<12.4f}{self.smallest:<13.3f}"
+        return f"{counts}{state}{self.gain:<12.1e}{self.exchanged:<14.3e}{self.dissipated:.3e}"
 
 
 class Soak:
@@ -85,6 +89,12 @@ class Soak:
         self.target = self.tool.position.copy()
         self.force = np.zeros(3)
         self.tally = Tally(shape)
+        self.at_rest = self.volumes(np.zeros_like(self.organ.mesh.points))
+
+    def volumes(self, displacement: np.ndarray) -> np.ndarray:
+        """Six times the volumes of the cells [m^3], negative where inside out."""
+        corners = (self.organ.mesh.points + displacement)[self.organ.mesh.cells]
+        return np.linalg.det(corners[:, 1:] - corners[:, :1])
 
     def frame(self) -> None:
         goal = self.random.uniform((-0.02, -0.02, 0.07), (0.12, 0.12, 0.15))
@@ -104,6 +114,7 @@ class Soak:
         if tally.exchanged > 0.0:
             tally.gain = max(tally.gain, (energy - tally.work) / tally.exchanged)
         tally.deepest = max(tally.deepest, -told.gap / self.organ.mesh.diagonal)
+        tally.smallest = min(tally.smallest, float((self.volumes(frame.displacement) / self.at_rest).min()))
         tally.frames += 1
         tally.unsettled += not frame.is_settled
         tally.touched += told.touching > 0
@@ -134,7 +145,7 @@ def main() -> None:
     parser.add_argument("--shapes", nargs="*", choices=SHAPES, default=list(SHAPES))
     parser.add_argument("--write", action="store_true", help="keep it in benchmarks/results")
     arguments = parser.parse_args()
-    heads = "tool      frames   touching  unsettled   depth [%]   gain        exchanged [J] dissipated [J]"
+    heads = "tool      frames   touching  unsettled   depth [%]   smallest J   gain        exchanged [J] dissipated [J]"
     lines, wrong = [describe(), "", heads], []
     print("\n".join(lines), flush=True)
     for shape in arguments.shapes:

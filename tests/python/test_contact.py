@@ -54,7 +54,7 @@ def test_frames_of_a_sphere_pressed_into_the_liver_settle(friction: float) -> No
     liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
     top, radius = liver.mesh.points[liver.mesh.points[:, 2].argmax()], 0.015
     stepper = liver.stepper(solver="cg", iterations=8)
-    tool = stepper.tool(vs.Sphere(radius), position=top + (0, 0, radius), friction=friction)
+    tool = stepper.tool(vs.Sphere(radius), position=(*top[:2], top[2] + radius), friction=friction)
     gaps = []
     for _ in range(20):
         tool.move((0, 0, -0.0005))
