@@ -100,6 +100,27 @@ fn departure_is_measured_where_orders_are_summed_in_their_pade_form() {
     assert!(MODEL.arrays().answers.departure.is_empty());
 }
 
+/// Whenever progress says stop while a model is checked, nothing is returned.
+#[test]
+fn a_stop_is_heeded_in_every_part_of_the_check() {
+    let settings = Reduction { pade: true, order: 3, depth: 0.012, ..settings() };
+    for allowed in 0.. {
+        let mut asked = 0;
+        let mut progress = |progress: Progress| {
+            asked += usize::from(progress.stage == "check");
+            asked <= allowed
+        };
+        match settings.run(&FULL.body, &FULL.surface, &FULL.fixed, &mut progress) {
+            Err(error) => assert!(matches!(error, Error::Cancelled), "{error}"),
+            Ok(_) => {
+                // Between positions, and the departure, at least once each.
+                assert!(allowed >= 2, "{allowed}");
+                break;
+            }
+        }
+    }
+}
+
 /// The law of Saint Venant and Kirchhoff softens under compression, which four orders show too late.
 #[test]
 fn trust_is_taken_from_touches_that_depart_and_from_few_others() {
