@@ -234,6 +234,8 @@ class Body:
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
         """Deformation gradient F (m, q, 3, 3), first Piola-Kirchhoff stress P (m, q, 3, 3) [Pa] of the element and
         strain energy density (m, q) [J/m^3] at the q quadrature points of each cell, of equal weight."""
+    def linear_responses(self, displacement: Floats, force: Floats) -> Floats:
+        """Displacements (k, n, 3) by small nodal forces (k, n, 3) about a state, which need not be stable."""
     def gravity(self, gravity: Floats, density: Floats) -> Floats:
         """Nodal forces (n, 3) of a body force density * gravity; density (1,) or (m,) [kg/m^3]."""
     def lumped_areas(self) -> Floats:

@@ -11,10 +11,20 @@ import pytest
 
 import viscera as vs
 from viscera import _core
-from viscera.registration.fit import averaged, without_rigid
+from viscera.registration.causes import Causes, believed
+from viscera.registration.fit import averaged
 from viscera.registration.forces import Forces
 from viscera.registration.registered import MODEL, band_of
-from viscera.registration.rigid import Rigid, Shape, aligned, levers, rotation_of, vector_of
+from viscera.registration.rigid import (
+    Rigid,
+    Shape,
+    aligned,
+    levers,
+    rigid_parts,
+    rotation_of,
+    vector_of,
+    without_rigid,
+)
 
 Floats = np.ndarray
 MOVED = Rigid(rotation_of(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.02, 0.04]))
@@ -131,6 +141,27 @@ def test_landmarks_say_where_a_cloud_alone_would_not(organ: vs.Organ, truth: Flo
     assert found.coverage == 0.0
 
 
+def test_a_pressure_is_found_as_the_one_cause(organ: vs.Organ) -> None:
+    """It turns the organ far about its fixed nodes, which forces that keep their directions hardly follow."""
+    x = organ.mesh.points[organ.mesh.surface_nodes]
+    place = organ.mesh.surface_nodes[np.linalg.norm(x - organ.mesh.points[organ.mesh.sets["tip"]][0], axis=1) < 0.07]
+    state = organ.solve(pressure=[(place, 900.0)], steps=8, throw=True)
+    now = MOVED(organ.mesh.points + state.displacement)
+    surface = organ.mesh.surface
+    seen = surface[organ.mesh.points[surface].mean(axis=1)[:, 1] < 0.0]
+    rng = np.random.default_rng(5)
+    points = np.einsum("ka,kai->ki", rng.dirichlet(np.ones(3), size=1500), now[rng.choice(seen, size=1500)])
+    points = points + rng.normal(scale=NOISE, size=points.shape)
+    found = organ.register(points, noise=NOISE, one_cause=True)
+    assert found.is_converged, found.message
+    error = np.linalg.norm(organ.mesh.points + found.displacement - now, axis=1)
+    rigid = np.linalg.norm(aligned(organ.mesh.points, now, np.ones(len(now)))(organ.mesh.points) - now, axis=1)
+    assert error.mean() < 0.5 * rigid.mean(), "better than the best rigid motion that there is"
+    inner = organ._body.internal_force(found.state.displacement)
+    free = np.setdiff1d(np.arange(len(inner)), organ.fixed)
+    assert np.abs((inner - found.nodal_force)[free]).max() < 1e-5 * np.abs(inner).max()
+
+
 def test_what_was_not_seen_is_said(organ: vs.Organ, cloud: Floats) -> None:
     """Without the left lobe in sight, its place is not known; elsewhere it is."""
     right = cloud[MOVED.back(cloud)[:, 0] < 0.0]
@@ -158,6 +189,98 @@ def test_responses_are_those_of_small_forces(organ: vs.Organ) -> None:
     state = organ.solve(force=forces.nodal(amplitudes), settings={"tolerance": 1e-12})
     expected = responses @ amplitudes
     assert np.abs(state.displacement - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_responses_about_an_unstable_state_are_those_of_its_tangent() -> None:
+    """A thin beam pressed beyond buckling, kept straight: differences of the internal force give the load back."""
+    beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    pressed = -0.2 * beam.mesh.points * [1.0, 0.0, 0.0]
+    pressed = pressed - pressed[beam.fixed].mean(axis=0)
+    pressed[beam.fixed] = 0.0
+    with pytest.raises(vs.VisceraError, match="not positive definite"):
+        _core.touch_series(beam._body, [beam.patch(beam.mesh.points[-1], 0.1)], pressed, 1)
+    load = np.random.default_rng(0).normal(size=pressed.shape)
+    load[beam.fixed] = 0.0
+    found = beam._body.linear_responses(pressed, load[None])[0]
+    h = 1e-7 / np.abs(found).max()
+    plus, minus = (beam._body.internal_force(pressed + s * h * found) for s in (1, -1))
+    slope = (plus - minus) / (2 * h)
+    slope[beam.fixed] = 0.0
+    assert np.abs(slope - load).max() < 1e-5 * np.abs(load).max()
+    with pytest.raises(vs.VisceraError, match="fields"):
+        beam._body.linear_responses(pressed, load[None, :-1])
+
+
+def test_forces_that_turn_with_the_organ_are_in_equilibrium(organ: vs.Organ) -> None:
+    """Their linear responses agree with differences, and amplitudes come back turned as the organ is."""
+    forces = Forces(organ, organ.touchable(organ.mesh.surface_nodes), 12)
+    rest, x, ones = np.zeros_like(organ.mesh.points), organ.mesh.points, np.ones(len(organ.mesh.points))
+    given = 0.02 * np.random.default_rng(0).normal(size=len(forces))
+    u, amplitudes, is_found = forces.equilibrium(given, rest, rest)
+    assert is_found
+    turn = aligned(x, x + u, ones).rotation
+    assert np.allclose(amplitudes.reshape(-1, 3), given.reshape(-1, 3) @ turn.T)
+    left = organ._body.internal_force(u) - forces.nodal(amplitudes)
+    left[organ.fixed] = 0.0
+    assert np.linalg.norm(left) < 1e-6 * np.linalg.norm(forces.nodal(amplitudes))
+
+    responses = forces.responses(u)
+    responses = forces.following(responses, amplitudes, rigid_parts(responses, x + u)[:3])
+    change = 1e-5 * np.random.default_rng(1).normal(size=len(forces))
+    plus, minus = (forces.equilibrium(amplitudes + s * change, u, u)[0] for s in (1, -1))
+    expected = 0.5 * (plus - minus)
+    assert np.abs(responses @ change - expected).max() < 1e-2 * np.abs(expected).max()
+
+
+def test_what_is_believed_is_the_mean_over_causes_by_their_evidence() -> None:
+    """Against each cause written out as further unknowns, with the evidence as the probability of the data."""
+    rng = np.random.default_rng(8)
+    m, q, size = 5, 2, 0.7
+    rows, noise = rng.normal(size=(30, 6 + m + q)), 0.3
+    kinds = [rng.normal(size=(m, 4, 1)), rng.normal(size=(m, 2, 3))]
+    prior = np.diag([0.0] * 6 + [20.0] * m + [1.0] * q)
+    data = rows @ np.concatenate([rng.normal(size=6), 0.5 * kinds[0][:, 2, 0], np.zeros(q)])
+    data = data + noise * rng.normal(size=30)
+    mean, covariance = believed(rows.T @ rows / noise**2, rows.T @ data / noise**2, [prior], kinds, [size])
+
+    logs, means, covariances = [], [], []
+    for extra, count in [
+        (np.zeros((m, 1)), 1),
+        *((kind[:, c], kind.shape[1]) for kind in kinds for c in range(kind.shape[1])),
+    ]:
+        spread = np.diag([1e4] * 6 + [0.0] * m + [1.0] * q)
+        spread[6 : 6 + m, 6 : 6 + m] = np.eye(m) / 20.0 + size**2 * extra @ extra.T
+        total = rows @ spread @ rows.T + noise**2 * np.eye(30)
+        gain = spread @ rows.T @ np.linalg.inv(total)
+        logs.append(-0.5 * (data @ np.linalg.solve(total, data) + np.linalg.slogdet(total)[1]) - np.log(count))
+        means.append(gain @ data)
+        covariances.append(spread - gain @ rows @ spread)
+    weights = np.exp(np.array(logs) - max(logs))
+    weights /= weights.sum()
+    expected = weights @ means
+    apart = np.array(means) - expected
+    assert np.abs(mean - expected).max() < 1e-3
+    assert np.allclose(
+        covariance, np.einsum("c,cij->ij", weights, covariances) + (apart.T * weights) @ apart, atol=1e-3
+    )
+
+
+def test_a_pressure_that_moved_the_organ_is_among_the_causes(organ: vs.Organ) -> None:
+    """Unit causes move it by 1 m, and a disk of pressure pushes inwards with the force of its area."""
+    forces = Forces(organ, organ.touchable(organ.mesh.surface_nodes), 30)
+    responses = without_rigid(forces.responses(np.zeros_like(organ.mesh.points)), organ.mesh.points)
+    causes = Causes(forces, forces.loaded)
+    for kind in causes.at(organ.mesh.points, responses):
+        moved = np.tensordot(responses, kind, axes=1)
+        assert np.allclose((moved**2).sum(axis=(0, 1)).mean(axis=1) / len(moved), 1.0)
+    pressed = causes._pressed(organ.mesh.points)[:, :, 0]
+    middles = forces.centres - organ.mesh.points.mean(axis=0)
+    inward = -np.einsum(
+        "pc,p->c",
+        (pressed[:-3].reshape(-1, 3, pressed.shape[1]) * middles[:, :, None]).sum(axis=1),
+        np.ones(len(middles)),
+    )
+    assert (inward > 0.0).mean() > 0.9
 
 
 def test_the_derivative_of_a_rigid_motion_agrees_with_differences() -> None:

@@ -6,6 +6,7 @@ measured.py    files of what was measured
 observed.py    what was measured, checked
 rigid.py       rigid motions; where the organ is, before anything deforms
 forces.py      forces on the boundary and in the volume, and the equilibrium responses of the organ to them
+causes.py      one thing that may have happened, and what is believed over all of them
 fit.py         the most probable motion and forces, by Gauss-Newton with closest points renewed
 registered.py  what comes out
 """

@@ -15,10 +15,15 @@ root-mean-square displacement [m] that they are expected to cause. The data choo
 Computation 4 (1992) 415). Stiffness drops out of P_g / s_g^2, so that only its distribution matters, not its size.
 The strain energy as P_g would hardly resist forces of short wavelength, and would resist those that move the whole
 organ, whereas what moves organs is smooth.
+
+The tangent at rest says where the organ is about. If asked, the fit is tried from there with one cause beside small
+smooth forces (causes.py), under forces that turn with the organ. If it does not settle, the fit with smooth forces
+alone is the answer; its forces keep their directions.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -28,15 +33,28 @@ from numpy.typing import NDArray
 
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices
+from viscera.registration.causes import SIZES, SMALL, SMALL_VOLUME, Causes, believed
 from viscera.registration.forces import Forces
 from viscera.registration.observed import Observed
 from viscera.registration.registered import Registered, band_of
-from viscera.registration.rigid import TUKEY, Rigid, Shape, aligned, levers, spaced, spread, starts, tukey, vector_of
+from viscera.registration.rigid import (
+    TUKEY,
+    Rigid,
+    Shape,
+    aligned,
+    levers,
+    rigid_parts,
+    spaced,
+    spread,
+    starts,
+    tukey,
+    vector_of,
+    without_rigid,
+)
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
     from viscera.progress import Progress
-    from viscera.state import State
 
 CUBE = 0.025
 """Edge of the cubes in each of which the points of the cloud are averaged; this and other lengths in diagonals."""
@@ -52,8 +70,10 @@ DOUBT, SURE, CALMER = 50.0, 4.0, 4.0
 """Factors on the variance of the noise with the first tangent, at last, and from one tangent to the next."""
 STILL = 1e-3
 """Largest motion of a node in the last iteration with one tangent."""
-HALVINGS, NEWTON = 4, 12
-"""Of a step, at most; iterations of Newton's method before it is halved."""
+NEARLY = 1e-6
+"""Residual of an equilibrium that is near enough."""
+HALVINGS, FEW, NEWTON = 4, 2, 12
+"""Of a step at most, and where another fit is left to try; iterations of Newton's method before it is halved."""
 TRUST = 0.1
 """Largest motion of a node with one tangent."""
 WRONG, SMOOTH = 1e-3, 0.1
@@ -62,8 +82,11 @@ N_WRONG = 60
 """Places that carry it."""
 EXPECTED = 0.02
 """Root-mean-square displacement by forces of a kind, rigid motion apart, to begin with and at most."""
-SWING = 0.2
-"""Standard deviation of the organ's turn about each axis by forces, against its fixed nodes [rad]."""
+SWING, FREE_SWING = 0.2, 0.5
+"""Standard deviation of the organ's turn about each axis by forces, against its fixed nodes [rad]: by forces that keep
+their directions, and by such as turn with the organ."""
+TURN = 0.3
+"""Largest such turn with one tangent, where forces turn with the organ."""
 SMALLEST = (0.015, 0.003)
 """And at least: where nobody looks, forces on the boundary may act that moved nothing elsewhere."""
 GROWTH = 2.0
@@ -84,7 +107,6 @@ class Iterate:
     amplitudes: Floats
     displacement: Floats
     expected: Floats
-    state: State | None = None
     covariance: Floats = field(default_factory=lambda: np.empty((0, 0)))
     responses: Floats = field(default_factory=lambda: np.empty((0, 3, 0)))
     prior: Floats = field(default_factory=lambda: np.empty((0, 0)))
@@ -95,6 +117,12 @@ class Iterate:
     """Largest motion of a node [m] for which a tangent is believed."""
     is_cut: bool = False
     """Whether the last step was shortened to it."""
+    left: float = np.inf
+    """Largest motion of a node [m] that the last step would have been longer by."""
+    turn: Floats = field(default_factory=lambda: np.zeros(3))
+    """Of the last step against the fixed nodes [rad]."""
+    whole: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    """Displacement as the tangent says, that turn and what goes with it included."""
     doubt: float = DOUBT
     """Factor on the variance of the noise."""
     iterations: int = 0
@@ -107,6 +135,8 @@ def register(
     loaded: Indices,
     start: Rigid | None,
     progress: Progress | None = None,
+    *,
+    one_cause: bool = False,
 ) -> Registered:
     """Fit the organ; visible (t, 3): triangles that may have been seen; loaded (k,): nodes where forces may act."""
     began = perf_counter()
@@ -119,29 +149,25 @@ def register(
         responses = forces.responses(rest)
     except VisceraError as error:
         raise VisceraError(f"the organ at rest has no stable tangent to register with: {error}") from error
-    steps, done = len(motions) + TANGENTS - 1, 0
+    steps, done = len(motions) + (1 + one_cause) * (TANGENTS - 1), 0
+
+    def tell() -> None:
+        nonlocal done
+        done += 1
+        if progress:
+            progress(done, steps, "registration")
+
     found = []
     for motion in motions:
         found.append(fit.at_rest(motion))
-        fit.improve(found[-1], responses, FIRST, first=True)
-        done += 1
-        if progress:
-            progress(done, steps, "registration")
+        fit.improve(found[-1], fit.at_rest(motion), responses, FIRST, first=True)
+        tell()
     best = min(found, key=lambda iterate: iterate.cost)
-    message = fit.balance(best, fit.at_rest(best.motion))
-    for _ in range(TANGENTS - 1):
-        if message or (best.change < SETTLED * organ.mesh.diagonal and best.doubt <= SURE and not best.is_cut):
-            break
-        further = replace(best, expected=best.expected.copy(), doubt=max(SURE, best.doubt / CALMER))
-        fit.improve(further, forces.responses(best.displacement), LATER, first=False)
-        message = fit.balance(further, best)
-        if message:
-            break
-        best = further
-        done += 1
-        if progress:
-            progress(done, steps, "registration")
-    return fit.result(best, message, perf_counter() - began)
+    if one_cause:
+        one, message = fit.followed(fit.begun(best, responses), tell, by_cause=True)
+    if not one_cause or message or not fit.is_settled(one):
+        one, message = fit.followed(best, tell, by_cause=False)
+    return fit.result(one, message, perf_counter() - began)
 
 
 class _Fit:
@@ -154,6 +180,7 @@ class _Fit:
         self.sample = organ.mesh.surface_nodes[:: max(1, len(organ.mesh.surface_nodes) // 100)]
         self.centre = organ.mesh.points.mean(axis=0)
         self.wrong = self._wrong()
+        self.at_rest_metrics: list[Floats] = []
         self.groups = (slice(0, len(forces) - 3), slice(len(forces) - 3, len(forces)))
 
     def at_rest(self, motion: Rigid) -> Iterate:
@@ -162,34 +189,69 @@ class _Fit:
         expected = np.full(2, EXPECTED * self.size)
         return Iterate(motion, np.zeros(len(self.forces)), rest, expected, trust=TRUST * self.size)
 
-    def improve(self, at: Iterate, responses: Floats, count: int, *, first: bool) -> None:
-        """Gauss-Newton with the equilibrium linearised, u + U (a' - a), U without rigid motions: T has those."""
-        turns = rigid_parts(responses, self.organ.mesh.points + at.displacement)[:3]
-        responses = without_rigid(responses, self.organ.mesh.points + at.displacement)
-        metrics = self.forces.metrics(responses)
-        points = self.organ.mesh.points
-        begin_x = points[self.sample] + at.displacement[self.sample]
+    def begun(self, at: Iterate, responses: Floats) -> Iterate:
+        """What the tangent at rest says if one thing happened."""
+        begun = replace(at, expected=at.expected.copy(), doubt=DOUBT / CALMER)
+        self.improve(begun, self.at_rest(at.motion), responses, LATER, first=False, by_cause=True)
+        return begun
+
+    def followed(self, at: Iterate, tell: Callable[[], None], *, by_cause: bool) -> tuple[Iterate, str]:
+        """The equilibrium that tangents lead to, and what went wrong in words; `at`: what that at rest says."""
+        best = replace(at, expected=at.expected.copy())
+        message = self.balance(best, self.at_rest(best.motion), follow=by_cause)
+        for _ in range(TANGENTS - 1):
+            if message or (self.is_settled(best, 1.0) and best.doubt <= SURE):
+                break
+            further = replace(best, expected=best.expected.copy(), doubt=max(SURE, best.doubt / CALMER))
+            responses = self.forces.responses(best.displacement)
+            self.improve(further, best, responses, LATER, first=False, by_cause=by_cause)
+            message = self.balance(further, best, follow=by_cause)
+            if not message:
+                best = further
+                tell()
+        return best, message
+
+    def is_settled(self, at: Iterate, factor: float = 3.0) -> bool:
+        """Whether the tangent was good enough, and its step not shortened, by so many times `SETTLED`."""
+        return not at.is_cut and at.change < factor * SETTLED * self.size
+
+    def improve(
+        self, at: Iterate, before: Iterate, responses: Floats, count: int, *, first: bool, by_cause: bool = False
+    ) -> None:
+        """Gauss-Newton with the equilibrium before linearised, u + U (a' - a), U without rigid motions: T has those."""
+        points, begin_u, begin_a = self.organ.mesh.points, before.displacement, before.amplitudes
+        x = points + begin_u
+        whole = self.forces.following(responses, begin_a, rigid_parts(responses, x)[:3]) if by_cause else responses
+        turns, responses = rigid_parts(whole, x)[:3], without_rigid(whole, x)
+        if by_cause:
+            metrics, kinds = self.at_rest_metrics, Causes(self.forces, self.forces.loaded).at(x, responses)
+        else:
+            metrics = self.forces.metrics(responses)
+            if first:
+                self.at_rest_metrics = metrics
         known = 6 + len(self.forces)
-        motions = np.pad(self._motions(responses, begin_x), ((0, 0), (0, self.wrong.shape[1])))
-        begin_u, begin_a = at.displacement, at.amplitudes
-        begin_turn = vector_of(aligned(points, points + begin_u, np.ones(len(points))).rotation)
+        motions = np.pad(self._motions(responses, x[self.sample]), ((0, 0), (0, self.wrong.shape[1])))
+        begin_turn = vector_of(aligned(points, x, np.ones(len(points))).rotation)
         swing = np.pad(turns, ((0, 0), (6, self.wrong.shape[1])))
         scale = max(FAR * self.size if first else 0.0, 2.0 * self.seen.noise)
         for _ in range(count):
             rows, residual, weight, scatter = self.equations(at, responses, scale)
             turn = begin_turn + turns @ (at.amplitudes - begin_a)
             rows, residual = np.concatenate([rows, swing]), np.concatenate([residual, -turn])
-            weight = np.concatenate([weight, np.full(3, SWING**-2.0)])
-            prior = np.eye(rows.shape[1])
-            prior[:known, :known] = 0.0
-            for group, metric, size in zip(self.groups, metrics, at.expected, strict=True):
-                where = slice(6 + group.start, 6 + group.stop)
-                prior[where, where] = metric / size**2
+            weight = np.concatenate([weight, np.full(3, (FREE_SWING if by_cause else SWING) ** -2.0)])
+            prior = self._prior(metrics, at.expected)
             amplitudes = np.concatenate([np.zeros(6), at.amplitudes, np.zeros(len(prior) - known)])
-            hessian = (rows * weight[:, None]).T @ rows + prior
-            at.covariance = _inverse(hessian)[:known, :known]
-            damping = motions.T @ motions * (DAMPING * 3.0 / (len(motions) * (REACH * self.size) ** 2))
-            step = _inverse(hessian + damping) @ (rows.T @ (weight * residual) - prior @ amplitudes)
+            data, right = (rows * weight[:, None]).T @ rows, rows.T @ (weight * residual)
+            if by_cause:
+                priors = [self._prior(metrics, np.array([small, SMALL_VOLUME]) * self.size) for small in SMALL]
+                sizes = [size * self.size for size in SIZES]
+                mean, covariance = believed(data, right + data @ amplitudes, priors, kinds, sizes)
+                at.covariance, step = covariance[:known, :known], mean - amplitudes
+            else:
+                hessian = data + prior
+                at.covariance = _inverse(hessian)[:known, :known]
+                damping = motions.T @ motions * (DAMPING * 3.0 / (len(motions) * (REACH * self.size) ** 2))
+                step = _inverse(hessian + damping) @ (right - prior @ amplitudes)
             largest = float(np.linalg.norm((motions @ step).reshape(-1, 3), axis=1).max())
             step *= min(1.0, REACH * self.size / max(largest, 1e-12))
             at.motion = at.motion.turned(step[:3], step[3:6], self.centre)
@@ -203,35 +265,57 @@ class _Fit:
             if largest < STILL * self.size:
                 break
         moved = float(np.linalg.norm(at.displacement - begin_u, axis=1).max())
-        at.is_cut = moved > at.trust
-        at.amplitudes = begin_a + min(1.0, at.trust / max(moved, 1e-12)) * (at.amplitudes - begin_a)
-        at.displacement = begin_u + responses @ (at.amplitudes - begin_a)
+        turned = float(np.linalg.norm(turns @ (at.amplitudes - begin_a)))
+        cut = min(1.0, at.trust / max(moved, 1e-12), TURN / max(turned, 1e-12) if by_cause else 1.0)
+        at.is_cut, at.left = cut < 1.0, moved
+        forward = cut * (at.amplitudes - begin_a)
+        at.amplitudes, at.displacement = begin_a + forward, begin_u + responses @ forward
+        at.turn, at.whole = turns @ forward, begin_u + whole @ forward
 
-    def balance(self, at: Iterate, before: Iterate) -> str:
+    def _prior(self, metrics: list[Floats], sizes: Floats) -> Floats:
+        """Of all unknowns (p, p): none on the rigid motion; forces of these sizes; unit errors of the model."""
+        prior = np.eye(6 + len(self.forces) + self.wrong.shape[1])
+        prior[:6, :6] = 0.0
+        for group, metric, size in zip(self.groups, metrics, sizes, strict=True):
+            where = slice(6 + group.start, 6 + group.stop)
+            prior[where, where] = metric / size**2
+        return prior
+
+    def balance(self, at: Iterate, before: Iterate, *, follow: bool) -> str:
         """The equilibrium under the forces found, by Newton's method; what went wrong in words.
 
         The step from the equilibrium before is halved until its tangent predicts the next one.
         """
-        points, settings = self.organ.mesh.points, {"smallest_step": 1.0, "max_iterations": NEWTON}
+        points = self.organ.mesh.points
         forward, moved = at.amplitudes - before.amplitudes, at.displacement - before.displacement
         farthest = float(np.linalg.norm(moved, axis=1).max())
-        for part in 0.5 ** np.arange(HALVINGS + 1):
+        for part in 0.5 ** np.arange((FEW if follow else HALVINGS) + 1):
             amplitudes, predicted = before.amplitudes + part * forward, points + before.displacement + part * moved
-            state = self.organ.solve(force=self.forces.nodal(amplitudes), start=before.state, settings=settings)
-            x = points + state.displacement
+            if follow:
+                start = before.displacement + part * (at.whole - before.displacement)
+                u, amplitudes, is_found = self.forces.equilibrium(amplitudes, start, before.displacement)
+            else:
+                u, is_found = self._equilibrium(amplitudes, before.displacement)
+            x = points + u
             back = aligned(x, predicted, np.ones(len(points)))
             at.change = float(np.linalg.norm(back(x) - predicted, axis=1).max())
-            if state.is_converged and at.change < FARTHEST * self.size:
+            if is_found and at.change < FARTHEST * self.size:
                 at.motion = Rigid(at.motion.rotation @ back.rotation, at.motion(back.translation))
-                at.state, at.displacement, at.amplitudes = state, state.displacement, amplitudes
-                at.is_cut = at.is_cut or part < 1.0
+                at.displacement, at.amplitudes = u, amplitudes
+                at.left -= part * farthest
+                at.is_cut = (at.is_cut or part < 1.0) and (not follow or at.left > 3.0 * SETTLED * self.size)
                 is_right = part == 1.0 and at.change < 0.25 * farthest
                 trust = 2.0 * at.trust if is_right else max(part * farthest, SETTLED * self.size)
                 at.trust = min(TRUST * self.size, trust)
                 return ""
-        if at.state is None:
-            at.state, at.displacement, at.amplitudes = self.organ.solve(), before.displacement, before.amplitudes
+        at.displacement, at.amplitudes = before.displacement, before.amplitudes
         return "no equilibrium was found under the forces of the next step, however short; the last one is kept"
+
+    def _equilibrium(self, amplitudes: Floats, start: Floats) -> tuple[Floats, bool]:
+        """Under forces that keep their directions: displacement (n, 3), and whether it was found."""
+        settings = {"smallest_step": 1.0, "max_iterations": NEWTON}
+        state = self.organ.solve(force=self.forces.nodal(amplitudes), start=start, settings=settings)
+        return state.displacement, state.is_converged
 
     def _wrong(self) -> Floats:
         """How smooth unit errors of the model (q,) move the cloud (k, q) [m] along normals, by Nystroem's method."""
@@ -296,8 +380,9 @@ class _Fit:
         return float((full - weight[:count]).sum() * (TUKEY * 2.0 * self.seen.noise) ** 2) if count else 0.0
 
     def result(self, at: Iterate, message: str, seconds: float) -> Registered:
-        assert at.state is not None
         mesh, motion = self.organ.mesh, at.motion
+        force = self.forces.nodal(at.amplitudes)
+        state = self.organ.solve(force=force, start=at.displacement, settings={"tolerance": NEARLY})
         x = mesh.points + at.displacement
         shape = Shape(x, self.visible)
         residual, inside, coverage = np.empty(0), np.empty(0, dtype=bool), 0.0
@@ -316,14 +401,14 @@ class _Fit:
         deformation = np.linalg.norm(at.displacement, axis=1)
         prior = np.einsum("nim,mk,nik->n", at.responses, np.linalg.inv(at.prior), at.responses, optimize=True)
         known = np.trace(covariance, axis1=1, axis2=2)
-        is_settled = not message and not at.is_cut and at.change < 3.0 * SETTLED * self.size
+        is_settled = not message and self.is_settled(at)
         if not message and at.is_cut:
             message = f"{TANGENTS} tangents are not enough: the last step was still shortened"
         elif not message and not is_settled:
             message = f"{TANGENTS} tangents leave a node {1e3 * at.change:.1f} mm from equilibrium"
         return Registered(
             self.organ,
-            at.state,
+            state,
             motion,
             residual=residual,
             inliers=inside,
@@ -332,7 +417,7 @@ class _Fit:
             band=band_of(covariance, deformation),
             observed=known < 0.25 * (prior + 1e-30),
             coverage=coverage,
-            nodal_force=self.forces.nodal(at.amplitudes),
+            nodal_force=force,
             iterations=at.iterations,
             is_settled=is_settled,
             message=message,
@@ -359,23 +444,6 @@ class _Fit:
         hits = np.bincount(triangles, minlength=len(self.visible))
         is_hit = hits > 0.25 * np.median(hits[hits > 0]) if hits.any() else hits > 0
         return float(_areas(mesh.points, self.visible)[is_hit].sum() / _areas(mesh.points, mesh.surface).sum())
-
-
-def rigid_parts(responses: Floats, x: Floats) -> Floats:
-    """Turn about the middle and shift (6, m) of the rigid motions of points (n, 3) nearest to responses (n, 3, m)."""
-    basis = _rigid_basis(x)
-    return np.asarray(np.linalg.solve(basis.T @ basis, basis.T @ responses.reshape(len(basis), -1)))
-
-
-def without_rigid(responses: Floats, x: Floats) -> Floats:
-    """Responses (n, 3, m) less these rigid motions."""
-    return np.asarray(responses - (_rigid_basis(x) @ rigid_parts(responses, x)).reshape(responses.shape))
-
-
-def _rigid_basis(x: Floats) -> Floats:
-    """Small turns about the middle of points (n, 3), and shifts, as columns (3 n, 6)."""
-    ones = np.broadcast_to(np.eye(3), (len(x), 3, 3))
-    return np.concatenate([levers(x - x.mean(axis=0)), ones], axis=2).reshape(-1, 6)
 
 
 def averaged(points: Floats, weights: Floats, edge: float) -> tuple[Floats, Floats]:

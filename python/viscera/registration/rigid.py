@@ -92,6 +92,23 @@ def aligned(places: Floats, measured: Floats, weights: Floats) -> Rigid:
     return Rigid(rotation, b - rotation @ a)
 
 
+def rigid_parts(responses: Floats, x: Floats) -> Floats:
+    """Turn about the middle and shift (6, m) of the rigid motions of points (n, 3) nearest to responses (n, 3, m)."""
+    basis = _rigid_basis(x)
+    return np.asarray(np.linalg.solve(basis.T @ basis, basis.T @ responses.reshape(len(basis), -1)))
+
+
+def without_rigid(responses: Floats, x: Floats) -> Floats:
+    """Responses (n, 3, m) less these rigid motions."""
+    return np.asarray(responses - (_rigid_basis(x) @ rigid_parts(responses, x)).reshape(responses.shape))
+
+
+def _rigid_basis(x: Floats) -> Floats:
+    """Small turns about the middle of points (n, 3), and shifts, as columns (3 n, 6)."""
+    ones = np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    return np.concatenate([levers(x - x.mean(axis=0)), ones], axis=2).reshape(-1, 6)
+
+
 class Shape:
     """The organ's surface in some shape, to find closest points on; only `triangles` (t, 3) may have been seen."""
 
