@@ -216,7 +216,7 @@ impl Body {
             let fields = columns.chunks(system.n_free()).flat_map(|column| system.scatter(column));
             Ok::<Vec<f64>, viscera_core::Error>(fields.collect())
         });
-        Ok(PyArray1::from_vec(py, found.map_err(convert::error)?).reshape(shape)?)
+        PyArray1::from_vec(py, found.map_err(convert::error)?).reshape(shape)
     }
 
     fn energy(&self, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {
