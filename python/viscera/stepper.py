@@ -157,7 +157,7 @@ class Stepper:
         >>> forceps.close("2 cm")
         >>> frame = stepper.frame()
         >>> frame.is_settled, f"{forceps.grip:.1f} N"
-        (True, '70.8 N')
+        (True, '71.1 N')
         """
         made = Forceps(self, jaw, position, rotation, opening=opening, friction=friction)
         self._forceps.append(made)

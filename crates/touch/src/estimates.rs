@@ -1,6 +1,7 @@
 //! What an answer is worth: how far corners and edges disagree at a contact, what the last order changes, and what the
 //! rest of the series and interpolation may leave.
 
+use super::departure::{DIRECTIONS, along};
 use super::interpolation::{Interpolation, norm};
 use super::metadata::Metadata;
 use super::resummation::{Dual, Form, MAX_ORDER, Parts, SKETCH, constant, form, weights};
@@ -259,6 +260,19 @@ impl Interpolation<'_> {
         let interpolation = INTERPOLATION_SHARE * correction / force_size;
         let force = truncation + MARGIN * interpolation + parameter;
         Estimates { force: force.min(1.0), shape: (force + compression).min(1.0) }
+    }
+
+    /// How fast the organ departs from the path of the series at a contact, under a touch along d: what was measured at the
+    /// corners, blended by their weights.
+    fn departure(&self, d: [f64; 3]) -> f64 {
+        let stored = &self.model.arrays.answers.departure;
+        if stored.is_empty() {
+            return 0.0;
+        }
+        along(d, &self.model.directions, |k| {
+            let corners = self.corners.iter().zip(self.weights);
+            corners.map(|(a, l)| l * f64::from(stored[DIRECTIONS * a + k])).sum()
+        })
     }
 
     /// What the compression of the field loses, relative to it, at a share of the full depth: of the

@@ -184,7 +184,7 @@ impl Stepper {
             barrier,
             motion_fraction: 1.0,
             hands_move: false,
-            was_settled: false,
+            was_settled: true,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
             projects_next: false,
