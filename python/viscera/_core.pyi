@@ -235,7 +235,8 @@ class Body:
         """Deformation gradient F (m, q, 3, 3), first Piola-Kirchhoff stress P (m, q, 3, 3) [Pa] of the element and
         strain energy density (m, q) [J/m^3] at the q quadrature points of each cell, of equal weight."""
     def linear_responses(self, displacement: Floats, force: Floats) -> Floats:
-        """Displacements (k, n, 3) by small nodal forces (k, n, 3) about a state, which need not be stable."""
+        """Displacements K^-1 f (k, n, 3) [m] by small nodal forces f (k, n, 3) [N], with the tangent K of a state
+        that need not be stable; zero on fixed nodes. Raises for fields of another shape and for a singular tangent."""
     def gravity(self, gravity: Floats, density: Floats) -> Floats:
         """Nodal forces (n, 3) of a body force density * gravity; density (1,) or (m,) [kg/m^3]."""
     def lumped_areas(self) -> Floats:

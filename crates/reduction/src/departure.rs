@@ -16,9 +16,9 @@ use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use viscera_touch::{Contact, DIRECTIONS, Metadata, ReducedModel, Trust, allowance, directions};
 
-/// One ray in so many is asked first. Where the organ departs its neighbours are asked, too.
+/// One ray in so many is asked first. Where the organ departs the rays around are asked, too.
 const TURNS: usize = 2;
-/// A touch is corrected if its estimate, over the allowance, is larger than this: others were never found to depart.
+/// A touch is corrected if its estimate, over the allowance, is larger than this: few others were found to depart.
 const SUSPICIOUS: f64 = 0.7;
 /// Cosine of the angle between directions that are near each other: about five around each.
 const NEAR: f64 = 0.68;

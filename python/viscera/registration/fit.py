@@ -119,10 +119,8 @@ class Iterate:
     """Whether the last step was shortened to it."""
     left: float = np.inf
     """Largest motion of a node [m] that the last step would have been longer by."""
-    turn: Floats = field(default_factory=lambda: np.zeros(3))
-    """Of the last step against the fixed nodes [rad]."""
     whole: Floats = field(default_factory=lambda: np.empty((0, 3)))
-    """Displacement as the tangent says, that turn and what goes with it included."""
+    """Displacement as the tangent says, the turn against the fixed nodes included."""
     doubt: float = DOUBT
     """Factor on the variance of the noise."""
     iterations: int = 0
@@ -270,7 +268,7 @@ class _Fit:
         at.is_cut, at.left = cut < 1.0, moved
         forward = cut * (at.amplitudes - begin_a)
         at.amplitudes, at.displacement = begin_a + forward, begin_u + responses @ forward
-        at.turn, at.whole = turns @ forward, begin_u + whole @ forward
+        at.whole = begin_u + whole @ forward
 
     def _prior(self, metrics: list[Floats], sizes: Floats) -> Floats:
         """Of all unknowns (p, p): none on the rigid motion; forces of these sizes; unit errors of the model."""
