@@ -52,9 +52,20 @@ impl<const L: usize> Lanes<L> {
         lanes!(|lane| f(self.0[lane]))
     }
 
+    /// Whether all lanes are; none is asked before the others, which takes longer than all at once.
     #[inline(always)]
     fn is_plain(&self) -> bool {
-        self.0.iter().all(|&x| elementary::is_plain(x))
+        self.0.iter().fold(true, |all, &x| all & elementary::is_plain(x))
+    }
+
+    /// A function of the standard library, lane by lane, where the numbers are not plain.
+    ///
+    /// Without a call the compiler would take the logarithm for a cheap instruction, and compute both ways for the cells
+    /// of several batches, to choose one afterwards.
+    #[cold]
+    #[inline(never)]
+    fn each(self, f: impl Fn(f64) -> f64) -> Self {
+        self.map(f)
     }
 }
 
@@ -114,7 +125,7 @@ impl<const L: usize> Scalar for Lanes<L> {
     }
     #[inline(always)]
     fn ln(&self) -> Self {
-        if self.is_plain() { self.map(elementary::ln) } else { self.map(f64::ln) }
+        if self.is_plain() { self.map(elementary::ln) } else { self.each(f64::ln) }
     }
     #[inline(always)]
     fn exp(&self) -> Self {
@@ -125,11 +136,11 @@ impl<const L: usize> Scalar for Lanes<L> {
         if exponent == -2.0 / 3.0 && self.is_plain() {
             return self.map(elementary::inverse_cbrt).square();
         }
-        self.map(|x| x.powf(exponent))
+        self.each(|x| x.powf(exponent))
     }
     #[inline(always)]
     fn cbrt(&self) -> Self {
-        if self.is_plain() { self.map(elementary::cbrt) } else { self.map(f64::cbrt) }
+        if self.is_plain() { self.map(elementary::cbrt) } else { self.each(f64::cbrt) }
     }
     #[inline(always)]
     fn sqrt(&self) -> Self {

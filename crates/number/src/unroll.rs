@@ -31,4 +31,21 @@ macro_rules! tabulate {
     };
 }
 
-pub use crate::{array, tabulate};
+/// `f(0); f(1); ...` of `each!(N, |a| f(a))`, for a constant N of ten at most.
+///
+/// A loop whose body asks for constants by its index: the compiler unrolls it in one kernel and not in the next.
+#[macro_export]
+macro_rules! each {
+    ($count:expr, |$a:pat_param| $f:expr) => {
+        const { assert!($count <= 10) };
+        $crate::each!(@ $count, $a, $f; 0 1 2 3 4 5 6 7 8 9);
+    };
+    (@ $count:expr, $a:pat, $f:expr; $($n:literal)*) => {$(
+        if $n < $count {
+            let $a: usize = $n;
+            $f
+        }
+    )*};
+}
+
+pub use crate::{array, each, tabulate};

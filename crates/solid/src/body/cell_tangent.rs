@@ -6,13 +6,13 @@ use crate::law::TangentBlocks;
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
-use crate::unroll::{array, tabulate};
+use crate::unroll::{array, each, tabulate};
 use std::marker::PhantomData;
 
 /// Stress and tangent of a law in the cells of a batch.
 pub(super) type StressTangent = (Mat3<Lane>, TangentBlocks<Lane>);
 
-/// Adds the forces of a quadrature point, and sums its tangents; those of the first point overwrite the old values.
+/// Adds the forces and tangents of a quadrature point; those of the first point overwrite the old values.
 #[inline(never)]
 pub(super) fn add<E: Shape<N>, const N: usize>(
     batch: &Batch<N>,
@@ -36,6 +36,9 @@ pub(super) fn add<E: Shape<N>, const N: usize>(
             let (stress, blocks) = self.response;
             let slopes = E::slopes(self.point);
             let weight = self.batch.volume * (1.0 / E::POINTS as f64);
+            if self.point == 0 {
+                *self.forces = [[Lane::default(); 3]; N];
+            }
             self.batch.add_forces(slopes, weight, stress, self.forces);
             if N == 4 {
                 set_linear_tangents(weight, blocks, self.sums);
@@ -50,7 +53,8 @@ pub(super) fn add<E: Shape<N>, const N: usize>(
     dispatch_solver(Add { batch, point, response, forces, sums, shape: PhantomData::<E> });
 }
 
-/// Adds `K_e x` of the tangents at a quadrature point, with a vector `x` of all nodes, to the products so far.
+/// Adds `K_e x` of the tangents at a quadrature point, with a vector `x` of all nodes; those of the first point overwrite
+/// the old values.
 #[inline(never)]
 pub(super) fn add_times<E: Shape<N>, const N: usize>(
     batch: &Batch<N>,
@@ -82,19 +86,24 @@ pub(super) fn add_times<E: Shape<N>, const N: usize>(
             };
             // sum_b slopes[b][l] x_b
             let mut along = [[Lane::default(); 3]; 3];
-            for b in 0..N {
+            each!(N, |b| {
                 for i in 0..3 {
                     let value = nodal(b, i);
-                    (0..3).for_each(|l| add_product(&mut along[l][i], slopes[b][l], &value));
+                    array!(3, |l| add_product(&mut along[l][i], slopes[b][l], &value));
                 }
+            });
+            if self.point == 0 {
+                *self.products = [[Lane::default(); 3]; N];
             }
             for k in 0..3 {
                 let flux = contract(self.blocks, k, &along);
-                for a in 0..N {
-                    for i in 0..3 {
-                        add_product(&mut self.products[a][i], slopes[a][k], &(flux[i] * weight));
-                    }
-                }
+                each!(N, |a| {
+                    array!(3, |i| add_product(
+                        &mut self.products[a][i],
+                        slopes[a][k],
+                        &(flux[i] * weight)
+                    ));
+                });
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::element::{Geometry, Shape};
 use crate::law::Material;
 use crate::number::{LANES, Lane, Lanes, Scalar};
 use crate::tensor::{Mat3, Vec3};
-use crate::unroll::tabulate;
+use crate::unroll::{array, each, tabulate};
 use std::marker::PhantomData;
 
 /// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
@@ -92,9 +92,8 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         let mut at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
             .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
             .collect();
-        if order.is_some() {
-            at_nodes.sort_by_key(|(_, (slot, _))| (slot.batch, slot.lane));
-        }
+        // As for the blocks below: in the order in which one thread adds them up.
+        at_nodes.sort_by_key(|(_, (slot, _))| (slot.batch, slot.lane));
         let nowhere = Destination { block: NOWHERE, transposed: false };
         let mut destinations = vec![nowhere; LANES * batches.len() * Self::PAIRS];
         for (nodes, &slot) in nodes.iter().zip(&slots) {
@@ -183,14 +182,12 @@ pub(super) fn deformation<S: Scalar, const N: usize>(
 ) -> Mat3<S> {
     let zero = gradients[0][0].constant(0.0);
     let mut h = tabulate!(|_, _| zero.clone());
-    for a in 0..N {
+    each!(N, |a| {
         for i in 0..3 {
             let value = u(a, i);
-            for k in 0..3 {
-                add_product(&mut h[i][k], slopes[a][k], &value);
-            }
+            array!(3, |k| add_product(&mut h[i][k], slopes[a][k], &value));
         }
-    }
+    });
     tabulate!(|i, j| {
         let sum = h[i][0].clone() * gradients[0][j].clone()
             + h[i][1].clone() * gradients[1][j].clone()

@@ -9,7 +9,7 @@ use crate::number::Lane;
 use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3, cofactor, determinant, dot};
 use crate::threads::share;
-use crate::unroll::array;
+use crate::unroll::{array, each};
 use rayon::prelude::*;
 
 /// Volume ratios of cells that are not inverted.
@@ -45,19 +45,47 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         (u, range): (&[f64], [f64; 2]),
         out: &mut [f64],
     ) -> f64 {
-        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let of_task = |(task, forces): (usize, &mut [[Vec3<Lane>; N]])| {
+        let of_task = |task: usize, forces: &mut [[Vec3<Lane>; N]]| {
             let first = task * TASK;
             dispatch_solver(ForceKernel { cells: self, first, law, around, u, range, forces })
         };
-        let energy = if share(self.n_tasks()) {
-            let tasks = forces.par_chunks_mut(TASK).enumerate();
-            tasks.map(of_task).collect::<Vec<f64>>().into_iter().sum()
+        if share(self.n_tasks()) {
+            self.forces_by_threads(out, of_task)
         } else {
-            forces.chunks_mut(TASK).enumerate().map(of_task).sum()
-        };
+            self.forces_by_one(out, of_task)
+        }
+    }
+
+    /// Sums at the nodes the forces that each task finds for its batches, task after task, so that they stay in the cache
+    /// until they are added; and what the tasks return.
+    pub(super) fn forces_by_one(
+        &self,
+        out: &mut [f64],
+        mut of_task: impl FnMut(usize, &mut [[Vec3<Lane>; N]]) -> f64,
+    ) -> f64 {
+        let mut forces = vec![[[Lane::default(); 3]; N]; TASK.min(self.batches.len())];
+        let (mut sum, (nodal, _)) = (0.0, out.as_chunks_mut::<3>());
+        nodal.fill([0.0; 3]);
+        for (task, batches) in self.batches.chunks(TASK).enumerate() {
+            let forces = &mut forces[..batches.len()];
+            sum += of_task(task, forces);
+            batches.iter().zip(&*forces).for_each(|(batch, forces)| batch.scatter(forces, nodal));
+        }
+        sum
+    }
+
+    /// The same by all threads, which gather node by node when the forces of all batches are there. The order of the sums
+    /// is the same.
+    pub(super) fn forces_by_threads(
+        &self,
+        out: &mut [f64],
+        of_task: impl Fn(usize, &mut [[Vec3<Lane>; N]]) -> f64 + Sync,
+    ) -> f64 {
+        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
+        let tasks = forces.par_chunks_mut(TASK).enumerate();
+        let sums: Vec<f64> = tasks.map(|(task, forces)| of_task(task, forces)).collect();
         self.gather_forces(&forces, out);
-        energy
+        sums.into_iter().sum()
     }
 
     /// The next batches of one tissue from `first` on, [`RUN`] at most and none from `last` on.
@@ -78,15 +106,21 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                 (0..3).for_each(|i| out[i] += f[i][slot.lane as usize]);
             }
         };
-        if share(self.n_tasks()) {
-            out.par_iter_mut().enumerate().with_min_len(1024).for_each(gather);
-        } else {
-            out.iter_mut().enumerate().for_each(gather);
-        }
+        out.par_iter_mut().enumerate().with_min_len(1024).for_each(gather);
     }
 }
 
 impl<const N: usize> Batch<N> {
+    /// Adds the forces of its cells to those of the nodes; lanes left over have none.
+    fn scatter(&self, forces: &[Vec3<Lane>; N], nodal: &mut [[f64; 3]]) {
+        for (lane, nodes) in self.nodes.iter().enumerate() {
+            for (force, &node) in forces.iter().zip(nodes) {
+                let sum = &mut nodal[node as usize];
+                (0..3).for_each(|i| sum[i] += force[i][lane]);
+            }
+        }
+    }
+
     /// Adds `f_a = w P grad N_a` of a quadrature point of weight `w`.
     #[inline(always)]
     pub(super) fn add_forces(
@@ -98,13 +132,9 @@ impl<const N: usize> Batch<N> {
     ) {
         let flux: [Vec3<Lane>; 3] =
             array!(3, |k| array!(3, |i| dot(&stress[i], &self.gradients[k]) * weight));
-        for a in 0..N {
-            for k in 0..3 {
-                for i in 0..3 {
-                    add_product(&mut forces[a][i], slopes[a][k], &flux[k][i]);
-                }
-            }
-        }
+        each!(N, |a| {
+            array!(3, |k| array!(3, |i| add_product(&mut forces[a][i], slopes[a][k], &flux[k][i])));
+        });
     }
 }
 
@@ -201,5 +231,7 @@ impl<E: Shape<N>, const N: usize> Kernel for ForceKernel<'_, E, N> {
 /// Whether any cell of a batch has a `J` outside of an open range, or none at all.
 #[inline(always)]
 fn is_outside(f: &Mat3<Lane>, range: [f64; 2]) -> bool {
-    determinant(f, &cofactor(f)).0.iter().any(|&j| !(j > range[0] && j < range[1]))
+    // No lane is asked before the others: that would be four determinants one after the other.
+    let j = determinant(f, &cofactor(f)).0;
+    !j.iter().fold(true, |inside, &j| inside & (j > range[0]) & (j < range[1]))
 }

@@ -15,7 +15,8 @@ use super::{Body, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::{LawKernels, Material};
 use crate::number::Lane;
-use crate::tensor::Mat3;
+use crate::tensor::{Mat3, Vec3};
+use crate::threads::share;
 use std::sync::Arc;
 
 /// The tangent of a body at a displacement, as a product with vectors.
@@ -98,10 +99,16 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         x: &[f64],
         y: &mut [f64],
     ) {
-        let mut products = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let of_task = TangentLoop { cells: self, law, around, u, curvature };
-        for_tasks(&mut products, |task, products| of_task.run(task, products, Purpose::Product(x)));
-        self.gather_forces(&products, y);
+        let tangents = TangentLoop { cells: self, law, around, u, curvature };
+        let of_task = |task: usize, products: &mut [[Vec3<Lane>; N]]| {
+            tangents.run(task, products, Purpose::Product(x));
+            0.0
+        };
+        if share(self.n_tasks()) {
+            self.forces_by_threads(y, of_task);
+        } else {
+            self.forces_by_one(y, of_task);
+        }
     }
 
     /// The blocks of each node with itself.

@@ -28,28 +28,29 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         tangent: &mut SymmetricBlocks,
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
-        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
         let SymmetricBlocks { values, of_cells, .. } = tangent;
         let of_batch = LANES * 9 * Self::PAIRS;
         let of_task = TangentLoop { cells: self, law, around, u, curvature };
         if share(self.n_tasks()) {
             of_cells.resize(of_batch * self.batches.len(), 0.0);
+            let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
             let of_tasks = of_cells.par_chunks_mut(TASK * of_batch);
             let tasks = forces.par_chunks_mut(TASK).zip(of_tasks).enumerate();
             tasks.for_each(|(task, (forces, of_cells))| {
                 of_task.run(task, forces, Purpose::OfCells(of_cells));
             });
             self.gather_tangents(of_cells, values, rest);
+            self.gather_forces(&forces, out);
         } else {
             let (values, _) = values.as_chunks_mut::<9>();
             values.fill([0.0; 9]);
-            for (task, forces) in forces.chunks_mut(TASK).enumerate() {
+            self.forces_by_one(out, |task, forces| {
                 let destinations = &self.destinations[task * TASK * LANES * Self::PAIRS..];
                 of_task.run(task, forces, Purpose::Summed { destinations, values });
-            }
+                0.0
+            });
             values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
         }
-        self.gather_forces(&forces, out);
     }
 
     /// Sums the contributions of the cells of all batches to each block.
@@ -160,7 +161,6 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
             let batch = &cells.batches[number];
             let (row, g) = (&cells.tissues[batch.tissue as usize], &batch.gradients);
             let shared = around.of(number..number + 1, &mut pressure);
-            *forces = [[Lane::default(); 3]; N];
             for point in 0..E::POINTS {
                 let f = dispatch_solver(Deform::<E, N> { batch, point, u, shape: PhantomData });
                 let (stress, blocks) = &mut response;
