@@ -1,4 +1,4 @@
-//! The sum of modes: the one loop of the evaluator whose cost grows with the organ.
+//! Sums of rows. That of modes is the one loop of the evaluator whose cost grows with the organ.
 
 use viscera_number::simd::Kernel;
 
@@ -44,6 +44,41 @@ impl Kernel for Combine<'_> {
             for (out, &q) in self.out.iter_mut().zip(mode) {
                 *out += factor * f32::from(q);
             }
+        }
+    }
+}
+
+/// `out += sum_k weight_k row_k`, four rows at a time.
+pub(super) struct Blend<'a> {
+    pub weights: &'a [f32],
+    /// At least as many as there are weights, each as long as `out`.
+    pub rows: &'a [f32],
+    pub out: &'a mut [f32],
+}
+
+impl Kernel for Blend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Blend { weights, rows, out } = self;
+        let n = out.len();
+        let (fours, rest) = weights.as_chunks::<4>();
+        let (together, alone) = rows[..n * weights.len()].split_at(4 * n * fours.len());
+        for (&[w0, w1, w2, w3], rows) in fours.iter().zip(together.chunks_exact(4 * n.max(1))) {
+            if [w0, w1, w2, w3] == [0.0; 4] {
+                continue;
+            }
+            let ((r0, r1), (r2, r3)) = {
+                let (first, last) = rows.split_at(2 * n);
+                (first.split_at(n), last.split_at(n))
+            };
+            for i in 0..n {
+                out[i] += w0 * r0[i] + w1 * r1[i] + w2 * r2[i] + w3 * r3[i];
+            }
+        }
+        for (weight, row) in rest.iter().zip(alone.chunks_exact(n.max(1))) {
+            out.iter_mut().zip(row).for_each(|(out, value)| *out += weight * value);
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::contact::Contact;
 use super::interpolation::{Interpolation, MAX_TERMS};
 use super::model::ReducedModel;
-use super::resummation::{MAX_ORDER, constant, weights};
+use super::resummation::{MAX_ORDER, NO_PARTS, Products, constant};
 use viscera_mesh::dot;
 use viscera_number::evaluate_monomials;
 
@@ -28,16 +28,16 @@ impl ReducedModel {
         evaluate_monomials(&self.exponents, d, monomials);
         let (orders, _) = here.force(monomials, d, here.second_order(d).as_ref());
         let work = orders.map(|force| dot(force, d));
-        let parts = here.parts(monomials, d);
+        let order = self.metadata.order;
+        let mut parts = NO_PARTS;
+        let is_pade = here.find_parts(monomials, d, &mut parts);
+        let products = Products::new(&parts, order);
         let power_at = |t: f64| -> f64 {
             let powers: [f64; MAX_ORDER] = std::array::from_fn(|p| t.powi(p as i32 + 1));
-            let weights = match &parts {
-                None => std::array::from_fn(|_| constant(1.0)),
-                Some(parts) => {
-                    let scaled = |p: usize, s: usize| constant(powers[p] * parts[p][s].value);
-                    let parts = std::array::from_fn(|p| std::array::from_fn(|s| scaled(p, s)));
-                    weights(&parts, self.metadata.order)
-                }
+            let weights = if is_pade {
+                products.scaled(&powers).form(order).weights
+            } else {
+                std::array::from_fn(|_| constant(1.0))
             };
             (0..MAX_ORDER).map(|p| weights[p].value * powers[p] * work[p]).sum()
         };

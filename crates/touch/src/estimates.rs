@@ -4,7 +4,7 @@
 use super::departure::{DIRECTIONS, along};
 use super::interpolation::{Interpolation, norm};
 use super::metadata::Metadata;
-use super::resummation::{Dual, Form, MAX_ORDER, Parts, SKETCH, constant, form, weights};
+use super::resummation::{Dual, Form, MAX_ORDER, NO_PARTS, Parts, Products, SKETCH, constant};
 use viscera_number::degree_of;
 
 /// An extrapolated tail is no bound: without it one trusted answer in some hundreds was 1.06 times
@@ -61,33 +61,36 @@ pub(super) struct Estimates {
 impl Interpolation<'_> {
     /// How much each order counts, and what the sketch tells about the sum.
     pub(super) fn order_weights(&self, monomials: &[f64], d: [f64; 3]) -> OrderWeights {
-        let Some(parts) = self.parts(monomials, d) else {
+        let mut parts = NO_PARTS;
+        if !self.find_parts(monomials, d, &mut parts) {
             return OrderWeights {
                 weights: std::array::from_fn(|_| constant(1.0)),
                 sketched: None,
             };
-        };
+        }
         let order = self.model.metadata.order;
-        let lower = weights(&parts, order - 1);
-        let Form { weights, denominator } = form(&parts, order);
-        let (mut square, mut whole) = (0.0, 0.0);
+        let products = Products::new(&parts, order);
+        let lower = products.form(order - 1).weights;
+        let Form { weights, denominator } = products.form(order);
         let difference: [f64; MAX_ORDER] = std::array::from_fn(|p| {
             let before = if p + 1 < order { lower[p].value } else { 0.0 };
             if p < order { weights[p].value - before } else { 0.0 }
         });
-        for s in 0..SKETCH {
-            let of = |w: &dyn Fn(usize) -> f64| {
-                (0..order).map(|p| w(p) * parts[p][s].value).sum::<f64>()
-            };
-            square += of(&|p| difference[p]).powi(2);
-            whole += of(&|p| weights[p].value).powi(2);
+        let (mut changed, mut all) = ([0.0; SKETCH], [0.0; SKETCH]);
+        for (part, (change, weight)) in parts.iter().zip(difference.iter().zip(&weights)) {
+            for s in 0..SKETCH {
+                changed[s] += change * part.value[s];
+                all[s] += weight.value * part.value[s];
+            }
         }
-        let spread = self.spread(monomials, &parts, &weights) / whole.sqrt();
+        let norm = |sums: [f64; SKETCH]| sums.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let (change, whole) = (norm(changed), norm(all));
+        let spread = self.spread(monomials, &parts, &weights) / whole;
         OrderWeights {
             weights,
             sketched: Some(Sketched {
                 difference,
-                change: (square / whole).sqrt(),
+                change: change / whole,
                 spread,
                 magnification: self.magnification(denominator),
             }),
@@ -112,7 +115,7 @@ impl Interpolation<'_> {
                 part.iter_mut().zip(row).for_each(|(sum, &x)| *sum += f64::from(x) * monomial);
             }
             for ((square, own), blend) in squares.iter_mut().zip(&own).zip(parts) {
-                let apart = own.iter().zip(blend).map(|(x, y)| (x - y.value).powi(2));
+                let apart = own.iter().zip(&blend.value).map(|(x, y)| (x - y).powi(2));
                 *square += self.weights[k] * apart.sum::<f64>();
             }
         }

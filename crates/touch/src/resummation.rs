@@ -9,6 +9,8 @@
 //! (Elhage-Hussein, Potier-Ferry and Damil, IJSS 37 (2000) 6981, drop u_N from the sum, which costs
 //! the last order.) Least is meant in the norm of a sketch: a few random sums over the field.
 
+use viscera_number::simd::{Kernel, dispatch};
+use viscera_number::unroll::array;
 use viscera_number::{Gradient, Scalar};
 
 /// Highest order of a series.
@@ -22,8 +24,19 @@ const POLE: [f64; 2] = [0.1, 0.3];
 
 /// A number with its derivatives in the displacement of the tool.
 pub(super) type Dual = Gradient<f64>;
-/// The part of each order of a touch in the sketch.
-pub(super) type Parts = [[Dual; SKETCH]; MAX_ORDER];
+/// An order of a touch in the sketch, with its derivatives in the displacement of the tool.
+#[derive(Clone)]
+pub(super) struct Part {
+    pub value: [f64; SKETCH],
+    pub first: [[f64; SKETCH]; 3],
+}
+
+/// The part of each order.
+pub(super) type Parts = [Part; MAX_ORDER];
+
+/// Where parts are added up.
+pub(super) const NO_PARTS: Parts =
+    [const { Part { value: [0.0; SKETCH], first: [[0.0; SKETCH]; 3] } }; MAX_ORDER];
 
 pub(super) fn constant(value: f64) -> Dual {
     Gradient { value, first: [0.0; 3] }
@@ -42,29 +55,73 @@ pub fn pade_weights(products: &[[f64; MAX_ORDER]; MAX_ORDER], order: usize) -> [
     form_of(|p, q| constant(products[p][q]), order).weights.map(|weight| weight.value)
 }
 
-/// The form of the first `order` parts.
-pub(super) fn form(parts: &Parts, order: usize) -> Form {
-    let product = |p: usize, q: usize| {
-        let products = parts[p].iter().zip(&parts[q]).map(|(a, b)| a.clone() * b.clone());
-        products.fold(constant(0.0), |sum, x| sum + x)
-    };
-    form_of(product, order)
+/// Inner products of the parts of a touch, those with `p <= q < order`.
+pub(super) struct Products([[Dual; MAX_ORDER]; MAX_ORDER]);
+
+impl Products {
+    /// Of the first `order` parts.
+    pub fn new(parts: &Parts, order: usize) -> Self {
+        dispatch(InnerProducts { parts, order })
+    }
+
+    /// The same of parts times `factors`, without their derivatives.
+    pub fn scaled(&self, factors: &[f64; MAX_ORDER]) -> Self {
+        Products(std::array::from_fn(|p| {
+            std::array::from_fn(|q| constant(factors[p] * factors[q] * self.0[p][q].value))
+        }))
+    }
+
+    /// The form of the first `order` parts, or of fewer.
+    pub fn form(&self, order: usize) -> Form {
+        form_of(|p, q| self.0[p.min(q)][p.max(q)].clone(), order)
+    }
 }
 
-/// The weights of that form.
-pub(super) fn weights(parts: &Parts, order: usize) -> [Dual; MAX_ORDER] {
-    form(parts, order).weights
+struct InnerProducts<'a> {
+    parts: &'a Parts,
+    order: usize,
+}
+
+impl Kernel for InnerProducts<'_> {
+    type Output = Products;
+
+    #[inline(always)]
+    fn run(self) -> Products {
+        let mut products =
+            Products(std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0))));
+        for q in 0..self.order {
+            for p in 0..=q {
+                let (a, b) = (&self.parts[p], &self.parts[q]);
+                products.0[p][q] = Gradient {
+                    value: dot(&a.value, &b.value),
+                    first: array!(3, |i| dot(&a.first[i], &b.value) + dot(&a.value, &b.first[i])),
+                };
+            }
+        }
+        products
+    }
+}
+
+/// The inner product of two vectors, summed in four parts side by side.
+#[inline(always)]
+fn dot(a: &[f64; SKETCH], b: &[f64; SKETCH]) -> f64 {
+    let mut sums = [0.0; 4];
+    for (a, b) in a.as_chunks::<4>().0.iter().zip(b.as_chunks::<4>().0) {
+        (0..4).for_each(|lane| sums[lane] += a[lane] * b[lane]);
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 fn form_of(product: impl Fn(usize, usize) -> Dual, order: usize) -> Form {
     let polynomial =
         |denominator: f64| Form { weights: std::array::from_fn(|_| constant(1.0)), denominator };
-    let squares: [Dual; MAX_ORDER] = std::array::from_fn(|p| product(p, p));
-    if order < 3 || squares[..order].iter().any(|s| !(s.value > 0.0 && s.value.is_finite())) {
+    let is_sound = |square: f64| square > 0.0 && square.is_finite();
+    if order < 3 || !(0..order).all(|p| is_sound(product(p, p).value)) {
         return polynomial(1.0);
     }
     let last = order - 1;
-    let size = squares.map(|square| square.powf(0.5));
+    let size: [Dual; MAX_ORDER] =
+        std::array::from_fn(|p| if p < order { root(&product(p, p)) } else { constant(1.0) });
     let inner = |p: usize, q: usize| product(p, q) * (size[p].clone() * size[q].clone()).recip();
     let recurrence = recurrence(last, inner);
     let mut sums: [Dual; MAX_ORDER] = std::array::from_fn(|_| constant(1.0));
@@ -83,6 +140,12 @@ fn form_of(product: impl Fn(usize, usize) -> Dual, order: usize) -> Form {
         (sums[last - p].clone() * inverse.clone() - 1.0) * share.clone() + 1.0
     });
     Form { weights, denominator: whole.value }
+}
+
+/// The square root of a positive number.
+fn root(square: &Dual) -> Dual {
+    let value = square.value.sqrt();
+    Gradient { value, first: square.first.map(|slope| 0.5 * slope / value) }
 }
 
 /// `c` that leaves least of `part_n + sum_(p < n) c_p part_p`, for parts of unit size with the given inner products.
@@ -134,28 +197,32 @@ fn away_from_pole(denominator: &Dual) -> Option<Dual> {
 mod tests {
     use super::*;
 
+    fn weights(parts: &Parts, order: usize) -> [Dual; MAX_ORDER] {
+        Products::new(parts, order).form(order).weights
+    }
+
     /// Parts of `sum_q a_q / (1 - r_q t)`: a function of few poles, known in all orders.
     fn parts(poles: &[f64], t: f64) -> Parts {
-        std::array::from_fn(|p| {
-            std::array::from_fn(|s| {
+        let mut parts = NO_PARTS;
+        for (p, part) in parts.iter_mut().enumerate() {
+            for s in 0..SKETCH {
                 let vector = |q: usize| ((3 * q + 1) as f64 * (s as f64 + 0.3)).sin();
                 let value = poles.iter().enumerate().map(|(q, r)| vector(q) * r.powi(p as i32));
                 let (value, power) = (value.sum::<f64>(), p as i32 + 1);
-                let slope = value * f64::from(power) * t.powi(power - 1);
-                Gradient { value: value * t.powi(power), first: [slope, 0.0, 0.0] }
-            })
-        })
+                part.value[s] = value * t.powi(power);
+                part.first[0][s] = value * f64::from(power) * t.powi(power - 1);
+            }
+        }
+        parts
     }
 
-    fn sum(parts: &Parts, order: usize, is_pade: bool) -> [Dual; SKETCH] {
+    fn sum(parts: &Parts, order: usize, is_pade: bool) -> [f64; SKETCH] {
         let weights = weights(parts, if is_pade { order } else { 0 });
-        std::array::from_fn(|s| {
-            (0..order).fold(constant(0.0), |sum, p| sum + weights[p].clone() * parts[p][s].clone())
-        })
+        std::array::from_fn(|s| (0..order).map(|p| weights[p].value * parts[p].value[s]).sum())
     }
 
-    fn distance(a: &[Dual; SKETCH], b: &[Dual; SKETCH]) -> f64 {
-        a.iter().zip(b).map(|(a, b)| (a.value - b.value).powi(2)).sum::<f64>().sqrt()
+    fn distance(a: &[f64; SKETCH], b: &[f64; SKETCH]) -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Few poles are found: at the radius of convergence, where the polynomial fails.
@@ -165,7 +232,7 @@ mod tests {
         let exact = std::array::from_fn(|s| {
             let vector = |q: usize| ((3 * q + 1) as f64 * (s as f64 + 0.3)).sin();
             let terms = poles.iter().enumerate().map(|(q, r)| vector(q) * 1.3 / (1.0 - 1.3 * r));
-            constant(terms.sum())
+            terms.sum()
         });
         let parts = parts(&poles, 1.3);
         let (pade, polynomial) = (sum(&parts, 6, true), sum(&parts, 6, false));
@@ -190,17 +257,19 @@ mod tests {
     fn inner_products_are_all_that_weights_need() {
         let parts = parts(&[0.8, -1.0, 0.5], 0.7);
         let product = |p: usize, q: usize| {
-            parts[p].iter().zip(&parts[q]).map(|(a, b)| a.value * b.value).sum()
+            parts[p].value.iter().zip(&parts[q].value).map(|(a, b)| a * b).sum()
         };
         let products = std::array::from_fn(|p| std::array::from_fn(|q| product(p, q)));
-        assert_eq!(pade_weights(&products, 5), weights(&parts, 5).map(|weight| weight.value));
+        for (alone, known) in pade_weights(&products, 5).iter().zip(weights(&parts, 5)) {
+            assert!((alone - known.value).abs() < 1e-12);
+        }
         assert_eq!(pade_weights(&[[0.0; MAX_ORDER]; MAX_ORDER], 5), [1.0; MAX_ORDER]);
     }
 
     /// The product of `1 - r t` of two poles, and the least that is taken next to one.
     #[test]
     fn the_denominator_tells_how_near_a_pole_is() {
-        let denominator = |t: f64| form(&parts(&[0.9, -0.7], t), 3).denominator;
+        let denominator = |t: f64| Products::new(&parts(&[0.9, -0.7], t), 3).form(3).denominator;
         for t in [-0.6, 0.3, 0.6, 0.9, 1.0] {
             let exact = (1.0 - 0.9 * t) * (1.0 + 0.7 * t);
             assert!((denominator(t) - exact).abs() < 2e-3, "{t}: {} not {exact}", denominator(t));

@@ -8,11 +8,13 @@
 
 mod second_order;
 
+use super::combine::Blend;
 use super::contact::Contact;
 use super::forms::SECOND;
 use super::model::ReducedModel;
-use super::resummation::{Dual, MAX_ORDER, Parts, SKETCH, constant, weights};
+use super::resummation::{Dual, MAX_ORDER, NO_PARTS, Parts, Products, SKETCH, constant};
 use second_order::SecondOrder;
+use viscera_number::simd::{Kernel, dispatch};
 use viscera_number::tensor::{Mat3, inverse, mul_vector};
 use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, degree_of, evaluate_monomials};
@@ -111,34 +113,25 @@ impl<'a> Interpolation<'a> {
 
     /// How much each order counts.
     pub(super) fn weights(&self, monomials: &[f64], d: [f64; 3]) -> [Dual; MAX_ORDER] {
-        match self.parts(monomials, d) {
-            None => std::array::from_fn(|_| constant(1.0)),
-            Some(parts) => weights(&parts, self.model.metadata.order),
+        let mut parts = NO_PARTS;
+        if self.find_parts(monomials, d, &mut parts) {
+            let order = self.model.metadata.order;
+            return Products::new(&parts, order).form(order).weights;
         }
+        std::array::from_fn(|_| constant(1.0))
     }
 
-    /// The part of each order in the sketch, blended from the corners; none if orders are summed as a polynomial.
-    pub(super) fn parts(&self, monomials: &[f64], d: [f64; 3]) -> Option<Parts> {
+    /// Adds the part of each order in the sketch, blended from the corners; false if orders are summed as a polynomial.
+    pub(super) fn find_parts(&self, monomials: &[f64], d: [f64; 3], parts: &mut Parts) -> bool {
         let model = self.model;
         if model.arrays.answers.sketch.is_empty()
             || self.terms < model.n_terms()
             || model.metadata.order < 3
         {
-            return None;
+            return false;
         }
-        let mut parts: Parts = std::array::from_fn(|_| std::array::from_fn(|_| constant(0.0)));
-        let size = SKETCH * model.n_terms();
-        let corners = self.corners.map(|c| &model.arrays.answers.sketch[c * size..(c + 1) * size]);
-        for (term, exponents) in model.exponents.iter().enumerate() {
-            let slope = monomial_gradient(exponents, d);
-            for (s, part) in parts[degree_of(exponents) - 1].iter_mut().enumerate() {
-                let at = SKETCH * term + s;
-                let blend: f64 = (0..3).map(|k| self.weights[k] * f64::from(corners[k][at])).sum();
-                part.value += blend * monomials[term];
-                part.first.iter_mut().zip(slope).for_each(|(sum, x)| *sum += blend * x);
-            }
-        }
-        Some(parts)
+        dispatch(Sketch { at: self, monomials, d, parts });
+        true
     }
 
     /// The parts of the force by order, and the size of the quadratic correction.
@@ -280,17 +273,18 @@ impl<'a> Interpolation<'a> {
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let linear = self.linear_displacement(k, f, second);
             let range = model.position_offset[corner]..model.position_offset[corner + 1];
-            let rows = arrays.answers.position_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.take(self.terms).enumerate() {
-                let weight = if term < SECOND.start {
+            let mut weights = [0.0; MAX_TERMS];
+            for (term, weight) in weights[..self.terms].iter_mut().enumerate() {
+                *weight = if term < SECOND.start {
                     linear[term]
                 } else if term < first {
                     of_second(k, term - SECOND.start)
                 } else {
                     self.corner_weight(k, term) * monomials[term]
-                };
-                add_scaled(weight as f32, row, out);
+                } as f32;
             }
+            let rows = &arrays.answers.position_coefficients[range];
+            dispatch(Blend { weights: &weights[..self.terms], rows, out });
         }
         for (k, &edge) in self.edges.iter().enumerate() {
             let region = arrays.edge_region[edge];
@@ -298,15 +292,16 @@ impl<'a> Interpolation<'a> {
             let out =
                 &mut workspace[slot * stride..slot * stride + model.region_modes(region).len()];
             let range = model.edge_offset[edge]..model.edge_offset[edge + 1];
-            let rows = arrays.answers.edge_coefficients[range].chunks_exact(out.len().max(1));
-            for (term, row) in rows.take(self.edge_terms()).enumerate() {
-                let weight = if SECOND.start + term < first {
+            let mut weights = [0.0; MAX_TERMS];
+            for (term, weight) in weights[..self.edge_terms()].iter_mut().enumerate() {
+                *weight = if SECOND.start + term < first {
                     of_second(3 + k, term)
                 } else {
                     4.0 * self.edge_weights[k] * monomials[3 + term]
-                };
-                add_scaled(weight as f32, row, out);
+                } as f32;
             }
+            let rows = &arrays.answers.edge_coefficients[range];
+            dispatch(Blend { weights: &weights[..self.edge_terms()], rows, out });
         }
         slots
     }
@@ -323,6 +318,38 @@ impl<'a> Interpolation<'a> {
         let Some((second, weight)) = second else { return own };
         let held = self.constraint_displacement(k, second);
         std::array::from_fn(|i| own[i] + weight * held[i])
+    }
+}
+
+/// The parts of a touch in the sketch, compiled for the processor's vectors.
+struct Sketch<'a> {
+    at: &'a Interpolation<'a>,
+    monomials: &'a [f64],
+    d: [f64; 3],
+    parts: &'a mut Parts,
+}
+
+impl Kernel for Sketch<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Sketch { at, monomials, d, parts } = self;
+        let (model, [l0, l1, l2]) = (at.model, at.weights);
+        let size = SKETCH * model.n_terms();
+        let rows = at
+            .corners
+            .map(|c| model.arrays.answers.sketch[c * size..(c + 1) * size].as_chunks::<SKETCH>().0);
+        for (term, exponents) in model.exponents.iter().enumerate() {
+            let (value, slope) = (monomials[term], monomial_gradient(exponents, d));
+            let [r0, r1, r2] = rows.map(|rows| &rows[term]);
+            let part = &mut parts[degree_of(exponents) - 1];
+            for s in 0..SKETCH {
+                let blend = l0 * f64::from(r0[s]) + l1 * f64::from(r1[s]) + l2 * f64::from(r2[s]);
+                part.value[s] += blend * value;
+                (0..3).for_each(|i| part.first[i][s] += blend * slope[i]);
+            }
+        }
     }
 }
 
@@ -344,13 +371,6 @@ fn slot_of(slots: &mut [Option<u32>; 3], region: u32) -> usize {
     let slot = slots.iter().position(|s| s.is_none_or(|r| r == region)).unwrap_or(0);
     slots[slot] = Some(region);
     slot
-}
-
-#[inline(always)]
-fn add_scaled(weight: f32, row: &[f32], out: &mut [f32]) {
-    if weight != 0.0 {
-        out.iter_mut().zip(row).for_each(|(out, &value)| *out += weight * value);
-    }
 }
 
 fn monomial_gradient(exponents: &[u8; 3], d: [f64; 3]) -> [f64; 3] {
