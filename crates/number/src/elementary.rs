@@ -16,7 +16,7 @@ const PLAIN: std::ops::Range<f64> = 1e-100..1e100;
 /// Whether a number is in the range where these functions hold.
 #[inline(always)]
 pub(super) fn is_plain(x: f64) -> bool {
-    (x >= PLAIN.start) & (x < PLAIN.end)
+    PLAIN.contains(&x)
 }
 
 /// `x^(-1/3)` of a plain number, to two units in the last place: Newton's method from an exponent divided by three.
