@@ -27,6 +27,7 @@ FOLDER = ROOT / "out" / "compare"
 LIMIT = 1.03  # times as long
 ROUNDS, REPEATS = 4, 3  # in turn, and how often so many if a row is beyond the limit
 BENCHES = ("assembly", "online")
+NO_ROW = "no such row"
 
 Times = dict[str, "float | str"]
 """By row, the time, or why there is none."""
@@ -39,7 +40,8 @@ class Side:
     name: str
     package: Path  # the folder that holds the package
     benches: Path  # the folder that holds the compiled benchmarks of the core
-    model: Path  # where its reduced model is kept: each revision reads its own
+    model: Path  # where its reduced model is kept
+    first: Path  # that of the first revision, which the second one must still read
 
 
 def git(*words: str, folder: Path = ROOT) -> str:
@@ -60,13 +62,15 @@ def compiled(folder: Path, target: Path) -> dict[str, Path]:
     return {one["target"]["name"]: Path(one["filenames"][0]) for one in made if one["reason"] == "compiler-artifact"}
 
 
-def working_tree(groups: list[str]) -> Side:
+def working_tree(groups: list[str], first: Path) -> Side:
     """What `make setup` has built here; benchmarks are compiled if they are asked for."""
     changes = git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":!/benchmarks/results", ":!/*.md")
     own = FOLDER / "tree"
     if not {"cells", "touches"}.isdisjoint(groups):
         keep(compiled(ROOT, ROOT / "target"), own)
-    return Side(title("HEAD") + (" (with changes)" if changes else ""), ROOT / "python", own, FOLDER / "tree.viscera")
+    return Side(
+        title("HEAD") + (" (with changes)" if changes else ""), ROOT / "python", own, FOLDER / "tree.viscera", first
+    )
 
 
 def keep(made: dict[str, Path], folder: Path) -> None:
@@ -75,7 +79,7 @@ def keep(made: dict[str, Path], folder: Path) -> None:
         shutil.copy(made[name], folder / name)
 
 
-def built(revision: str) -> Side:
+def built(revision: str, first: Path | None = None) -> Side:
     """A revision in a folder of its own. All are built in one checkout, so that what they share is compiled once."""
     try:
         commit = git("rev-parse", "--short=7", f"{revision}^{{commit}}")
@@ -91,7 +95,8 @@ def built(revision: str) -> Side:
         shutil.copytree(tree / "python", folder / "building", dirs_exist_ok=True)
         shutil.copy(made["_core"], folder / "building" / "viscera" / "_core.abi3.so")
         (folder / "building").rename(folder / "python")
-    return Side(title(commit), folder / "python", folder, folder / "end.viscera")
+    model = folder / "end.viscera"
+    return Side(title(commit), folder / "python", folder, model, first or model)
 
 
 def run(side: Side, command: list[str | Path]) -> str:
@@ -118,10 +123,14 @@ def cells(side: Side) -> Times:
 
 
 def touches(side: Side) -> Times:
-    """The median of a touch [us], of random touches and of a hand that wanders."""
+    """The median of a touch [us], of random touches and of a hand that wanders: of the revision's own model, and of A's,
+    so that what a model holds is told from what the evaluator takes for it."""
     row = re.compile(r"^(random touches|wandering hand)\s+(.+?)\s+[\d.]+\s+([\d.]+)\s+[\d.]+\s+[\d.]+$", re.MULTILINE)
-    told = run(side, [side.benches / "online", "--bench", side.model])
-    return {f"{hand}, {what} [us]": float(time) for hand, what, time in row.findall(told)}
+    return {
+        f"{hand}, {what}, {whose} model [us]": float(time)
+        for whose, model in (("own", side.model), ("A's", side.first))
+        for hand, what, time in row.findall(run(side, [side.benches / "online", "--bench", model]))
+    }
 
 
 GROUPS: dict[str, Callable[[Side], Times]] = {
@@ -161,7 +170,7 @@ def least(group: Callable[[Side], Times], sides: list[Side]) -> Iterator[tuple[s
 
 def rows(best: list[Times]) -> dict[str, list[float | str]]:
     names = dict.fromkeys(row for times in best for row in times)
-    return {row: [times.get(row, times.get("", "no such row")) for times in best] for row in names if row}
+    return {row: [times.get(row, times.get("", NO_ROW)) for times in best] for row in names if row}
 
 
 def ratio(found: list[float | str]) -> float:
@@ -176,7 +185,8 @@ def main(revision: str, other: str | None, groups: list[str]) -> None:
     import machine  # type: ignore[import-not-found]
 
     FOLDER.mkdir(parents=True, exist_ok=True)
-    sides = [built(revision), built(other) if other else working_tree(groups)]
+    first = built(revision)
+    sides = [first, built(other, first.model) if other else working_tree(groups, first.model)]
     print(machine.describe(1))
     for letter, side in zip("AB", sides, strict=True):
         print(f"{letter}: {side.name}")
@@ -184,7 +194,11 @@ def main(revision: str, other: str | None, groups: list[str]) -> None:
     print(f"{'':66}{'A':>10}{'B':>10}{'B / A':>8}", flush=True)
     slower = 0
     for group in groups:
+        of_one = 0
         for row, found in least(GROUPS[group], sides):
+            if NO_ROW in found:
+                of_one += 1
+                continue
             missing = [f"{letter}: {time}" for letter, time in zip("AB", found, strict=True) if isinstance(time, str)]
             if missing:
                 print(f"{row:66}  {'; '.join(missing)}", flush=True)
@@ -192,6 +206,8 @@ def main(revision: str, other: str | None, groups: list[str]) -> None:
             slower += ratio(found) > LIMIT
             times = "".join(f"{time:10.3f}" for time in found)
             print(f"{row:66}{times}{ratio(found):8.3f}{' *' if ratio(found) > LIMIT else ''}", flush=True)
+        if of_one:
+            print(f"{group}: {of_one} rows that one of the revisions does not have", flush=True)
     print(f"rows that take more than {LIMIT} times as long: {slower}")
 
 
