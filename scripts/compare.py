@@ -123,7 +123,7 @@ def cells(side: Side) -> Times:
 
 
 def touches(side: Side) -> Times:
-    """The median of a touch [us], of random touches and of a hand that wanders: of the revision's own model, and of A's,
+    """The median of a touch [us], random and of a hand that wanders: of the revision's own model, and of A's,
     so that what a model holds is told from what the evaluator takes for it."""
     row = re.compile(r"^(random touches|wandering hand)\s+(.+?)\s+[\d.]+\s+([\d.]+)\s+[\d.]+\s+[\d.]+$", re.MULTILINE)
     return {
