@@ -69,7 +69,7 @@ stages = @times=; for stage in $(1); do \
 .DEFAULT_GOAL := help
 .PHONY: help setup package demo test lint format test-core test-c test-python test-web sanitize fuzz viewer c-library install-c
 .PHONY: test-gpu test-gpu-if-any docs gallery bench bench-gpu bench-laws bench-haptic studies study-trust study-touches study-reduced study-soak study-contact study-calculix study-probe study-registration study-meshing study-solvers pages check-pages pictures clean
-.PHONY: reduced-liver build-times compare wheel
+.PHONY: reduced-liver build-times stage-times compare wheel
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -190,6 +190,10 @@ wheel: $(node_viewer) ## a wheel for this platform, in out/wheel; its size is ke
 
 build-times: $(development) ## processor time of all that make compiles, from nothing; kept in benchmarks/results
 	$(BIN)/python scripts/build_times.py | tee benchmarks/results/build.txt
+
+stage-times: $(development) ## how long make demo and make test take from nothing, stage by stage; kept in benchmarks/results
+	mkdir -p out
+	$(BIN)/python scripts/stage_times.py > out/stages.txt && mv out/stages.txt benchmarks/results/stages.txt
 
 compare: $(development) ## whether this is slower than revision REV, or revision WITH is, row by row in turns
 	@$(BIN)/python scripts/compare.py $(REV) $(WITH)
