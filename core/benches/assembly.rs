@@ -17,7 +17,7 @@ const FORMULAS: [(&str, &[f64]); 2] = [
 
 /// A cube of `n` cubes to an edge, each of the six tetrahedra between its opposite corners.
 fn cube(n: usize) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
-    const WAYS: [([usize; 3], bool); 6] = [
+    const ORDERS: [([usize; 3], bool); 6] = [
         ([0, 1, 2], true),
         ([1, 2, 0], true),
         ([2, 0, 1], true),
@@ -33,10 +33,10 @@ fn cube(n: usize) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
         if corner.contains(&n) {
             continue;
         }
-        for (way, is_even) in WAYS {
+        for (axes, is_even) in ORDERS {
             let mut at = corner;
             let mut cell = [index(corner); 4];
-            for (step, axis) in way.into_iter().enumerate() {
+            for (step, axis) in axes.into_iter().enumerate() {
                 at[axis] += 1;
                 cell[step + 1] = index(at);
             }

@@ -3,8 +3,10 @@
 
 use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
 use crate::device::{Gpu, dispatch, workgroups};
+use crate::gathered::Gathered;
 use crate::layout::OF_CELL;
-use crate::rest::{Rest, RestBlock};
+use crate::rest::Rest;
+use crate::tangent::Tangent;
 use crate::{Error, Law, System};
 use std::sync::Arc;
 use wgpu::{BindGroup, Buffer, ComputePipeline};
@@ -22,31 +24,6 @@ pub struct Solid<'a> {
     pub parameters: &'a [Vec<f64>],
     /// Cells that share their volume ratio, if any do.
     pub clusters: Option<Clusters<'a>>,
-}
-
-/// A tangent to assemble: `factor K(u) + rest + shift I`.
-#[derive(Clone, Copy, Debug)]
-pub struct Tangent<'a> {
-    /// Displacement [m].
-    pub u: &'a [f64],
-    /// Pressure of each cluster.
-    pub pressures: &'a [f64],
-    /// For each node of each cluster: the gradient `j` of the cluster's volume ratio, and `m = modulus * j`. A cluster
-    /// adds `m j^T` to the tangent.
-    pub slopes: [&'a [[f64; 3]]; 2],
-    /// Factor of the law's tangent.
-    pub factor: f64,
-    /// Blocks to add. With None, those of the last call are added again.
-    pub rest: Option<&'a [RestBlock]>,
-    /// Multiple of the identity.
-    pub shift: f64,
-}
-
-impl<'a> Tangent<'a> {
-    /// The tangent of the cells alone at a displacement.
-    pub fn at(u: &'a [f64]) -> Self {
-        Tangent { u, pressures: &[], slopes: [&[], &[]], factor: 1.0, rest: None, shift: 0.0 }
-    }
 }
 
 struct Kernels {
@@ -315,25 +292,5 @@ impl Parts<'_> {
             forces: (forces, groups(chunk.rows.len())),
             clusters: clusters.map(|group| (group, groups(places))),
         })
-    }
-}
-
-/// Parts to be summed at each place, in the order in which they were given.
-pub(crate) struct Gathered<T> {
-    pub starts: Vec<u32>,
-    pub parts: Vec<T>,
-}
-
-impl<T: Copy + Default> Gathered<T> {
-    pub fn new(places: usize, given: &[(usize, T)]) -> Self {
-        let mut starts = vec![0u32; places + 1];
-        given.iter().for_each(|(place, _)| starts[place + 1] += 1);
-        (0..places).for_each(|k| starts[k + 1] += starts[k]);
-        let (mut next, mut parts) = (starts.clone(), vec![T::default(); starts[places] as usize]);
-        for &(place, part) in given {
-            parts[next[place] as usize] = part;
-            next[place] += 1;
-        }
-        Gathered { starts, parts }
     }
 }

@@ -1,8 +1,9 @@
 //! Clusters of cells that share their volume ratio. The caller computes ratios, pressures and gradients in double
 //! precision; the device adds their part of the tangent.
 
-use crate::cells::{Gathered, Tangent};
 use crate::device::Gpu;
+use crate::gathered::Gathered;
+use crate::tangent::Tangent;
 use crate::{Error, System};
 use wgpu::{BindGroup, Buffer, ComputePipeline};
 

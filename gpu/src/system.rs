@@ -68,7 +68,7 @@ pub type Mean = Vec<(u32, f64)>;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-struct State {
+struct Recurrence {
     gamma: f32,
     alpha: f32,
     ended: u32,
@@ -331,7 +331,7 @@ impl System {
                 settings.check_every.min(settings.max_iterations + 1 - done).next_multiple_of(2);
             self.encode_iterations(&mut encoder, batch);
             done += batch;
-            let state: Vec<State> = self.gpu.read(encoder, &self.vectors.state, 2)?;
+            let state: Vec<Recurrence> = self.gpu.read(encoder, &self.vectors.state, 2)?;
             let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
             if state[0].ended != 0 || done > settings.max_iterations || is_late {
                 break state[0];
@@ -401,7 +401,8 @@ impl System {
 
     fn set_goal(&self, settings: &Settings) {
         let goal = (settings.tolerance * settings.tolerance) as f32;
-        let state = State { goal, most: settings.max_iterations as u32, ..State::default() };
+        let state =
+            Recurrence { goal, most: settings.max_iterations as u32, ..Recurrence::default() };
         self.gpu.write(&self.vectors.state, &[state, state]);
     }
 
@@ -517,7 +518,7 @@ impl Vectors {
             inverse: gpu.zeros::<f32>("preconditioner", 6 * n_nodes)?,
             held: gpu.zeros::<u32>("what is held", n_nodes)?,
             sums: gpu.zeros::<f32>("partial sums", 5 * MOST_PARTS + 4)?,
-            state: gpu.zeros::<State>("state", 2)?,
+            state: gpu.zeros::<Recurrence>("state", 2)?,
         })
     }
 }

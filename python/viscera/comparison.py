@@ -1,7 +1,8 @@
 """The models of surgical simulation on one case: the effects of linearisation, corotation and the choice of an energy.
 
 All models have the same moduli at small strain. They differ in their treatment of geometry and in their energy.
-Paper B: linear, corotated, geometrically nonlinear (Saint Venant-Kirchhoff) and Mooney-Rivlin on an artery.
+Paper B, *Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*:
+linear, corotated, geometrically nonlinear (Saint Venant-Kirchhoff) and Mooney-Rivlin on an artery.
 """
 
 from __future__ import annotations

@@ -39,7 +39,9 @@ if TYPE_CHECKING:
 
 
 class Stepper:
-    """An organ in real time, made by `Organ.stepper`. Paper B: one Newton iteration a frame from the last state.
+    """An organ in real time, made by `Organ.stepper`. Paper B
+    (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*):
+    one Newton iteration a frame from the last state.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-CRATES = sorted((Path(__file__).parents[2] / "crates").glob("*/src"))
+ROOT = Path(__file__).parents[2]
+CRATES = sorted(
+    folder / "src"
+    for parent in (ROOT, ROOT / "crates", ROOT / "bindings")
+    for folder in parent.iterdir()
+    if (folder / "Cargo.toml").exists() and (folder / "src").exists()
+)
 Module = tuple[str, ...]
 
 

@@ -23,10 +23,10 @@ const COLOURS = [0xf0e442, 0x56b4e9, 0x009e73, 0xcc79a7, 0xe69f00, 0x0072b2] as 
 export class Inside {
   readonly group = new THREE.Group();
   readonly root = element("section", { class: "panel inside", "aria-label": "parts within" });
-  private readonly pieces: readonly Piece[];
+  private readonly pieces: readonly InnerPart[];
 
   constructor(rest: Float32Array, parts: readonly Part[]) {
-    this.pieces = parts.map((part, k) => new Piece(rest, part, COLOURS[k % COLOURS.length]!));
+    this.pieces = parts.map((part, k) => new InnerPart(rest, part, COLOURS[k % COLOURS.length]!));
     this.pieces.forEach(({ mesh }) => this.group.add(mesh));
     this.root.append(element("dl", {}, ...this.pieces.map(({ row }) => row)));
     this.root.hidden = this.isEmpty;
@@ -65,7 +65,7 @@ export class Inside {
 }
 
 /** A part's surface on the stage, and its line in the readings. */
-class Piece {
+class InnerPart {
   readonly mesh: THREE.Mesh<THREE.BufferGeometry, THREE.MeshStandardMaterial>;
   readonly row: HTMLElement;
   /** Its nodes, by row of the model's, and their shares of its area: they give its centroid. */

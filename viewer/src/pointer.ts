@@ -37,7 +37,7 @@ export interface Touched {
 }
 
 /** A mouse or a finger that holds on: where it took hold [m], what was displaced before, and where it is now. */
-interface Held {
+interface Drag {
   hand: number;
   start: THREE.Vector3;
   base: Vec3;
@@ -48,7 +48,7 @@ interface Held {
 export class Pointer {
   private readonly ray = new THREE.Raycaster();
   /** By the browser's number of the pointer. */
-  private readonly holding = new Map<number, Held>();
+  private readonly holding = new Map<number, Drag>();
   /** Fingers on the canvas, with where they came down; two are the camera's, unless each holds on. */
   private readonly fingers = new Map<number, PointerEvent>();
   private readonly abort = new AbortController();
@@ -175,7 +175,7 @@ export class Pointer {
     this.displace(held);
   }
 
-  private displace({ hand, start, base, wheel, last }: Held): void {
+  private displace({ hand, start, base, wheel, last }: Drag): void {
     const contact = this.touched.contact(hand);
     if (!contact) return;
     const drag = this.inScreenPlane(start, last);

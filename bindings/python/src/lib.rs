@@ -4,6 +4,7 @@
 //! converts its arguments, makes one call with the interpreter released, and converts the result.
 
 mod body;
+mod body_methods;
 mod contact;
 mod convert;
 mod exclusive;

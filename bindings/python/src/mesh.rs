@@ -64,7 +64,7 @@ pub fn quadratic_surface<'py>(
 }
 
 /// Triangles of both surfaces, barycentric coordinates of the corners, areas.
-type Pieces<'py> = (Table<'py>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
+type Overlaps<'py> = (Table<'py>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pyfunction]
 pub fn overlap<'py>(
@@ -73,7 +73,7 @@ pub fn overlap<'py>(
     first: PyReadonlyArray2<u32>,
     second: PyReadonlyArray2<u32>,
     reach: f64,
-) -> PyResult<Pieces<'py>> {
+) -> PyResult<Overlaps<'py>> {
     let points = convert::points("points", &points)?;
     let [first, second] = [convert::triangles(&first)?, convert::triangles(&second)?];
     if let Some(node) = first.iter().chain(&second).flatten().find(|n| **n as usize >= points.len())

@@ -1,6 +1,6 @@
 //! Labels and surfaces to tetrahedra.
 
-use crate::body::Watch;
+use crate::body_methods::Watch;
 use crate::convert::{self, VisceraError};
 use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;

@@ -1,6 +1,7 @@
 //! Paper A's separated series.
 
-use crate::body::{Body, Watch};
+use crate::body::Body;
+use crate::body_methods::Watch;
 use crate::convert;
 use crate::settings::choose;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};

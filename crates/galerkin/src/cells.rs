@@ -3,7 +3,7 @@
 use super::origin::Origin;
 use super::panels::{BATCHES, Panel, Work, curvature_place, place};
 use super::reduced_energy::{Reduced, Wanted};
-use super::sample::{Batch, EDGES, Sample};
+use super::weighted_cells::{Batch, EDGES, WeightedCells};
 use crate::law::{LawKernels, Shared, TangentBlocks};
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver};
@@ -15,7 +15,7 @@ use std::slice::{from_mut, from_ref};
 /// Linear cells with weights, and the modes on them, in panels.
 #[derive(Clone)]
 pub(super) struct SampledCells {
-    sample: Sample,
+    sample: WeightedCells,
     panels: Vec<Panel>,
     works: Vec<Work>,
 }
@@ -24,7 +24,7 @@ impl SampledCells {
     /// Some cells of a body with their weights; each of the `modes` holds all degrees of freedom.
     pub fn new(origin: &Origin, cells: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
         let body = &origin.body;
-        let mut sample = Sample::new(body.points(), body.cells(), body.material(), cells);
+        let mut sample = WeightedCells::new(body.points(), body.cells(), body.material(), cells);
         sample.set_weights(weights);
         let panels = Panel::all(&sample, &origin.displacement, modes);
         SampledCells { sample, works: panels.iter().map(Panel::work).collect(), panels }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 const CHUNK: usize = 64;
 
 /// A state of training.
-pub(super) struct State {
+pub(super) struct TrainingState {
     /// Its coordinates.
     pub q: Vec<f64>,
     /// Weight of its forces beside those of other states.
@@ -20,7 +20,7 @@ pub(super) struct State {
     force: Vec<f64>,
 }
 
-impl State {
+impl TrainingState {
     /// Squared norm of its coordinates.
     pub fn square(&self) -> f64 {
         self.q.iter().map(|q| q * q).sum()
@@ -32,14 +32,14 @@ pub(super) fn with_forces(
     origin: &Origin,
     subspace: &Subspace,
     coordinates: Vec<Vec<f64>>,
-) -> Vec<State> {
+) -> Vec<TrainingState> {
     coordinates
         .into_par_iter()
         .map(|q| {
             let u = subspace.basis.field(&q);
             let mut force = vec![0.0; u.len()];
             origin.internal_force(&u, &mut force);
-            State { q, weight: 1.0, force: subspace.basis.project(&force) }
+            TrainingState { q, weight: 1.0, force: subspace.basis.project(&force) }
         })
         .collect()
 }
@@ -57,7 +57,12 @@ pub(super) struct Forces {
 
 impl Forces {
     /// Of some units of a body.
-    pub fn new(origin: &Origin, units: &[usize], subspace: &Subspace, states: &[State]) -> Self {
+    pub fn new(
+        origin: &Origin,
+        units: &[usize],
+        subspace: &Subspace,
+        states: &[TrainingState],
+    ) -> Self {
         let scales: Vec<f64> =
             states.iter().map(|s| s.weight / norm(&s.force).max(f64::MIN_POSITIVE)).collect();
         let (r, rows) = (subspace.len(), subspace.len() * states.len());

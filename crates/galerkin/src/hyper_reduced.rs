@@ -16,19 +16,19 @@ use std::time::Duration;
 
 /// State of the coordinates after the last search.
 #[derive(Clone, Copy, PartialEq)]
-enum Place {
+enum Reached {
     /// Unusable as a start.
-    Nowhere,
+    Nothing,
     /// On the way to an equilibrium.
-    UnderWay,
+    AnIterate,
     /// At an equilibrium of this depth [m].
-    At(f64),
+    Equilibrium(f64),
 }
 
 /// Some contacts of an organ, ready to be displaced.
 pub struct HyperReducedModel {
     now: Trained,
-    place: Place,
+    reached: Reached,
     /// Source of better models, if training goes on in the background.
     background: Option<BackgroundTraining>,
     /// Room for the prescribed means.
@@ -52,7 +52,13 @@ impl HyperReducedModel {
     /// A model whose training is complete.
     fn new(now: Trained) -> Self {
         let means = vec![0.0; 3 * now.contacts.places().len()];
-        HyperReducedModel { now, place: Place::Nowhere, background: None, means, is_alone: false }
+        HyperReducedModel {
+            now,
+            reached: Reached::Nothing,
+            background: None,
+            means,
+            is_alone: false,
+        }
     }
 
     /// A model in the span of the series; snapshots follow while it is in use.
@@ -83,13 +89,15 @@ impl HyperReducedModel {
         if self.background.is_some() {
             return Err(Error::input("this model trains in the background by itself; wait for it"));
         }
-        let (Place::At(depth), since) = (self.place, Instant::now()) else { return Ok(false) };
+        let (Reached::Equilibrium(depth), since) = (self.reached, Instant::now()) else {
+            return Ok(false);
+        };
         let (mut contacts, mut training) =
             (ReducedContacts::clone(&self.now.contacts), self.now.training.clone());
         let is_wrong = training.correct(&mut contacts, &self.field(), depth)?;
         if is_wrong {
             let mut better = Trained::new(contacts, training, since);
-            go_on(&self.now, &mut better, self.place, self.is_alone);
+            go_on(&self.now, &mut better, self.reached, self.is_alone);
             self.now = better;
         }
         Ok(is_wrong)
@@ -105,8 +113,8 @@ impl HyperReducedModel {
     /// Replaces this model by a better one that is ready.
     fn improve(&mut self) -> Result<(), Error> {
         let Some(background) = self.background.take() else { return Ok(()) };
-        let (is_alone, place) = (self.is_alone, self.place);
-        let go_on = |old: &Trained, better: &mut Trained| go_on(old, better, place, is_alone);
+        let (is_alone, reached) = (self.is_alone, self.reached);
+        let go_on = |old: &Trained, better: &mut Trained| go_on(old, better, reached, is_alone);
         background.improve(&mut self.now, go_on)?; // a training that fails is over
         self.background = Some(background);
         Ok(())
@@ -189,7 +197,7 @@ impl HyperReducedModel {
         self.now.contacts.check(displacements)?;
         self.improve()?;
         let d = displacements.as_flattened();
-        if !from_last || self.place == Place::Nowhere {
+        if !from_last || self.reached == Reached::Nothing {
             let Trained { solver, contacts, .. } = &mut self.now;
             solver.start_at(d, contacts.subspace.guess(d, &mut self.means));
         }
@@ -197,10 +205,10 @@ impl HyperReducedModel {
         let mut search = Search { limit, ..Search::default() };
         let status = self.now.solver.solve(d, &mut search);
         let depth = displacements.iter().map(|d| norm(d)).fold(0.0, f64::max);
-        self.place = match status {
-            ReducedStatus::Converged => Place::At(depth),
-            ReducedStatus::OutOfTime => Place::UnderWay,
-            ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => Place::Nowhere,
+        self.reached = match status {
+            ReducedStatus::Converged => Reached::Equilibrium(depth),
+            ReducedStatus::OutOfTime => Reached::AnIterate,
+            ReducedStatus::StepTooSmall | ReducedStatus::TooManyIterations => Reached::Nothing,
         };
         let is_settled = status == ReducedStatus::Converged;
         out.stiffness.clear();
@@ -233,9 +241,9 @@ impl HyperReducedModel {
 
 /// Readies a better model to continue from the present field: modes are only ever added, and the present field has no
 /// part in the new ones.
-fn go_on(old: &Trained, better: &mut Trained, place: Place, is_alone: bool) {
+fn go_on(old: &Trained, better: &mut Trained, reached: Reached, is_alone: bool) {
     better.solver.share(!is_alone);
-    if place != Place::Nowhere {
+    if reached != Reached::Nothing {
         better.solver.start(|share, q| {
             q.fill(0.0);
             q.iter_mut().zip(&old.solver.q).for_each(|(q, old)| *q = share * old);

@@ -23,7 +23,6 @@ mod nnls;
 mod origin;
 mod panels;
 mod reduced_energy;
-mod sample;
 mod sampled;
 mod sketch;
 mod snapshots;
@@ -36,6 +35,7 @@ mod tests;
 mod trained;
 mod training;
 mod units;
+mod weighted_cells;
 
 pub use contacts::ReducedContacts;
 pub use hyper_reduced::{Asked, HyperReducedModel};

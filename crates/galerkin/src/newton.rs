@@ -7,7 +7,7 @@
 
 use super::broyden::BroydenUpdates;
 use super::factor::ReducedFactor;
-use super::forces::State;
+use super::forces::TrainingState;
 use super::reduced_energy::Reduced;
 use super::sampled::Sampled;
 use super::starts::Starts;
@@ -85,7 +85,7 @@ impl ReducedNewton {
         r: usize,
         constraints: Vec<Vec<f64>>,
         unit: f64,
-        known: &[State],
+        known: &[TrainingState],
     ) -> Self {
         let n = constraints.len();
         let mut solver = ReducedNewton {

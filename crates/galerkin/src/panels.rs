@@ -4,7 +4,7 @@
 //! `y = E q` and for `E^T s`, or a tangent, for `E^T D E`. A row of `E` is a coordinate of a cell's deformation. The
 //! rounded modes define the model, so force and tangent are derivatives of one energy.
 
-use super::sample::{EDGES, Sample};
+use super::weighted_cells::{EDGES, WeightedCells};
 use crate::linear::Precision;
 use crate::number::LANES;
 use crate::simd::{WideKernel, dispatch_wide};
@@ -68,17 +68,17 @@ pub(super) struct Panel {
 impl Panel {
     /// Of all batches of a sample, in their order, [`BATCHES`] at a time; the displacement in the origin and the `modes`
     /// are runs of all degrees of freedom.
-    pub fn all(sample: &Sample, displacement: &[f64], modes: &[Vec<f64>]) -> Vec<Self> {
+    pub fn all(sample: &WeightedCells, displacement: &[f64], modes: &[Vec<f64>]) -> Vec<Self> {
         let panel = |batches: &[_]| {
             let rows = batches.len().div_ceil(TWO) * BLOCK;
             let mut columns = vec![0.0; rows * modes.len()];
             for (column, mode) in columns.chunks_exact_mut(rows).zip(modes) {
-                Sample::restrict(batches, mode, |batch, edge, lane, value| {
+                WeightedCells::restrict(batches, mode, |batch, edge, lane, value| {
                     column[place(batch, edge) + lane] = value as f32;
                 });
             }
             let mut start = vec![0.0; rows];
-            Sample::restrict(batches, displacement, |batch, edge, lane, value| {
+            WeightedCells::restrict(batches, displacement, |batch, edge, lane, value| {
                 start[place(batch, edge) + lane] = value;
             });
             Panel { rows, columns, start }
@@ -309,7 +309,7 @@ mod tests {
         let law = Material::new("neo_hookean", vec![vec![3.0e3, 27.0e3]]).unwrap();
         let body = Body::new(points, cells, law).unwrap();
         let some: Vec<usize> = (0..(BATCHES + 3) * LANES).collect();
-        let sample = Sample::new(body.points(), body.cells(), body.material(), &some);
+        let sample = WeightedCells::new(body.points(), body.cells(), body.material(), &some);
         let modes: [Vec<f64>; R] = std::array::from_fn(|k| noise(body.n_dofs(), k as u64));
         let start = noise(body.n_dofs(), 8);
         let mut panels = Panel::all(&sample, &start, &modes);
@@ -317,9 +317,13 @@ mod tests {
         let panel = panels.pop().unwrap();
         let mut rows = vec![[0.0; R]; panel.rows];
         for (k, mode) in modes.iter().enumerate() {
-            Sample::restrict(&sample.batches[BATCHES..], mode, |batch, edge, lane, value| {
-                rows[place(batch, edge) + lane][k] = value;
-            });
+            WeightedCells::restrict(
+                &sample.batches[BATCHES..],
+                mode,
+                |batch, edge, lane, value| {
+                    rows[place(batch, edge) + lane][k] = value;
+                },
+            );
         }
         (panel, rows)
     }

@@ -1,7 +1,7 @@
 //! Starts of a search that does not continue from the last one: the superposed series, or a known equilibrium.
 
 use super::factor::ReducedFactor;
-use super::forces::State;
+use super::forces::TrainingState;
 use crate::number::dot;
 
 /// Number of nearest known equilibria that a search may start from.
@@ -32,8 +32,8 @@ pub(super) struct Starts {
 
 impl Starts {
     /// From `known` equilibria of orthonormal modes with these means.
-    pub fn new(known: &[State], constraints: &[Vec<f64>], r: usize) -> Self {
-        let known = known.iter().map(|State { q, .. }| {
+    pub fn new(known: &[TrainingState], constraints: &[Vec<f64>], r: usize) -> Self {
+        let known = known.iter().map(|TrainingState { q, .. }| {
             let d = constraints.iter().map(|row| dot(row, q)).collect();
             Known { q: q.clone(), d }
         });

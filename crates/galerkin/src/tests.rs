@@ -1,7 +1,7 @@
 //! The Galerkin model against differences, against full Newton, and against its own promises.
 
 use super::basis::Basis;
-use super::forces::{Forces, State, systematic, with_forces};
+use super::forces::{Forces, TrainingState, systematic, with_forces};
 use super::guesses::guesses;
 use super::model::{Galerkin, Sampling};
 use super::newton::{ReducedNewton, ReducedStatus, Search};
@@ -102,7 +102,7 @@ fn states(
     subspace: &Subspace,
     depth: f64,
     numbers: std::ops::Range<usize>,
-) -> Vec<State> {
+) -> Vec<TrainingState> {
     let guesses = guesses(origin, subspace, depth, numbers);
     with_forces(origin, subspace, guesses.into_iter().map(|guess| guess.q).collect())
 }

@@ -1,7 +1,7 @@
 //! The result of training: a search for equilibrium, with the cells and weights that integrate its forces.
 
 use super::contacts::ReducedContacts;
-use super::forces::{Forces, State, systematic};
+use super::forces::{Forces, TrainingState, systematic};
 use super::newton::ReducedNewton;
 use super::nnls::{Columns, greedy};
 use super::origin::Origin;
@@ -65,11 +65,11 @@ pub(super) fn train(
 /// The search for equilibrium in a span, on cells and weights from training, whose first states are equilibria.
 fn solver(
     ReducedContacts { owner, subspace, .. }: &ReducedContacts,
-    training: &[State],
+    training: &[TrainingState],
     known: usize,
 ) -> ReducedNewton {
     let sampled = sampled(&owner.origin, subspace, training, owner.sampling.tolerance);
-    let squares: f64 = training.iter().map(State::square).sum();
+    let squares: f64 = training.iter().map(TrainingState::square).sum();
     let unit = (squares / training.len() as f64).sqrt();
     let constraints = subspace.constraints.clone();
     ReducedNewton::new(sampled, subspace.len(), constraints, unit, &training[..known])
@@ -77,7 +77,12 @@ fn solver(
 
 /// Sampling units and weights that give the forces of the whole body in training: those of all states together to the
 /// tolerance, and those of weighty states better than others.
-fn sampled(origin: &Origin, subspace: &Subspace, training: &[State], tolerance: f64) -> Sampled {
+fn sampled(
+    origin: &Origin,
+    subspace: &Subspace,
+    training: &[TrainingState],
+    tolerance: f64,
+) -> Sampled {
     let all: Vec<usize> = (0..origin.body.n_sampling_units()).collect();
     let sizes = Forces::new(origin, &all, subspace, &training[..FIRST_STATES]).sizes();
     let candidates = systematic(&sizes, CANDIDATES);

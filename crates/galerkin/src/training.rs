@@ -1,7 +1,7 @@
 //! Training: states that the superposed series predicts, and states solved on the whole body where answers are wrong.
 
 use super::contacts::ReducedContacts;
-use super::forces::{State, with_forces};
+use super::forces::{TrainingState, with_forces};
 use super::guesses::{Guess, guesses};
 use super::model::{Galerkin, MOST_SNAPSHOTS};
 use super::newton::ReducedNewton;
@@ -88,7 +88,10 @@ impl Training {
     }
 
     /// The states in the present span.
-    pub fn states(&self, ReducedContacts { owner, subspace, .. }: &ReducedContacts) -> Vec<State> {
+    pub fn states(
+        &self,
+        ReducedContacts { owner, subspace, .. }: &ReducedContacts,
+    ) -> Vec<TrainingState> {
         let origin = &owner.origin;
         let nearest = |u: &Vec<f64>| subspace.basis.nearest(u, &origin.stiffness);
         let mut states: Vec<Vec<f64>> = self.solved.par_iter().map(nearest).collect();

@@ -10,8 +10,9 @@ use viscera_number::unroll::{array, tabulate};
 /// Corotated linear elasticity: Hooke's law in the frame of the rotation `R` of `F = R U`,
 /// `psi = mu |F - R|^2 + lam/2 (tr(R^T F) - 3)^2`.
 ///
-/// For a linear tetrahedron this is exactly the stiffness-warping method (paper B), with the
-/// exact tangent: the variation of `R` is not neglected.
+/// For a linear tetrahedron this is exactly the stiffness-warping method
+/// (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*),
+/// with the exact tangent: the variation of `R` is not neglected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corotated {
     /// Shear modulus [Pa].

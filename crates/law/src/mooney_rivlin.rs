@@ -1,10 +1,11 @@
 use super::StrainEnergy;
 use viscera_number::Scalar;
 
-/// Nearly incompressible Mooney-Rivlin solid (paper B):
+/// Nearly incompressible Mooney-Rivlin solid
+/// (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*):
 /// `psi = c1 (I1 J^-2/3 - 3) + c2 (I2 J^-4/3 - 3) + W_vol(J)`.
 ///
-/// Paper B's linear tetrahedron with constant pressure is condensed exactly: `J` is constant in
+/// That paper's linear tetrahedron with constant pressure is condensed exactly: `J` is constant in
 /// the cell, so the pressure `l = alpha W^V` is eliminated cell by cell and leaves
 /// `W_vol = alpha/2 (W^V)^2`, which with `W^V = J^2 - 1` means `kappa = 4 alpha`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,7 +25,7 @@ pub struct MooneyRivlin {
 pub enum Volumetric {
     /// `kappa/2 (J - 1)^2`.
     Jacobian,
-    /// `alpha/2 (J^2 - 1)^2` with `kappa = 4 alpha`: paper B's constants.
+    /// `alpha/2 (J^2 - 1)^2` with `kappa = 4 alpha`: the constants of that paper.
     JacobianSquared,
     /// `kappa/2 (ln J)^2`.
     Logarithm,

@@ -31,26 +31,29 @@ impl Springs {
         let number = |x: [i32; 3]| x[0] + nx * (x[1] + ny * x[2]);
         let ways = || (0..27).map(|k| [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1]);
         let is_inside = |x: [i32; 3]| (0..3).all(|i| (0..[nx, ny, nz][i]).contains(&x[i]));
-        let pull = |way: [i32; 3], i: usize, k: usize| {
-            let square = way.iter().map(|w| w * w).sum::<i32>().max(1);
-            let along = f64::from(way[i] * way[k]) / f64::from(square);
+        let pull = |direction: [i32; 3], i: usize, k: usize| {
+            let square = direction.iter().map(|w| w * w).sum::<i32>().max(1);
+            let along = f64::from(direction[i] * direction[k]) / f64::from(square);
             along + if i == k { 0.1 } else { 0.0 }
         };
         let (mut column_start, mut row, mut values) = (vec![0], Vec::new(), Vec::new());
         for x in nodes() {
             let neighbours: Vec<([i32; 3], i32)> = ways()
-                .map(|way| (way, std::array::from_fn(|i| x[i] + way[i])))
+                .map(|direction| (direction, std::array::from_fn(|i| x[i] + direction[i])))
                 .filter(|&(_, there)| is_inside(there))
-                .map(|(way, there)| (way, number(there)))
+                .map(|(direction, there)| (direction, number(there)))
                 .collect();
             for k in 0..3 {
-                let own =
-                    |i: usize| neighbours.iter().map(|&(way, _)| pull(way, i, k)).sum::<f64>();
-                for &(way, there) in neighbours.iter().filter(|&&(_, there)| there <= number(x)) {
+                let own = |i: usize| {
+                    neighbours.iter().map(|&(direction, _)| pull(direction, i, k)).sum::<f64>()
+                };
+                for &(direction, there) in
+                    neighbours.iter().filter(|&&(_, there)| there <= number(x))
+                {
                     for i in (0..3).filter(|&i| there < number(x) || i <= k) {
                         row.push((3 * there) as u32 + i as u32);
                         let is_own = there == number(x);
-                        values.push(if is_own { own(i) } else { -pull(way, i, k) });
+                        values.push(if is_own { own(i) } else { -pull(direction, i, k) });
                     }
                 }
                 column_start.push(row.len() as u32);

@@ -101,13 +101,13 @@ pub struct Probe {
     coupling: Option<Coupling>,
     center: Option<[f64; 3]>,
     device: [f64; 3],
-    hold: Option<Hold>,
+    anchor: Option<Anchor>,
     is_inside: bool,
 }
 
 /// What a probe remembers of a touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Hold {
+struct Anchor {
     /// The point of the surface that is held.
     point: [f64; 3],
     /// The triangle below the centre.
@@ -117,7 +117,7 @@ struct Hold {
 /// A pose tried, before it is taken.
 struct Tried {
     felt: Felt,
-    hold: Option<Hold>,
+    anchor: Option<Anchor>,
     normal: [f64; 3],
     /// Derivative of the force with respect to the centre, along the normal and along the surface [N/m].
     stiffness: [f64; 2],
@@ -156,7 +156,7 @@ impl Probe {
             coupling: None,
             center: None,
             device: [0.0; 3],
-            hold: None,
+            anchor: None,
             is_inside: false,
         };
         probe.tolerate(tolerance)?;
@@ -203,7 +203,7 @@ impl Probe {
 
     /// Takes the probe from the organ: the next place is a first one.
     pub fn lift(&mut self) {
-        (self.center, self.hold, self.is_inside) = (None, None, false);
+        (self.center, self.anchor, self.is_inside) = (None, None, false);
     }
 
     /// Moves the centre of the sphere to a place, and tells what it feels there.
@@ -250,7 +250,7 @@ impl Probe {
             // Not deeper than the model goes, but so far that the force there is not trusted.
             let depth = -tried.felt.gap - dot(step, n);
             let out = (depth - BEYOND * self.deepest(model)).max(0.0);
-            let out = if tried.hold.is_some() { out } else { 0.0 };
+            let out = if tried.anchor.is_some() { out } else { 0.0 };
             let next: [f64; 3] = std::array::from_fn(|i| center[i] + step[i] + out * n[i]);
             if norm(sub(next, center)) <= BALANCED * self.radius {
                 let felt = self.take(tried, center);
@@ -270,7 +270,7 @@ impl Probe {
     }
 
     fn take(&mut self, tried: Tried, center: [f64; 3]) -> Felt {
-        (self.center, self.device, self.hold) = (Some(center), center, tried.hold);
+        (self.center, self.device, self.anchor) = (Some(center), center, tried.anchor);
         self.is_inside = tried.felt.grip == Grip::Inside;
         tried.felt
     }
@@ -278,15 +278,15 @@ impl Probe {
     /// No force, at the last place; the touch is over.
     fn lost(&mut self, model: &ReducedModel) -> Felt {
         let center = self.center.unwrap_or(model.positions[model.triangles[0][0] as usize]);
-        self.hold = None;
+        self.anchor = None;
         let contact = model.locate(center).unwrap_or_else(|| model.centroid(0));
         untouched(Grip::Lost, center, contact, contact.distance - self.radius)
     }
 
     /// What the probe feels with its centre at a finite place; none if the model overflows there.
     fn attempt(&self, model: &ReducedModel, center: [f64; 3]) -> Option<Tried> {
-        let foot = match self.hold {
-            Some(hold) => model.walk(hold.triangle, center),
+        let foot = match self.anchor {
+            Some(anchor) => model.walk(anchor.triangle, center),
             None => model.locate(center)?,
         };
         let normal = model.normal(&foot);
@@ -294,7 +294,7 @@ impl Probe {
         let entered = self.radius - if above { foot.distance } else { -foot.distance };
         let free = |grip| {
             let felt = untouched(grip, center, foot, -entered);
-            Some(Tried { felt, hold: None, normal, stiffness: [0.0; 2] })
+            Some(Tried { felt, anchor: None, normal, stiffness: [0.0; 2] })
         };
         if !entered.is_finite() {
             return None;
@@ -303,7 +303,7 @@ impl Probe {
             return free(Grip::Free);
         }
         let deepest = self.deepest(model);
-        if self.is_inside || (self.hold.is_none() && entered > ONSET * self.radius) {
+        if self.is_inside || (self.anchor.is_none() && entered > ONSET * self.radius) {
             return free(Grip::Inside);
         }
         let press = Press::new(model, self.radius, entered.min(deepest), normal);
@@ -339,8 +339,8 @@ impl Probe {
             shape_error_estimate,
             shape_trust,
         };
-        let hold = Some(Hold { point: contact.point, triangle: foot.triangle });
-        Some(Tried { felt, hold, normal, stiffness: press.stiffness(&answer, grip) })
+        let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
+        Some(Tried { felt, anchor, normal, stiffness: press.stiffness(&answer, grip) })
     }
 
     /// Return mapping: the point that is held, how far it is dragged, and whether it slips.
@@ -350,7 +350,7 @@ impl Probe {
         press: &Press,
         foot: &Contact,
     ) -> (Contact, [f64; 3], Grip) {
-        let held = self.hold.map_or(foot.point, |hold| hold.point);
+        let held = self.anchor.map_or(foot.point, |anchor| anchor.point);
         let most = DRAG * self.radius;
         let mut drag = within([0.0; 3], press.along(sub(foot.point, held)), most);
         let mut contact = model.walk(foot.triangle, sub(foot.point, drag));

@@ -1,4 +1,6 @@
-"""Paper B's study on the built-in artery: its tables III, IV and V and its figure 2, measured anew.
+"""The study of paper B on the built-in artery: its tables III, IV and V and its figure 2, measured anew.
+
+Paper B: *Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*.
 
 The protocol is the paper's: the top ring fixed, the middle one driven by half the width across, the bottom one by 30 %
 of the height along the vessel, weight at two densities, E = 1 MPa, nu = 0.49. Neither its mesh nor the sign of the

@@ -19,7 +19,7 @@ pub struct Pressure {
 }
 
 /// A quadrature point of the unit triangle: weight, shape functions, their slopes.
-struct Sample {
+struct QuadraturePoint {
     weight: f64,
     shape: Vec<f64>,
     slopes: Vec<[f64; 2]>,
@@ -27,7 +27,7 @@ struct Sample {
 
 /// A face as deformed at a quadrature point: `int N_a n` is the sum of `weight N_a normal`, and with
 /// `e_b = N_b,1 x,2 - N_b,2 x,1` its derivative is `-weight N_a [e_b]_x`.
-struct Piece<'a> {
+struct FacePoint<'a> {
     nodes: &'a [u32],
     pressure: f64,
     shape: &'a [f64],
@@ -102,7 +102,7 @@ impl Pressure {
         factor: f64,
         tangent: &mut SymmetricBlocks,
     ) {
-        self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
+        self.each(body, u, |FacePoint { nodes, pressure, shape, edges, .. }| {
             for a in 0..nodes.len() {
                 for b in (0..nodes.len()).filter(|&b| nodes[a] < nodes[b]) {
                     let Some(position) = tangent.pattern().position(nodes[a], nodes[b]) else {
@@ -121,7 +121,7 @@ impl Pressure {
     /// Adds the skew part of `-factor df/du` times `x`, `-p/2 (N_a e_b + N_b e_a) x x_b`: zero inside a surface, since
     /// neighbours cancel.
     pub fn add_skew(&self, body: &Body, u: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
-        self.each(body, u, |Piece { nodes, pressure, shape, edges, .. }| {
+        self.each(body, u, |FacePoint { nodes, pressure, shape, edges, .. }| {
             for a in 0..nodes.len() {
                 for b in 0..nodes.len() {
                     let e =
@@ -165,7 +165,7 @@ impl Pressure {
         let Some(first) = self.faces.first() else { return };
         let (rule, order) = (rule(first.len()), load.len() - 1);
         for (nodes, &pressure) in self.faces.iter().zip(&self.values) {
-            for Sample { weight, shape, slopes } in &rule {
+            for QuadraturePoint { weight, shape, slopes } in &rule {
                 let tangent = |k: usize, order: usize| -> [f64; 3] {
                     let rest = |node: u32, i: usize| {
                         if order == 0 { body.points()[node as usize][i] } else { 0.0 }
@@ -194,7 +194,7 @@ impl Pressure {
     }
 
     /// Every quadrature point of every face, its weight within normal and edges.
-    fn each(&self, body: &Body, u: &[f64], mut visit: impl FnMut(Piece)) {
+    fn each(&self, body: &Body, u: &[f64], mut visit: impl FnMut(FacePoint)) {
         let Some(first) = self.faces.first() else {
             return;
         };
@@ -207,7 +207,7 @@ impl Pressure {
                     std::array::from_fn(|i| rest[i] + moved[i])
                 })
                 .collect();
-            for Sample { weight, shape, slopes } in &rule {
+            for QuadraturePoint { weight, shape, slopes } in &rule {
                 let tangent = |k: usize| -> [f64; 3] {
                     std::array::from_fn(|i| x.iter().zip(slopes).map(|(x, s)| s[k] * x[i]).sum())
                 };
@@ -215,7 +215,7 @@ impl Pressure {
                 let edge = |s: &[f64; 2]| -> [f64; 3] {
                     std::array::from_fn(|i| weight * (s[0] * t2[i] - s[1] * t1[i]))
                 };
-                visit(Piece {
+                visit(FacePoint {
                     nodes,
                     pressure,
                     shape,
@@ -233,10 +233,10 @@ fn at(u: &[f64], node: u32) -> [f64; 3] {
 
 /// One point for linear faces; for quadratic ones the six of Dunavant's rule, exact to degree 4 (Int. J. Numer. Meth.
 /// Engng 21, 1985, 1129).
-fn rule(nodes: usize) -> Vec<Sample> {
+fn rule(nodes: usize) -> Vec<QuadraturePoint> {
     if nodes == 3 {
         let slopes = vec![[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
-        return vec![Sample { weight: 0.5, shape: vec![1.0 / 3.0; 3], slopes }];
+        return vec![QuadraturePoint { weight: 0.5, shape: vec![1.0 / 3.0; 3], slopes }];
     }
     let (near, far) = (0.445_948_490_915_964_9, 0.091_576_213_509_770_74);
     let (heavy, light) = (0.111_690_794_839_005_73, 0.054_975_871_827_660_93);
@@ -246,17 +246,17 @@ fn rule(nodes: usize) -> Vec<Sample> {
             let mut l = [side; 3];
             l[corner] = 1.0 - 2.0 * side;
             let dl = [[-1.0, -1.0], [1.0, 0.0], [0.0, 1.0]];
-            let mut sample = Sample { weight, shape: Vec::new(), slopes: Vec::new() };
+            let mut point = QuadraturePoint { weight, shape: Vec::new(), slopes: Vec::new() };
             for i in 0..3 {
-                sample.shape.push(l[i] * (2.0 * l[i] - 1.0));
-                sample.slopes.push(dl[i].map(|d| d * (4.0 * l[i] - 1.0)));
+                point.shape.push(l[i] * (2.0 * l[i] - 1.0));
+                point.slopes.push(dl[i].map(|d| d * (4.0 * l[i] - 1.0)));
             }
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
-                sample.shape.push(4.0 * l[i] * l[j]);
+                point.shape.push(4.0 * l[i] * l[j]);
                 let slope = |k: usize| 4.0 * (dl[i][k] * l[j] + dl[j][k] * l[i]);
-                sample.slopes.push([slope(0), slope(1)]);
+                point.slopes.push([slope(0), slope(1)]);
             }
-            rule.push(sample);
+            rule.push(point);
         }
     }
     rule

@@ -1,4 +1,5 @@
-//! Real time (paper B): one Newton iteration a frame from the last state.
+//! Real time: one Newton iteration a frame from the last state
+//! (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*).
 //!
 //! A frame moves what the hands hold, takes one full Newton step towards the new equilibrium, of forces alone or of
 //! forces and inertia, and reports what is left. A step that would crush or tear a cell is cut back, and said so;

@@ -9,7 +9,8 @@ use crate::error::Error;
 pub struct StepperSettings {
     /// How the linear systems are solved.
     pub method: Method,
-    /// Largest number of Newton iterations in a frame; paper B has 1.
+    /// Largest number of Newton iterations in a frame; 1 in
+    /// *Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*.
     pub iterations: usize,
     /// Residual at which a frame counts as settled, and needs no further iteration.
     pub settled: f64,

@@ -62,7 +62,8 @@ impl ConjugateGradients {
 /// Preconditioners of conjugate gradients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preconditioner {
-    /// The inverse of each node's diagonal block (paper B).
+    /// The inverse of each node's diagonal block
+    /// (*Implementation and Evaluation of Hyperelastic Model for Surgical Simulator and Navigation*).
     BlockJacobi,
     /// Incomplete Cholesky without fill, by node blocks.
     IncompleteCholesky,

@@ -23,7 +23,7 @@ pub(super) struct Direct {
 
 /// The degrees of freedom that are excluded: those that are not `free`, and those that hands hold.
 #[derive(Clone, Copy)]
-pub(super) struct Held<'a> {
+pub(super) struct Excluded<'a> {
     pub free: &'a [u32],
     pub is_held: &'a [bool],
 }
@@ -48,7 +48,7 @@ impl Direct {
         &mut self,
         tangent: &SymmetricBlocks,
         shift: f64,
-        held: Held<'_>,
+        excluded: Excluded<'_>,
         border: &mut Border,
     ) -> Result<(), FactorError> {
         let factorized = self.cholesky.factorize(tangent.values(), shift);
@@ -56,7 +56,7 @@ impl Direct {
         match factorized {
             Ok(()) => border.influence(|b, x| self.cholesky.solve(b, x)),
             Err(error) if error.is_of_a_pivot() && !border.is_empty() => {
-                self.prepare_indefinite(tangent, shift, held, border, error)
+                self.prepare_indefinite(tangent, shift, excluded, border, error)
             }
             Err(error) => Err(error),
         }
@@ -67,7 +67,7 @@ impl Direct {
         &mut self,
         tangent: &SymmetricBlocks,
         shift: f64,
-        Held { free, is_held }: Held<'_>,
+        Excluded { free, is_held }: Excluded<'_>,
         border: &mut Border,
         verdict: FactorError,
     ) -> Result<(), FactorError> {

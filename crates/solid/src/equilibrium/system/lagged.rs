@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 /// A factor in single precision, or in double where the body asks for it: a tangent whose softest motion is beyond the
 /// seven digits of the one has a factor in the other.
 struct LaggedFactor {
-    shape: Arc<Shape>,
+    shape: Arc<FactorPattern>,
     is_held: Vec<bool>,
     single: TangentFactor<f32>,
     /// Made when first needed, and kept.
@@ -24,13 +24,13 @@ struct LaggedFactor {
 }
 
 /// What factors are made for.
-struct Shape {
+struct FactorPattern {
     blocks: BlockPattern,
     free: Vec<u32>,
 }
 
 impl LaggedFactor {
-    fn new(shape: &Arc<Shape>, n_dofs: usize) -> Result<Self, FactorError> {
+    fn new(shape: &Arc<FactorPattern>, n_dofs: usize) -> Result<Self, FactorError> {
         Ok(LaggedFactor {
             single: TangentFactor::new(&shape.blocks, &shape.free)?,
             double: None,
@@ -89,7 +89,7 @@ pub(super) struct Lagged {
 
 /// The second factor.
 struct Spare {
-    place: Place,
+    factor: SecondFactor,
     worker: Worker,
     /// What is held has changed since the factor went out: it comes home useless.
     is_outdated: bool,
@@ -98,18 +98,18 @@ struct Spare {
 }
 
 /// Where the second factor is.
-enum Place {
+enum SecondFactor {
     /// Nobody needed it yet: it takes as much analysis and memory as the first.
     Unmade,
-    Home(Box<LaggedFactor>),
+    Idle(Box<LaggedFactor>),
     /// With the worker.
-    Out,
+    WithWorker,
 }
 
 /// A factor to renew, or to make, with the values of the tangent and the shift.
 struct Order {
     factor: Option<Box<LaggedFactor>>,
-    shape: Arc<Shape>,
+    shape: Arc<FactorPattern>,
     is_held: Vec<bool>,
     wants_double: bool,
     values: Vec<f64>,
@@ -129,7 +129,7 @@ struct Worker {
 
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
-        let shape = Arc::new(Shape { blocks: blocks.clone(), free: free.to_vec() });
+        let shape = Arc::new(FactorPattern { blocks: blocks.clone(), free: free.to_vec() });
         Ok(Lagged {
             current: Box::new(LaggedFactor::new(&shape, n_dofs)?),
             is_usable: false,
@@ -154,10 +154,10 @@ impl Lagged {
         self.is_held.copy_from_slice(is_held);
         self.current.hold(is_held);
         if let Some(spare) = &mut self.spare {
-            match &mut spare.place {
-                Place::Unmade => {}
-                Place::Home(factor) => factor.hold(is_held),
-                Place::Out => spare.is_outdated = true,
+            match &mut spare.factor {
+                SecondFactor::Unmade => {}
+                SecondFactor::Idle(factor) => factor.hold(is_held),
+                SecondFactor::WithWorker => spare.is_outdated = true,
             }
         }
     }
@@ -207,7 +207,7 @@ impl Lagged {
 impl Spare {
     fn new() -> Self {
         Spare {
-            place: Place::Unmade,
+            factor: SecondFactor::Unmade,
             worker: Worker::start(),
             is_outdated: false,
             is_wanted: false,
@@ -223,7 +223,7 @@ impl Spare {
             return false;
         };
         let Ok((mut factor, outcome)) = done else {
-            self.place = Place::Unmade;
+            self.factor = SecondFactor::Unmade;
             return false;
         };
         let is_outdated = std::mem::take(&mut self.is_outdated);
@@ -233,19 +233,19 @@ impl Spare {
         }
         factor.hold(is_held);
         self.is_wanted |= is_outdated;
-        self.place = Place::Home(factor);
+        self.factor = SecondFactor::Idle(factor);
         is_good
     }
 
     /// Sends the spare factor out, or has it made, if one is wanted and it is not out already.
     fn order(&mut self, current: &LaggedFactor, values: &[f64], shift: f64) {
-        if !self.is_wanted || matches!(self.place, Place::Out) {
+        if !self.is_wanted || matches!(self.factor, SecondFactor::WithWorker) {
             return;
         }
         if let Some(orders) = &self.worker.orders {
-            let factor = match std::mem::replace(&mut self.place, Place::Out) {
-                Place::Home(factor) => Some(factor),
-                Place::Unmade | Place::Out => None,
+            let factor = match std::mem::replace(&mut self.factor, SecondFactor::WithWorker) {
+                SecondFactor::Idle(factor) => Some(factor),
+                SecondFactor::Unmade | SecondFactor::WithWorker => None,
             };
             // A worker that is gone leaves the factor in use as it is.
             let _ = orders.send(Order {

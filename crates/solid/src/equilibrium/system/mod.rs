@@ -33,7 +33,7 @@ use device::Remote;
 pub use device::{
     Device, DeviceEnd, DeviceSolution, DeviceSystem, DeviceTangent, OnDevice, Origin,
 };
-use direct::{Direct, Held};
+use direct::{Direct, Excluded};
 use factor::TangentFactor;
 use indefinite::Indefinite;
 use numbered::Numbered;
@@ -280,7 +280,7 @@ impl ConstrainedSystem {
             Solver::Direct(direct) => {
                 let tangent = tangent.blocks()?;
                 let shift = absolute(shift, || tangent.mean_diagonal());
-                direct.prepare(tangent, shift, Held { free, is_held }, border)
+                direct.prepare(tangent, shift, Excluded { free, is_held }, border)
             }
             Solver::Indefinite(factor) => {
                 let tangent = tangent.blocks()?;

@@ -20,14 +20,14 @@ pub(super) struct Batch {
 
 /// Linear cells of a body, sampled.
 #[derive(Clone)]
-pub(super) struct Sample {
+pub(super) struct WeightedCells {
     pub material: Material,
     pub batches: Vec<Batch>,
     /// Where each cell is: batch and lane.
     slots: Vec<(usize, usize)>,
 }
 
-impl Sample {
+impl WeightedCells {
     /// Cells of a mesh, each counting as itself.
     pub fn new(
         points: &[[f64; 3]],
@@ -63,7 +63,7 @@ impl Sample {
                 });
             }
         }
-        Sample { material: material.clone(), batches, slots }
+        WeightedCells { material: material.clone(), batches, slots }
     }
 
     /// Number of cells.
