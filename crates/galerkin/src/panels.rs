@@ -8,6 +8,7 @@ use super::weighted_cells::{EDGES, WeightedCells};
 use crate::linear::Precision;
 use crate::number::LANES;
 use crate::simd::{WideKernel, dispatch_wide};
+use crate::unroll::each;
 
 /// Batches whose cells lie side by side: eight numbers in single precision are a vector of 256 bits.
 const TWO: usize = 2;
@@ -260,27 +261,35 @@ struct Products<'a> {
 /// Columns of `right` that are multiplied by [`ABREAST`] of `left` together.
 const ACROSS: usize = 2;
 
+/// A column of a matrix of `rows` rows, by blocks.
+#[inline(always)]
+fn column(of: &[f32], rows: usize, k: usize) -> &[[f32; SIDE]] {
+    &of[k * rows..(k + 1) * rows].as_chunks::<SIDE>().0[..rows / SIDE]
+}
+
 impl WideKernel for Products<'_> {
     type Output = ();
     #[inline(always)]
     fn run<const BITS: usize>(self) {
         let Products { rows, left, right, r, out } = self;
+        let blocks = rows / SIDE;
         for first in (0..r).step_by(ABREAST) {
             // The last columns once more where fewer are left.
             let k: [usize; ABREAST] = std::array::from_fn(|i| (first + i).min(r - 1));
-            let a = k.map(|k| left[k * rows..(k + 1) * rows].as_chunks::<SIDE>().0);
+            let a = k.map(|k| column(left, rows, k));
             for second in (0..=k[ABREAST - 1]).step_by(ACROSS) {
                 let l: [usize; ACROSS] = std::array::from_fn(|j| (second + j).min(r - 1));
-                let b = l.map(|l| right[l * rows..(l + 1) * rows].as_chunks::<SIDE>().0);
+                let b = l.map(|l| column(right, rows, l));
                 let mut sums = [[[0.0f32; SIDE]; ACROSS]; ABREAST];
-                for at in 0..rows / SIDE {
-                    for (sums, a) in sums.iter_mut().zip(a) {
-                        for (sum, b) in sums.iter_mut().zip(b) {
+                for at in 0..blocks {
+                    each!(ABREAST, |i| {
+                        each!(ACROSS, |j| {
                             for lane in 0..SIDE {
-                                sum[lane] = a[at][lane].times_plus::<BITS>(b[at][lane], sum[lane]);
+                                let sum = &mut sums[i][j][lane];
+                                *sum = a[i][at][lane].times_plus::<BITS>(b[j][at][lane], *sum);
                             }
-                        }
-                    }
+                        });
+                    });
                 }
                 for (k, sums) in k.iter().zip(sums) {
                     for (l, sum) in l.iter().zip(sums) {
