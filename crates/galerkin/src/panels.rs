@@ -238,12 +238,12 @@ impl WideKernel for Stress<'_> {
 fn stresses<const BITS: usize>(row: &[f32], e: [&[f32]; ABREAST]) -> [[f32; SIDE]; ABREAST] {
     let mut sums = [[0.0; SIDE]; ABREAST];
     for (d, row) in row.chunks_exact(SIDE).enumerate() {
-        for (sum, e) in sums.iter_mut().zip(e) {
-            let e = &e[d * SIDE..(d + 1) * SIDE];
+        each!(ABREAST, |mode| {
+            let e = &e[mode][d * SIDE..(d + 1) * SIDE];
             for k in 0..SIDE {
-                sum[k] = row[k].times_plus::<BITS>(e[k], sum[k]);
+                sums[mode][k] = row[k].times_plus::<BITS>(e[k], sums[mode][k]);
             }
-        }
+        });
     }
     sums
 }
@@ -259,7 +259,7 @@ struct Products<'a> {
 }
 
 /// Columns of `right` that are multiplied by [`ABREAST`] of `left` together.
-const ACROSS: usize = 2;
+const ACROSS: usize = 4;
 
 /// A column of a matrix of `rows` rows, by blocks.
 #[inline(always)]

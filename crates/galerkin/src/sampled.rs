@@ -1,6 +1,6 @@
 //! What the reduced energy is summed over: linear cells one by one, in panels that are made for them; of other elements,
-//! units that are a body of their own. Linear cells could be units too: then a tick of a few hundred of them takes a
-//! fifth longer, up to a third where only forces are asked for, which is why they have panels.
+//! units that are a body of their own. Linear cells could be units, too: their forces then take two to three times as
+//! long, their tangents up to twice (`panels_beside_units` of the tests, which `make bench` prints).
 
 use super::cells::SampledCells;
 use super::origin::Origin;

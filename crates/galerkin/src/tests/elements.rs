@@ -1,6 +1,10 @@
 //! What a grasp is summed over, for every element, from rest and from a load: derivatives, sums over all units, Newton.
 
 use super::*;
+use crate::body::SharedNodes;
+use crate::cells::SampledCells;
+use crate::reduced_energy::Wanted;
+use crate::units::SamplingUnits;
 
 /// Models of every element, and two whose touches start from a load that stays; those whose clusters share their volume
 /// are nearly incompressible.
@@ -164,4 +168,47 @@ fn what_is_not_a_number_is_no_sound_state() {
         sampled.evaluate(&vec![f64::NAN; modes.len()], false, &mut reduced);
         assert_eq!(reduced.jacobian, f64::NEG_INFINITY, "{:?}", body.element());
     }
+}
+
+/// Linear cells in panels beside the same cells as units that are a body of their own: least times of an evaluation.
+/// `make bench` prints it; panels are kept as long as units take more than a tenth longer.
+#[test]
+#[ignore = "a benchmark: prints, asserts nothing"]
+fn panels_beside_units() {
+    println!("linear cells  modes  asked for    panels [us]  units [us]  ratio");
+    let soft = vec![3.0e3, 27.0e3];
+    let model = galerkin(Element::P1, [10, 8, 6], soft, [0.0; 3]);
+    let Galerkin { origin, .. } = &*model;
+    for (cells, modes) in [(100, 30), (100, 60), (300, 60)] {
+        let units: Vec<usize> =
+            (0..origin.body.cells().len()).step_by(origin.body.cells().len() / cells).collect();
+        let weights: Vec<f64> = noise(units.len(), 1).iter().map(|x| 2.0 + x).collect();
+        let modes: Vec<Vec<f64>> =
+            (0..modes).map(|k| noise(origin.body.n_dofs(), k as u64)).collect();
+        let q: Vec<f64> = noise(modes.len(), 2).iter().map(|x| 1e-5 * x).collect();
+        let mut panels = SampledCells::new(origin, &units, &weights, &modes);
+        let subset = origin.body.subset(&units, &weights, SharedNodes::Merged);
+        let mut alone = SamplingUnits::new(subset, &origin.displacement, &modes);
+        let mut reduced = Reduced::new(modes.len());
+        for (wanted, word) in [(Wanted::Force, "force"), (Wanted::Tangent, "tangent")] {
+            let of_panels = least(|| panels.evaluate(&q, wanted, &mut reduced));
+            let of_units = least(|| alone.evaluate(&q, wanted, &mut reduced));
+            println!(
+                "{:12}{:7}  {word:10}{of_panels:14.1}{of_units:12.1}{:7.2}",
+                units.len(),
+                modes.len(),
+                of_units / of_panels
+            );
+        }
+    }
+}
+
+/// Least time of many runs [us].
+fn least(mut run: impl FnMut()) -> f64 {
+    let time = |_| {
+        let began = std::time::Instant::now();
+        run();
+        began.elapsed().as_secs_f64()
+    };
+    1e6 * (0..2000).map(time).fold(f64::INFINITY, f64::min)
 }
