@@ -11,12 +11,15 @@ import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import time
 
 from viscera.errors import VisceraError
+from viscera.quantity import path_of
+
+Name = str | os.PathLike[str]
 
 SCRATCH = re.compile(r"\.viscera-[0-9a-f]{16}\.part(\..*)?")
 """Names of scratch files. They are random, since processes in two containers may have the same number."""
@@ -24,9 +27,9 @@ STALE = 3600.0
 """Seconds since its last change after which a scratch file belongs to a program that was killed."""
 
 
-def writable(path: str | os.PathLike[str]) -> Path:
+def writable(path: Name) -> Path:
     """The path. It is an error if no file can be written there; call this before long work."""
-    target = Path(path)
+    target = path_of(path, "the file to write")
     try:
         mode = os.stat(target).st_mode
     except FileNotFoundError:  # so far; where a link leads counts, not where it lies
@@ -48,8 +51,36 @@ def writable(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def made_folder(path: Name) -> Path:
+    """The folder of that name, made where it is missing; it is an error if it cannot be. Call this before long work."""
+    target = path_of(path, "the folder to write to")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = "a file has that name" if isinstance(error, FileExistsError) else error.strerror
+        raise VisceraError(f"{target}: no folder can be made there ({reason})") from error
+    return target
+
+
+def spare(read: Iterable[Name], written: Iterable[tuple[str, Name | None]]) -> None:
+    """Raises `VisceraError` if a file to be written is one that is read, or is named twice.
+
+    written: each file with the option that names it; None for what was not asked for.
+    """
+    sources, before = [Path(path) for path in read], list[tuple[str, Path]]()
+    for option, path in written:
+        if path is None:
+            continue
+        target = path_of(path, f"the file of {option}")
+        if found := next((source for source in sources if _is_same(source, target)), None):
+            raise VisceraError(f"{option} {target} would replace {str(found)!r}, which is read; name another file")
+        if twice := next((other for other, earlier in before if _is_same(earlier, target)), None):
+            raise VisceraError(f"{option} {target} would replace what {twice} writes; name another file")
+        before.append((option, target))
+
+
 @contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+def replacing(path: Name) -> Iterator[Path]:
     """A scratch path to write to; it takes the place of `path` when the block ends well and vanishes when it does not.
 
     The suffix is kept, since writers choose the format by it. A reader of `path` sees the old file or the new one.
@@ -71,6 +102,15 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         scratch.replace(target)
     finally:
         scratch.unlink(missing_ok=True)
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one regular file, or would lead to a single new one; a device may serve many."""
+    try:
+        states = os.stat(one), os.stat(other)
+    except OSError:
+        return os.path.realpath(one) == os.path.realpath(other)
+    return stat.S_ISREG(states[0].st_mode) and os.path.samestat(*states)
 
 
 def _is_in_place(target: Path) -> bool:

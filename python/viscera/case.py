@@ -170,6 +170,17 @@ class Case(Solvable):
         held: dict[str, Any] = {"fixed": self.fixed, "supports": supports}
         return Organ(named_mesh, material(self.material, plain), element=self.element, **held)
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that the case reads: that of its mesh.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> [path.name for path in beam.to_case("beam.toml").files]
+        ['beam_mesh.vtu']
+        """
+        return [] if self.mesh.startswith("organ:") else [self.folder / self.mesh]
+
     def unloaded(self, organ: Organ, progress: Progress | None = None) -> Unloaded:
         """The organ free of the loads of its [scan]; if that has no density, the density of [loads] is taken.
 

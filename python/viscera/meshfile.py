@@ -8,6 +8,7 @@ found, as `physical:2:7` (Gmsh group 7 of dimension 2) or `ref:2:7` (Medit), and
 from __future__ import annotations
 
 import importlib
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viscera import febio
-from viscera.atomic import replacing
+from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError, did_you_mean, refuse_case_file
-from viscera.quantity import Number
+from viscera.quantity import Number, path_of
 
 if TYPE_CHECKING:
     import meshio
@@ -75,6 +76,12 @@ def read(path: Path, units: str | float = "m") -> RawMesh:
     except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
         reason = f"{type(error).__name__}: {error}".rstrip(": ").splitlines()[0]
         raise VisceraError(f"{path}: not a readable {ending} file, or cut short ({reason})") from error
+
+
+def checked(path: str | os.PathLike[str]) -> Path:
+    """The path. It is an error if its format or its folder cannot take a mesh; call this before long work."""
+    _known_ending(path_of(path, "the file to write"))
+    return writable(path)
 
 
 def write(

@@ -7,7 +7,9 @@ classes, since each dataclass would add a millisecond to the import of the packa
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Collection
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -162,6 +164,19 @@ def numbers_of(value: Any) -> NDArray[np.float64] | None:
     except (TypeError, ValueError, OverflowError):
         return None
     return np.array(array, dtype=np.float64, order="C") if array.dtype.kind in "iuf" else None
+
+
+def path_of(value: str | os.PathLike[str], what: str) -> Path:
+    """The path of a file or a folder; raises `VisceraError` if the value names none.
+
+    >>> path_of("", "the file of -o")
+    Traceback (most recent call last):
+    viscera.errors.VisceraError: the file of -o must be named by a text or a path, got ''
+    """
+    name = os.fspath(value) if isinstance(value, str | os.PathLike) else None
+    if not isinstance(name, str) or not name or "\0" in name:
+        raise refused(what, "named by a text or a path", value)
+    return Path(name)
 
 
 def refused(what: str, kind: object, value: Any) -> VisceraError:

@@ -111,6 +111,18 @@ class SceneCase(Solvable):
         bonds, contacts, bodies = self._between(self.folder)
         return Scene(organs, bodies, bonds, contacts)
 
+    @property
+    def files(self) -> list[Path]:
+        """The files that the case reads: those of the meshes of its organs, and of the surfaces of its bodies.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> [path.name for path in vs.Scene({"beam": beam}).to_case("scene.toml").files]
+        ['scene_beam_mesh.vtu']
+        """
+        meshes = [path for name in self.organs for path in self._organ_case(name).files]
+        return [*meshes, *(self.folder / body["surface"] for body in self.bodies if "surface" in body)]
+
     def reactions(self, organ: Scene, state: State) -> dict[str, list[float]]:
         """Total force (3,) [N] at each place that holds or moves an organ, by its name in the case.
 

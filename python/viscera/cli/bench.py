@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from viscera import progress
-from viscera.atomic import replacing, writable
+from viscera.atomic import made_folder, replacing, writable
 from viscera.bench.machine import describe
 from viscera.cli.output import DONE, FAILED, Outcome, Output, plain
 from viscera.errors import VisceraError
@@ -45,8 +45,9 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     if wrong:
         raise VisceraError(f"--{wrong} is no option of `viscera bench {args.question}`")
     if args.output is not None:  # before the work
-        Path(args.output).mkdir(parents=True, exist_ok=True)
-        writable(Path(args.output) / f"{args.question}.txt")
+        table = made_folder(args.output) / f"{args.question}.txt"
+        output.spare([args.against], ("-o", writable(table)), ("-o", table.with_suffix(".json")))
+    output.spare([args.against])
     return _newton(args, output) if args.question == "newton" else _laws(args, output)
 
 

@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
+    output.spare([args.model])
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     with progress.bar(output.is_quiet) as bar:
         result = touch.check(args.touches, args.seed, args.depths, progress=bar)

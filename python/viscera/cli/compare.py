@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 from viscera import progress
+from viscera.atomic import made_folder
 from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.comparison import REFERENCE, compare, models
@@ -33,8 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve with every model, print the tables, draw."""
+    picture, differences = (Path(args.output, name) for name in ("compare.png", "compare.csv"))
+    written = (("-o", picture), ("-o", differences))
+    output.spare([args.case], *written)
     case = read_case(args.case)
+    output.spare(case.files, *written)
     case.require_unloaded("compare")
+    made_folder(args.output)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     laws = models(organ.law)
@@ -48,9 +54,6 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     for name, each in result.runs.items():
         if not each.state.is_converged:
             output.say(f"{name} {each.state.status}: {each.state.message}")
-    folder = Path(args.output)
-    folder.mkdir(parents=True, exist_ok=True)
-    picture, differences = folder / "compare.png", folder / "compare.csv"
     result.plot(picture)
     result.write(differences)
     output.say(f"picture: {picture}; every node and component: {differences}")

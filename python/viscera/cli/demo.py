@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from viscera import organs, progress
+from viscera.atomic import made_folder
 from viscera.check import surface_points
 from viscera.cli.check import say
 from viscera.cli.output import DONE, FAILED, Outcome, Output
@@ -65,9 +66,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, load again, check, draw, show."""
-    folder = Path(args.output)
-    folder.mkdir(parents=True, exist_ok=True)
-    model, picture = folder / "liver.viscera", folder / "liver.png"
+    model, picture = (Path(args.output, name) for name in ("liver.viscera", "liver.png"))
+    output.spare([], ("-o", model), ("-o", picture))
+    made_folder(args.output)
     tissue = PAPER if args.paper else MEASURED
     organ = Organ(
         organs.liver(), NeoHookean(young=tissue.young, poisson=tissue.poisson), fixed="hilum", element=tissue.element

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from viscera.atomic import writable
 from viscera.cli.options import metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
@@ -63,6 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read the curves, fit, rank, print."""
+    output.spare(args.curves, ("--plot", args.plot))
+    if args.plot is not None:
+        writable(args.plot)
     tests = [_test(Path(path), args) for path in args.curves]
     wanted = CANDIDATES if args.law == "all" else ((args.law, args.terms),)
     if args.law == "all" and args.terms is not None:
@@ -75,7 +79,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say("\n".join(_intervals(best)))
     for test, error in best.errors().items():
         output.say(f"root-mean-square error of {test}: {error:.4g} Pa")
-    if args.plot:
+    if args.plot is not None:
         best.plot(args.plot)
         output.say(f"picture: {args.plot}")
     if not best.is_stable:

@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, measure, print."""
+    output.spare([args.mesh])
     is_built_in = args.mesh.startswith("organ:")
     facts = report(load_mesh(args.mesh, None)) if is_built_in else inspect(args.mesh, units=args.units)
     output.say(f"{args.mesh}: {facts['n_points']} points, {facts['n_cells']} cells")

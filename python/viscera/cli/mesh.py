@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from viscera.atomic import writable
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Mesh
+from viscera.meshfile import checked
 from viscera.meshing import SURFACES, edge_means, least_angles, mesh_surface
 from viscera.progress import bar
 from viscera.scan import Scan, scan
@@ -47,7 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, mesh, write, print."""
-    target = writable(args.output)
+    painted = [place for place in args.fixed if Path(place).is_file()]
+    output.spare([args.source, *painted], ("-o", args.output))
+    target = checked(args.output)
     is_surface = Path(args.source).suffix.lower() in SURFACES
     found, voxels = _from_surface(args, output) if is_surface else _from_labels(args, output)
     found.write(target)

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from viscera.atomic import replacing, writable
+from viscera.atomic import Name, replacing, spare, writable
+from viscera.errors import VisceraError
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -36,6 +37,20 @@ class Output:
         """Raises `VisceraError` if the JSON could not be written: asked before the work."""
         if self.json_path not in (None, "-"):
             writable(self.json_path)
+
+    def spare(self, read: Iterable[Name | None], *written: tuple[str, Name | None]) -> None:
+        """Raises `VisceraError` if what a command writes would replace what it reads: asked before the work.
+
+        read: the files that the command reads; written: each file that it writes, with the option that names it.
+        """
+        sources = [path for path in read if path is not None]
+        spare(sources, written)
+        json_path = None if self.json_path == "-" else self.json_path
+        try:
+            spare(sources, [*written, ("--json", json_path)])
+        except VisceraError:
+            self.json_path = None  # the error itself would be written there
+            raise
 
     def say(self, text: str) -> None:
         """A line for people."""

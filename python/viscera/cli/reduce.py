@@ -10,11 +10,20 @@ import argparse
 from pathlib import Path
 from time import perf_counter
 
-from viscera import progress
+from viscera import progress, statefile
 from viscera.atomic import writable
 from viscera.checkpoint import SUFFIX, Checkpoint
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
+from viscera.errors import VisceraError
+from viscera.meshfile import FORMATS
+
+OTHERS = {
+    ".toml": "a case",
+    **dict.fromkeys(statefile.SURFACES, "a surface"),
+    **dict.fromkeys((*FORMATS, *statefile.VOLUMES), "a mesh"),
+}
+"""Endings that say that a file is something else than a model."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,8 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, print."""
-    target = writable(args.output or Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name)
+    default = Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name
+    wanted = default if args.output is None else args.output
+    output.spare([args.case], ("-o", wanted))
     case = case_of(args)
+    output.spare(case.files, ("-o", wanted))
+    target = _checked(wanted)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     began = perf_counter()
@@ -49,3 +62,10 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         f"{perf_counter() - began:.1f} s"
     )
     return Outcome("reduced", facts=facts)
+
+
+def _checked(path: str) -> Path:
+    """The path of a model; an ending that belongs to other files is refused."""
+    if other := OTHERS.get(Path(path).suffix.lower()):
+        raise VisceraError(f"{path}: that is the name of {other}, and a model is written; end it in .viscera")
+    return writable(path)

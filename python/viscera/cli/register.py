@@ -57,9 +57,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, register, print, write."""
+    written = (("-o", args.output), ("--shape", args.shape))
+    output.spare([args.case, args.cloud, args.landmarks], *written)
     case = read_case(args.case)
+    output.spare(case.files, *written)
     for path in (args.output, args.shape):
-        if path:
+        if path is not None:
             statefile.checked(path)
     if args.cloud is None and args.landmarks is None:
         raise VisceraError("nothing was measured; name a cloud of points, or --landmarks")
@@ -77,7 +80,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     output.say_all([found.message] if found.message else [])
     _say(found, facts, output)
     for path, result in ((args.output, found), (args.shape, found.state)):
-        if path:
+        if path is not None:
             result.write(path)
             output.say(f"  written to {path}: {statefile.contents(path)}")
     return Outcome(found.status, DONE if found.is_converged else FAILED, facts)

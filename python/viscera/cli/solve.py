@@ -70,8 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve, print, write."""
+    output.spare([args.case], ("-o", args.output))
     case = read_any(args.case)
-    if args.output:
+    output.spare(case.files, ("-o", args.output))
+    if args.output is not None:
         statefile.checked(args.output)
     if isinstance(case, SceneCase):
         return _scene(args, case, output)
@@ -123,7 +125,7 @@ def _told(
         output.say(f"  reaction at {name!r}: " + ", ".join(f"{component:.4g}" for component in force) + " N")
     if "organs" in facts:
         _say_between(facts, output)
-    if args.output:
+    if args.output is not None:
         state.write(args.output)
         output.say(f"  written to {args.output}: {statefile.contents(args.output)}")
     facts |= {

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import argparse
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
+from viscera.atomic import made_folder
 from viscera.case import load_mesh
 from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
@@ -35,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Run the study, which writes its own report."""
+    output.spare([args.mesh], ("-o", Path(args.output, "index.html")))
     organ = _organ(args)
+    made_folder(args.output)
     module = args.name.replace("-", "_")
     study = import_module(f"viscera.study.{module}")  # with matplotlib, which no other verb has to wait for
     facts: dict[str, Any] = study.run(args.output, quick=args.quick, say=output.say, **organ)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from viscera.atomic import writable
 from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.touch import load
@@ -26,9 +27,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Touch once, print."""
+    output.spare([args.model], ("--picture", args.picture))
+    if args.picture is not None:
+        writable(args.picture)
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     answer = touch(args.at, args.push)
-    if args.picture:
+    if args.picture is not None:
         touch.plot(args.at, args.push, args.picture)
     output.say("force      " + "  ".join(f"{component:10.4g}" for component in answer.force) + "  N")
     for name, row in zip(("stiffness", "", ""), answer.stiffness, strict=True):

@@ -35,11 +35,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Serve until Ctrl-C, or export."""
-    if args.export:
+    written = [("--export", path) for path in _exported(args.export)]
+    output.spare([args.model], *written)
+    if is_case(args.model):
+        output.spare(read_case(args.model).files, *written)
+    if args.export is not None:
         write = export_stepped if is_case(args.model) else export_page
         return write(args.model, args.export, output)
     show(args.model, output, args.port, opens_browser=not args.no_browser)
     return Outcome("closed")
+
+
+def _exported(export: str | None) -> list[str | Path]:
+    """Files of an export that could be one of those read: the page in one file, or a folder's model or case."""
+    from viscera.viewer import page
+
+    if export is None:
+        return []
+    if export.endswith(".html") or not export:
+        return [export]
+    return [Path(export, name) for name in (page.MODEL, page.CASE)]
 
 
 def export_page(model: str, folder: str, output: Output) -> Outcome:

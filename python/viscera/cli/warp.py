@@ -46,9 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, map, deform, write."""
-    wanted = [path for path in (args.output, args.field, args.forward_field) if path]
+    options = {"-o": args.output, "--field": args.field, "--forward-field": args.forward_field}
+    wanted = [path for path in options.values() if path is not None]
     if not wanted:
         raise VisceraError("nothing to write; name -o, --field or --forward-field")
+    output.spare([args.image, args.state], *options.items())
     for path in wanted:
         grid.checked(path)
     mesh, displacement = statefile.read(args.state)
@@ -57,14 +59,14 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     forward, inverse = (grid.on_grid(mesh, displacement, places, inverse=inverse) for inverse in (False, True))
     facts: dict[str, Any] = {"voxels": int(forward.inside.sum()), "voxels_moved": int(inverse.inside.sum())}
     output.say(f"{args.image}: {facts['voxels']} voxels in the organ, {facts['voxels_moved']} after it has moved")
-    if args.output:
+    if args.output is not None:
         interpolation = args.interpolation or ("nearest" if _is_label_map(image) else "linear")
         warped = grid.warp(image, forward, inverse, interpolation=interpolation, background=args.background)
         grid.write(args.output, warped)
         output.say(f"written to {args.output}, {interpolation} interpolation")
         facts |= {"interpolation": interpolation}
     for path, field in ((args.field, inverse), (args.forward_field, forward)):
-        if path:
+        if path is not None:
             field.write(path)
             output.say(f"field written to {path}")
     return Outcome("written", facts=facts)
