@@ -65,6 +65,7 @@ from viscera.mesh import Indices, Mesh, read
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
 from viscera.progress import Progress
+from viscera.quantity import path_of
 from viscera.state import State
 from viscera.touch import Touch
 from viscera.vary import Vary
@@ -283,7 +284,7 @@ def read_case(path: str | os.PathLike[str]) -> Case:
 
 def read_words(path: str | os.PathLike[str], made: Callable[[Mapping[str, Any], Path], Made]) -> Made:
     """What is `made` of the words of a TOML file and of its folder; errors name the file."""
-    source = Path(path)
+    source = path_of(path, "the case file")
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not a case file' if source.is_dir() else 'no such case file'}")
     try:

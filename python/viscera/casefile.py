@@ -16,6 +16,7 @@ from viscera.elastic_support import ElasticSupport
 from viscera.errors import VisceraError
 from viscera.loads import by_place
 from viscera.mesh import Floats, Indices, Mesh, Where
+from viscera.quantity import path_of
 from viscera.select import FREE
 from viscera.vary import Vary
 
@@ -58,7 +59,7 @@ def write(
 
 def target_of(path: str | os.PathLike[str]) -> Path:
     """The path of a case to be written, which must end as one."""
-    target = Path(path)
+    target = path_of(path, "the case file")
     if target.suffix != ".toml":
         raise VisceraError(f"{target}: a case file ends in .toml")
     return target

@@ -23,6 +23,7 @@ from viscera.display import Tabled
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.progress import Progress, shown
+from viscera.quantity import Whole, refused
 from viscera.select import length
 from viscera.state import State
 from viscera.touch import Touch
@@ -139,6 +140,11 @@ PATIENCE = {"smallest_step": 1 / 4, "max_iterations": 25, "tolerance": 1e-6}
 local instabilities converge slowly. If smaller load steps are needed the organ is collapsing, and a full solution is
 expensive and doubtful."""
 
+TOUCHES = Whole(1, 1_000_000)
+"""Number of random contacts."""
+SEED = Whole(0, 2**32 - 1)
+"""Seed of the random contacts."""
+
 MEASURES = ("displacement_error", "force_error", "estimate")
 
 
@@ -159,8 +165,8 @@ def check(
     seed: of the random contacts; the same seed gives the same touches.
     executor: a `concurrent.futures.Executor` whose workers solve; by default threads of this process.
     """
-    if touches < 1:
-        raise VisceraError(f"a check needs at least one touch, got {touches}")
+    TOUCHES(touches, "touches")
+    SEED(seed, "seed")
     began = perf_counter()
     fractions = _depth_fractions(touch, depths)
     random = np.random.default_rng(seed)
@@ -300,6 +306,8 @@ class _Asked:
 def _depth_fractions(touch: Touch, depths: Iterable[float | str] | None) -> list[float]:
     diagonal = touch.mesh.diagonal
     deepest = touch.depth / diagonal
+    if isinstance(depths, str) or not isinstance(depths, Iterable | None):
+        raise refused("depths", "a list of lengths, such as ['5%', '10 mm']", depths)
     if depths is None:
         return sorted({min(fraction, deepest) for fraction in defaults.CHECK_DEPTH_FRACTIONS})
     wanted = sorted({length(depth, diagonal, "depth") / diagonal for depth in depths})

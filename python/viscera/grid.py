@@ -18,7 +18,7 @@ from viscera import _core
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
-from viscera.quantity import Choice, Number
+from viscera.quantity import Choice, Number, path_of
 
 AXES = {"LPS": np.ones(3), "RAS": np.array([-1.0, -1.0, 1.0])}
 """Signs that turn coordinates into LPS and back."""
@@ -279,7 +279,7 @@ def _sampled(voxels: NDArray[Any], index: Floats, interpolation: str, empty: flo
 
 def read(path: str | os.PathLike[str]) -> Any:
     """A volume image as SimpleITK holds it; raises `VisceraError` if the file is missing, damaged or no volume."""
-    name = os.fspath(path)
+    name = str(path_of(path, "the image"))
     _ending(name)
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such image")
@@ -294,7 +294,7 @@ def read(path: str | os.PathLike[str]) -> Any:
 
 def write(path: str | os.PathLike[str], image: Any) -> None:
     """An image in the format of the ending, whole or not at all."""
-    name = os.fspath(path)
+    name = str(path_of(path, "the file to write"))
     ending = _ending(name)
     with replacing(name) as scratch:
         whole = scratch.with_name(scratch.name + ending)
@@ -307,7 +307,7 @@ def write(path: str | os.PathLike[str], image: Any) -> None:
 
 def checked(path: str | os.PathLike[str]) -> Path:
     """The path. It is an error if its format or its folder cannot take an image; call this before long work."""
-    _ending(os.fspath(path))
+    _ending(str(path_of(path, "the file to write")))
     return writable(path)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from viscera import _core, meshfile
 from viscera.errors import VisceraError
 from viscera.meshfile import RawMesh
+from viscera.quantity import path_of
 
 if TYPE_CHECKING:
     from viscera.mesh import Floats, Indices, Mesh
@@ -17,10 +18,13 @@ if TYPE_CHECKING:
 # An organ outside this range of bounding-box diagonals [m] was most likely read in the wrong unit.
 PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
+KINDS = {"c": "complex numbers", "b": "booleans", "U": "texts", "S": "bytes"}
+"""Words for what stands in place of numbers, by NumPy's letter."""
+
 
 def inspect(path: str | Path, *, units: str | float = "m") -> dict[str, Any]:
     """The sanity report of a mesh file, good or bad; see `report`."""
-    return report(meshfile.read(Path(path), units))
+    return report(meshfile.read(path_of(path, "the mesh file"), units))
 
 
 def report(raw: RawMesh | Mesh) -> dict[str, Any]:
@@ -125,10 +129,10 @@ def listed(noun: str, indices: Indices) -> str:
 
 def arrays(raw: RawMesh | Mesh) -> tuple[Floats, Indices]:
     """Points and cells in the form of the core (a copy), or a sentence that says why they are not valid."""
-    try:
-        points = np.array(raw.points, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise VisceraError(f"points must be numbers (n, 3), not {raw.points.dtype} {raw.points.shape}") from None
+    kind = raw.points.dtype.kind
+    if kind not in "iuf":  # NumPy would drop imaginary parts, and read texts and booleans as numbers
+        raise VisceraError(f"points must be real numbers (n, 3), not {KINDS.get(kind, 'objects')} {raw.points.shape}")
+    points = np.array(raw.points, dtype=np.float64, order="C")
     cells = raw.cells
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise VisceraError(f"points must have the shape (n, 3) with n > 0, not {points.shape}")

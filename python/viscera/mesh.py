@@ -21,7 +21,7 @@ from viscera.errors import VisceraError
 from viscera.inspection import arrays, faults, hinges, implausible_size, listed
 from viscera.members import indices_of, listed_in, members
 from viscera.meshfile import RawMesh
-from viscera.quantity import Number
+from viscera.quantity import Number, hides_boolean, path_of, refused
 from viscera.select import Lengths, length
 from viscera.select import point as point_of
 
@@ -252,7 +252,8 @@ class Mesh(Pictured):
         Mesh: 525 points, 1920 cells, 4e+04 ml, clamp (25), tip (25), top (105)
         """
         mesh = self.linear()
-        meshfile.write(Path(path), mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
+        target = path_of(path, "the file to write")
+        meshfile.write(target, mesh.points, mesh.cells, mesh.sets, mesh.cell_sets, mesh.axes)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw the mesh, with its cell sets as wireframes. `path`: write a PNG file there.
@@ -287,8 +288,9 @@ def mesh(
     >>> corner
     Mesh: 4 points, 1 cells, 1.667e+05 ml, floor (3)
     """
-    named, parts = ({k: np.asarray(v) for k, v in (given or {}).items()} for given in (sets, cell_sets))
-    return _checked(RawMesh(np.asarray(points), np.asarray(cells), named, parts))
+    named, parts = _named_arrays(sets, "set"), _named_arrays(cell_sets, "cell set")
+    corners = _array(cells, "cells", "rows of four node indices (m, 4)")
+    return _checked(RawMesh(_array(points, "points", "rows of three numbers (n, 3)"), corners, named, parts))
 
 
 def read(path: str | Path, *, units: str | float = "m") -> Mesh:
@@ -304,7 +306,7 @@ def read(path: str | Path, *, units: str | float = "m") -> Mesh:
     >>> vs.read("beam.msh", units="m")
     Mesh: 525 points, 1920 cells, 4e+04 ml, clamp (25), tip (25), top (105)
     """
-    raw = meshfile.read(Path(path), units)
+    raw = meshfile.read(path_of(path, "the mesh file"), units)
     try:
         found = _checked(_without_loose_points(raw))
     except VisceraError as error:
@@ -336,6 +338,31 @@ def _checked(raw: RawMesh) -> Mesh:
         for name, chosen in raw.cell_sets.items()
     }
     return Mesh(_read_only(points), _read_only(cells), sets, tuple(messages), cell_sets=parts, axes=raw.axes)
+
+
+def _array(value: ArrayLike, what: str, kind: str) -> NDArray[Any]:
+    """An array as NumPy makes it of a value, whose numbers `inspection.arrays` checks."""
+    if not isinstance(value, np.ndarray) and hides_boolean(value):
+        raise refused(what, kind, value)
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths
+        raise refused(what, kind, value) from None
+
+
+def _named_arrays(given: Mapping[str, ArrayLike] | None, noun: str) -> dict[str, NDArray[Any]]:
+    """Sets by name, whose members `indices_of` checks."""
+    if not isinstance(given, Mapping | None):
+        raise refused(f"{noun}s", f"a mapping from the name of each {noun} to its members", given)
+    found = {}
+    for name, chosen in (given or {}).items():
+        if not isinstance(name, str) or not name:
+            raise refused(f"the name of a {noun}", "a text that is not empty", name)
+        try:
+            found[name] = np.asarray(chosen)
+        except (TypeError, ValueError, OverflowError):
+            raise refused(f"{noun} {name!r}", "a list of indices, or a mask", chosen) from None
+    return found
 
 
 def _without_loose_points(raw: RawMesh) -> RawMesh:

@@ -10,7 +10,7 @@ from viscera.mesh import Floats
 from viscera.quantity import LARGEST, numbers_of, refused
 
 
-def columns(law: str, **parameters: ArrayLike) -> list[Floats]:
+def columns(law: str, /, **parameters: ArrayLike) -> list[Floats]:
     """The parameters as arrays of one common length: 1, or the number of cells."""
     given = {name: _numbers(law, name, values) for name, values in parameters.items()}
     for name, values in given.items():

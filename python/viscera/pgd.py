@@ -22,6 +22,7 @@ from viscera import _core
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.progress import Progress
+from viscera.quantity import path_of
 from viscera.select import point as point_of
 
 if TYPE_CHECKING:
@@ -155,14 +156,14 @@ class Pgd:
                 data[f"F_{p}"] = order.F[i] if has_pair else np.zeros_like(self.mesh.points)
                 data[f"G_{p}"] = self.over_nodes(order.G[i]) if has_pair else np.zeros(len(self.mesh.points))
             frames.append((float(i + 1), data))
-        return write_series(Path(folder) / "modes.pvd", self.mesh, frames)
+        return write_series(path_of(folder, "the folder") / "modes.pvd", self.mesh, frames)
 
     def write_path(self, folder: str | Path, path: Sequence[Place], a: float = 1.0) -> list[Path]:
         """Write the organ under a load that moves along a path of points: `path.pvd` and one VTU file per point."""
         from viscera.paraview import write_series
 
         frames = [(float(k), {"displacement": self.displacement(s, a)}) for k, s in enumerate(path)]
-        return write_series(Path(folder) / "path.pvd", self.mesh, frames)
+        return write_series(path_of(folder, "the folder") / "path.pvd", self.mesh, frames)
 
     def over_nodes(self, G: Floats) -> Floats:
         """A function of the position (m,) at all nodes (n,); it is 0 at nodes where no load may act."""

@@ -157,7 +157,7 @@ def vector(value: Any, what: str, unit: str) -> NDArray[np.float64]:
 
 def numbers_of(value: Any) -> NDArray[np.float64] | None:
     """A new array of numbers, or None if some are not: NumPy would turn booleans and strings into numbers."""
-    if _hides_boolean(value):
+    if hides_boolean(value):
         return None
     try:
         array = np.asarray(value)
@@ -190,10 +190,10 @@ def brief(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}..."
 
 
-def _hides_boolean(value: Any) -> bool:
+def hides_boolean(value: Any) -> bool:
     """Whether a list holds a boolean somewhere, which NumPy turns into a number beside other numbers."""
     if isinstance(value, list | tuple):
-        return any(map(_hides_boolean, value))
+        return any(map(hides_boolean, value))
     return isinstance(value, bool | np.bool_)
 
 

@@ -21,7 +21,7 @@ from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
-from viscera.quantity import Choice, Number, Whole
+from viscera.quantity import Choice, Number, Whole, path_of
 from viscera.select import length
 
 AXES = ("RAS", "LPS")
@@ -343,7 +343,7 @@ def scan(path: str | os.PathLike[str]) -> Scan:
     >>> vs.scan("labels.nrrd").axes
     'LPS'
     """
-    source = Path(path)
+    source = path_of(path, "the image")
     ending = ending_of(source)
     if source.is_dir() or not source.exists():
         raise VisceraError(f"{source}: {'is a folder, not an image' if source.is_dir() else 'no such file'}")

@@ -14,7 +14,7 @@ from viscera.atomic import replacing
 from viscera.deformed import Deformed
 from viscera.errors import VisceraError
 from viscera.mesh import Indices
-from viscera.quantity import Number
+from viscera.quantity import Number, path_of
 
 MOST_SHAPES = 256
 """Morph targets of a glTF file; viewers keep all of them in the memory of the graphics card."""
@@ -35,7 +35,7 @@ def write_series(path: str | os.PathLike[str], moments: Sequence[tuple[float, De
     >>> sorted(path.name for path in paths)
     ['bend.pvd', 'bend_0000.vtu', 'bend_0001.vtu']
     """
-    target = Path(path)
+    target = path_of(path, "the file of the series")
     if target.suffix.lower() not in (".pvd", ".glb", ".gltf"):
         raise VisceraError(f"{target}: a series is written as .pvd for ParaView, or as .glb or .gltf for other viewers")
     times = _rising([time for time, _ in moments], target)

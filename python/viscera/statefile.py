@@ -20,6 +20,7 @@ from viscera import _core
 from viscera.atomic import replacing, writable
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Indices, Mesh, mesh
+from viscera.quantity import path_of
 
 VOLUMES = (".vtu", ".vtk", ".xdmf", ".msh")
 SURFACES = {
@@ -35,7 +36,7 @@ Y_UP = (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)
 
 def checked(path: str | os.PathLike[str]) -> Path:
     """The path. It is an error if its format or its folder cannot take a solution; call this before long work."""
-    ending = Path(path).suffix.lower()
+    ending = path_of(path, "the file to write").suffix.lower()
     if ending not in VOLUMES and ending not in SURFACES:
         raise VisceraError(
             f"{os.fspath(path)}: a solution cannot be written as {ending or 'a file without an ending'}; use "
@@ -77,7 +78,7 @@ def write(
 
 def read(path: str | os.PathLike[str]) -> tuple[Mesh, Floats]:
     """Mesh and displacement (n, 3) [m] of a solution in a volume format; raises `VisceraError` if it holds none."""
-    name = os.fspath(path)
+    name = str(path_of(path, "the solution"))
     if Path(name).suffix.lower() not in VOLUMES:
         raise VisceraError(f"{name}: is no solution with its volume; those end in {', '.join(VOLUMES)}")
     if not Path(name).is_file():

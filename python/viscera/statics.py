@@ -184,7 +184,7 @@ def displacement_of(start: State | Frame | ArrayLike | None, mesh: Mesh) -> Floa
     if start is None:
         return None
     given = numbers_of(start.displacement if isinstance(start, State | Frame) else start)
-    if given is None or not np.isfinite(given).all():
+    if given is None or given.ndim != 2 or given.shape[1] != 3 or not np.isfinite(given).all():
         raise refused("start", "a State, a Frame or a finite displacement (n, 3) [m]", start)
     if given.shape != mesh.points.shape:
         raise VisceraError(

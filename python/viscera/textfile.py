@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import csv
 import os
-from pathlib import Path
 
 from viscera.errors import VisceraError
+from viscera.quantity import path_of
 
 
 def read_table(path: str | os.PathLike[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -19,7 +19,7 @@ def read_table(path: str | os.PathLike[str]) -> tuple[list[str], list[tuple[int,
     >>> read_table("tips.csv")
     (['name', 'x'], [(2, ['tip', '0.5'])])
     """
-    path = Path(path)
+    path = path_of(path, "the table")
     if path.is_dir() or not path.exists():
         raise VisceraError(f"{path}: {'is a folder, not a table' if path.is_dir() else 'no such file'}")
     try:

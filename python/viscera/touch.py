@@ -22,7 +22,7 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError, refuse_case_file
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.parts import cell_sets
-from viscera.quantity import Whole, vector
+from viscera.quantity import Number, Whole, path_of, vector
 from viscera.select import Lengths, has_words, length, offset
 from viscera.select import point as point_of
 from viscera.ties import Ties
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("viscera")
 T = TypeVar("T")
+COMPRESSION = Number(above=0, below=1)
+"""Tolerance of a smaller model."""
 
 
 class Touch(Pictured):
@@ -125,7 +127,7 @@ class Touch(Pictured):
         >>> smaller.summary()["modes"] < touch.summary()["modes"]
         True
         """
-        return Touch(self._model.compressed(float(tolerance)))
+        return Touch(self._model.compressed(COMPRESSION(tolerance, "tolerance")))
 
     def check(
         self,
@@ -445,7 +447,7 @@ def load(path: str | os.PathLike[str]) -> Touch:
     >>> vs.load("beam.viscera")((1, 0.1, 0.1), (0, 0, -0.01)).is_trusted
     True
     """
-    name = os.fspath(path)
+    name = str(path_of(path, "the model file"))
     refuse_case_file(name, "a model")
     if not Path(name).is_file():
         raise VisceraError(f"{name}: no such model file")

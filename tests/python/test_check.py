@@ -84,7 +84,7 @@ def test_default_depths_stop_at_the_models_own(touch: vs.Touch) -> None:
     for depths in (["10%"], [0.0], [-0.01], []):
         with pytest.raises(vs.VisceraError, match="the model's own depth"):
             check(touch, touches=1, depths=depths)
-    with pytest.raises(vs.VisceraError, match="at least one touch"):
+    with pytest.raises(vs.VisceraError, match="touches must be a whole number from 1 to 1000000, got 0"):
         check(touch, touches=0)
 
 

@@ -194,6 +194,12 @@ def test_check(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert set(facts) >= {"touches", "worst", "median"}
 
 
+def test_a_seed_is_not_negative(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = run("check", str(model), "--seed", "-1", capsys=capsys)
+    assert (code, out) == (2, "")
+    assert err == "viscera check: seed must be a whole number from 0 to 4294967295, got -1\n"
+
+
 def test_a_check_that_fails_exits_1(
     model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -257,6 +263,7 @@ def test_touch(model: Path, folder: Path, capsys: pytest.CaptureFixture[str]) ->
         (["reduce", *MESH, "--radius", "wide"], "radius in [reduce] 'wide' is not a length"),
         (["reduce", "case.toml", "--young", "1"], "change it there, and leave out --young"),
         (["reduce", *MESH, *REDUCTION, "-o", "no/where.viscera"], "create it first"),
+        (["demo", "--touches", "0"], "touches must be a whole number from 1 to 1000000, got 0"),
     ],
 )
 def test_bad_input_is_one_sentence(

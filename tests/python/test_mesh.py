@@ -66,7 +66,7 @@ def bad_arrays() -> dict[str, tuple[object, object, str]]:
         "triangles": (TET, [[0, 1, 2]], r"cells must have the shape \(m, 4\)"),
         "no cells": (TET, np.zeros((0, 4), int), r"with m > 0, not \(0, 4\)"),
         "real cells": (TET, [[0.0, 1, 2, 3]], "cells must hold integers, not float64"),
-        "words": ([["a", "b", "c"]] * 4, [[0, 1, 2, 3]], "points must be numbers"),
+        "words": ([["a", "b", "c"]] * 4, [[0, 1, 2, 3]], r"points must be real numbers \(n, 3\), not texts"),
     }
 
 

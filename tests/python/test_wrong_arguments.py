@@ -195,6 +195,102 @@ def test_wrong_arguments(organ: vs.Organ, make: Make, sentence: str) -> None:
         make(organ)
 
 
+CORNER: Any = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+CELL: Any = [[0, 1, 2, 3]]
+NUL = "a\0.vtu"
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: vs.mesh([[0, 0], [1]], [[0]]), r"points must be rows of three numbers \(n, 3\), got \[\["),
+        (lambda: vs.mesh(CORNER, [[0, 1, 2], [3]]), r"cells must be rows of four node indices \(m, 4\), got"),
+        (lambda: vs.mesh(np.array(CORNER) * (1 + 1j), CELL), "points must be real numbers .*, not complex numbers"),
+        (lambda: vs.mesh(np.array(CORNER).astype(str), CELL), "points must be real numbers .*, not texts"),
+        (lambda: vs.mesh(np.array(CORNER, dtype=bool), CELL), "points must be real numbers .*, not booleans"),
+        (lambda: vs.mesh([[False, 0, 0], *CORNER[1:]], CELL), "points must be rows of three numbers .*, got .*False"),
+        (lambda: vs.mesh(CORNER, [[0, True, 2, 3]]), "cells must be rows of four node indices .*, got .*True"),
+        (lambda: vs.mesh(CORNER, CELL, sets=[0, 1]), r"sets must be a mapping from the name .*, got \[0, 1\]"),  # type: ignore[arg-type]
+        (lambda: vs.mesh(CORNER, CELL, cell_sets=[0]), r"cell sets must be a mapping from the name .*, got \[0\]"),  # type: ignore[arg-type]
+        (lambda: vs.mesh(CORNER, CELL, sets={3: [0, 1]}), "the name of a set must be a text .*, got 3"),  # type: ignore[dict-item]
+        (lambda: vs.mesh(CORNER, CELL, cell_sets={3: [0]}), "the name of a cell set must be a text .*, got 3"),  # type: ignore[dict-item]
+        (lambda: vs.mesh(CORNER, CELL, sets={"a": [[0], [1, 2]]}), "set 'a' must be a list of indices, or a mask, got"),
+        (lambda: vs.load(3), "the model file must be named by a text or a path, got 3"),  # type: ignore[arg-type]
+        (lambda: vs.load(NUL), "the model file must be named by a text or a path, got"),
+        (lambda: vs.case(None), "the case file must be named by a text or a path, got None"),  # type: ignore[arg-type]
+        (lambda: vs.read(3), "the mesh file must be named by a text or a path, got 3"),  # type: ignore[arg-type]
+        (lambda: vs.scan(3), "the image must be named by a text or a path, got 3"),  # type: ignore[arg-type]
+        (lambda: vs.StrainEnergy("fibres*(I1bar - 3) + 1e4*(J - 1)**2"), "'fibres' names the directions of fibres"),
+        (lambda: vs.StrainEnergy(3, mu=1e3), "the energy must be a formula, .*, got 3"),  # type: ignore[arg-type]
+    ],
+)  # fmt: skip
+def test_wrong_meshes_and_files(make: Callable[[], object], sentence: str) -> None:
+    with pytest.raises(vs.VisceraError, match=sentence):
+        make()
+
+
+@pytest.fixture(scope="module")
+def touch(organ: vs.Organ) -> vs.Touch:
+    return organ.reduce("z > 99% and x > 70%", depth="5%", order=2)
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda t: t.check("3"), "touches must be a whole number from 1 to 1000000, got '3'"),
+        (lambda t: t.check(True), "touches must be a whole number from 1 to 1000000, got True"),
+        (lambda t: t.check(2.5), "touches must be a whole number from 1 to 1000000, got 2.5"),
+        (lambda t: t.check(2, seed="a"), "seed must be a whole number from 0 to 4294967295, got 'a'"),
+        (lambda t: t.check(2, seed=-1), "seed must be a whole number from 0 to 4294967295, got -1"),
+        (lambda t: t.check(2, depths=3), "depths must be a list of lengths, such as .*, got 3"),
+        (lambda t: t.check(2, depths="5%"), "depths must be a list of lengths, such as .*, got '5%'"),
+        (lambda t: t.compressed("a"), "tolerance must be a number above 0 and below 1, got 'a'"),
+        (lambda t: t.compressed(True), "tolerance must be a number above 0 and below 1, got True"),
+        (lambda t: t.compressed(1), "tolerance must be a number above 0 and below 1, got 1"),
+        (lambda t: t.save(5), "the file to write must be named by a text or a path, got 5"),
+    ],
+)
+def test_wrong_questions_to_a_model(touch: vs.Touch, make: Callable[[vs.Touch], object], sentence: str) -> None:
+    with pytest.raises(vs.VisceraError, match=sentence):
+        make(touch)
+
+
+@pytest.mark.parametrize("name", [5, None, b"a.vtu", "", NUL])
+def test_what_names_no_file_is_refused(organ: vs.Organ, name: Any) -> None:
+    state = organ.solve(force={"tip": (0, 0, -1)})
+    for write in (state.write, organ.mesh.write, organ.to_case):
+        with pytest.raises(vs.VisceraError, match="must be named by a text or a path, got"):
+            write(name)
+
+
+@pytest.mark.parametrize("start", [5, (0, 0), [1.0, 2.0], "tip", np.zeros(3)])
+def test_a_start_that_is_no_displacement_is_called_so(organ: vs.Organ, start: Any) -> None:
+    with pytest.raises(vs.VisceraError, match="start must be a State, a Frame or a finite displacement"):
+        organ.solve(force={"tip": (0, 0, -1)}, start=start)
+    with pytest.raises(vs.VisceraError, match="the state to reduce about must be a State"):
+        organ.reduce("tip", start=start)
+    with pytest.raises(vs.VisceraError, match="belongs to another mesh"):
+        organ.solve(force={"tip": (0, 0, -1)}, start=np.zeros((2, 3)))
+
+
+def test_a_formula_may_name_its_parameters_as_it_likes() -> None:
+    """They were taken for arguments of Python."""
+    usual = vs.StrainEnergy("mu/2*(I1bar - 3) + 1e4*(J - 1)**2", mu=1e3)
+    by_name = vs.StrainEnergy(energy="mu/2*(I1bar - 3) + 1e4*(J - 1)**2", mu=1e3)
+    assert repr(by_name) == repr(usual)
+    F = np.diag([1.1, 0.9, 1.0])[None]
+    for name in ("energy", "self", "law"):
+        law = vs.StrainEnergy(f"{name}/2*(I1bar - 3) + 1e4*(J - 1)**2", **{name: 1e3})
+        assert law.energy(F) == pytest.approx(usual.energy(F), rel=1e-14)
+
+
+@pytest.mark.parametrize("name", ["energy", "law"])
+def test_a_parameter_that_is_a_key_of_cases_is_not_written_over_it(bar: vs.Mesh, name: str) -> None:
+    law = vs.StrainEnergy(f"{name}/2*(I1bar - 3) + 1e4*(J - 1)**2", **{name: 1e3})
+    with pytest.raises(vs.VisceraError, match=f"{name!r} is a key of every case file"):
+        vs.Organ(bar, law, fixed="root").to_case("never.toml")
+
+
 def test_a_push_that_is_no_size_of_an_organ_is_refused(organ: vs.Organ) -> None:
     """It gave a force that was no number."""
     touch = organ.reduce("z > 99% and x > 70%", depth="5%", order=2)

@@ -22,7 +22,7 @@ import numpy as np
 
 from viscera import organs, progress
 from viscera.atomic import made_folder
-from viscera.check import surface_points
+from viscera.check import TOUCHES, surface_points
 from viscera.cli.check import say
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.cli.view import show
@@ -66,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, load again, check, draw, show."""
+    TOUCHES(args.touches, "touches")
     model, picture = (Path(args.output, name) for name in ("liver.viscera", "liver.png"))
     output.spare([], ("-o", model), ("-o", picture))
     made_folder(args.output)

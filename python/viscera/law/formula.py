@@ -45,7 +45,9 @@ class StrainEnergy(Law):
 
     prefix: ClassVar[str] = "formula "
 
-    def __init__(self, energy: str, *, fibres: ArrayLike | None = None, **parameters: ArrayLike) -> None:
+    def __init__(self, energy: str | None = None, /, *, fibres: ArrayLike | None = None, **parameters: Any) -> None:
+        if energy is None:  # by its name, as case files give it; beside a formula, that is the name of a parameter
+            energy = parameters.pop("energy", None)
         if not isinstance(energy, str):
             raise refused(
                 "StrainEnergy: the energy", "a formula, such as 'mu/2*(I1bar - 3) + kappa/2*(J - 1)**2'", energy
@@ -55,6 +57,8 @@ class StrainEnergy(Law):
         names = _core.law_parameters(name)
         families = sum(key in COMPONENTS for key in names) // 3
         self.names = tuple(names[: len(names) - 3 * families])
+        if "fibres" in self.names:
+            raise VisceraError("StrainEnergy: 'fibres' names the directions of fibres; call the parameter otherwise")
         for key in parameters:
             if key not in self.names:
                 raise VisceraError(
@@ -83,6 +87,8 @@ class StrainEnergy(Law):
     @property
     def words(self) -> dict[str, Any]:
         """The arguments that make the law from a single set of parameters, as in a case file."""
+        if taken := next((name for name in self.names if name in {"law", "energy"}), None):
+            raise VisceraError(f"StrainEnergy: {taken!r} is a key of every case file; call the parameter otherwise")
         row = self.parameters[0].tolist()
         values = {"energy": self.formula, **dict(zip(self.names, row, strict=False))}
         components = row[len(self.names) :]

@@ -10,6 +10,7 @@ import numpy as np
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.meshfile import metres_per_unit
+from viscera.quantity import path_of
 from viscera.textfile import number, read_table
 
 CLOUDS = (".csv", ".ply", ".obj", ".stl")
@@ -28,7 +29,7 @@ def read_cloud(path: str | os.PathLike[str], units: str | float = "m") -> Floats
     >>> read_cloud("seen.csv", "mm").tolist()
     [[0.01, 0.0, 0.005], [0.011, 0.0, 0.005]]
     """
-    path, factor = Path(path), metres_per_unit(units)
+    path, factor = path_of(path, "the cloud"), metres_per_unit(units)
     if path.is_dir() or not path.exists():
         raise VisceraError(f"{path}: {'is a folder, not a cloud of points' if path.is_dir() else 'no such file'}")
     ending = path.suffix.lower()
@@ -53,7 +54,7 @@ def read_landmarks(path: str | os.PathLike[str], units: str | float = "m") -> di
     >>> read_landmarks("marks.csv")["tip"].tolist()
     [0.1, 0.2, 0.3]
     """
-    names, places = _positions(Path(path), "name")
+    names, places = _positions(path_of(path, "the file of landmarks"), "name")
     twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
     if twice is not None:
         raise VisceraError(f"{path}: the landmark {twice!r} stands twice")

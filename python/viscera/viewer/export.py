@@ -11,6 +11,7 @@ from viscera.atomic import replacing
 from viscera.case import Case
 from viscera.errors import VisceraError
 from viscera.progress import shown
+from viscera.quantity import path_of
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
@@ -68,7 +69,7 @@ def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ")
 
 
 def _target(name: str | os.PathLike[str]) -> Path:
-    target = Path(name)
+    target = path_of(name, "the page")
     if _is_single(target) and target.is_dir():
         raise VisceraError(f"{target} is a folder; name a file for the page, or a folder that does not end in .html")
     if not _is_single(target) and target.exists() and not target.is_dir():
