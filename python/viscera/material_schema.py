@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from inspect import signature
 from typing import Any
 
-from viscera import law
+from viscera import _core, law
 from viscera.entries import Key, PerCell, Point, Table, known, of_table
 from viscera.errors import VisceraError, did_you_mean
 from viscera.quantity import Check, Choice, Flag, Number, Vector, numbers_of, refused
@@ -76,26 +76,31 @@ class Material:
         own = {name: value for name, value in words.items() if not is_part(name, value)}
         parts = {f"{table}.{place}": part for place, part in words.items() if is_part(place, part)}
         if own.get("law") == law.StrainEnergy.__name__:
-            return self._formula({table: own, **parts})
+            return self._formula(table, own, {name: part for name, part in words.items() if is_part(name, part)})
         for _ in known(own, ("law", *PARAMETERS), table):
             pass
         if "law" not in own:
             raise VisceraError(f"the material names no law; {did_you_mean('', law.LAWS)}")
         kind = own.pop("law")
         Choice(law.LAWS)(kind, f"law{of_table(table)}" if table != "material" else "law")
+        _refuse_places(own, taken_by(kind), table)
         for name, value in own.items():
             _parameter(kind, name)(value, f"{name} in [{table}]")
         for part_table, part in parts.items():
             for name, value in known(part, PARTIAL, part_table):
                 _parameter(kind, name)(value, f"{name} in [{part_table}]")
 
-    def _formula(self, tables: dict[str, Any]) -> None:
+    def _formula(self, whole: str, own: Mapping[str, Any], parts: Mapping[str, Any]) -> None:
         """Checks a law given as a formula, whose parameters are the names in it."""
-        whole, own = next(iter(tables.items()))
         if "energy" not in own:
             raise VisceraError('material StrainEnergy: it needs a formula, as in energy = "mu/2*(I1bar - 3) + ..."')
         Formula()(own["energy"], f"energy in [{whole}]")
-        for table, entries in tables.items():
+        names = _names_in(own["energy"])
+        _refuse_places(own, ("energy", "fibres", *names), whole)
+        for place, part in parts.items():
+            if place in names:
+                PerCell(Number())(part, f"{place} in [{whole}]")
+        for table, entries in ((whole, own), *((f"{whole}.{place}", part) for place, part in parts.items())):
             for name, value in known(entries, entries, table):
                 if name == "fibres":
                     Fibres()(value, f"fibres in [{table}]")
@@ -107,8 +112,26 @@ class Material:
 
 
 def is_part(name: str, value: Any) -> bool:
-    """Whether an entry of [material] is a table for a part of the mesh."""
-    return isinstance(value, Mapping) and name != "fibres"
+    """Whether an entry of [material] is a table for a part of the mesh: no parameter has a table, but `fibres`."""
+    return isinstance(value, Mapping) and name != "law" and name not in PARAMETERS
+
+
+def _refuse_places(own: Mapping[str, Any], taken: Collection[str], table: str) -> None:
+    """Raise `VisceraError` if a table is that of a place which is called as a parameter of some other law is."""
+    for name, value in own.items():
+        if isinstance(value, Mapping) and name not in taken:
+            raise VisceraError(
+                f"[{table}.{name}] is no table of a part, for {name!r} is the name of a parameter; call the set of "
+                "cells otherwise, or give a condition"
+            )
+
+
+def _names_in(formula: str) -> list[str]:
+    """The parameters of a formula; none if it is wrong, which the law says."""
+    try:
+        return _core.law_parameters(law.StrainEnergy.prefix + " ".join(formula.split()))
+    except ValueError:
+        return []
 
 
 def taken_by(kind: str) -> tuple[str, ...]:

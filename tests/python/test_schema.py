@@ -377,6 +377,8 @@ def build(case: Case | SceneCase) -> bool:
 HEAD = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "Linear", mu = 1e5, lam = 1e5}\n'
 MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", poisson = 0.3, '
 
+OWN = MADE.replace('"NeoHookean", poisson = 0.3', '"StrainEnergy", energy = "stiff*(I1bar - 3) + 1e4*(J - 1)**2"')
+
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
@@ -412,6 +414,17 @@ MADE = 'mesh = "organ:beam"\nfixed = "clamp"\nmaterial = {law = "NeoHookean", po
             r"displacement of 'tip' must be a number from -1000 to 1000 \[m\], got -1e\+100",
         ),
         (HEAD + "loads.force.tip = [0, 0, -1e100]", "force of 'tip' must be three finite numbers"),
+        (MADE + "young = {}}", r"young in \[material\] must be a number above 0 .*, got {}"),
+        (MADE + "young = {poisson = 0.3}}", r"young in \[material\] must be a number above 0 .*, got {'poisson': 0.3}"),
+        (MADE + 'young = {law = "Yeoh"}}', r"young in \[material\] must be a number above 0 .*, got {'law': 'Yeoh'}"),
+        (MADE + "young = 1e5, kappa = {young = 1e4}}", r"\[material.kappa\] is no table of a part, for 'kappa' is the"),
+        (MADE + "young = 1e5, lam = {}}", r"lam in \[material\] must be a number .*, got {}"),
+        (OWN + "stiff = {}}", r"stiff in \[material\] must be a number .*, got {}"),
+        (OWN + "stiff = 1e3, c = {stiff = 1e4}}", r"\[material.c\] is no table of a part, for 'c' is the name of a"),
+        (
+            OWN.replace('"stiff', '{}, b = "') + "stiff = 1e3}",
+            r"energy in \[material\] must be a formula in quotes, got {}",
+        ),
     ],
 )
 def test_what_is_of_the_wrong_kind_is_refused_in_words(tmp_path: Path, words: str, sentence: str) -> None:
