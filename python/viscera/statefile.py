@@ -120,6 +120,8 @@ def _write_volume(
     elif ending == ".vtk":
         meshio.vtk.write(path, grid, fmt_version="4.2")
     elif ending == ".msh":
+        for tag in ("gmsh:physical", "gmsh:geometrical"):  # of no group; meshio adds them too, and prints a warning
+            grid.cell_data[tag] = [np.zeros(len(block), dtype=np.int32) for block in grid.cells]
         meshio.gmsh.write(path, grid, fmt_version="2.2", binary=True)
     else:  # numbers in the file itself: a second file beside it could not be replaced with it
         meshio.xdmf.write(path, grid, data_format="XML")

@@ -85,6 +85,7 @@ def test_a_device_stays_a_device() -> None:
     assert all(stat.S_ISCHR(os.stat(device).st_mode) for device in ("/dev/null", "/dev/full"))
 
 
+PRINTING = ("inspect organ:beam", "inspect organ:beam --json - --quiet", "completion bash", "--help")
 COMMAND = "import sys; from viscera.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
@@ -110,6 +111,27 @@ def test_json_to_a_full_device_is_one_sentence(tmp_path: Path) -> None:
     done = shell('"$@" inspect organ:beam --quiet --json /dev/full', tmp_path)
     assert done.returncode == 2
     assert done.stderr == "viscera inspect: /dev/full: could not be written (No space left on device)\n"
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
+@pytest.mark.parametrize("words", PRINTING)
+def test_a_full_standard_output_is_named(words: str, tmp_path: Path) -> None:
+    done = shell(f'"$@" {words} > /dev/full', tmp_path)
+    verb = "" if words == "--help" else f" {words.split()[0]}"
+    assert done.returncode == 2
+    assert done.stderr.endswith(f"viscera{verb}: standard output: could not be written (No space left on device)\n")
+    assert done.stderr.count("viscera") == 1, "once, and without a traceback"
+
+
+@pytest.mark.parametrize("words", PRINTING)
+def test_a_closed_pipe_ends_a_command_without_a_word(words: str, tmp_path: Path) -> None:
+    done = shell(f'"$@" {words} | exec 0<&-; exit "${{PIPESTATUS[0]}}"', tmp_path)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_a_closed_pipe_behind_both_streams_does_not_raise(tmp_path: Path) -> None:
+    done = shell('"$@" inspect none.vtu 2>&1 | exec 0<&-; exit "${PIPESTATUS[0]}"', tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (141, "", "")
 
 
 def test_many_writers_of_one_file_never_tear_it(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
-from viscera import _core
+from viscera import _core, statefile
 from viscera.cli import demo, main
 from viscera.cli import touch as touch_verb
 from viscera.select import length, offset
@@ -124,6 +124,14 @@ def test_solve_gives_what_the_api_gives(bar: vs.Mesh, folder: Path, capsys: pyte
     assert facts["reactions"]["tip"] == pytest.approx(state.reaction("tip"), rel=1e-6, abs=1e-8)
     assert set(facts) >= {"status", "seconds", "iterations", "residuals", "volume_ratio", "reactions"}
     assert (folder / "out.vtu").is_file()
+
+
+@pytest.mark.parametrize("ending", [*statefile.VOLUMES, *statefile.SURFACES])
+def test_no_format_prints_what_nobody_asked_for(folder: Path, ending: str, capfd: pytest.CaptureFixture[str]) -> None:
+    if ending == ".xdmf":
+        pytest.importorskip("h5py")
+    assert main(["solve", "case.toml", "-o", f"out{ending}", "--quiet"]) == 0
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("name", ["out.docx", "out.inp", "out"])

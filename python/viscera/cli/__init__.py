@@ -1,6 +1,7 @@
 """The `viscera` program: one file here for each command, each a thin layer over the Python API.
 
-Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input, one sentence on standard error; 130 interrupted.
+Exit codes: 0 done; 1 did not converge, or a check failed; 2 bad input, one sentence on standard error; 130 interrupted;
+141 nobody reads what is printed.
 """
 
 from __future__ import annotations
@@ -9,8 +10,9 @@ import argparse
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from time import perf_counter
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from viscera import _core, startup
 from viscera.cli import (
@@ -31,7 +33,7 @@ from viscera.cli import (
     view,
     warp,
 )
-from viscera.cli.output import BAD_INPUT, INTERRUPTED, Outcome, Output
+from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, put
 from viscera.errors import VisceraError
 
 VERBS = (
@@ -42,15 +44,33 @@ NEGATIVE_NUMBER = re.compile(r"-\d*\.?\d+([eE][-+]?\d+)?\s*[a-z%]*")
 
 
 class _Parser(argparse.ArgumentParser):
-    """Like its parent, but the error of a wrong command line is one sentence."""
+    """Like its parent, but the error of a wrong command line is one sentence, and help that nobody reads is none."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(BAD_INPUT, f"{self.prog}: {message}; see {self.prog} --help\n")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        put(message, is_error=file is not sys.stdout)
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
-    words = sys.argv[1:] if argv is None else list(argv)
+    try:
+        return _run(sys.argv[1:] if argv is None else list(argv))
+    except ReaderGone:
+        return NO_READER
+    except VisceraError as error:  # help, or a script for the shell, on a full device
+        return _refused("", error)
+
+
+def _refused(verb: str, error: object) -> int:
+    """Says what is wrong in one sentence; the exit code."""
+    with suppress(VisceraError):  # standard error is full, too
+        put(f"viscera{f' {verb}' if verb else ''}: {error}\n", is_error=True)
+    return BAD_INPUT
+
+
+def _run(words: list[str]) -> int:
     # argparse takes "-1e-3" for an option; a leading blank makes it the number it is.
     args = command_line().parse_args([f" {word}" if NEGATIVE_NUMBER.fullmatch(word) else word for word in words])
     output = Output(args.json, is_quiet=args.quiet)
@@ -58,8 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         output.check()
     except VisceraError as error:
-        print(f"viscera {args.verb}: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(args.verb, error)
     try:
         startup.handle_interrupts()
         outcome: Outcome = args.run(args, output)
@@ -69,12 +88,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         outcome = Outcome("bad input", BAD_INPUT, {"message": " ".join(str(error).split())})
     if outcome.code in {BAD_INPUT, INTERRUPTED}:
-        print(f"viscera {args.verb}: {outcome.facts['message']}", file=sys.stderr)
+        _refused(args.verb, outcome.facts["message"])
     try:
         output.write(outcome, perf_counter() - began)
     except (ValueError, OSError) as error:
-        print(f"viscera {args.verb}: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(args.verb, error)
     return outcome.code
 
 

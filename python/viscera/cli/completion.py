@@ -7,9 +7,8 @@ viscera completion zsh > ~/.zfunc/_viscera
 from __future__ import annotations
 
 import argparse
-import sys
 
-from viscera.cli.output import Outcome, Output
+from viscera.cli.output import Outcome, Output, put
 
 SHELLS = ("bash", "zsh")
 FILES = ("FILE", "MESH", "CASE", "LABELS", "organ.viscera", "TEST.csv")
@@ -31,7 +30,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     _mark_files(parser)
     script = shtab.complete(parser, shell=args.shell)
     if args.json != "-":
-        sys.stdout.write(script + "\n")
+        put(script + "\n")
     return Outcome("printed", facts={"shell": args.shell, "script": script})
 
 

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
 from viscera.atomic import Name, replacing, spare, writable
 from viscera.errors import VisceraError
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, INTERRUPTED, NO_READER = 0, 1, 2, 130, 141
+"""Exit codes. The last is what a shell reports of a program that a closed pipe ended: 128 and the signal's number."""
+
+
+class ReaderGone(Exception):
+    """Nobody reads what is printed any more: the pipe behind standard output or standard error is closed."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +62,7 @@ class Output:
     def say(self, text: str) -> None:
         """A line for people."""
         if not self.is_quiet:
-            print(text, file=sys.stderr if self.json_path == "-" else sys.stdout, flush=True)
+            put(text + "\n", is_error=self.json_path == "-")
 
     def say_all(self, messages: Iterable[str]) -> None:
         """Lines for people, such as what was repaired in a mesh."""
@@ -69,10 +76,32 @@ class Output:
         facts = {"status": outcome.status, "seconds": round(seconds, 3), **outcome.facts}
         text = json.dumps(plain(facts), indent=1, allow_nan=False) + "\n"
         if self.json_path == "-":
-            sys.stdout.write(text)
+            put(text)
             return
         with replacing(self.json_path) as scratch:
             scratch.write_text(text, encoding="utf-8")
+
+
+def put(text: str, *, is_error: bool = False) -> None:
+    """Writes to standard output or standard error at once; raises `ReaderGone` or `VisceraError` if it cannot."""
+    stream, name = (sys.stderr, "standard error") if is_error else (sys.stdout, "standard output")
+    try:
+        stream.write(text)
+        stream.flush()
+    except BrokenPipeError:
+        _abandon(stream)
+        raise ReaderGone from None
+    except OSError as error:
+        _abandon(stream)
+        raise VisceraError(f"{name}: could not be written ({error.strerror})") from error
+
+
+def _abandon(stream: TextIO) -> None:
+    """What is left in the buffer goes nowhere: Python would try it again as it ends, and print that error too."""
+    with suppress(OSError, ValueError):  # a stream without a file, as in a notebook
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def plain(value: Any) -> Any:
