@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 # An organ outside this range of bounding-box diagonals [m] was most likely read in the wrong unit.
 PLAUSIBLE_DIAGONAL = (1e-3, 2.0)
 
+SAME_PLACE = 1e-9
+"""Distance, in sizes of the mesh, below which two points count as one: the rounding of files."""
+DEEP = 1e-6
+"""Least barycentric coordinate of a place inside a cell, so that what only touches a part is not in it."""
 KINDS = {"c": "complex numbers", "b": "booleans", "U": "texts", "S": "bytes"}
 """Words for what stands in place of numbers, by NumPy's letter."""
 
@@ -60,11 +64,11 @@ def report(raw: RawMesh | Mesh) -> dict[str, Any]:
         "volume_ml": 1e6 * volume,
         "quality": {"min": float(facts["quality"].min()), "mean": float(facts["quality"].mean())},
         "parts": int(facts["n_parts"]),
-        "problems": problems_of(points, facts),
+        "problems": problems_of(points, cells, facts),
     }
 
 
-def problems_of(points: Floats, facts: dict[str, Any]) -> list[str]:
+def problems_of(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[str]:
     problems = faults(facts)
     if len(facts["inverted"]) and not len(facts["overlapping"]):
         problems.append(f"{listed('cell', facts['inverted'])} inverted; reading the mesh turns them round")
@@ -76,8 +80,7 @@ def problems_of(points: Floats, facts: dict[str, Any]) -> list[str]:
             f"the mesh has {facts['n_parts']} separate parts (of {', '.join(map(str, sizes[:5]))}"
             f"{', ...' if len(sizes) > 5 else ''} cells); each needs its own fixed nodes"
         )
-    problems += hinges(facts)
-    return problems + implausible_size(points)
+    return problems + doubts(points, cells, facts) + implausible_size(points)
 
 
 def faults(facts: dict[str, Any]) -> list[str]:
@@ -102,6 +105,49 @@ def faults(facts: dict[str, Any]) -> list[str]:
             f"{hanging[0, 1]}) without being a corner of it: the two sides would separate there; remesh"
         )
     return found
+
+
+def doubts(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[str]:
+    """What may be meant, but seldom is: a mesh is read all the same."""
+    return hinges(facts) + doubled(points) + overlaps(points, cells, facts)
+
+
+def doubled(points: Floats) -> list[str]:
+    """Where one point lies on another: the lips of a cut, or what was never joined."""
+    size = float(np.ptp(points, axis=0).max())
+    place = np.round((points - points.min(axis=0)) / (SAME_PLACE * size)) if size > 0.0 else points
+    order = np.lexsort(place.T)
+    again = order[1:][(place[order[1:]] == place[order[:-1]]).all(axis=1)]
+    if not len(again):
+        return []
+    return [
+        f"{listed('point', np.sort(again))} at the place of another: the cells on the two sides are not joined there; "
+        "merge the points, unless it is a cut"
+    ]
+
+
+def overlaps(points: Floats, cells: Indices, facts: dict[str, Any]) -> list[str]:
+    """Cells of a part with a corner or their centroid inside another part."""
+    if facts["n_parts"] < 2 or len(facts["degenerate"]):
+        return []
+    owner, corners, is_inside = facts["part"], points[cells], np.zeros(len(cells), dtype=bool)
+    order = np.argsort(owner, kind="stable")
+    starts = np.searchsorted(owner[order], np.arange(facts["n_parts"]))
+    low = np.minimum.reduceat(corners.min(axis=1)[order], starts)
+    high = np.maximum.reduceat(corners.max(axis=1)[order], starts)
+    for part, (lowest, highest) in enumerate(zip(low, high, strict=True)):
+        is_near = (low < highest).all(axis=1) & (high > lowest).all(axis=1)
+        is_near[part] = False
+        if is_near.any():
+            own = np.flatnonzero(owner == part)
+            places = np.concatenate([corners[own], corners[own].mean(axis=1, keepdims=True)], axis=1)
+            found, weights = _core.Locator(points, cells[is_near[owner]]).find(places.reshape(-1, 3))
+            is_deep = (found >= 0) & (weights.min(axis=1) > DEEP)
+            is_inside[own] = is_deep.reshape(-1, 5).any(axis=1)
+    if not is_inside.any():
+        return []
+    inside = np.flatnonzero(is_inside).astype(np.uint32)
+    return [f"{listed('cell', inside)} inside another part: parts overlap; move them apart, or join them"]
 
 
 def hinges(facts: dict[str, Any]) -> list[str]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from viscera import _core, meshfile
 from viscera.display import Pictured
 from viscera.errors import VisceraError
-from viscera.inspection import arrays, faults, hinges, implausible_size, listed
+from viscera.inspection import arrays, doubts, faults, implausible_size, listed
 from viscera.members import indices_of, listed_in, members
 from viscera.meshfile import RawMesh
 from viscera.quantity import Number, hides_boolean, path_of, refused
@@ -329,9 +329,9 @@ def _checked(raw: RawMesh) -> Mesh:
         cells[inverted] = cells[inverted][:, [0, 2, 1, 3]]
         messages.append(f"turned round {len(inverted)} of {len(cells)} cells that were inverted")
         log.info(messages[-1])
-    for hinge in hinges(facts):
-        messages.append(hinge)
-        log.warning(hinge)
+    for doubt in doubts(points, cells, facts):
+        messages.append(doubt)
+        log.warning(doubt)
     sets = {name: _read_only(indices_of(nodes, len(points), f"set {name!r}")) for name, nodes in raw.sets.items()}
     parts = {
         name: _read_only(indices_of(chosen, len(cells), f"cell set {name!r}", "cell"))

@@ -14,6 +14,7 @@ import viscera as vs
 from viscera import meshfile
 from viscera.errors import VisceraError
 from viscera.inspection import inspect, report
+from viscera.meshfile import RawMesh
 
 
 def test_the_report_of_a_sound_file(bar: vs.Mesh, tmp_path: Path) -> None:
@@ -140,6 +141,49 @@ def test_parts_that_share_one_point_are_told_apart(bar: vs.Mesh, caplog: pytest.
     assert report(both)["parts"] == 2
     assert "parts meet at point 80 only" in both.messages[-1]
     assert both.messages[-1] in caplog.text
+
+
+def test_parts_that_overlap_are_told(bar: vs.Mesh, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A second bar, pushed into the first: 0.4 m by 0.1 m by 0.1 m in cells of 0.05 m."""
+    cells = np.vstack([bar.cells, bar.cells + 81])
+    for shift, is_overlap in (
+        ((0.21, 0.03, 0.02), True),
+        ((0.0, 0.0, 0.05), True),  # by one cell: corners lie on corners
+        ((0.0, 0.0, 0.1), False),  # face on face
+        ((0.4, 0.1, 0.1), False),  # edge on edge
+        ((0.0, 0.0, 0.2), False),
+    ):
+        points = np.vstack([bar.points, bar.points + np.array(shift)])
+        found = [problem for problem in report(RawMesh(points, cells))["problems"] if "inside another part" in problem]
+        assert len(found) == is_overlap, (shift, found)
+    points[81:] -= np.array([0.0, 0.0, 0.15])  # by half a cell
+    grid = meshio.Mesh(points, [("tetra", cells)])
+    meshio.vtu.write(tmp_path / "two.vtu", grid)
+    caplog.clear()
+    both = vs.read(tmp_path / "two.vtu")
+    told = [message for message in both.messages if message.endswith("parts overlap; move them apart, or join them")]
+    assert len(told) == 1
+    assert told[0] in caplog.text
+    named = int(re.match(r"(\d+) cells", told[0])[1])  # type: ignore[index]
+    is_low, is_high = points[cells][..., 2].min(axis=1) < 0.1, points[cells][..., 2].max(axis=1) > 0.05
+    assert 0.5 * (is_low & is_high).sum() < named <= (is_low & is_high).sum()
+
+
+def test_points_on_one_another_are_told(bar: vs.Mesh, caplog: pytest.LogCaptureFixture) -> None:
+    """A node given twice opens as a crack."""
+    node, cells = int(bar.cells[50, 0]), bar.cells.astype(np.int64)
+    around = np.flatnonzero((cells == node).any(axis=1))
+    half = around[: len(around) // 2]
+    cells[half] = np.where(cells[half] == node, 81, cells[half])
+    for off in (0.0, 1e-12):  # the rounding of a file
+        raw = RawMesh(np.vstack([bar.points, bar.points[node] + off]), cells)
+        (problem,) = report(raw)["problems"]
+        assert problem.startswith("point 81 is at the place of another")
+        both = vs.mesh(raw.points, raw.cells)
+        assert both.messages == (problem,)
+        assert problem in caplog.text
+    apart = RawMesh(np.vstack([bar.points, bar.points[node] + 1e-4]), cells)
+    assert not [p for p in report(apart)["problems"] if "place of another" in p]
 
 
 def test_two_parts_are_a_mesh(bar: vs.Mesh) -> None:
