@@ -107,7 +107,8 @@ def test_conjugate_gradients_bend_a_slender_stiff_body_right(rod: vs.Organ, solv
         assert not frame.is_unstable
         assert frame.is_solved
         size = np.abs(truth.displacement).max()
-        assert frame.displacement == pytest.approx(truth.displacement, abs=0.01 * size)
+        # Of single precision and the residual allowed in a frame, which the stiffness against bending amplifies.
+        assert frame.displacement == pytest.approx(truth.displacement, abs=1e-3 * size)
     assert size > 0.01
 
 
@@ -137,7 +138,8 @@ def test_conjugate_gradients_bend_the_silicone_cylinder_right(shared: Path) -> N
         assert frame.is_solved
         assert not frame.is_unstable
         size = np.abs(truth.displacement).max()
-        assert frame.displacement == pytest.approx(truth.displacement, abs=0.01 * size)
+        # Of single precision and the residual allowed in a frame, which the stiffness against bending amplifies.
+        assert frame.displacement == pytest.approx(truth.displacement, abs=1e-3 * size)
 
 
 def test_hands_grasp_and_let_go(organ: vs.Organ) -> None:

@@ -24,23 +24,37 @@ def trust() -> Iterator[ModuleType]:
 
 
 @pytest.fixture(scope="module")
-def rows(trust: ModuleType) -> list[Any]:
-    """Touches of the smaller bodies."""
+def rows_of(trust: ModuleType) -> dict[str, list[Any]]:
+    """Touches of the smaller bodies, by law."""
     cases = {(case.body, type(case.law).__name__): case for case in trust.study()}
-    some = [cases["coarse block", "NeoHookean"], cases["bar", "MooneyRivlin"]]
-    return [row for k, case in enumerate(some) for row in trust.ask(case.reduce(), 30, 9000 + k)]
+    some = [("coarse block", "NeoHookean"), ("bar", "MooneyRivlin")]
+    return {law: trust.ask(cases[body, law].reduce(), 30, 9000 + k) for k, (body, law) in enumerate(some)}
 
 
-def test_what_is_trusted_is_right(rows: list[Any]) -> None:
-    trusted = [row for row in rows if row.is_trusted]
-    assert len(rows) > 220
-    assert len(trusted) > 0.3 * len(rows)
-    assert max(row.excess for row in trusted) <= 1.0
+def test_what_is_trusted_is_right(rows_of: dict[str, list[Any]]) -> None:
+    for rows in rows_of.values():
+        trusted = [row for row in rows if row.is_trusted]
+        assert len(rows) > 110
+        assert len(trusted) > 0.8 * len(rows)
+        assert max(row.excess for row in trusted) <= 1.0
 
 
-def test_what_is_right_is_trusted(rows: list[Any]) -> None:
-    assert np.mean([row.is_trusted for row in rows if row.is_right]) > 0.4
-    assert np.median([row.estimate / row.error for row in rows]) < 6.0
+def test_what_is_right_is_trusted(rows_of: dict[str, list[Any]]) -> None:
+    """The whole study trusts 98 to 100 % of the right answers of these cases (benchmarks/results/trust.txt)."""
+    for law, rows in rows_of.items():
+        share = np.mean([row.is_trusted for row in rows if row.is_right])
+        assert share > (0.9 if law == "NeoHookean" else 0.8), law
+    assert np.median([row.estimate / row.error for rows in rows_of.values() for row in rows]) < 6.0
+
+
+def test_what_is_wrong_is_not_trusted(trust: ModuleType) -> None:
+    """A law that fails in compression, on a coarse mesh: a quarter of the answers are off by more than they may."""
+    cases = {(case.body, type(case.law).__name__): case for case in trust.study()}
+    rows = trust.ask(cases["coarse block", "SaintVenantKirchhoff"].reduce(), 30, 9002)
+    wrong = [row for row in rows if not row.is_right]
+    assert len(wrong) > 0.1 * len(rows)
+    assert not any(row.is_trusted for row in wrong)
+    assert any(row.is_trusted for row in rows)
 
 
 def test_the_study_has_ten_bodies_and_every_law_that_can_be_reduced(trust: ModuleType) -> None:
