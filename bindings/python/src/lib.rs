@@ -4,6 +4,7 @@
 //! converts its arguments, makes one call with the interpreter released, and converts the result.
 
 mod body;
+mod compliance;
 mod contact;
 mod convert;
 mod exclusive;
@@ -57,6 +58,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Patch>()?;
     m.add_class::<contact::Shape>()?;
     m.add_class::<body::Body>()?;
+    m.add_class::<compliance::Compliance>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
