@@ -46,6 +46,8 @@ POLISH, LEAST = 8, 1e-7
 """Iterations in the end at most, and what they aim at."""
 SHORT = 1.0
 """Motion of the surface in the last step at most, over its standard deviation."""
+CALM = 2
+"""Steps in a row that must be short: the points may say something else once they are trusted."""
 STEERED = 12
 """Motions in which the organ is held."""
 
@@ -94,6 +96,7 @@ class OneCause:
             trust=TRUST * self.size,
             doubt=DOUBT / CALMER,
         )
+        calm = 0
         for _ in range(STEPS):
             tangent = self._tangent(at)
             net = self._step(at, tangent)
@@ -101,7 +104,8 @@ class OneCause:
             if left is None:
                 return at, "no equilibrium was found near what the next step says, however short"
             tell()
-            if self._is_settled(at, left):
+            calm = calm + 1 if self._is_settled(at, left) else 0
+            if calm == CALM:
                 return at, self._polish(at)
             at.doubt = max(SURE, at.doubt / CALMER)
         return at, f"{STEPS} steps are not enough"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MODEL, SWUNG = 0.2, 0.05
 """Error by law and mesh: standard deviation, as a share of a node's deformation, and of its displacement against the
 fixed nodes, which a wrong law turns too far or not far enough."""
-LINEARISED = 2.0
+LINEARISED = 2.5
 """Standard deviations of places over those of the linearised problem, which knows no other shape that fits as well."""
 
 
