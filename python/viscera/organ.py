@@ -209,9 +209,11 @@ class Organ(Statics, Reducible):
         start: a matrix (4, 4), the approximate rigid motion from the mesh to the measured points. Without it, and
             without three landmarks, rotations of up to 60 degrees are tried.
 
-        The fixed nodes move as one rigid body; their reactions are free. Elsewhere, smooth forces on the surface and a
-        uniform force in the volume deform the organ: docs/navigation.md. Raises `VisceraError` for data that are not
-        finite, in another unit or too few, and for landmarks that are no node sets of the mesh.
+        The fixed nodes move as one rigid body; their reactions are free. Elsewhere, forces deform the organ: mostly one
+        cause, which is a pressure on a disk of the surface, a pull, or a force in the volume, beside small smooth
+        forces. If such a fit does not settle, smooth forces alone are the answer: docs/navigation.md. Raises
+        `VisceraError` for data that are not finite, in another unit or too few, and for landmarks that are no node sets
+        of the mesh.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

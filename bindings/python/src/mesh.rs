@@ -7,6 +7,9 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use viscera_core::mesh;
 
+/// Triangles (k,) and weights of their corners (k, 3).
+type ClosestPoints<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>);
+
 type PointsAndCells = (Vec<[f64; 3]>, Vec<[u32; 4]>);
 
 /// Points and cells with every index in range.
@@ -206,7 +209,7 @@ impl Surface {
         &self,
         py: Python<'py>,
         points: PyReadonlyArray2<f64>,
-    ) -> PyResult<(Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<ClosestPoints<'py>> {
         let points = convert::points("points", &points)?;
         let found: Option<Vec<_>> = py.detach(|| {
             points.par_iter().with_min_len(256).map(|&x| self.surface.closest(x)).collect()
