@@ -5,8 +5,8 @@
     points on its front            what the camera sees: noise of 1 mm, one point in twenty is not the liver's
 
 The registration knows the mesh, a law and the points. It looks for a rigid motion and for forces on the surface and in
-the volume under which the organ, in equilibrium, passes through the points. The targets that are compared lie
-everywhere in the organ, most of them where no camera sees.
+the volume under which the organ, in equilibrium, passes through the points, mostly of one cause: here, gravity. The
+targets that are compared lie everywhere in the organ, most of them where no camera sees.
 """
 
 import numpy as np

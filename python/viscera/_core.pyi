@@ -113,6 +113,8 @@ class Surface:
     def __init__(self, points: Floats, triangles: Indices) -> None: ...
     def closest(self, point: Floats) -> tuple[int, list[float], float]:
         """Triangle, weights of its corners, and distance [m]."""
+    def closest_to_each(self, points: Floats) -> tuple[Indices, Floats]:
+        """Triangles (k,) and weights (k, 3) of their corners of the points closest to points (k, 3)."""
 
 class Locator:
     """Cells (m, 4) over points (n, 3), to be found by place."""
@@ -234,9 +236,6 @@ class Body:
     def responses(self, displacement: Floats) -> tuple[Floats, Floats, Floats]:
         """Deformation gradient F (m, q, 3, 3), first Piola-Kirchhoff stress P (m, q, 3, 3) [Pa] of the element and
         strain energy density (m, q) [J/m^3] at the q quadrature points of each cell, of equal weight."""
-    def linear_responses(self, displacement: Floats, force: Floats) -> Floats:
-        """Displacements K^-1 f (k, n, 3) [m] by small nodal forces f (k, n, 3) [N], with the tangent K of a state
-        that need not be stable; zero on fixed nodes. Raises for fields of another shape and for a singular tangent."""
     def gravity(self, gravity: Floats, density: Floats) -> Floats:
         """Nodal forces (n, 3) of a body force density * gravity; density (1,) or (m,) [kg/m^3]."""
     def lumped_areas(self) -> Floats:
@@ -314,6 +313,15 @@ def gpu_traffic() -> tuple[int, int, int]:
 
 def lose_gpu() -> None:
     """Shut the graphics processor down, as after a fault of its driver."""
+
+class Compliance:
+    """Displacements by small forces about one state of a body after another; the tangent's pattern is analysed once."""
+
+    def __init__(self, body: Body) -> None: ...
+    def responses(self, displacement: Floats, force: Floats) -> Floats:
+        """Displacements K^-1 f (k, n, 3) [m] by small nodal forces f (k, n, 3) [N], with the tangent K of a state
+        that need not be stable; zero on fixed nodes. Raises for fields of another shape, for a singular tangent, and
+        while it is at work in another thread."""
 
 class Stepper:
     """One Newton iteration a frame; the fixed nodes of the body are held beside what is grasped."""

@@ -194,7 +194,6 @@ class Organ(Statics, Reducible):
         visible: Where | None = None,
         loaded: Where | None = None,
         start: ArrayLike | None = None,
-        one_cause: bool = False,
         progress: Progress | None = None,
     ) -> Registered:
         """The organ fitted to measured points of it: a rigid motion, and a deformation under unknown forces.
@@ -209,12 +208,12 @@ class Organ(Statics, Reducible):
         loaded: the part of the surface on which forces may act; by default all of it.
         start: a matrix (4, 4), the approximate rigid motion from the mesh to the measured points. Without it, and
             without three landmarks, rotations of up to 60 degrees are tried.
-        one_cause: try first whether one thing moved the organ: a pressure on a disk, a pull, or a force in the volume.
-            Where that settles it is nearer to the truth, and it takes several times as long.
 
-        The fixed nodes move as one rigid body; their reactions are free. Elsewhere, smooth forces on the surface and a
-        uniform force in the volume deform the organ: docs/navigation.md. Raises `VisceraError` for data that are not
-        finite, in another unit or too few, and for landmarks that are no node sets of the mesh.
+        The fixed nodes move as one rigid body; their reactions are free. Elsewhere, forces deform the organ: mostly one
+        cause, which is a pressure on a disk of the surface, a pull, or a force in the volume, beside small smooth
+        forces. If such a fit does not settle, smooth forces alone are the answer: docs/navigation.md. Raises
+        `VisceraError` for data that are not finite, in another unit or too few, and for landmarks that are no node sets
+        of the mesh.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -246,7 +245,6 @@ class Organ(Statics, Reducible):
             self.touchable(self.mesh.surface_nodes if loaded is None else loaded),
             motion,
             progress,
-            one_cause=one_cause,
         )
 
     def to_case(

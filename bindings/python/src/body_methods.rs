@@ -11,18 +11,13 @@ use crate::{
     path,
     settings::{Solver, choose},
 };
-use numpy::{
-    PyArray1, PyArray2, PyArray3, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
-    PyReadonlyArray3,
-};
+use numpy::{PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList};
 use std::collections::BTreeMap;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
-use viscera_core::equilibrium::{
-    ConstrainedSystem, Equilibrium, Newton, Origin, PatchLoad, Problem,
-};
+use viscera_core::equilibrium::{Equilibrium, Newton, Origin, PatchLoad, Problem};
 use viscera_core::reduced::{Batches, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
@@ -182,34 +177,6 @@ impl Body {
         let mut force = vec![0.0; u.len()];
         py.detach(|| self.body.internal_force(&u, &mut force));
         convert::field(py, force)
-    }
-
-    fn linear_responses<'py>(
-        &self,
-        py: Python<'py>,
-        displacement: PyReadonlyArray2<f64>,
-        force: PyReadonlyArray3<f64>,
-    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        let n = self.body.points().len();
-        let u = convert::dofs("displacement", &displacement, n)?;
-        let shape = force.as_array().raw_dim();
-        if (shape[1], shape[2]) != (n, 3) {
-            return Err(VisceraError::new_err(format!(
-                "force has shape {:?}; fields (k, {n}, 3) are needed",
-                force.as_array().shape()
-            )));
-        }
-        let force: Vec<f64> = force.as_array().iter().copied().collect();
-        let found = py.detach(|| {
-            let system = ConstrainedSystem::at(&self.body, &u, &self.fixed)
-                .or_else(|_| ConstrainedSystem::at_any(&self.body, &u, &self.fixed))?;
-            let mut columns: Vec<f64> =
-                force.chunks(3 * n).flat_map(|column| system.gather(column)).collect();
-            system.solve_columns(&mut columns)?;
-            let fields = columns.chunks(system.n_free()).flat_map(|column| system.scatter(column));
-            Ok::<Vec<f64>, viscera_core::Error>(fields.collect())
-        });
-        PyArray1::from_vec(py, found.map_err(convert::error)?).reshape(shape)
     }
 
     fn energy(&self, displacement: PyReadonlyArray2<f64>) -> PyResult<f64> {

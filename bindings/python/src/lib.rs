@@ -5,6 +5,7 @@
 
 mod body;
 mod body_methods;
+mod compliance;
 mod contact;
 mod convert;
 mod exclusive;
@@ -58,6 +59,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<mesh::Patch>()?;
     m.add_class::<contact::Shape>()?;
     m.add_class::<body::Body>()?;
+    m.add_class::<compliance::Compliance>()?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;

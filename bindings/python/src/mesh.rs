@@ -7,6 +7,9 @@ use pyo3::types::PyDict;
 use rayon::prelude::*;
 use viscera_core::mesh;
 
+/// Triangles (k,) and weights of their corners (k, 3).
+type ClosestPoints<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>);
+
 type PointsAndCells = (Vec<[f64; 3]>, Vec<[u32; 4]>);
 
 /// Points and cells with every index in range.
@@ -199,5 +202,23 @@ impl Surface {
             VisceraError::new_err(format!("there is no triangle, or {point:?} is not finite"))
         })?;
         Ok((closest.triangle, closest.barycentric, closest.distance))
+    }
+
+    /// Triangles and weights of their corners of the points closest to each of many.
+    fn closest_to_each<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<f64>,
+    ) -> PyResult<ClosestPoints<'py>> {
+        let points = convert::points("points", &points)?;
+        let found: Option<Vec<_>> = py.detach(|| {
+            points.par_iter().with_min_len(256).map(|&x| self.surface.closest(x)).collect()
+        });
+        let found = found.ok_or_else(|| {
+            VisceraError::new_err("there is no triangle, or one of the points is not finite")
+        })?;
+        let triangles = found.iter().map(|closest| closest.triangle).collect();
+        let weights: Vec<[f64; 3]> = found.iter().map(|closest| closest.barycentric).collect();
+        Ok((PyArray1::from_vec(py, triangles), convert::table(py, &weights)?))
     }
 }

@@ -1,8 +1,8 @@
 """Find an organ from what was measured of it: points on a part of its surface, landmarks with names.
 
 viscera register CASE.toml cloud.ply --units mm --noise 2mm -o now.vtu
-The case names mesh, material and fixed nodes; its loads play no part. Fails (exit 1) if the registration did not
-converge.
+The case names mesh, material and fixed nodes; its loads play no part. What moved the organ is unknown: mostly one
+cause, a pressure, a pull or its weight. Fails (exit 1) if the registration did not converge.
 """
 
 from __future__ import annotations

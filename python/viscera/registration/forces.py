@@ -14,7 +14,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.mesh import Floats, Indices
-from viscera.registration.rigid import aligned, levers, rigid_parts, spaced
+from viscera.registration.rigid import aligned, levers, spaced, turns_of
 
 if TYPE_CHECKING:
     from viscera.organ import Organ
@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 N_PATCHES = 80
 SMOOTH = 1.0 / 6.0  # of the organ's diagonal
 ROUGH = 1e-2  # variance of what is not smooth
-ITERATIONS = 8  # of Newton's method at most
-RESIDUAL = 1e-7  # of an equilibrium, over the norm of the forces
-GROWTH, SHORTEST = 1.5, 0.2  # of the residual from which a step is halved; least part of it
+ITERATIONS = 4  # of Newton's method at most
+RESIDUAL = 1e-3  # forces left, over all forces, near enough to an equilibrium
+HOPELESS = 10.0  # growth of it after which Newton's method ends
+NEAR = 1e-3  # root-mean-square distance from where the organ is held, in diagonals
 OVERLAP = 1.5  # radius of a patch over the distance to its neighbours
 
 
@@ -33,6 +34,7 @@ class Forces:
 
     def __init__(self, organ: Organ, nodes: Indices, count: int = N_PATCHES) -> None:
         self.organ, self.loaded = organ, nodes
+        self.compliance = _core.Compliance(organ._body)
         points = organ.mesh.points
         centres = points[nodes[spaced(points[nodes], count)]]
         gaps = np.linalg.norm(centres[:, None] - centres, axis=2) + np.diag(np.full(len(centres), np.inf))
@@ -56,52 +58,79 @@ class Forces:
         total[self.organ.fixed] = 0.0
         return total
 
-    def responses(self, displacement: Floats) -> Floats:
-        """Displacements (n, 3, m) [m/N] per unit amplitude about an equilibrium: columns of the inverse tangent."""
-        return np.ascontiguousarray(self.organ._body.linear_responses(displacement, self.units).transpose(1, 2, 0))
+    def responses(self, displacement: Floats, more: Floats | None = None) -> Floats:
+        """Displacements (n, 3, m) [m/N] per unit amplitude about an equilibrium: columns of the inverse tangent.
+
+        more (k, n, 3) [N]: further nodal forces, whose displacements [m] are the last columns.
+        """
+        loads = self.units if more is None else np.concatenate([self.units, more])
+        return np.ascontiguousarray(self.compliance.responses(displacement, loads).transpose(1, 2, 0))
+
+    def left(self, displacement: Floats, amplitudes: Floats) -> Floats:
+        """Nodal forces (n, 3) [N] that the organ does not balance."""
+        left = self.nodal(amplitudes) - self.organ._body.internal_force(displacement)
+        left[self.organ.fixed] = 0.0
+        return np.asarray(left)
 
     def following(self, responses: Floats, amplitudes: Floats, turns: Floats) -> Floats:
         """The same if forces turn with the organ: a' = a + da + turn x a, where turns (3, m) are those of responses.
 
-        A dead force that presses an organ towards its fixed nodes makes it fall over; this one does not.
+        A dead force that presses an organ towards its fixed nodes makes it fall over; this one does not. The first
+        columns are those of the amplitudes.
         """
         crossed = np.concatenate(levers(amplitudes.reshape(-1, 3)))
-        return np.asarray(responses + (responses @ crossed) @ np.linalg.solve(np.eye(3) - turns @ crossed, turns))
+        count = len(crossed)
+        return np.asarray(
+            responses
+            + (responses[:, :, :count] @ crossed) @ np.linalg.solve(np.eye(3) - turns[:, :count] @ crossed, turns)
+        )
 
-    def equilibrium(self, amplitudes: Floats, start: Floats, before: Floats) -> tuple[Floats, Floats, bool]:
-        """Displacement (n, 3) under forces that turn with the organ, amplitudes in the end, and whether it was found.
+    def equilibrium(
+        self,
+        amplitudes: Floats,
+        start: Floats,
+        before: Floats,
+        goal: Floats,
+        steer: Floats,
+        count: int = ITERATIONS,
+        enough: float = RESIDUAL,
+    ) -> tuple[Floats, Floats, float]:
+        """Displacement (n, 3) under forces that turn with the organ, amplitudes then, forces left over all forces.
 
-        Newton's method from `start`; the amplitudes are given for the organ in the displacement `before`.
+        Newton's method from `start`; the amplitudes are given for the organ in the displacement `before`. Every
+        iteration adds as much of the amplitudes `steer` (m, k) as brings the organ nearest to the displacement `goal`:
+        a unit of one costs what a distance of `NEAR` diagonals does. Of all iterations, the one that leaves least.
         """
-        points, body = self.organ.mesh.points, self.organ._body
-        u, least, step, reach = start, np.inf, np.zeros_like(start), 1.0
+        points = self.organ.mesh.points
         ones = np.ones(len(points))
         first = aligned(points, points + before, ones).rotation
-        for _ in range(ITERATIONS):
-            turned = amplitudes.reshape(-1, 3) @ (aligned(points, points + u, ones).rotation @ first.T).T
-            force = self.nodal(turned.ravel())
-            left = force - body.internal_force(u) if np.isfinite(body.energy(u)) else np.full_like(u, np.inf)
-            left[self.organ.fixed] = 0.0
-            size = float(np.linalg.norm(left))
-            if not size < GROWTH * least:
-                reach *= 0.5
-                if reach < SHORTEST:
-                    return u, turned.ravel(), False
-                u = u - reach * step
-                continue
-            if size < RESIDUAL * float(np.linalg.norm(force)) + 1e-300:
-                return u, turned.ravel(), True
-            least, reach = size, 1.0
-            loads = [left, *(np.cross(axis, force) for axis in np.eye(3))]
-            found = self._solved(u, loads)
-            turns = rigid_parts(found, points + u)[:3]
-            step = found[:, :, 0] + found[:, :, 1:] @ np.linalg.solve(np.eye(3) - turns[:, 1:], turns[:, 0])
-            u = u + step
-        return u, turned.ravel(), False
+        u, best = start, (start, amplitudes, np.inf)
+        for iteration in range(count + 1):
+            if not np.isfinite(self.organ._body.energy(u)):
+                break
+            turn = aligned(points, points + u, ones).rotation @ first.T
+            turned = (amplitudes.reshape(-1, 3) @ turn.T).ravel()
+            force, left = self.nodal(turned), self.left(u, turned)
+            size = float(np.linalg.norm(left)) / (float(np.linalg.norm(force)) + 1e-300)
+            best = min(best, (u, turned, size), key=lambda state: state[2])
+            if iteration == count or size < enough or size > HOPELESS * best[2]:
+                break
+            columns = [self.nodal((column.reshape(-1, 3) @ turn.T).ravel()) for column in steer.T]
+            step, more = self._newton(u, [left, *columns], force, goal)
+            u, amplitudes = u + step, amplitudes + steer @ more
+        return best
 
-    def _solved(self, displacement: Floats, loads: list[Floats]) -> Floats:
-        """Responses (n, 3, k) to small nodal forces about a state."""
-        return np.asarray(self.organ._body.linear_responses(displacement, np.stack(loads)).transpose(1, 2, 0))
+    def _newton(self, u: Floats, loads: list[Floats], force: Floats, goal: Floats) -> tuple[Floats, Floats]:
+        """The step (n, 3) under the first load and so much (k,) of the others as leads nearest to the goal."""
+        x = self.organ.mesh.points + u
+        crossed = [np.cross(axis, force) for axis in np.eye(3)]
+        found = self.compliance.responses(u, np.stack(loads + crossed)).transpose(1, 2, 0)
+        turns, own = turns_of(found, self.organ.mesh.points, x), len(loads)
+        ways = found[:, :, :own] + found[:, :, own:] @ np.linalg.solve(np.eye(3) - turns[:, own:], turns[:, :own])
+        flat = ways.reshape(-1, own) / (np.sqrt(len(x)) * NEAR * self.organ.mesh.diagonal)
+        rest = (goal - u).ravel() / (np.sqrt(len(x)) * NEAR * self.organ.mesh.diagonal) - flat[:, 0]
+        more = np.linalg.solve(flat[:, 1:].T @ flat[:, 1:] + np.eye(own - 1), flat[:, 1:].T @ rest)
+        return np.asarray(ways[:, :, 0] + ways[:, :, 1:] @ more), more
 
     def metrics(self, responses: Floats) -> list[Floats]:
         """The priors P of the forces on the boundary and of that on the volume, for a root-mean-square motion of 1 m.

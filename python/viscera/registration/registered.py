@@ -14,7 +14,7 @@ from viscera.display import Pictured
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
 from viscera.quantity import numbers_of, refused
-from viscera.registration.rigid import Rigid
+from viscera.registration.rigid import Rigid, aligned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from viscera.organ import Organ
     from viscera.state import State
 
-MODEL = 0.3
-"""Error by law, mesh and linearisation: standard deviation along an axis, as a share of a node's deformation."""
+MODEL, SWUNG = 0.2, 0.05
+"""Error by law and mesh: standard deviation, as a share of a node's deformation, and of its displacement against the
+fixed nodes, which a wrong law turns too far or not far enough."""
+LINEARISED = 2.5
+"""Standard deviations of places over those of the linearised problem, which knows no other shape that fits as well."""
 
 
 class Registered(Deformed, Pictured):
@@ -176,12 +179,21 @@ class Registered(Deformed, Pictured):
         )
 
 
-def band_of(covariance: Floats, deformation: Floats) -> Floats:
+def wrong_by_model(x: Floats, displacement: Floats) -> Floats:
+    """Standard deviation (n,) [m] of what law and mesh get wrong about nodes x (n, 3) and their displacement (n, 3)."""
+    moved = x + displacement
+    deformation = aligned(moved, x, np.ones(len(x)))(moved) - x
+    return np.asarray(
+        np.hypot(*(share * np.linalg.norm(by, axis=1) for share, by in ((MODEL, deformation), (SWUNG, displacement))))
+    )
+
+
+def band_of(covariance: Floats, wrong: Floats) -> Floats:
     """Radius (n,) [m] that holds 95 % of a normal distribution, by Satterthwaite's and Wilson and Hilferty's formulas.
 
-    deformation (n,) [m]: a share of it, `MODEL`, joins the covariance (n, 3, 3) as what the model gets wrong.
+    wrong (n,) [m]: standard deviation of further errors in any direction, beside the covariance (n, 3, 3).
     """
-    total = covariance + (MODEL * deformation)[:, None, None] ** 2 / 3.0 * np.eye(3)
+    total = covariance + wrong[:, None, None] ** 2 / 3.0 * np.eye(3)
     first, second = np.trace(total, axis1=1, axis2=2), np.einsum("nij,nij->n", total, total)
     degrees = first**2 / second
     part = 2.0 / (9.0 * degrees)

@@ -98,6 +98,14 @@ def rigid_parts(responses: Floats, x: Floats) -> Floats:
     return np.asarray(np.linalg.solve(basis.T @ basis, basis.T @ responses.reshape(len(basis), -1)))
 
 
+def turns_of(steps: Floats, x: Floats, now: Floats) -> Floats:
+    """The turns (3, m) of the rotation that aligns points x (n, 3) with where they are `now`, by steps (n, 3, m)."""
+    arms = (x - x.mean(axis=0)) @ aligned(x, now, np.ones(len(x))).rotation.T
+    moments = np.einsum("nki,nkm->im", levers(arms), steps)
+    own = np.einsum("nki,nkj->ij", levers(arms), levers(now - now.mean(axis=0)))
+    return np.asarray(np.linalg.solve(own, moments))
+
+
 def without_rigid(responses: Floats, x: Floats) -> Floats:
     """Responses (n, 3, m) less these rigid motions."""
     return np.asarray(responses - (_rigid_basis(x) @ rigid_parts(responses, x)).reshape(responses.shape))
@@ -122,9 +130,8 @@ class Shape:
 
     def closest(self, places: Floats) -> tuple[NDArray[np.int64], Indices, Floats, Floats, Floats]:
         """Triangles (k,), their nodes and weights (k, 3), closest points (k, 3), outward normals there (k, 3)."""
-        found = [self._surface.closest(place) for place in places]
-        triangle = np.array([f[0] for f in found], dtype=np.int64)
-        weights = np.array([f[1] for f in found])
+        found, weights = self._surface.closest_to_each(places)
+        triangle = found.astype(np.int64)
         nodes = self.triangles[triangle]
         closest = np.einsum("ka,kai->ki", weights, self.points[nodes])
         return triangle, nodes, weights, closest, self.normals[triangle]

@@ -1,6 +1,7 @@
 //! Equilibrium: find `u` with `f_int(u) = f_ext`, some of its components and weighted means
 //! prescribed.
 
+mod compliance;
 mod ending;
 mod iteration;
 mod newton;
@@ -15,6 +16,7 @@ mod tangent;
 #[cfg(test)]
 mod tests;
 
+pub use compliance::Compliance;
 pub use iteration::{Iteration, Limits, Rounding, Stop, backtrack, iterate};
 pub use newton::Newton;
 pub use outcome::{Equilibrium, Seconds, Status};

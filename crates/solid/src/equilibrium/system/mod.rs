@@ -182,21 +182,9 @@ impl ConstrainedSystem {
     /// # Errors
     /// A tangent that is not positive definite; a pattern the solver refuses.
     pub fn at(body: &Body, u: &[f64], fixed: &[u32]) -> Result<Self, Error> {
-        Self::factorized(Method::Cholesky, body, u, fixed)
-    }
-
-    /// The same of a state that need not be stable.
-    ///
-    /// # Errors
-    /// A factor that grows too much; a pattern the solver refuses.
-    pub fn at_any(body: &Body, u: &[f64], fixed: &[u32]) -> Result<Self, Error> {
-        Self::factorized(Method::Ldlt, body, u, fixed)
-    }
-
-    fn factorized(method: Method, body: &Body, u: &[f64], fixed: &[u32]) -> Result<Self, Error> {
         let mut tangent = Tangent::matrix(body);
         tangent.linearize(body, u, Curvature::Exact, &mut vec![0.0; u.len()]);
-        let mut system = Self::new(method, body, dofs_of(fixed), Vec::new())?;
+        let mut system = Self::new(Method::Cholesky, body, dofs_of(fixed), Vec::new())?;
         system.prepare(&tangent, 0.0)?;
         Ok(system)
     }
