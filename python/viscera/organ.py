@@ -211,7 +211,7 @@ class Organ(Statics, Reducible):
 
         The fixed nodes move as one rigid body; their reactions are free. Elsewhere, forces deform the organ: mostly one
         cause, which is a pressure on a disk of the surface, a pull, or a force in the volume, beside small smooth
-        forces. If such a fit does not settle, smooth forces alone are the answer: docs/navigation.md. Raises
+        forces. If no equilibrium is found so, smooth forces alone are it: docs/navigation.md. Raises
         `VisceraError` for data that are not finite, in another unit or too few, and for landmarks that are no node sets
         of the mesh.
 

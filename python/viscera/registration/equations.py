@@ -55,6 +55,8 @@ class Iterate:
     """Whether the last step was shortened to it."""
     left: float = np.inf
     """Largest motion of a node [m] that the last step would have been longer by."""
+    is_lost: bool = False
+    """Whether no equilibrium was found near what a step said."""
     length: float = np.inf
     """Root-mean-square motion of the surface in the last step, over its standard deviation."""
     doubt: float = DOUBT

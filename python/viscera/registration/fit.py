@@ -16,8 +16,8 @@ distribution matters, not its size. The strain energy as P_g would hardly resist
 resist those that move the whole organ, whereas what moves organs is smooth.
 
 Smooth forces and the tangent at rest (smooth.py) say which start is the best. From there the fit looks for one cause
-beside small smooth forces, under forces that turn with the organ (onecause.py). If that does not settle, the fit with
-smooth forces alone is the answer; its forces keep their directions.
+beside small smooth forces, under forces that turn with the organ (onecause.py). If that finds no equilibrium, the fit
+with smooth forces alone is the answer; its forces keep their directions.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def register(
         tell()
     best = min(found, key=lambda iterate: iterate.cost)
     one, message = OneCause(equations, smooth.metrics).followed(best.motion, tell)
-    if message:
+    if one.is_lost:
         one, message = smooth.followed(best, tell)
     return _Result(equations).of(one, message, perf_counter() - began)
 

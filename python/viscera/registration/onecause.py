@@ -102,13 +102,15 @@ class OneCause:
             net = self._step(at, tangent)
             left = self._move(at, tangent, net)
             if left is None:
+                at.is_lost = True
                 return at, "no equilibrium was found near what the next step says, however short"
             tell()
             calm = calm + 1 if self._is_settled(at, left) else 0
             if calm == CALM:
                 return at, self._polish(at)
             at.doubt = max(SURE, at.doubt / CALMER)
-        return at, f"{STEPS} steps are not enough"
+        unsettled = f"{STEPS} steps are not enough: the last was longer than what is believed, or shortened"
+        return at, self._polish(at) or unsettled
 
     def _is_settled(self, at: Iterate, left: float) -> bool:
         is_short = at.length < SHORT and not at.is_cut
