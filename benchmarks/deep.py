@@ -99,7 +99,11 @@ def main(touches: int, snapshots: int, first: int) -> None:
             rows.append((share, state.status == "converged", errors))
             (place, _, is_trusted), far = held[share][0], errors[1][0]
             if (is_trusted or state.status == "converged") and far > allowed_error(share):
-                near = full.solve(patch, there, place)
+                try:
+                    near = full.solve(patch, there, place)
+                except vs.VisceraError:  # the answer turns a cell of the organ inside out
+                    others.append((k, share, is_trusted, far, np.inf, np.nan))
+                    continue
                 away = _gap(place, full.added(near)) if near.is_converged else np.inf
                 others.append((k, share, is_trusted, far, away, near.energy / state.energy - 1.0))
         return rows
