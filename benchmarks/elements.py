@@ -15,7 +15,7 @@ import numpy as np
 from machine import describe
 
 import viscera as vs
-from viscera.held import ELEMENTS
+from viscera.supported import ELEMENTS
 
 SOLVES, FRAMES = 5, 60
 

@@ -26,7 +26,7 @@ from machine import describe
 import viscera as vs
 from viscera.check import PATIENCE, surface_points, unit_vectors
 from viscera.galerkin import Galerkin, HyperReducedModel
-from viscera.held import ELEMENTS
+from viscera.supported import ELEMENTS
 
 Array = np.ndarray
 

@@ -39,7 +39,7 @@ GROUPS = {
         "case",
         "Case",
     ),
-    "Stress, strain and results": ("Deformed", "Moved", "Probe", "principal", "write_series"),
+    "Stress, strain and results": ("Deformed", "Moved", "PointValues", "principal", "write_series"),
     "Supports and scenes": ("ElasticSupport", "Spring", "Scene", "Bond", "ContactPair", "SceneCase"),
     "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument", "Forceps"),
     "Reduced models": ("Touch", "Answer", "RigidProbe", "Felt", "load", "Vary", "sweep"),

@@ -21,7 +21,7 @@ from viscera.cluster import sweep
 from viscera.comparison import compare
 from viscera.contact import Box, Capsule, Contact, HalfSpace, Instrument, Shape, Sphere, Tool
 from viscera.contact_pair import ContactPair
-from viscera.deformed import Deformed, Moved, Probe
+from viscera.deformed import Deformed, Moved, PointValues
 from viscera.dynamics import BackwardEuler, Newmark, Prony
 from viscera.elastic_support import ElasticSupport
 from viscera.errors import NotConverged, VisceraError
@@ -97,7 +97,7 @@ __all__ = [
     "NotConverged",
     "Ogden",
     "Organ",
-    "Probe",
+    "PointValues",
     "Prony",
     "Registered",
     "RigidProbe",

@@ -185,7 +185,7 @@ class Deformed:
         stress = {"cauchy_stress": cells, "von_mises": von_mises(cells), "pressure": pressure(cells)}
         return {"von_mises": von_mises(nodes), "pressure": pressure(nodes)}, stress | strain
 
-    def at(self, points: ArrayLike) -> Probe:
+    def at(self, points: ArrayLike) -> PointValues:
         """Displacement, stress and strain at points (k, 3) [m] of the undeformed mesh.
 
         A single point may be given in words, "(100, 50, 80) mm". Raises `VisceraError` for a point outside all cells.
@@ -193,7 +193,7 @@ class Deformed:
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-        >>> probe = state.at([[0.5, 0.1, 0.1], [0.9, 0.1, 0.1]])
+        >>> inside = state.at([[0.5, 0.1, 0.1], [0.9, 0.1, 0.1]])
         >>> probe.displacement[:, 2].round(4).tolist()
         [-0.0621, -0.166]
         """
@@ -212,7 +212,7 @@ class Deformed:
                 f"place {outside[0]} at {place.tolist()} m lies outside the organ, {away:.3g} m from its surface "
                 f"({len(outside)} of {len(places)} do)"
             )
-        return Probe(places, _interpolated(mesh, displacement, cells, weights), cells, weights, self)
+        return PointValues(places, _interpolated(mesh, displacement, cells, weights), cells, weights, self)
 
     def on_grid(
         self,
@@ -261,14 +261,14 @@ class Moved(Deformed):
 
 
 @dataclass(frozen=True)
-class Probe:
+class PointValues:
     """Displacement, stress and strain at k points of a deformed organ.
 
     >>> import viscera as vs
     >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
     >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
-    >>> probe = state.at([[0.5, 0.1, 0.2]])
-    >>> probe.displacement.shape, probe.stress().shape, probe.strain().shape
+    >>> inside = state.at([[0.5, 0.1, 0.2]])
+    >>> inside.displacement.shape, inside.stress().shape, inside.strain().shape
     ((1, 3), (1, 3, 3), (1, 3, 3))
     """
 

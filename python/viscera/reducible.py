@@ -13,7 +13,6 @@ import numpy as np
 from viscera import _core, defaults
 from viscera.checkpoint import Batches, Checkpoint, fingerprint
 from viscera.errors import VisceraError
-from viscera.held import Held
 from viscera.law import StrainEnergy
 from viscera.mesh import Floats, Indices, Where
 from viscera.parts import notes
@@ -25,13 +24,14 @@ from viscera.select import length
 from viscera.state import State
 from viscera.statics import TOLERANCE
 from viscera.support import require_held
+from viscera.supported import Supported
 from viscera.touch import Touch
 from viscera.vary import Vary
 
 ORDER = Whole(2, 8)
 
 
-class Reducible(Held):
+class Reducible(Supported):
     """What is held, by its response to a touch at every place."""
 
     @shown

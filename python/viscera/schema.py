@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from viscera import defaults, elastic_support, held, reducible, statics, vary
+from viscera import defaults, elastic_support, reducible, statics, supported, vary
 from viscera.entries import Components, Key, Length, PerCell, Place, Places, Table, Text, Units
 from viscera.material_schema import Material
 from viscera.quantity import Choice, Flag, Number, Vector
@@ -141,7 +141,7 @@ CASE = Table(
         "units": Key(Units(), "unit of the mesh file", "required, except for a built-in organ"),
         "fixed": Key(Place("node"), "fixed nodes", "required, unless there are `supports`"),
         "supports": Key(Places("supports", SUPPORT), "elastic supports", "none"),
-        "element": Key(Choice(held.ELEMENTS), "element of the mesh", "chosen for the material"),
+        "element": Key(Choice(supported.ELEMENTS), "element of the mesh", "chosen for the material"),
         "material": Key(Material(), "law and parameters", is_required=True),
         "loads": Key(LOADS, "loads", "no load"),
         "scan": Key(SCAN, "loads under which the mesh was acquired", "the mesh is at rest"),

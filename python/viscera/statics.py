@@ -12,7 +12,6 @@ from viscera import gpu
 from viscera.contact import AnyShape, Tool, tools_of
 from viscera.errors import NotConverged, VisceraError
 from viscera.frame import Frame
-from viscera.held import Held
 from viscera.loads import (
     Density,
     Displacements,
@@ -31,6 +30,7 @@ from viscera.quantity import Choice, Number, Whole, numbers_of, refused, vector
 from viscera.solver import Solver, core_solver, newton_settings
 from viscera.state import State
 from viscera.support import require_held
+from viscera.supported import Supported
 
 STEPS = Whole(1, 10_000)
 TOLERANCE = Number(above=0, below=1)
@@ -38,7 +38,7 @@ TOLERANCE = Number(above=0, below=1)
 NOTHING_ACTS = "nothing acts on the organ: no load, no prescribed displacement other than zero"
 
 
-class Statics(Held):
+class Statics(Supported):
     """What is held, under loads."""
 
     @shown

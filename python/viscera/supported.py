@@ -30,7 +30,7 @@ ROUNDING = 1e-9
 """Rounding allowed in Poisson's ratio, which a law computes from other parameters: 0.45 must count as 0.45."""
 
 
-class Held(Pictured):
+class Supported(Pictured):
     """A mesh with its law, its element and its supports; `Organ` says what its arguments are."""
 
     def __init__(
