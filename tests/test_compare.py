@@ -24,7 +24,7 @@ def _load(path: Path) -> ModuleType:
 
 
 compare = _load(ROOT / "scripts" / "compare.py")
-SIDE = compare.Side("a revision", ROOT, ROOT, ROOT / "none.viscera")
+SIDE = compare.Side("a revision", ROOT, ROOT, ROOT / "none.viscera", ROOT / "none.viscera")
 
 
 def test_every_row_of_the_benchmark_of_cells_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -41,11 +41,14 @@ def test_every_row_of_the_benchmark_of_cells_is_read(monkeypatch: pytest.MonkeyP
 def test_the_median_of_touches_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
     printed = "random touches  whole surface                  11.10     12.20     13.30     14.40"
     monkeypatch.setattr(compare, "run", lambda side, command: printed)
-    assert compare.touches(SIDE) == {"random touches, whole surface [us]": 12.2}
+    assert compare.touches(SIDE) == {
+        "random touches, whole surface, own model [us]": 12.2,
+        "random touches, whole surface, A's model [us]": 12.2,
+    }
 
 
 def test_the_least_time_counts_and_slow_rows_have_more_rounds() -> None:
-    sides, calls = [SIDE, compare.Side("another", ROOT, ROOT, ROOT)], []
+    sides, calls = [SIDE, compare.Side("another", ROOT, ROOT, ROOT, ROOT)], []
 
     def group(side: object) -> dict[str, float]:
         calls.append(side)
@@ -67,7 +70,7 @@ def test_a_group_that_a_revision_cannot_run_says_why() -> None:
             raise subprocess.CalledProcessError(1, "rows", stderr="Traceback\nAttributeError: no Organ")
         return {"row": 1.0}
 
-    found = dict(compare.least(group, [SIDE, compare.Side("another", ROOT, ROOT, ROOT)]))
+    found = dict(compare.least(group, [SIDE, compare.Side("another", ROOT, ROOT, ROOT, ROOT)]))
     assert found == {"row": ["AttributeError: no Organ", 1.0]}
 
 

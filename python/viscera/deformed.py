@@ -194,7 +194,7 @@ class Deformed:
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> state = beam.solve(force={"tip": (0, 0, -10.0)})
         >>> inside = state.at([[0.5, 0.1, 0.1], [0.9, 0.1, 0.1]])
-        >>> probe.displacement[:, 2].round(4).tolist()
+        >>> inside.displacement[:, 2].round(4).tolist()
         [-0.0621, -0.166]
         """
         mesh, displacement = self._seen()

@@ -107,7 +107,7 @@ def test_a_model_may_be_compressed_whole(touch: vs.Touch, tmp_path: Path) -> Non
     assert 0.0 < lost < answer.shape_error_estimate - exact.shape_error_estimate
     assert np.array_equal(answer.force, exact.force)
     assert len(small.organ().mesh.points) == len(touch.organ().mesh.points)
-    with pytest.raises(vs.VisceraError, match="tolerance = 0; it must be above 0 and below 1"):
+    with pytest.raises(vs.VisceraError, match="tolerance must be a number above 0 and below 1, got 0"):
         touch.compressed(0.0)
 
 
