@@ -92,8 +92,8 @@ class Lab:
         """Run a cell and wait until it has its number."""
         self.cells.nth(cell).locator(".cm-content").click()
         self.tab.keyboard.press("Shift+Enter")
-        prompt = self.cells.nth(cell).locator(".jp-InputPrompt")
-        self.tab.wait_for_function("(prompt) => /\\[\\d+\\]/.test(prompt.textContent)", arg=prompt.element_handle())
+        # Asked for anew each time: JupyterLab may put another prompt in the place of the first.
+        self.cells.nth(cell).locator(".jp-InputPrompt", has_text=re.compile(r"\[\d+\]")).wait_for()
 
     def wait_for_force(self, condition: str, *values: str) -> None:
         """Wait until the force on the page is as a condition on `shown` and `values` says."""
