@@ -249,7 +249,7 @@ fn stresses<const BITS: usize>(row: &[f32], e: [&[f32]; ABREAST]) -> [[f32; SIDE
 }
 
 /// Products of all columns with those up to them, `out[k r + l] = left_k . right_l` for `l <= k`, by blocks whose sums
-/// stay in registers. A general kernel is no faster for matrices as small as these, and takes memory in every tick.
+/// stay in registers. A general kernel would take memory in every tick.
 struct Products<'a> {
     rows: usize,
     left: &'a [f32],

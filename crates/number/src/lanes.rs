@@ -58,10 +58,10 @@ impl<const L: usize> Lanes<L> {
         self.0.iter().fold(true, |all, &x| all & elementary::is_plain(x))
     }
 
-    /// A function of the standard library, lane by lane, where the numbers are not plain.
+    /// A function of the standard library, lane by lane, as a call that is not inlined.
     ///
-    /// Without a call the compiler would take the logarithm for a cheap instruction, and compute both ways for the cells
-    /// of several batches, to choose one afterwards.
+    /// The compiler takes a logarithm for a cheap instruction. Inlined beside the plain one, it would compute both for
+    /// every cell, and choose afterwards.
     #[cold]
     #[inline(never)]
     fn each(self, f: impl Fn(f64) -> f64) -> Self {
