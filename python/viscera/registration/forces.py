@@ -126,11 +126,11 @@ class Forces:
         crossed = [np.cross(axis, force) for axis in np.eye(3)]
         found = self.compliance.responses(u, np.stack(loads + crossed)).transpose(1, 2, 0)
         turns, own = turns_of(found, self.organ.mesh.points, x), len(loads)
-        ways = found[:, :, :own] + found[:, :, own:] @ np.linalg.solve(np.eye(3) - turns[:, own:], turns[:, :own])
-        flat = ways.reshape(-1, own) / (np.sqrt(len(x)) * NEAR * self.organ.mesh.diagonal)
+        moved = found[:, :, :own] + found[:, :, own:] @ np.linalg.solve(np.eye(3) - turns[:, own:], turns[:, :own])
+        flat = moved.reshape(-1, own) / (np.sqrt(len(x)) * NEAR * self.organ.mesh.diagonal)
         rest = (goal - u).ravel() / (np.sqrt(len(x)) * NEAR * self.organ.mesh.diagonal) - flat[:, 0]
         more = np.linalg.solve(flat[:, 1:].T @ flat[:, 1:] + np.eye(own - 1), flat[:, 1:].T @ rest)
-        return np.asarray(ways[:, :, 0] + ways[:, :, 1:] @ more), more
+        return np.asarray(moved[:, :, 0] + moved[:, :, 1:] @ more), more
 
     def metrics(self, responses: Floats) -> list[Floats]:
         """The priors P of the forces on the boundary and of that on the volume, for a root-mean-square motion of 1 m.

@@ -12,7 +12,7 @@ use std::thread::JoinHandle;
 /// A factor in single precision, or in double where the body asks for it: a tangent whose softest motion is beyond the
 /// seven digits of the one has a factor in the other.
 struct LaggedFactor {
-    shape: Arc<FactorPattern>,
+    pattern: Arc<FactorPattern>,
     is_held: Vec<bool>,
     single: TangentFactor<f32>,
     /// Made when first needed, and kept.
@@ -30,14 +30,14 @@ struct FactorPattern {
 }
 
 impl LaggedFactor {
-    fn new(shape: &Arc<FactorPattern>, n_dofs: usize) -> Result<Self, FactorError> {
+    fn new(pattern: &Arc<FactorPattern>, n_dofs: usize) -> Result<Self, FactorError> {
         Ok(LaggedFactor {
-            single: TangentFactor::new(&shape.blocks, &shape.free)?,
+            single: TangentFactor::new(&pattern.blocks, &pattern.free)?,
             double: None,
             is_double: false,
             wants_double: false,
             is_held: vec![false; n_dofs],
-            shape: shape.clone(),
+            pattern: pattern.clone(),
         })
     }
 
@@ -61,7 +61,7 @@ impl LaggedFactor {
         let double = match &mut self.double {
             Some(double) => double,
             none => {
-                let mut double = TangentFactor::new(&self.shape.blocks, &self.shape.free)?;
+                let mut double = TangentFactor::new(&self.pattern.blocks, &self.pattern.free)?;
                 double.hold(&self.is_held);
                 none.insert(Box::new(double))
             }
@@ -109,7 +109,7 @@ enum SecondFactor {
 /// A factor to renew, or to make, with the values of the tangent and the shift.
 struct Order {
     factor: Option<Box<LaggedFactor>>,
-    shape: Arc<FactorPattern>,
+    pattern: Arc<FactorPattern>,
     is_held: Vec<bool>,
     wants_double: bool,
     values: Vec<f64>,
@@ -129,9 +129,9 @@ struct Worker {
 
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
-        let shape = Arc::new(FactorPattern { blocks: blocks.clone(), free: free.to_vec() });
+        let pattern = Arc::new(FactorPattern { blocks: blocks.clone(), free: free.to_vec() });
         Ok(Lagged {
-            current: Box::new(LaggedFactor::new(&shape, n_dofs)?),
+            current: Box::new(LaggedFactor::new(&pattern, n_dofs)?),
             is_usable: false,
             is_held: vec![false; n_dofs],
             spare: None,
@@ -250,7 +250,7 @@ impl Spare {
             // A worker that is gone leaves the factor in use as it is.
             let _ = orders.send(Order {
                 factor,
-                shape: current.shape.clone(),
+                pattern: current.pattern.clone(),
                 is_held: current.is_held.clone(),
                 wants_double: current.wants_double,
                 values: values.to_vec(),
@@ -266,7 +266,7 @@ impl Order {
         let mut factor = match self.factor {
             Some(factor) => factor,
             None => {
-                let mut made = LaggedFactor::new(&self.shape, self.is_held.len())?;
+                let mut made = LaggedFactor::new(&self.pattern, self.is_held.len())?;
                 made.hold(&self.is_held);
                 Box::new(made)
             }
