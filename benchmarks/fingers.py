@@ -121,16 +121,18 @@ def relative(value: Array, truth: Array) -> float:
 
 def scores(
     touch: vs.Touch, grasps: list[HyperReducedModel], cases: list[Case], name: str = "Galerkin"
-) -> tuple[list[Score], list[float]]:
-    """The Galerkin model's answers, and of the trusted ones error over estimate."""
-    found, ratios = [], []
+) -> tuple[list[Score], list[tuple[float, float]]]:
+    """The Galerkin model's answers, and of the trusted ones error over estimate, of field and force."""
+    found: list[Score] = []
+    ratios: list[tuple[float, float]] = []
     for grasp, case in zip(grasps, cases, strict=True):
         for depth, truth in case.truths.items():
             held = grasp.solve(depth * touch.mesh.diagonal * case.directions, stiffness=False)
             error = relative(held.displacement, truth.field), relative(held.force, truth.forces)
             kinds = [name] + [f"{name}, trusted"] * held.is_trusted
             found += [Score(kind, depth, case.band, *error, truth.is_stable) for kind in kinds]
-            ratios += [error[0] / held.error_estimate] * held.is_trusted
+            ratio = error[0] / held.shape_error_estimate, error[1] / held.error_estimate
+            ratios += [ratio] * held.is_trusted
     return found, ratios
 
 
@@ -169,8 +171,8 @@ def compare(touch: vs.Touch, grasps: dict[str, list[HyperReducedModel]], cases: 
             title = f"  apart by {low:g} to {high:g} patch radii"
             table(title, (s for s in found if (s.depth, s.band) == (depth, band) and "trusted" not in s.kind))
     if ratios:
-        nearer = 100 * np.mean(np.array(ratios) <= 1)
-        print(f"\nof {len(ratios)} trusted fields {nearer:.0f} % are nearer than estimated")
+        fields, forces = 100 * np.mean(np.array(ratios) <= 1, axis=0)
+        print(f"\nof {len(ratios)} trusted fields {fields:.0f} % are nearer than estimated, of their forces {forces:.0f} %")
 
 
 def compare_one(fingers: Galerkin, cases: list[Case]) -> None:

@@ -464,5 +464,5 @@ class GalerkinAnswer:
     tangents, residual, seconds."""
     def displacement(self) -> Floats:
         """Field (n, 3) [m]."""
-    def assess(self) -> tuple[float, str]:
+    def assess(self) -> tuple[float, float, str]:
         """Expected error of the field, and why not to rely on it: empty where one may."""

@@ -66,22 +66,31 @@ class GalerkinAnswer(Deformed):
 
     @property
     def error_estimate(self) -> float:
-        """Estimated error of the field, relative to its norm: the next Newton step of the full-order model."""
+        """Estimated error of the forces, relative to their norm over all contacts; at most 1.
+
+        It is the distance to the forces to which two Newton steps of the full-order model lead, and how far these have
+        yet to go (docs/two-fingers.md).
+        """
         return self._assessment[0]
 
     @property
+    def shape_error_estimate(self) -> float:
+        """Estimated error of the displacement field, relative to its norm, by the same steps; at most 1."""
+        return self._assessment[1]
+
+    @property
     def is_trusted(self) -> bool:
-        """Whether the answer has converged within the depth of training, without an inverted cell, is stable, and its
-        estimated error is within the allowance."""
+        """Whether the answer has converged within the depth of training, without an inverted cell, is stable, and the
+        estimated errors of its forces and its field are within the allowance."""
         return not self.reason
 
     @property
     def reason(self) -> str:
         """Why the answer is not trusted; empty if it is."""
-        return self._assessment[1]
+        return self._assessment[2]
 
     @cached_property
-    def _assessment(self) -> tuple[float, str]:
+    def _assessment(self) -> tuple[float, float, str]:
         return self._held.assess()
 
     def __repr__(self) -> str:

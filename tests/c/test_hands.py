@@ -65,7 +65,7 @@ def write_searches(touch: vs.Touch, path: Path) -> None:
             if stiffness:
                 assert answer.stiffness is not None
                 numbers.append(answer.stiffness.ravel())
-            numbers += [np.array([answer.energy, answer.error_estimate])]
+            numbers += [np.array([answer.energy, max(answer.error_estimate, answer.shape_error_estimate)])]
             np.savetxt(file, [np.concatenate(numbers)], fmt="%.17g", newline=" ")
             file.write(f"{status(answer.reason)} ")
             numbers = [answer.at(inside).displacement.ravel(), answer.displacement.ravel(), answer.von_mises()]

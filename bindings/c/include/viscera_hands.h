@@ -142,9 +142,9 @@ int32_t viscera_held_field(const viscera_held *held, double *moved, size_t moved
 int32_t viscera_held_surface(const viscera_held *held, float *positions, size_t positions_len);
 int32_t viscera_held_places(const viscera_held *held, const viscera_places *places, double *moved, size_t moved_len);
 
-/* Estimates the error of an answer, relative to its field, by one Newton step of the whole organ, and tells what the
- * answer is worth: VISCERA_OK if it is trusted, VISCERA_ERROR_TOO_LARGE, VISCERA_UNSTABLE or a status of the search if
- * not. It takes as long as a frame of a simulator. A loop may go on meanwhile, with another answer. */
+/* Estimates the error of an answer, the larger of the relative errors of its forces and its field, by two Newton steps
+ * of the whole organ, and tells what the answer is worth: VISCERA_OK if it is trusted, VISCERA_ERROR_TOO_LARGE,
+ * VISCERA_UNSTABLE or a status of the search if not. It takes as long as a frame of a simulator. A loop may go on meanwhile, with another answer. */
 int32_t viscera_held_assess(const viscera_held *held, double *error_estimate);
 
 /* Cauchy stress of each cell (force per area), nine doubles row by row, the mean over its points, under displacements of

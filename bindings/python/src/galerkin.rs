@@ -171,10 +171,10 @@ impl GalerkinAnswer {
         convert::field(py, py.detach(|| self.solution.displacement()))
     }
 
-    /// Error estimate, and the reason if the answer is not trusted.
-    fn assess(&self, py: Python<'_>) -> PyResult<(f64, &'static str)> {
+    /// Error estimates of forces and field, and the reason if the answer is not trusted.
+    fn assess(&self, py: Python<'_>) -> PyResult<(f64, f64, &'static str)> {
         let assessment = py.detach(|| self.solution.assess()).map_err(convert::error)?;
-        Ok((assessment.error, reason(assessment.trust)))
+        Ok((assessment.force_error, assessment.shape_error, reason(assessment.trust)))
     }
 }
 

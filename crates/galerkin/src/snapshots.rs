@@ -1,4 +1,4 @@
-//! Solutions on the whole body: snapshots, which contain what no series field has, and the Newton step from an answer.
+//! Solutions on the whole body: snapshots, which contain what no series field has, and Newton steps from an answer.
 //!
 //! Newton's method starts from the superposed series, or from what the model answers, and keeps a tangent while steps
 //! shrink fast: few factorisations a snapshot, then forces and substitutions. The means of the patches keep their start
@@ -46,39 +46,55 @@ impl Galerkin {
         self.solvers.lend(origin, patches, |solver| settle(origin, solver, n_means, u, patience))
     }
 
-    /// Newton's step on the whole body from a field, with the means of the patches kept; none if it cannot be found.
+    /// Two Newton steps on the whole body from a field, with the means of the patches kept; none if they cannot be found.
     ///
     /// # Errors
     /// No memory for a solver.
-    pub(super) fn newton_step(&self, patches: &[Patch], u: &[f64]) -> Result<Option<Step>, Error> {
-        let origin = &self.origin;
-        self.solvers
-            .lend(origin, patches, |solver| newton_step(origin, solver, 3 * patches.len(), u))
+    pub(super) fn correction(
+        &self,
+        patches: &[Patch],
+        u: &[f64],
+    ) -> Result<Option<Correction>, Error> {
+        let (origin, n_means) = (&self.origin, 3 * patches.len());
+        self.solvers.lend(origin, patches, |solver| correction(origin, solver, n_means, u))
     }
 }
 
-/// A step of Newton's method on the whole body.
-pub(super) struct Step {
-    pub increment: Vec<f64>,
+/// Two steps of Newton's method on the whole body by one tangent.
+pub(super) struct Correction {
+    /// Norms of the steps [m].
+    pub steps: [f64; 2],
+    /// Forces of the tools on the organ after each, to first order [N].
+    pub forces: [Vec<f64>; 2],
     /// Whether the tangent is positive definite, so that the state is stable.
     pub is_stable: bool,
 }
 
-/// The step from `u`, the means of the patches kept, by a tangent that is made convex where it is not; none if it is
-/// not finite.
-fn newton_step(
+/// The steps from `u`, the means of the patches kept, by the tangent there, made convex where it is not; none if they
+/// are not finite.
+fn correction(
     origin: &Origin,
     solver: &mut ConstrainedSystem,
     n_means: usize,
     u: &[f64],
-) -> Option<Step> {
-    let (mut force, mut increment) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-    let tangent = &mut Tangent::matrix(&origin.body);
-    let is_stable = prepare(origin, solver, tangent, u, &mut force)?;
-    force.iter_mut().for_each(|f| *f = -*f);
+) -> Option<Correction> {
+    let (mut force, mut step) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let is_stable = prepare(origin, solver, &mut Tangent::matrix(&origin.body), u, &mut force)?;
     let stay = vec![0.0; n_means];
-    solver.solve(&mut force, &stay, &mut increment, &mut Vec::new(), None).ok()?;
-    Some(Step { increment, is_stable })
+    let mut solve = |force: &mut [f64], step: &mut [f64]| {
+        let mut of_tools = Vec::new();
+        force.iter_mut().for_each(|f| *f = -*f);
+        solver.solve(force, &stay, step, &mut of_tools, None).ok()?;
+        Some((norm(step), of_tools))
+    };
+    let (first, by_first) = solve(&mut force, &mut step)?;
+    let there: Vec<f64> = u.iter().zip(&step).map(|(u, s)| u + s).collect();
+    // A step that turns a cell inside out leaves no force to go on with.
+    let (second, by_second) = match origin.internal_force(&there, &mut force).is_finite() {
+        true => solve(&mut force, &mut step)?,
+        false => (f64::INFINITY, by_first.clone()),
+    };
+    Some(Correction { steps: [first, second], forces: [by_first, by_second], is_stable })
 }
 
 /// Readies the solver for the tangent at `u`, made convex where it is not positive definite, and says whether it is;

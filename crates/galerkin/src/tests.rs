@@ -9,6 +9,7 @@ use super::nnls::{self, Columns};
 use super::origin::Origin;
 use super::reduced_energy::Reduced;
 use super::sampled::Sampled;
+use super::snapshots::Correction;
 use super::solution::Solution;
 use super::subspace::Subspace;
 use super::{Asked, Assessment, HyperReducedModel, Trust};
@@ -309,7 +310,7 @@ fn the_way_there_does_not_matter() {
     let warm = grasp.solve(&d, true, false).unwrap();
     assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
     let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
-    assert_eq!(rest.assess().unwrap(), Assessment { error: 0.0, trust: Trust::Trusted });
+    assert_eq!(rest.assess().unwrap(), Assessment { force_error: 0.0, shape_error: 0.0, trust: Trust::Trusted });
     assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
 }
 
@@ -319,13 +320,31 @@ fn the_whole_body_knows_the_error_of_an_answer() {
     for depth in [0.5 * DEPTH, DEPTH] {
         let d = pushes(depth);
         let solution = grasp.solve(&d, false, false).unwrap();
-        let (field, _) = newton(&grasp.contacts().patches(), &d);
-        let error = relative(&solution.displacement(), &field);
-        let Assessment { error: expected, trust } = solution.assess().unwrap();
-        // An expectation, no bound: it may fall short by little.
-        assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
+        let (field, forces) = newton(&grasp.contacts().patches(), &d);
+        let assessment = solution.assess().unwrap();
+        let shape = relative(&solution.displacement(), &field);
+        let force = relative(solution.forces.as_flattened(), forces.as_flattened());
+        // Expectations, no bounds: they may fall short by little.
+        for (error, expected) in [(shape, assessment.shape_error), (force, assessment.force_error)] {
+            assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
+        }
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
-        assert_eq!(trust == Trust::Trusted, expected <= allowed);
+        assert_eq!(assessment.trust == Trust::Trusted, assessment.error() <= allowed);
+    }
+}
+
+#[test]
+fn an_estimate_counts_the_steps_to_come_and_steps_that_do_not_shrink_lead_nowhere() {
+    // Steps 1, 1/2, 1/4, ... from a field of norm 8 add up to 2; forces 1, 2, 2.5, ... to 3, where 2.7 was the answer.
+    let after = |steps, forces: [f64; 2]| {
+        Correction { steps, forces: forces.map(|force| vec![force]), is_stable: true }.errors(8.0, &[2.7])
+    };
+    let [force, shape] = after([1.0, 0.5], [1.0, 2.0]);
+    assert!((force - (0.7 + 1.0) / 2.0).abs() < 1e-15 && shape == 0.25, "{force}, {shape}");
+    assert_eq!(after([1.0, 0.0], [2.7, 2.7]), [0.0, 0.125]);
+    assert_eq!(after([0.0, 0.0], [2.7, 2.7]), [0.0, 0.0]);
+    for lost in [[1.0, 1.0], [1.0, 2.0], [0.0, 1.0], [1.0, f64::INFINITY], [f64::NAN; 2]] {
+        assert_eq!(after(lost, [2.7, 2.7]), [1.0, 1.0]);
     }
 }
 

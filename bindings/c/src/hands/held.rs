@@ -70,7 +70,7 @@ impl Held {
             return (1.0, status::NOT_CONVERGED);
         }
         match self.solution.assess() {
-            Ok(assessment) => (assessment.error, status_of(assessment.trust)),
+            Ok(assessment) => (assessment.error(), status_of(assessment.trust)),
             Err(_) => (1.0, status::BAD_SETTING),
         }
     }

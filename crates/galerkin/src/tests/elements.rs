@@ -148,7 +148,7 @@ fn snapshots_and_trust_are_those_of_the_element_and_the_load() {
             assert!(grasp.n_snapshots() >= snapshots * 9 / 10, "{element:?}");
             let solution = grasp.solve(&d, false, false).unwrap();
             let error = relative(&solution.displacement(), &field);
-            let expected = solution.assess().unwrap().error;
+            let expected = solution.assess().unwrap().shape_error;
             assert!(
                 (expected / error - 1.0).abs() < 0.3,
                 "{element:?}: {error}, {expected} expected"
