@@ -13,6 +13,8 @@ from viscera.errors import VisceraError
 from viscera.mesh import Floats
 
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+WRITTEN = (".nii", ".nii.gz", ".nrrd", ".mha")
+"""The formats of one file each: a header without its data would be worth nothing."""
 MM = 1e-3
 """Files are in millimetres [m]."""
 
@@ -60,7 +62,7 @@ def read_segmentation(path: Path) -> tuple[NDArray[Any], Floats, str, dict[int, 
 
 def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> None:
     """Write a label map, placed by its affine map (3, 4) [m] in either kind of axes: each format has its own."""
-    ending = ending_of(path)
+    ending = ending_of(path, WRITTEN)
     values = np.ascontiguousarray(values)
     with replacing(path) as scratch:
         if ending in (".nii", ".nii.gz"):
@@ -79,12 +81,13 @@ def write_labels(path: Path, values: NDArray[Any], ras: Floats, lps: Floats) -> 
         sitk.WriteImage(image, str(scratch), True)
 
 
-def ending_of(path: Path) -> str:
+def ending_of(path: Path, formats: tuple[str, ...] = FORMATS) -> str:
     """The ending of an image file, or the sentence that lists those there are."""
     name = path.name.lower()
-    found = [ending for ending in FORMATS if name.endswith(ending)]
+    found = [ending for ending in formats if name.endswith(ending)]
     if not found:
-        raise VisceraError(f"{path}: unknown image format; the formats are {', '.join(FORMATS)}")
+        what = "unknown image format" if formats is FORMATS else "images are not written in that format"
+        raise VisceraError(f"{path}: {what}; the formats are {', '.join(formats)}")
     return max(found, key=len)
 
 

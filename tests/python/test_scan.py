@@ -37,6 +37,13 @@ def test_a_label_map_is_where_it_was(labelled: vs.Scan, tmp_path: Path, name: st
     assert again.in_axes("RAS").at([place, [9.0, 9.0, 9.0]]).tolist() == [300, 0]
 
 
+@pytest.mark.parametrize("name", ["labels.mhd", "labels.nhdr", "labels.dcm", "labels.png"])
+def test_a_label_map_is_not_torn_into_header_and_data(labelled: vs.Scan, tmp_path: Path, name: str) -> None:
+    with pytest.raises(vs.VisceraError, match=r"not written in that format; the formats are \.nii, \.nii\.gz, \.nrrd"):
+        labelled.write(tmp_path / name)
+    assert not any(tmp_path.iterdir())
+
+
 def test_both_libraries_see_a_nifti_file_in_the_same_place(labelled: vs.Scan, tmp_path: Path) -> None:
     pytest.importorskip("nibabel")
     sitk = pytest.importorskip("SimpleITK")
