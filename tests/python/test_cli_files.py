@@ -75,6 +75,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         (["solve", "case.toml", "-o", "bar.vtu"], "-o bar.vtu would replace 'bar.vtu', which is read"),
         (["solve", "case.toml", "--json", "case.toml"], "--json case.toml would replace 'case.toml'"),
         (["solve", "case.toml", "--json", "bar.vtu"], "--json bar.vtu would replace 'bar.vtu'"),
+        (["solve", "wrong.toml", "--json", "bar.vtu"], "--json bar.vtu would replace 'bar.vtu', which holds no JSON"),
         (["solve", "scene.toml", "-o", "bar.vtu"], "-o bar.vtu would replace 'bar.vtu'"),
         (["solve", "scene.toml", "-o", "body.stl"], "-o body.stl would replace 'body.stl'"),
         (["solve", "case.toml", "-o", "new.vtu", "--json", "./new.vtu"], "would replace what -o writes"),

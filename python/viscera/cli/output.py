@@ -55,6 +55,7 @@ class Output:
         json_path = None if self.json_path == "-" else self.json_path
         try:
             spare(sources, [*written, ("--json", json_path)])
+            _spare_what_is_no_json(json_path)
         except VisceraError:
             self.json_path = None  # the error itself would be written there
             raise
@@ -80,6 +81,16 @@ class Output:
             return
         with replacing(self.json_path) as scratch:
             scratch.write_text(text, encoding="utf-8")
+
+
+def _spare_what_is_no_json(path: str | None) -> None:
+    """What a command reads may not be known before a case file is read, and that may fail."""
+    if path is None or not os.path.isfile(path):
+        return
+    with open(path, "rb") as file:
+        begins = file.read(64).lstrip()
+    if begins and not begins.startswith(b"{"):
+        raise VisceraError(f"--json {path} would replace {path!r}, which holds no JSON; name another file")
 
 
 def put(text: str, *, is_error: bool = False) -> None:
