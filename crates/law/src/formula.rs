@@ -3,18 +3,13 @@
 use super::expression::{Constants, Expression, Graph, Id, Tape, Variable};
 use super::fibres::{FIRST, FibreEnergy, Fibres, SECOND};
 use super::kernels::{Family, LawKernels};
-use super::{Material, StrainEnergy};
+use super::StrainEnergy;
 use crate::error::Error;
 use std::sync::Arc;
-use viscera_number::tensor::Mat3;
-use viscera_number::unroll::tabulate;
 use viscera_number::{Gradient, Hessian, Scalar};
 
 /// Prefix of the formula in the name of a material.
 pub const FORMULA: &str = "formula ";
-
-/// Stress at rest that is rounding, as a part of the moduli.
-const AT_REST: f64 = 1e-9;
 
 /// The tapes of an energy.
 struct Tapes {
@@ -312,47 +307,4 @@ impl<'a> FibreEnergy for Bound<'a> {
     fn volumetric<S: Scalar>(&self, J: &S) -> [S; 3] {
         self.dilatation(J).expect("no formula has traces")
     }
-}
-
-/// Checks every formula with its parameters.
-///
-/// # Errors
-/// A stress at rest; moduli that are not positive or not finite.
-#[allow(non_snake_case)]
-pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
-    let refuse = |what: String| {
-        let of = material.names().iter().zip(row).map(|(name, value)| format!("{name} = {value}"));
-        let of: Vec<String> = of.collect();
-        Err(Error::input(format!("the formula, with {}: {what}", of.join(", "))))
-    };
-    let identity: Mat3<f64> = tabulate!(|i, j| f64::from(u8::from(i == j)));
-    let [shear, bulk] = material.moduli(row);
-    // A modulus that vanishes does so but for rounding.
-    let least = AT_REST * (shear.abs() + bulk.abs());
-    if !(shear > least && bulk > least && (shear + bulk).is_finite()) {
-        return refuse(format!(
-            "shear modulus {shear:.6} Pa and bulk modulus {bulk:.6} Pa at rest; both must be positive"
-        ));
-    }
-    let (P, _) = material.tangent(row, &identity);
-    let largest = P.iter().flatten().fold(0.0f64, |max, p| max.max(p.abs()));
-    if !(largest <= AT_REST * (shear + bulk)) {
-        return refuse(format!(
-            "the stress at rest is {largest} Pa; it must vanish, so take a term off, such as mu*log(J) or with I1bar"
-        ));
-    }
-    Ok(())
-}
-
-/// Whether the energy of a cell grows without bound as its volume vanishes. If not, a solver may crush it.
-pub fn resists_collapse(material: &Material, row: &[f64]) -> bool {
-    let [shear, bulk] = material.moduli(row);
-    let energy = |j: f64| {
-        let c = j.cbrt();
-        let squeezed = tabulate!(|i, k| if i == k { c } else { 0.0 });
-        material.energy_and_stress(row, &[squeezed])[0].0
-    };
-    // ln J grows by 70 between the two.
-    let growth = energy(1e-60) - energy(1e-30);
-    !(growth < shear + bulk)
 }

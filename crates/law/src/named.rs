@@ -1,11 +1,12 @@
 //! Materials by the name of their law: the meaning of a name, and checks of rows of parameters.
 
 use super::error::Error;
-use super::formula::{self, FORMULA, Formula};
+use super::formula::{FORMULA, Formula};
 use super::kernels::LawKernels;
 use super::material::Material;
 use super::rows::{ROWS, Row};
 use super::several::{BETWEEN, SEVERAL, Several};
+use super::soundness;
 use std::sync::Arc;
 
 impl Material {
@@ -126,7 +127,7 @@ impl<'a> SingleLaw<'a> {
         }
         let (names, kernels) = (self.names.clone(), self.kernels.clone());
         let alone = Material::of_kernels(self.name, names, kernels, vec![values.to_vec()])?;
-        formula::check(&alone, values)
+        soundness::check(&alone, values)
     }
 }
 
