@@ -1,7 +1,7 @@
 //! Von Mises stress at nodes: `sqrt(3/2 s : s)` with `s` the deviator of Cauchy's stress `sigma = P F^T / J`.
 
 use viscera_core::body::Body;
-use viscera_core::tensor::Mat3;
+use viscera_core::tensor::{Mat3, cross, dot};
 
 /// Means of Cauchy's stress over the cells around each corner of a cell, weighted by volume at rest; then its von Mises
 /// stress [Pa]. A node in the middle of an edge has the mean of the edge's two ends.
@@ -59,12 +59,4 @@ fn add(sum: &mut Mat3<f64>, part: &Mat3<f64>, weight: f64) {
 fn volume([a, b, c, d]: [[f64; 3]; 4]) -> f64 {
     let from = |x: [f64; 3]| std::array::from_fn(|i| x[i] - a[i]);
     dot(&from(b), &cross(&from(c), &from(d))) / 6.0
-}
-
-fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

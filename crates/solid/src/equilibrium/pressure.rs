@@ -268,6 +268,7 @@ mod tests {
     use crate::element::Element;
     use crate::law::Material;
     use crate::mesh::samples::{block, noise};
+    use crate::number::dot;
 
     /// A body with pressure on the first faces of its surface, a displacement, and a direction.
     fn sample(element: Element, count: usize) -> (Body, Pressure, Vec<f64>, Vec<f64>) {
@@ -309,10 +310,6 @@ mod tests {
         let mut out = vec![0.0; u.len()];
         tangent.multiply(v, &mut out);
         out
-    }
-
-    fn dot(a: &[f64], b: &[f64]) -> f64 {
-        a.iter().zip(b).map(|(a, b)| a * b).sum()
     }
 
     /// Moves nodes on edges halfway between the ends.
