@@ -23,6 +23,7 @@ from viscera.study.case import middle
 from viscera.touch import load_bytes
 
 DEPTHS = (0.05, 0.10, 0.15)
+LOOPS = 10
 
 
 def without(data: bytes, name: str) -> bytes:
@@ -84,12 +85,12 @@ def main(touches: int, order: int, reach: float) -> None:
         return rows
 
     for name, model in models.items():
-        lost = [_lost(model, point, depth * liver.diagonal) for depth in DEPTHS for point in points[:10]]
-        shares = " ".join(
-            f"{depth:.0%}: {100 * max(lost[10 * k : 10 * k + 10]):.2g} %" for k, depth in enumerate(DEPTHS)
-        )
+        loops = points[:LOOPS]
+        lost = (max(_lost(model, point, depth * liver.diagonal) for point in loops) for depth in DEPTHS)
+        shares = " ".join(f"{depth:.0%}: {100 * part:.2g} %" for depth, part in zip(DEPTHS, lost, strict=True))
         print(
-            f"energy gained or lost in closed loops of displacements, over the work done, worst of 10: {name} {shares}"
+            "energy gained or lost in closed loops of displacements, over the work done, "
+            f"worst of {len(loops)}: {name} {shares}"
         )
     with ThreadPoolExecutor() as pool:
         rows = [row for some in pool.map(ask, range(touches)) for row in some]
