@@ -130,7 +130,10 @@ class Factor:
     def __init__(self, kind: str, column_start: Indices, row: Indices) -> None: ...
     @property
     def fill(self) -> int:
-        """Entries that the factor stores."""
+        """Entries that the factor stores, zeros within its dense blocks included."""
+    @property
+    def order(self) -> NDArray[np.uint32]:
+        """The rows (n,) in the order in which they are eliminated."""
     @property
     def negative(self) -> int:
         """Negative eigenvalues of the matrix factorised last; 0 for "cholesky"."""

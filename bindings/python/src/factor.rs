@@ -61,6 +61,12 @@ impl Factor {
         Ok(self.kind.claim()?.solver().fill())
     }
 
+    /// The rows in the order in which they are eliminated.
+    #[getter]
+    fn order<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<u32>>> {
+        Ok(PyArray1::from_slice(py, self.kind.claim()?.solver().order()))
+    }
+
     #[getter]
     fn negative(&self) -> PyResult<usize> {
         match &*self.kind.claim()? {

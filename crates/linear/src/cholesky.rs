@@ -156,6 +156,10 @@ impl<T: Precision> Factorization for Cholesky<T> {
         self.factor.len()
     }
 
+    fn order(&self) -> &[u32] {
+        self.analysis.order()
+    }
+
     fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         self.is_factorized = false;
         self.analysis.load(values)?;

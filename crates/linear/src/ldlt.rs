@@ -150,6 +150,10 @@ impl Factorization for Ldlt {
         self.factor.len()
     }
 
+    fn order(&self) -> &[u32] {
+        self.analysis.order()
+    }
+
     fn factorize(&mut self, values: &[f64]) -> Result<(), FactorError> {
         self.outcome = None;
         self.analysis.load(values)?;

@@ -48,6 +48,9 @@ pub trait Factorization: Send + Sync {
     /// Entries that the factor stores, zeros within its dense blocks included.
     fn fill(&self) -> usize;
 
+    /// The rows in the order in which they are eliminated.
+    fn order(&self) -> &[u32];
+
     /// Factorises the matrix whose upper triangle holds `values`, parallel to [`Pattern::row`].
     ///
     /// # Errors

@@ -43,12 +43,13 @@ pub(super) fn inverse(order: &[u32]) -> Vec<u32> {
     position
 }
 
-/// Nested dissections, less those for which the partitioner fails or returns no permutation.
+/// Nested dissections, on as many threads, less those for which the partitioner fails or returns no permutation.
 #[cfg(not(target_family = "wasm"))]
-fn nested_dissections(graph: &Graph) -> impl Iterator<Item = Vec<u32>> {
+fn nested_dissections(graph: &Graph) -> Vec<Vec<u32>> {
     use feral_scotch::{CscPattern, ScotchOptions, scotch_order_full};
-    let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour);
-    SEEDS.into_iter().filter_map(move |seed| {
+    use rayon::prelude::*;
+    let dissect = |seed| {
+        let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
         // For organs the work hardly depends on these, and the time does: two trials take three fifths of five.
         let (amd_switch, max_imbalance, n_sep_trials) = (60, 0.1, 2);
         let options = ScotchOptions {
@@ -58,16 +59,18 @@ fn nested_dissections(graph: &Graph) -> impl Iterator<Item = Vec<u32>> {
             seed,
             ..Default::default()
         };
-        let (order, _, _) = scotch_order_full(pattern.as_ref()?, &options).ok()?;
+        let (order, _, _) = scotch_order_full(&pattern, &options).ok()?;
         let order: Vec<u32> = order.into_iter().map(|row| row as u32).collect();
         is_permutation(&order, graph.n).then_some(order)
-    })
+    };
+    let found: Vec<Option<Vec<u32>>> = SEEDS.into_par_iter().map(dissect).collect();
+    found.into_iter().flatten().collect()
 }
 
 /// In a page the partitioner cannot run, as it times itself; organs that are stepped there are small.
 #[cfg(target_family = "wasm")]
-fn nested_dissections(_: &Graph) -> impl Iterator<Item = Vec<u32>> {
-    std::iter::empty()
+fn nested_dissections(_: &Graph) -> Vec<Vec<u32>> {
+    Vec::new()
 }
 
 /// Approximate minimum degree.
@@ -304,7 +307,7 @@ mod tests {
     /// The orders that are compared, of rows.
     fn orders(pattern: &Pattern) -> Vec<Vec<u32>> {
         let graph = Graph::new(pattern);
-        let orders = nested_dissections(&graph).chain(minimum_degree(&graph));
+        let orders = nested_dissections(&graph).into_iter().chain(minimum_degree(&graph));
         orders.map(|order| graph.rows_of(&order)).collect()
     }
 
