@@ -223,7 +223,7 @@ study-touches: $(development) ## touches of the full organ: how they end under e
 reduced_depth                := depth.py 40 4
 reduced_depth_order_6        := depth.py 60 6 1
 reduced_deep                 := deep.py
-reduced_fingers              := fingers.py
+reduced_fingers              := fingers.py P1 24 12
 reduced_fingers_mean_volume  := fingers.py "P1 mean volume" 12 6
 reduced_parameters           := parameters.py
 reduced_surrogates           := surrogates.py
