@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from viscera import _core
 from viscera.errors import VisceraError
-from viscera.mesh import Floats, Mesh
+from viscera.mesh import Floats, Indices, Mesh
 from viscera.quantity import Number, numbers_of, refused, vector
 from viscera.rotation import rotation_matrix
 from viscera.select import Lengths, length
@@ -123,11 +123,12 @@ class Shape:
         used, renumbered = np.unique(triangles.astype(np.uint32), return_inverse=True)
         if used.max(initial=0) >= len(points):
             raise VisceraError(f"a triangle of the shape uses point {used.max()}; there are {len(points)} points")
-        self._core = _core.Shape.solid(points[used], renumbered.reshape(-1, 3).astype(np.uint32))
-        self._size = len(triangles)
+        self.surface: tuple[Floats, Indices] = points[used], renumbered.reshape(-1, 3).astype(np.uint32)
+        """Points (n, 3) [m] and triangles (t, 3) of the surface, in axes of the tool."""
+        self._core = _core.Shape.solid(*self.surface)
 
     def __repr__(self) -> str:
-        return f"Shape({self._size} triangles)"
+        return f"Shape({len(self.surface[1])} triangles)"
 
 
 AnyShape: TypeAlias = Sphere | Capsule | Box | HalfSpace | Shape
@@ -193,9 +194,13 @@ class Tool:
         >>> bool(abs(state.force(back)[2]) < 0.01)
         True
         """
-        rotation = rotation_matrix(self.turn) @ self.rotation
+        return self._at(1.0)
+
+    def _at(self, load: float) -> Tool:
+        """The tool after a part of its motion."""
+        rotation = rotation_matrix(load * self.turn) @ self.rotation
         kept: dict[str, Any] = {"friction": self.friction, "stiffness": self.stiffness}
-        return Tool(self.shape, self.position + self.displacement, rotation, **kept)
+        return Tool(self.shape, self.position + load * self.displacement, rotation, **kept)
 
     def _spec(self) -> _core.Tool:
         friction = None if isinstance(self.friction, str) else self.friction

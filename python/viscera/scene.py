@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from viscera import _core
 from viscera import law as laws
 from viscera.bond import Bond
 from viscera.contact import AnyShape, Tool, tools_of
@@ -19,7 +20,8 @@ from viscera.loads import faces_within
 from viscera.mesh import Floats, Indices, Mesh, Where
 from viscera.organ import Organ
 from viscera.quantity import refused
-from viscera.select import length
+from viscera.select import Lengths, length
+from viscera.select import point as point_of
 from viscera.spring import Spring
 from viscera.ties import Tied, Ties
 
@@ -107,6 +109,34 @@ class Scene(Organ):
     def of_cell(self) -> Floats:
         """For each cell (m,) the number of its organ, counted from 0."""
         return np.repeat(np.arange(float(len(self.organs))), [len(organ.mesh.cells) for organ in self.organs.values()])
+
+    @property
+    def of_node(self) -> Indices:
+        """For each node (n,) the number of its organ, counted from 0."""
+        owner = np.empty(len(self.mesh.points), dtype=np.uint32)
+        for number, nodes in enumerate(self._numbers.values()):
+            owner[nodes] = number
+        return owner
+
+    def patch(self, point: Lengths, radius: float | str, organ: str | None = None) -> _core.Patch:
+        """The contact patch around a surface point, as `Organ.patch`; it lies on one organ.
+
+        organ: the name of that organ, for a point at which several lie on each other; by default the nearest one.
+
+        >>> import viscera as vs
+        >>> beam = vs.organs.beam()
+        >>> above = vs.mesh(beam.points + [0.0, 0.0, 0.2], beam.cells)
+        >>> law = vs.NeoHookean(young=1e5, poisson=0.3)
+        >>> organs = {"lower": vs.Organ(beam, law, fixed="clamp"), "upper": vs.Organ(above, law, fixed="x < 1%")}
+        >>> scene = vs.Scene(organs, bonds=[vs.Bond("lower", "upper")])
+        >>> patch = scene.patch((0.5, 0.1, 0.2), "5 cm", organ="upper")
+        >>> set(scene.of_node[patch.nodes].tolist())
+        {1}
+        """
+        if organ is None:
+            return super().patch(point, radius)
+        found = self.organ(organ).patch(point_of(point, self.mesh, "contact point"), self._length("radius", radius))
+        return _core.Patch(self._numbers[organ][found.nodes].astype(np.uint32), found.weights)
 
     def place(self, organ: str, where: Where) -> tuple[int, ...]:
         """The nodes of a place of an organ in the numbering of the scene, for loads and displacements.
