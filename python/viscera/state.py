@@ -200,7 +200,8 @@ class State(Deformed, Pictured):
         """The deformed organ below a notebook's cell, to be turned, cut open and coloured by displacement or stress.
 
         Needs `pip install viscera[notebook]`. A solved state stays as it is: to touch an organ, view its stepper or a
-        reduced model. name: shown above the organ; height: of the view, in pixels.
+        reduced model. Tools of the solve are shown where they ended, as are the bodies and springs of a `Scene`.
+        name: shown above the organ; height: of the view, in pixels.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")

@@ -171,7 +171,8 @@ class Stepper:
         Needs `pip install viscera[notebook]`. `widget.touch(point, displacement)` [m] holds the patch around a surface
         point and steps until it has settled; `widget.release()` lets go. `widget.point`, `widget.displacement`,
         `widget.force` and `widget.is_trusted` follow each touch: `widget.observe(handler, "force")`. Frames of the page
-        apply no load except the hands. name: shown above the organ; height: of the view, in pixels.
+        apply no load except the hands. Tools that the stepper has by now are shown, where they are, as are the bodies
+        and springs of a `Scene`. name: shown above the organ; height: of the view, in pixels.
 
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
@@ -183,7 +184,7 @@ class Stepper:
         from viscera.viewer.notebook import widget
         from viscera.viewer.stepped import PlayedStepper
 
-        return widget(PlayedStepper(self, name), height)
+        return widget(PlayedStepper(lambda: self, name), height)
 
     def frame(
         self,

@@ -178,6 +178,17 @@ def test_a_state_is_looked_at(organ: vs.Organ, server: Server) -> None:
         widget.touch(TOP, PUSH)
 
 
+def test_a_state_from_a_scan_stands_where_it_is(organ: vs.Organ, server: Server) -> None:
+    pytest.importorskip("anywidget")
+    rest = organ.unloaded(gravity=(0, 0, -5.0), density=1000.0)
+    turned = rest.from_scan(rest.organ.solve(gravity=(0, 5.0, 0), density=1000.0, start=rest.state))
+    widget = turned.view("Bar")
+    at_rest = np.reshape(json.loads(widget._played.reply(""))["rest"], (-1, 3))
+    _, field = numbers(widget, stress=False)
+    there = (turned.mesh.points + turned.displacement)[turned.mesh.surface_nodes]
+    assert at_rest + field.reshape(-1, 3) == pytest.approx(there, abs=1e-6)
+
+
 def test_the_widget_carries_the_model(touch: vs.Touch, server: Server) -> None:
     pytest.importorskip("anywidget")
     widget = touch.view("Bar", height=420)

@@ -3,8 +3,17 @@ import * as THREE from "three";
 import { colourAt, linear, type ColourMap, type Rgb } from "./colour";
 import type { Vec3 } from "./evaluator";
 import { Skin } from "./skin";
+import type { Around } from "./surroundings";
 
-const TISSUE: Rgb = [0.56, 0.175, 0.14];
+/** Of the organs of a scene, one after the other and then from the first again; one organ alone has the first. */
+const TISSUES: readonly Rgb[] = [
+  [0.56, 0.175, 0.14],
+  [0.37, 0.4, 0.13],
+  [0.66, 0.42, 0.38],
+  [0.36, 0.21, 0.42],
+  [0.62, 0.47, 0.24],
+  [0.24, 0.35, 0.47],
+];
 const UNTOUCHABLE: Rgb = [0.4, 0.235, 0.215];
 const GREY: Rgb = [0.6, 0.61, 0.63];
 /** Waves in all directions, whose sum mottles the tissue. */
@@ -17,18 +26,22 @@ const WAVES = [
   [0.5, -1.8, -1.1, 0.8],
 ] as const;
 
-/** A closed surface of triangles at rest [m], and which of its triangles may be touched. */
+/** A closed surface of triangles at rest [m], which of its triangles may be touched, and what stands around it. */
 export interface Surface {
   readonly rest: Float32Array;
   readonly triangles: Uint32Array;
   readonly touchable: Uint32Array;
   readonly diagonal: number;
+  /** Of a scene, the number of each node's organ. */
+  readonly organOf?: ArrayLike<number>;
+  readonly around?: Around;
 }
 
-/** Where a ray meets the touchable surface: on the moved organ and at rest [m]. */
+/** Where a ray meets the touchable surface: on the moved organ and at rest [m]; and on which organ of a scene. */
 export interface Hit {
   moved: THREE.Vector3;
   rest: Vec3;
+  organ?: number;
 }
 
 export class Body {
@@ -149,18 +162,19 @@ export class Body {
     if (!weights) return null;
     const rest = new THREE.Vector3();
     for (let k = 0; k < 3; k++) rest.addScaledVector(at(this.surface.rest, k), weights.getComponent(k));
-    return { moved, rest: rest.toArray() };
+    return { moved, rest: rest.toArray(), organ: this.surface.organOf?.[rows[0]!] };
   }
 
-  /** Outward normal at rest, averaged over the triangles closer than a radius. */
-  normalAt(point: Vec3, radius: number): Vec3 {
-    const { rest, triangles } = this.surface;
+  /** Outward normal at rest, averaged over the triangles closer than a radius; of one organ, where several are near. */
+  normalAt(point: Vec3, radius: number, organ?: number): Vec3 {
+    const { rest, triangles, organOf } = this.surface;
     const sum = new THREE.Vector3();
     const corner = [new THREE.Vector3(), new THREE.Vector3(), new THREE.Vector3()] as const;
     const middle = new THREE.Vector3();
     const centre = new THREE.Vector3(...point);
     for (let reach = radius; sum.lengthSq() === 0; reach *= 2) {
       for (let t = 0; t < triangles.length; t += 3) {
+        if (organ !== undefined && organOf?.[triangles[t]!] !== organ) continue;
         corner.forEach((x, k) => x.fromArray(rest, 3 * triangles[t + k]!));
         middle.copy(corner[0]).add(corner[1]).add(corner[2]).divideScalar(3);
         const share = 1 - middle.distanceToSquared(centre) / (reach * reach);
@@ -191,9 +205,9 @@ export class Body {
     for (const name of names) this.mesh.geometry.getAttribute(name).needsUpdate = true;
   }
 
-  /** Redder where it may be touched, a little mottled. */
+  /** Each organ in its own colour, stronger where it may be touched, a little mottled. */
   private tissueColours(): Float32Array {
-    const { triangles, rest, diagonal } = this.surface;
+    const { triangles, rest, diagonal, organOf } = this.surface;
     const [touchable, all] = [new Float32Array(rest.length / 3), new Float32Array(rest.length / 3)];
     triangles.forEach((row, corner) => {
       all[row]! += 1;
@@ -202,7 +216,8 @@ export class Body {
     const colours = new Float32Array(rest.length);
     for (let node = 0; node < all.length; node++) {
       const share = touchable[node]! / Math.max(all[node]!, 1);
-      for (let i = 0; i < 3; i++) colours[3 * node + i] = UNTOUCHABLE[i]! + share * (TISSUE[i]! - UNTOUCHABLE[i]!);
+      const tissue = TISSUES[(organOf?.[node] ?? 0) % TISSUES.length]!;
+      for (let i = 0; i < 3; i++) colours[3 * node + i] = UNTOUCHABLE[i]! + share * (tissue[i]! - UNTOUCHABLE[i]!);
     }
     const drawn = new Float32Array(this.skin.positions.length);
     this.skin.spread(colours, drawn);
@@ -252,12 +267,17 @@ function edges(rest: Float32Array, triangles: Uint32Array): THREE.BufferGeometry
   return geometry.setIndex(pairs);
 }
 
-/** What a field (s, 3) is at the node closest to a point at rest. */
-export function displacementAt(rest: Float32Array, field: Float32Array, point: Vec3): Vec3 {
+/** What a field (s, 3) is at the node closest to a point at rest, among those that count. */
+export function displacementAt(
+  rest: Float32Array,
+  field: Float32Array,
+  point: Vec3,
+  counts: (node: number) => boolean = () => true,
+): Vec3 {
   let [best, least] = [0, Infinity];
   for (let n = 0; n < rest.length; n += 3) {
     const distance = Math.hypot(rest[n]! - point[0], rest[n + 1]! - point[1], rest[n + 2]! - point[2]);
-    if (distance < least) [best, least] = [n, distance];
+    if (distance < least && counts(n / 3)) [best, least] = [n, distance];
   }
   return [...field.subarray(best, best + 3)] as Vec3;
 }

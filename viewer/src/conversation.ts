@@ -1,9 +1,10 @@
 // What is said between a view and its stepper: one request at a time, the wishes of a moment gathered in it, frames back.
 import type { Vec3 } from "./evaluator";
 import type { Link } from "./link";
+import type { Around } from "./surroundings";
 
-/** What the stepper says first (live/src/stage.rs). */
-export interface Hello {
+/** What the stepper says first (live/src/stage.rs, python/viscera/viewer/stepped.py). */
+export interface Hello extends Partial<Around> {
   name: string;
   laws: string[];
   law: string;
@@ -17,11 +18,16 @@ export interface Hello {
   triangles: number[];
   /** Where it may be touched; everywhere if it is not said. */
   touchable?: number[];
+  /** Of a scene, the names of its organs, and the number of each node's. */
+  organs?: string[];
+  organ_of?: number[];
 }
 
 /** What a hand does (live/src/request.rs). */
 export interface Gesture {
   grab?: Vec3;
+  /** Of a scene, the name of the organ that it takes hold of. */
+  organ?: string;
   move?: Vec3;
   release?: true;
 }
@@ -70,6 +76,7 @@ export class Conversation {
     if (wish.grab) delete said.release;
     if (wish.release) {
       delete said.grab;
+      delete said.organ;
       delete said.move;
     }
     Object.assign(said, wish);

@@ -9,6 +9,7 @@ const NAMES: Record<string, string> = {
   MooneyRivlin: "Mooney-Rivlin",
   NeoHookean: "neo-Hookean",
   SaintVenantKirchhoff: "Saint Venant-Kirchhoff",
+  Several: "several laws",
 };
 
 export function lawName(law: string): string {

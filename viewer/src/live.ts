@@ -79,6 +79,8 @@ export class LiveView implements Touched, Keyed, Shared {
       triangles: Uint32Array.from(hello.triangles),
       touchable: Uint32Array.from(hello.touchable ?? hello.triangles),
       diagonal: hello.diagonal,
+      organOf: hello.organ_of,
+      around: { bodies: hello.bodies ?? [], springs: hello.springs ?? 0 },
     };
     this.depth = 0.1 * hello.diagonal;
     this.painter = new LivePainter(this.legend, this.depth);
@@ -95,7 +97,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
+    const facts = [...(hello.organs ? [hello.organs.join(", ")] : []), `${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
     this.tools = new LiveTools(this, facts, hello.gravity, headsetButton(this.stage, this.row, this));
     const side = element("div", { class: "side" }, this.readings, this.clock);
     this.plan.fill(
@@ -131,10 +133,16 @@ export class LiveView implements Touched, Keyed, Shared {
   grab(hit: Hit, hand = 0): void {
     this.hint.end();
     const first = this.specimens[0]!;
-    const displacement = first.displacementAt(hit.rest);
+    const { rest: point, organ } = hit;
     if (!this.held) this.begin();
-    this.holding[hand] = { point: hit.rest, normal: first.body.normalAt(hit.rest, this.hello.radius), displacement };
-    this.conversation.gesture(hand, { grab: hit.rest, move: displacement });
+    const normal = first.body.normalAt(point, this.hello.radius, organ);
+    const displacement = first.displacementAt(point, organ);
+    this.hold({ point, normal, displacement, organ: organ === undefined ? undefined : this.hello.organs?.[organ] }, hand);
+  }
+
+  private hold(held: Hand, hand: number): void {
+    this.holding[hand] = held;
+    this.conversation.gesture(hand, { grab: held.point, organ: held.organ, move: held.displacement });
   }
 
   move(displacement: Vec3, hand = 0): void {
@@ -160,9 +168,9 @@ export class LiveView implements Touched, Keyed, Shared {
 
   hover(hit: Hit | null): void {
     if (this.held) return;
-    const normal = hit && this.specimens[0]!.body.normalAt(hit.rest, this.hello.radius);
+    const normal = hit && this.specimens[0]!.body.normalAt(hit.rest, this.hello.radius, hit.organ);
     for (const specimen of this.specimens) {
-      if (hit) specimen.hover(hit.rest, normal!);
+      if (hit) specimen.hover(hit.rest, normal!, hit.organ);
       else specimen.letGo(0);
     }
     this.stage.invalidate();
@@ -182,7 +190,7 @@ export class LiveView implements Touched, Keyed, Shared {
   setLaws(laws: string[]): void {
     this.laws = laws;
     this.conversation.want({ laws });
-    this.holding.forEach((hand, k) => hand && this.conversation.gesture(k, { grab: hand.point, move: hand.displacement }));
+    this.holding.forEach((held, hand) => held && this.hold(held, hand));
     this.begin();
     this.arrange();
   }

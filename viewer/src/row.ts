@@ -53,9 +53,9 @@ export class Row {
 
   /** What a ray meets of the organs, the nearest first. */
   hit(ray: THREE.Raycaster): Hit | null {
-    const hits = this.specimens.flatMap(({ body, place }) => {
-      const hit = body.hit(ray);
-      return hit ? [{ rest: hit.rest, moved: hit.moved.add(place.position) }] : [];
+    const hits = this.specimens.flatMap((specimen) => {
+      const hit = specimen.hit(ray);
+      return hit ? [{ ...hit, moved: hit.moved.add(specimen.place.position) }] : [];
     });
     const from = this.stage.world.worldToLocal(ray.ray.origin.clone());
     return hits.sort((a, b) => a.moved.distanceToSquared(from) - b.moved.distanceToSquared(from))[0] ?? null;

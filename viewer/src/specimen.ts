@@ -1,13 +1,14 @@
 // An organ under one law: on the stage with its arrow, and in the readings.
 import * as THREE from "three";
 import { Arrow, type Standing } from "./arrow";
-import { Body, displacementAt, type Surface } from "./body";
+import { Body, displacementAt, lookOver, type Hit, type Surface } from "./body";
 import { lengths } from "./colouring";
 import { choice, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { ForceLabel } from "./label";
 import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
+import { Surroundings } from "./surroundings";
 
 /** Numbers of a body in a frame before its displacements (live/src/lib.rs). */
 export const FACTS = 14;
@@ -17,6 +18,8 @@ export interface Hand {
   point: Vec3;
   normal: Vec3;
   displacement: Vec3;
+  /** Of a scene, the name of the organ that it holds. */
+  organ?: string;
 }
 
 /** A hand on this organ: its force as an arrow, and a number beside it. */
@@ -66,11 +69,13 @@ export class Specimen {
   /** Of the first hand and of the second. */
   readonly grips: readonly [Grip, Grip];
   readonly place = new THREE.Group();
+  readonly surroundings: Surroundings;
   readonly root: HTMLElement;
   facts: Facts = { ...AT_REST };
   field: Float32Array;
   /** Von Mises stress at the nodes (s,) [Pa]; empty where no frame has brought it. */
   stress = new Float32Array(0);
+  private poses = new Float32Array(0);
   private readonly lengths: Float32Array;
   private readonly force = element("span", { class: "force" }, "0.00");
   private readonly second = element("span");
@@ -91,6 +96,8 @@ export class Specimen {
     choose: (law: string) => void,
   ) {
     this.body = new Body(surface);
+    const { centre } = lookOver(surface);
+    this.surroundings = new Surroundings(surface.around ?? { bodies: [], springs: 0 }, surface.diagonal, centre);
     const grip = (): Grip => {
       const arrow = new Arrow(surface.diagonal, 0.5 * radius);
       const label = new ForceLabel(stage, arrow, gauge);
@@ -98,7 +105,7 @@ export class Specimen {
       return { arrow, label };
     };
     this.grips = [grip(), grip()];
-    this.place.add(this.body.mesh, this.body.outline, ...this.grips.map(({ arrow }) => arrow.group));
+    this.place.add(this.body.mesh, this.body.outline, this.surroundings.group, ...this.grips.map(({ arrow }) => arrow.group));
     this.field = new Float32Array(surface.rest.length);
     this.lengths = new Float32Array(surface.rest.length / 3);
     const select = choice("law", laws, choose);
@@ -130,14 +137,17 @@ export class Specimen {
       steps: steps!,
     };
     const end = FACTS + this.field.length;
+    const last = end + this.surroundings.size;
     this.field = numbers.slice(FACTS, end);
-    this.stress = numbers.slice(end);
+    this.poses = numbers.slice(end, last);
+    this.stress = numbers.slice(last);
   }
 
   /** Shapes the organ and writes the numbers of the last frame. */
   present(): void {
     const { residual, milliseconds, gain } = this.facts;
     this.body.move(this.field);
+    this.surroundings.place(this.poses);
     write(this.force, newtons(this.size).slice(0, -2));
     write(this.second, newtons(this.sizes[1]!));
     write(this.volume, `${gain > 0 ? "+" : ""}${fixed(100 * gain, 2)} %`);
@@ -199,9 +209,17 @@ export class Specimen {
     this.grips.forEach(({ label }, k) => label.follow(this.sizes[k]!, this.standing));
   }
 
+  /** What a ray meets of the organ; nothing, where a rigid body stands before it. */
+  hit(ray: THREE.Raycaster): Hit | null {
+    const hit = this.body.hit(ray);
+    if (!hit) return null;
+    const far = ray.ray.origin.distanceTo(this.place.localToWorld(hit.moved.clone()));
+    return this.surroundings.hides(ray, far) ? null : hit;
+  }
+
   /** Marks where a hand would take hold. */
-  hover(point: Vec3, normal: Vec3): void {
-    const moved = this.displacementAt(point);
+  hover(point: Vec3, normal: Vec3, organ?: number): void {
+    const moved = this.displacementAt(point, organ);
     this.grips[0].arrow.hover(point.map((x, i) => x + moved[i]!) as Vec3, normal);
   }
 
@@ -211,9 +229,10 @@ export class Specimen {
     return this.lengths;
   }
 
-  /** Displacement of the node closest to a point at rest: where a hand takes hold of a deformed organ. */
-  displacementAt(point: Vec3): Vec3 {
-    return displacementAt(this.surface.rest, this.field, point);
+  /** Displacement of the node closest to a point at rest, of an organ: where a hand takes hold of what is deformed. */
+  displacementAt(point: Vec3, organ?: number): Vec3 {
+    const { rest, organOf } = this.surface;
+    return displacementAt(rest, this.field, point, (node) => organ === undefined || organOf?.[node] === organ);
   }
 
   dispose(): void {
@@ -222,5 +241,6 @@ export class Specimen {
       label.root.remove();
     }
     this.body.dispose();
+    this.surroundings.dispose();
   }
 }

@@ -3,11 +3,12 @@ import { newtons } from "./dom";
 import { lawName } from "./lawname";
 import type { Hand, Specimen } from "./specimen";
 
-/** The forces of the hands that hold on, organ by organ. */
+/** The forces of the hands that hold on, specimen by specimen; what they hold of a scene is named. */
 export function forces(specimens: readonly Specimen[], hands: readonly (Hand | null)[]): string {
   const said = specimens.map(({ law, sizes, standing }) => {
+    const held = hands.flatMap((hand) => hand?.organ ?? []);
     const sizesHeld = sizes.filter((_, hand) => hands[hand]).map(newtons);
-    return `${lawName(law)}: ${sizesHeld.join(" and ")}${standing === "unsettled" ? ", not settled" : ""}.`;
+    return `${held.join(" and ") || lawName(law)}: ${sizesHeld.join(" and ")}${standing === "unsettled" ? ", not settled" : ""}.`;
   });
   return said.join(" ");
 }

@@ -1,19 +1,25 @@
-"""A stepper or a solved state below a notebook's cell: the kernel answers the requests of `live/src/lib.rs` itself."""
+"""A stepper or a solved state that a page shows and Python holds, which answers the requests of `live/src/lib.rs`.
+
+So are they shown below a notebook's cell, and a scene by `viscera view`.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viscera import defaults
+from viscera import _core, defaults
 from viscera.errors import VisceraError
 from viscera.mesh import Floats, Mesh
+from viscera.scene import Scene
 from viscera.select import Lengths, offset
 from viscera.select import point as point_of
 from viscera.viewer.notebook import Told, told
+from viscera.viewer.request import read
+from viscera.viewer.surroundings import Surroundings
 
 if TYPE_CHECKING:
     from viscera.frame import Frame
@@ -28,12 +34,18 @@ NOBODY = (0.0, 0.0, 0.0)
 class PlayedStepper:
     """A stepper in the hands of the page: at most two, beside those that the notebook has."""
 
-    def __init__(self, stepper: Stepper, name: str) -> None:
-        self._stepper = stepper
-        self._organ: Organ = stepper._organ
+    def __init__(self, make: Callable[[], Stepper], name: str, gravity: Sequence[float] | None = None) -> None:
+        """Of a stepper, which `make` gives at first and whenever the page begins anew.
+
+        gravity: acceleration (3,) [m/s^2] of the first frame, which the page may turn; without it the page has none to
+            choose, and frames have none.
+        """
+        self._make = make
         self._name = name
+        self._gravity = gravity
         self._hands: list[tuple[Hand, Floats] | None] = [None, None]
         self._has_stress = False
+        self._begin()
 
     def model(self) -> bytes:
         """None: the kernel steps."""
@@ -53,7 +65,7 @@ class PlayedStepper:
         push = offset(displacement, self._organ.mesh, "contact displacement")
         self._act(0, {"grab": place, "move": push})
         for _ in range(20):
-            frame = self._stepper.frame()
+            frame = self._frame()
             if frame.is_settled:
                 break
         return told(place, push, self._force(frame, 0), frame.is_settled)
@@ -61,22 +73,43 @@ class PlayedStepper:
     def release(self) -> None:
         """The first hand lets go, and a frame shows it."""
         self._act(0, {"release": True})
-        self._stepper.frame()
+        self._frame()
 
     def reply(self, request: str) -> str | bytes:
         """The introduction, where nothing is asked for; else a frame, or a sentence that says why there is none."""
         if not request:
-            return introduction(self._organ, self._name)
+            return introduction(self._surroundings, self._name, gravity=self._gravity)
         try:
-            asked = json.loads(request)
-            self._has_stress = asked.get("stress", self._has_stress)
-            self._act(0, asked)
-            self._act(1, asked.get("second", {}))
-            frame = self._stepper.frame()
+            self._follow(read(request))
+            frame = self._frame()
+            if not np.isfinite(frame.displacement).all():
+                self._begin()
+                frame = self._frame()
             stress = frame.von_mises("nodes") if self._has_stress else None
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
-        return packed(self._organ.mesh, frame, [self._force(frame, k) for k in (0, 1)], stress)
+        return packed(self._surroundings, frame, [self._force(frame, k) for k in (0, 1)], stress)
+
+    def _begin(self) -> None:
+        """A stepper that nobody holds; tools that it gets later are not shown."""
+        for hand in filter(None, self._hands):
+            hand[0].release()
+        self._hands = [None, None]
+        self._stepper = self._make()
+        self._organ: Organ = self._stepper._organ
+        self._surroundings = Surroundings(self._organ, tuple(self._stepper._tools))
+
+    def _follow(self, asked: Mapping[str, Any]) -> None:
+        if "laws" in asked:
+            self._begin()
+        self._act(0, asked)
+        self._act(1, asked.get("second", {}))
+        if self._gravity is not None:
+            self._gravity = asked.get("gravity", self._gravity)
+        self._has_stress = asked.get("stress", self._has_stress)
+
+    def _frame(self) -> Frame:
+        return self._stepper.frame(gravity=self._gravity)
 
     def _act(self, index: int, gesture: Mapping[str, Any]) -> None:
         """A hand lets go, takes hold, moves, in this order."""
@@ -85,10 +118,17 @@ class PlayedStepper:
             held[0].release()
             held = self._hands[index] = None
         if "grab" in gesture:
-            patch = self._organ.patch(gesture["grab"], defaults.RADIUS_FRACTION * self._organ.mesh.diagonal)
+            patch = self._patch(gesture["grab"], gesture.get("organ"))
             held = self._hands[index] = (self._stepper.grasp(patch), np.asarray(gesture["grab"], float))
         if held and "move" in gesture:
             held[0].displacement = np.asarray(gesture["move"], float)
+
+    def _patch(self, point: Lengths, name: str | None) -> _core.Patch:
+        """What a hand holds: of the organ of a scene that the page names, where several lie on each other."""
+        organ = self._organ
+        return (
+            organ.patch(point, radius(organ), name) if isinstance(organ, Scene) else organ.patch(point, radius(organ))
+        )
 
     def _force(self, frame: Frame, index: int) -> Any:
         held = self._hands[index]
@@ -101,6 +141,7 @@ class PlayedState:
     def __init__(self, state: State, name: str) -> None:
         self._state = state
         self._name = name
+        self._surroundings = Surroundings(state._organ, [tool._at(state.load) for tool, _ in state._tools])
 
     def model(self) -> bytes:
         """None: there is nothing to evaluate."""
@@ -123,36 +164,55 @@ class PlayedState:
         """The introduction, or the same frame again, with the stress if it is asked for."""
         state = self._state
         if not request:
-            return introduction(state._organ, self._name, is_still=True)
+            return introduction(self._surroundings, self._name, is_still=True)
         try:
-            stress = state.von_mises("nodes") if json.loads(request).get("stress", True) else None
+            stress = state.von_mises("nodes") if read(request).get("stress", True) else None
         except (VisceraError, ValueError) as error:
             return json.dumps({"error": str(error)})
-        return packed(state.mesh, state, [NOBODY, NOBODY], stress)
+        return packed(self._surroundings, state, [NOBODY, NOBODY], stress)
 
 
-def introduction(organ: Organ, name: str, *, is_still: bool = False) -> str:
-    """What the page needs before the first frame, as JSON."""
+def radius(organ: Organ) -> float:
+    """Of the contact patch of a hand [m]; in a scene, of that which suits its smallest organ."""
+    organs = organ.organs.values() if isinstance(organ, Scene) else [organ]
+    return defaults.RADIUS_FRACTION * min(each.mesh.diagonal for each in organs)
+
+
+def introduction(
+    around: Surroundings, name: str, *, gravity: Sequence[float] | None = None, is_still: bool = False
+) -> str:
+    """What the page needs before the first frame, as JSON: the organ at rest, and what stands around it."""
+    organ = around.organ
     mesh, law = organ.mesh, type(organ.law).__name__
     rows = np.searchsorted(mesh.surface_nodes, mesh.surface)
+    parts = {}
+    if isinstance(organ, Scene):
+        parts = {"organs": list(organ.organs), "organ_of": organ.of_node[mesh.surface_nodes].tolist()}
     return json.dumps(
         {
             "name": name,
             "laws": [law],
             "law": law,
             "diagonal": mesh.diagonal,
-            "radius": defaults.RADIUS_FRACTION * mesh.diagonal,
-            "gravity": None,
+            "radius": radius(organ),
+            "gravity": gravity,
             "is_still": is_still,
             "rest": mesh.points[mesh.surface_nodes].ravel().tolist(),
             "triangles": rows.ravel().tolist(),
+            **parts,
+            **around.described(),
         }
     )
 
 
-def packed(mesh: Mesh, shown: Frame | State, forces: list[Any], stress: Floats | None) -> bytes:
-    """A frame as `live/src/lib.rs` writes it; a solved state is one that has settled."""
-    gain = _volume(mesh, shown.displacement) / _volume(mesh, np.zeros_like(shown.displacement)) - 1.0
+def packed(around: Surroundings, shown: Frame | State, forces: list[Any], stress: Floats | None) -> bytes:
+    """A frame as `live/src/lib.rs` writes it, and before the stress the numbers of what stands around the organ.
+
+    A solved state is a frame that has settled.
+    """
+    mesh = around.organ.mesh
+    _, displacement = shown._from_rest()  # also where a state counts from a scan
+    gain = _volume(mesh, displacement) / _volume(mesh, np.zeros_like(displacement)) - 1.0
     facts = [
         *forces[0],
         getattr(shown, "residual", 0.0),
@@ -165,7 +225,8 @@ def packed(mesh: Mesh, shown: Frame | State, forces: list[Any], stress: Floats |
         float(getattr(shown, "steps", 0)),
         *forces[1],
     ]
-    parts = [np.array([1.0]), np.array(facts), shown.displacement[mesh.surface_nodes].ravel()]
+    field = displacement[mesh.surface_nodes].ravel()
+    parts = [np.array([1.0]), np.array(facts), field, around.numbers(displacement)]
     if stress is not None:
         parts.append(stress[mesh.surface_nodes])
     return np.concatenate(parts).astype("<f4").tobytes()
