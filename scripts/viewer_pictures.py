@@ -1,4 +1,5 @@
-"""Photographs the viewer for docs/viewer.md: a liver pushed in, wide and on a telephone in the dark, and two arteries.
+"""Photographs the viewer for docs/viewer.md: a liver pushed in, wide and on a telephone in the dark, two arteries, and
+a scene of two beams.
 
 python scripts/viewer_pictures.py out/liver.viscera
 """
@@ -50,6 +51,16 @@ def photograph_pair(browser: Any, url: str, name: str) -> None:
     shoot(page, name)
 
 
+def photograph_scene(browser: Any, url: str, name: str) -> None:
+    """The upper beam pulled down onto the lower one."""
+    page = browser.new_context(**WIDE).new_page()
+    page.goto(url)
+    page.wait_for_selector(".view canvas.stage")
+    page.evaluate("() => viscera.touch([0.85, 0.1, 0.41], [0, 0, -0.12])")
+    page.wait_for_function("() => viscera.state().specimens[0].isSettled")
+    shoot(page, name)
+
+
 def shoot(page: Any, name: str) -> None:
     """Keep what is seen once it rests and is drawn sharp."""
     page.wait_for_timeout(3000)
@@ -67,6 +78,8 @@ def main(model: str) -> None:
         photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)
         with serve_live(read_case(ROOT / "examples" / "artery.toml"), "Artery") as live:
             photograph_pair(browser, live.url, "viewer-pair.png")
+        with serve_live(vs.case(ROOT / "examples" / "scene.toml"), "Two beams") as live:
+            photograph_scene(browser, live.url, "viewer-scene.png")
         browser.close()
 
 

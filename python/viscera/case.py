@@ -301,7 +301,8 @@ def case_of(words: Mapping[str, Any], folder: Path = Path()) -> Case:
     """A case from the words of its file; raises `VisceraError` naming the key that is wrong or missing."""
     if "organs" in words:
         raise VisceraError(
-            "a scene of several organs, and this takes one organ; `viscera solve` and viscera.case take scenes"
+            "a scene of several organs, and this takes one organ; `viscera solve`, `viscera view` and viscera.case "
+            "take scenes"
         )
     schema.CASE(words, "a case")  # unknown keys, which a `Case` has no place for
     return Case(**{NAMES.get(name, name): word for name, word in words.items()}, folder=folder)

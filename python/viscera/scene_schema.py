@@ -236,7 +236,8 @@ SCENE_LOADS = replace(
 )
 SCENE = Table(
     "",
-    "Several organs that are solved together, instead of the one organ above. `viscera solve` takes scenes.",
+    "Several organs that are solved together, instead of the one organ above. `viscera solve` and `viscera view` take "
+    "scenes.",
     {
         "organs": Key(Organs(), "the organs", is_required=True),
         "bonds": Key(Rows(BOND), "surfaces that hold together", "none"),

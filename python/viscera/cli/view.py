@@ -1,10 +1,11 @@
-"""Touch a reduced model in the browser, step a case in real time, or export the page for any web server.
+"""Touch a reduced model in the browser, step a case or a scene in real time, or export the page for any web server.
 
 viscera view liver.viscera
 viscera view liver.viscera --export site/
 viscera view liver.viscera --export liver.html
 viscera view artery.toml
 viscera view artery.toml --export site/
+viscera view scene.toml
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ import webbrowser
 from pathlib import Path
 
 from viscera import progress
-from viscera.case import read_case
 from viscera.cli.output import Outcome, Output
+from viscera.scene_case import read_any
 from viscera.touch import load
 
 
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     written = [("--export", path) for path in _exported(args.export)]
     output.spare([args.model], *written)
     if is_case(args.model):
-        output.spare(read_case(args.model).files, *written)
+        output.spare(read_any(args.model).files, *written)
     if args.export is not None:
         write = export_stepped if is_case(args.model) else export_page
         return write(args.model, args.export, output)
@@ -79,7 +80,7 @@ def export_stepped(case: str, folder: str, output: Output) -> Outcome:
     """Write the page of a case file, which steps it, into a folder."""
     from viscera.viewer import export_case
 
-    written = export_case(read_case(case), folder, name_of(case))
+    written = export_case(read_any(case), folder, name_of(case))
     output.say(
         f"{_written(written.folder, written.files)}\n"
         f"the page steps the case itself: {written.bytes / 1e6:.1f} MB with the stepper"
@@ -93,11 +94,11 @@ def _written(place: Path, files: list[str]) -> str:
 
 
 def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = True) -> None:
-    """Serve the page of a model file, or of a case, until Ctrl-C."""
+    """Serve the page of a model file, of a case or of a scene, until Ctrl-C."""
     from viscera.viewer import serve, serve_live
 
     name = name_of(model)
-    server = serve_live(read_case(model), name, port) if is_case(model) else serve(load(model), name, port)
+    server = serve_live(read_any(model), name, port) if is_case(model) else serve(load(model), name, port)
     output.say(f"{server.url}\nCtrl-C ends the viewer")
     if opens_browser:
         webbrowser.open(server.url)

@@ -12,10 +12,11 @@ from viscera.case import Case
 from viscera.errors import VisceraError
 from viscera.progress import shown
 from viscera.quantity import path_of
+from viscera.scene_case import SceneCase
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
-from viscera.viewer.live import PAGE_UNKNOWNS, live_case
+from viscera.viewer.live import PAGE_UNKNOWNS, live_case, require_one_organ
 from viscera.viewer.web import WebModel, web_model
 
 
@@ -54,8 +55,12 @@ def export(touch: Touch, folder: str | os.PathLike[str], name: str = "Organ") ->
     return Exported(target, _write(target, files, page.MODEL), model)
 
 
-def export_case(case: Case, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:
-    """Write the page and a case that it steps in real time, likewise; raises `VisceraError` if it is too large."""
+def export_case(case: Case | SceneCase, folder: str | os.PathLike[str], name: str = "Organ") -> ExportedCase:
+    """Write the page and a case that it steps in real time, likewise.
+
+    Raises `VisceraError` if the case is too large, or is a scene, which no page can step.
+    """
+    require_one_organ(case)
     target, files = _target(folder), page.stepping_files()
     live = live_case(case, name)
     if not live.fits_a_page:

@@ -10,7 +10,7 @@ import json
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from viscera.errors import VisceraError
 from viscera.loads import density_per_cell
 from viscera.organ import Organ
 from viscera.quantity import refused
+from viscera.scene_case import SceneCase
 from viscera.support import require_held
 from viscera.touch import Touch
 
@@ -36,6 +37,15 @@ PAGE_UNKNOWNS = 10_000
 DTYPES = {"float64": "F64", "uint32": "U32"}
 
 Arrays = dict[str, NDArray[Any]]
+Reply = Callable[[str], str | bytes]
+"""Answers a request of a page by words or a frame; and one that asks for nothing by the introduction."""
+
+
+class Steppable(Protocol):
+    """What a page can be given to drive."""
+
+    def open(self) -> Reply:
+        """What answers the requests of one page: each has its own organ."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +61,22 @@ class LiveCase:
         """Whether the organ is small enough for a page to step it by itself."""
         return self.unknowns <= PAGE_UNKNOWNS
 
+    def open(self) -> Reply:
+        """What answers the requests of one page."""
+        live = _core.Live(self.data)
 
-def live_case(case: Case, name: str) -> LiveCase:
+        def reply(request: str) -> str | bytes:
+            try:
+                return live.answer(request) if request else live.describe()
+            except ValueError as error:
+                return json.dumps({"error": str(error)})
+
+        return reply
+
+
+def live_case(case: Case | SceneCase, name: str) -> LiveCase:
     """Pack a case under a name to show; raises `VisceraError` if it cannot be stepped."""
+    require_one_organ(case)
     if not isinstance(case, Case):
         raise refused("what a page steps", "a case of one organ, as viscera.case reads it", case)
     case.require_unloaded("view")
@@ -72,6 +95,15 @@ def live_case(case: Case, name: str) -> LiveCase:
         density=case.loads.get("density", DENSITY),
         gravity=case.loads.get("gravity") or NOWHERE,
     )
+
+
+def require_one_organ(case: Case | SceneCase) -> None:
+    """Raise `VisceraError` for a scene, whose contact, bonds and springs no page can step."""
+    if isinstance(case, SceneCase):
+        raise VisceraError(
+            "a scene is stepped on this machine, by `viscera view` without --export; the page to export is that of a "
+            "case of one organ, or of a reduced model"
+        )
 
 
 def first_case(touch: Touch, name: str) -> LiveCase | None:
@@ -137,20 +169,17 @@ def matched(own: law.Law) -> dict[str, law.Law]:
     return {**laws, "MooneyRivlin": rubber, type(own).__name__: own}
 
 
-def converse(case: LiveCase) -> Callable[[ServerConnection], None]:
+def converse(steppable: Steppable) -> Callable[[ServerConnection], None]:
     """A handler of web sockets: each page gets its own organ."""
 
     def handle(connection: ServerConnection) -> None:
-        live = _core.Live(case.data)
-        connection.send(live.describe())
+        reply = steppable.open()
+        connection.send(reply(""))
         for message in connection:
             if not isinstance(message, str):
                 connection.close(1003, "requests are text")
                 return
-            try:
-                connection.send(live.answer(message))
-            except ValueError as error:
-                connection.send(json.dumps({"error": str(error)}))
+            connection.send(reply(message))
 
     return handle
 

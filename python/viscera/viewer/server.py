@@ -26,10 +26,12 @@ from websockets.sync.server import serve as listen
 
 from viscera.case import Case
 from viscera.errors import VisceraError
+from viscera.scene_case import SceneCase
 from viscera.touch import Touch
 from viscera.viewer import page
 from viscera.viewer.hybrid import page_of
-from viscera.viewer.live import converse, live_case
+from viscera.viewer.live import converse, live_case, require_one_organ
+from viscera.viewer.scene import live_scene
 from viscera.viewer.surface import surface_model
 
 HOST = "127.0.0.1"
@@ -202,12 +204,17 @@ def _response(status: HTTPStatus, body: bytes, content_type: str = "text/plain; 
     return Response(status.value, status.phrase, headers, body)
 
 
-def serve_live(case: Case, name: str = "Organ", port: int = 0, *, in_page: bool | None = None) -> Server:
+def serve_live(case: Case | SceneCase, name: str = "Organ", port: int = 0, *, in_page: bool | None = None) -> Server:
     """A server with the page on which a case is stepped in real time.
 
     in_page: whether the page steps it, or this machine; by default the page, where it is built for that and the organ
-        is small enough.
+        is small enough. This machine steps a scene; raises `VisceraError` if the page should.
     """
+    if in_page:
+        require_one_organ(case)
+    if isinstance(case, SceneCase):
+        files = page.live_files()  # before the work on the scene
+        return Server(files, port, converse(live_scene(case, name)))
     live = live_case(case, name)
     if live.fits_a_page and page.can_step() if in_page is None else in_page:
         return Server({**page.stepping_files(), page.CASE: live.data}, port)
