@@ -52,12 +52,16 @@ def photograph_pair(browser: Any, url: str, name: str) -> None:
 
 
 def photograph_scene(browser: Any, url: str, name: str) -> None:
-    """The upper beam pulled down onto the lower one."""
+    """The upper beam pushed down onto the lower one."""
     page = browser.new_context(**WIDE).new_page()
     page.goto(url)
     page.wait_for_selector(".view canvas.stage")
-    page.evaluate("() => viscera.touch([0.85, 0.1, 0.41], [0, 0, -0.12])")
-    page.wait_for_function("() => viscera.state().specimens[0].isSettled")
+    page.wait_for_function("() => viscera.state().specimens[0].residual < 1e-8")  # under their own weight
+    page.evaluate("() => viscera.touch([0.55, 0.1, 0.41], [0, 0, -0.06])")
+    page.wait_for_function(
+        "() => { const [{ residual, force }] = viscera.state().specimens; "
+        "return residual < 1e-8 && Math.hypot(...force) > 0 }"
+    )
     shoot(page, name)
 
 
