@@ -179,7 +179,6 @@ def test_bodies_and_springs_are_drawn(page: Viewer, point: tuple[float, float, f
     hidden = page.page.evaluate(DRAWN, point)
     page.page.evaluate(SHOW, True)
     assert np.abs(np.subtract(shown, hidden)).max() > 10
-    assert page.page.evaluate(DRAWN, point) == shown
 
 
 def test_what_a_body_hides_is_not_grasped(page: Viewer) -> None:
