@@ -167,7 +167,10 @@ def test_what_has_not_settled_is_marked(page: Viewer) -> None:
 def test_organs_differ_in_colour(page: Viewer) -> None:
     lower, upper = np.array(page.page.evaluate(COLOURS))
     assert np.linalg.norm(lower - upper) > 0.05
-    assert "lower, upper" in page.page.locator("header").inner_text()
+    names = page.page.locator("header .organ")
+    assert names.all_inner_texts() == ["lower", "upper"]
+    first, second = names.evaluate_all("(names) => names.map((at) => getComputedStyle(at, '::before').backgroundColor)")
+    assert first != second
 
 
 @pytest.mark.parametrize("point", [(0.2, -0.12, 0.1), (0.5, 0.2, -0.05), (0.45, 0.05, 0.05)],
@@ -205,6 +208,6 @@ def test_an_example_anyone_can_open(look_at: Look, server: Server) -> None:
         viewer.page.wait_for_function("() => viscera.state().specimens[0].isSettled")
         viewer.page.wait_for_timeout(1000)
         viewer.shoot("scene-example")
-        assert "lower, upper" in viewer.page.locator("header").inner_text()
+        assert viewer.page.locator("header .organ").all_inner_texts() == ["lower", "upper"]
         assert viewer.complaints == []
         viewer.close()

@@ -16,6 +16,11 @@ const TISSUES: readonly Rgb[] = [
 ];
 const UNTOUCHABLE: Rgb = [0.4, 0.235, 0.215];
 const GREY: Rgb = [0.6, 0.61, 0.63];
+/** The colour of an organ's tissue, by its number in a scene. */
+export function tissueOf(organ: number): Rgb {
+  return TISSUES[organ % TISSUES.length]!;
+}
+
 /** Waves in all directions, whose sum mottles the tissue. */
 const WAVES = [
   [0.9, 0.4, -0.7, 0.3],
@@ -216,7 +221,7 @@ export class Body {
     const colours = new Float32Array(rest.length);
     for (let node = 0; node < all.length; node++) {
       const share = touchable[node]! / Math.max(all[node]!, 1);
-      const tissue = TISSUES[(organOf?.[node] ?? 0) % TISSUES.length]!;
+      const tissue = tissueOf(organOf?.[node] ?? 0);
       for (let i = 0; i < 3; i++) colours[3 * node + i] = UNTOUCHABLE[i]! + share * (tissue[i]! - UNTOUCHABLE[i]!);
     }
     const drawn = new Float32Array(this.skin.positions.length);

@@ -25,8 +25,12 @@ export function linear(value: number): number {
   return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
 }
 
+/** As CSS has it. */
+export function css(rgb: Rgb): string {
+  return `rgb(${rgb.map((x) => Math.round(255 * x)).join(" ")})`;
+}
+
 /** A CSS gradient from low to high. */
 export function gradient(map: ColourMap, direction: string): string {
-  const stops = map.map((rgb) => `rgb(${rgb.map((x) => Math.round(255 * x)).join(" ")})`);
-  return `linear-gradient(${direction}, ${stops.join(", ")})`;
+  return `linear-gradient(${direction}, ${map.map(css).join(", ")})`;
 }

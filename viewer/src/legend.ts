@@ -1,5 +1,5 @@
 // What the colours mean: a gradient with round ticks, and a mark where what is shown goes beyond it.
-import { gradient, type ColourMap } from "./colour";
+import { css, gradient, type ColourMap } from "./colour";
 import { digits, element, write } from "./dom";
 import { scale } from "./scale";
 
@@ -59,7 +59,7 @@ export class Legend {
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     this.bar.style.background = background;
-    this.root.style.setProperty("--end", `rgb(${map.at(-1)!.map((x) => Math.round(255 * x)).join(" ")})`);
+    this.root.style.setProperty("--end", css(map.at(-1)!));
     const place = (value: number) => `left:${(100 * (value - low)) / (high - low)}%`;
     this.ticks.replaceChildren(...ticks.map(({ value, text }) => element("span", { style: place(value) }, text)));
   }

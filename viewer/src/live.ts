@@ -97,9 +97,8 @@ export class LiveView implements Touched, Keyed, Shared {
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const organs = hello.organs ? [hello.organs.join(", ")] : [];
-    const facts = [...organs, `${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
-    this.tools = new LiveTools(this, facts, hello.gravity, headsetButton(this.stage, this.row, this));
+    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
+    this.tools = new LiveTools(this, hello.organs ?? [], facts, hello.gravity, headsetButton(this.stage, this.row, this));
     const side = element("div", { class: "side" }, this.readings, this.clock);
     this.plan.fill(
       place,

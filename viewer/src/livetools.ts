@@ -1,4 +1,6 @@
 // The controls of a case that is stepped: its name above, tools below, and the help.
+import { tissueOf } from "./body";
+import { css } from "./colour";
 import { button, choice, element, helpDialog, Segments, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { LIVE_KEYS } from "./keys";
@@ -26,11 +28,14 @@ export class LiveTools {
   private readonly outline: HTMLButtonElement;
   private readonly probe: HTMLButtonElement;
 
-  constructor(view: LiveView, facts: readonly string[], gravity: Vec3 | null, headset: HTMLButtonElement) {
+  /** Above stand the organs of a scene, each with its colour, and the facts. */
+  constructor(view: LiveView, organs: readonly string[], facts: readonly string[], gravity: Vec3 | null, headset: HTMLButtonElement) {
     const theme = button("◐", "light or dark theme", () => view.toggleTheme(), "T");
     const help = button("?", "keys and gestures", () => this.help.showModal(), "?");
     const corner = element("div", { class: "corner" }, headset, view.share.root, theme, help);
-    this.header = element("header", {}, element("h1", {}, view.title), element("p", {}, facts.join(" · "), this.news), corner);
+    const names = organs.map((name, k) => element("span", { class: "organ", style: `--tissue: ${css(tissueOf(k))}` }, name));
+    const about = element("p", {}, ...names, facts.join(" · "), this.news);
+    this.header = element("header", {}, element("h1", {}, view.title), about, corner);
     this.tool = new Segments<Tool>(
       "tool",
       [
