@@ -172,7 +172,8 @@ def compare(touch: vs.Touch, grasps: dict[str, list[HyperReducedModel]], cases: 
             table(title, (s for s in found if (s.depth, s.band) == (depth, band) and "trusted" not in s.kind))
     if ratios:
         fields, forces = 100 * np.mean(np.array(ratios) <= 1, axis=0)
-        print(f"\nof {len(ratios)} trusted fields {fields:.0f} % are nearer than estimated, of their forces {forces:.0f} %")
+        counts = f"{fields:.0f} % are nearer than estimated, of their forces {forces:.0f} %"
+        print(f"\nof {len(ratios)} trusted fields {counts}")
 
 
 def compare_one(fingers: Galerkin, cases: list[Case]) -> None:

@@ -1,11 +1,11 @@
-"""Analysis of the direct solver beside MKL PARDISO's and METIS: time before the first number, and what the order is worth.
+"""Analysis of the direct solver beside MKL PARDISO's and METIS: its time, and what the order of elimination is worth.
 
     python benchmarks/ordering.py
 
-The tangents of organs and cubes of linear cells, by their pattern alone; processor time of one thread, the least of some
-runs. An order is judged by the entries of the factor that it leaves, without the zeros that a solver stores beside them.
-METIS orders the graph of nodes; PARDISO's time is that of its analysis, which begins with METIS. They need the packages
-pymetis and pypardiso, and are left out, in words, without them. Ratios are ours over theirs.
+The tangents of organs and cubes of linear cells, by their pattern alone; processor time of one thread, the least of
+some runs. An order is judged by the entries of the factor that it leaves, without the zeros that a solver stores beside
+them. METIS orders the graph of nodes; PARDISO's time is that of its analysis, which begins with METIS. They need the
+packages pymetis and pypardiso, and are left out, in words, without them. Ratios are ours over theirs.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> None:
     for name, code in (("pypardiso", pardiso), ("pymetis", metis)):
         if code is None:
             print(f"left out: pip install {name}")
-    print(f"{'body':20} {'nodes':>6} {'time [ms]':>10} {'PARDISO':>8} {'ratio':>6} {'entries':>10} {'METIS':>10} {'ratio':>6}")
+    print("body                  nodes  time [ms]  PARDISO  ratio    entries      METIS  ratio")
     for name, (points, cells) in bodies().items():
         graph = neighbours(len(points), cells)
         seconds, order = ours(graph)

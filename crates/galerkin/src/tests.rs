@@ -310,7 +310,10 @@ fn the_way_there_does_not_matter() {
     let warm = grasp.solve(&d, true, false).unwrap();
     assert!(relative(warm.forces.as_flattened(), cold.forces.as_flattened()) < 1e-4);
     let rest = grasp.solve(&[[0.0; 3]; 2], true, false).unwrap();
-    assert_eq!(rest.assess().unwrap(), Assessment { force_error: 0.0, shape_error: 0.0, trust: Trust::Trusted });
+    assert_eq!(
+        rest.assess().unwrap(),
+        Assessment { force_error: 0.0, shape_error: 0.0, trust: Trust::Trusted }
+    );
     assert!(norm(rest.forces.as_flattened()) < 1e-6 * norm(cold.forces.as_flattened()));
 }
 
@@ -325,7 +328,8 @@ fn the_whole_body_knows_the_error_of_an_answer() {
         let shape = relative(&solution.displacement(), &field);
         let force = relative(solution.forces.as_flattened(), forces.as_flattened());
         // Expectations, no bounds: they may fall short by little.
-        for (error, expected) in [(shape, assessment.shape_error), (force, assessment.force_error)] {
+        for (error, expected) in [(shape, assessment.shape_error), (force, assessment.force_error)]
+        {
             assert!((expected / error - 1.0).abs() < 0.2, "{error}, {expected} expected");
         }
         let allowed = allowance(depth / MODEL.model.metadata().diagonal);
@@ -337,7 +341,8 @@ fn the_whole_body_knows_the_error_of_an_answer() {
 fn an_estimate_counts_the_steps_to_come_and_steps_that_do_not_shrink_lead_nowhere() {
     // Steps 1, 1/2, 1/4, ... from a field of norm 8 add up to 2; forces 1, 2, 2.5, ... to 3, where 2.7 was the answer.
     let after = |steps, forces: [f64; 2]| {
-        Correction { steps, forces: forces.map(|force| vec![force]), is_stable: true }.errors(8.0, &[2.7])
+        Correction { steps, forces: forces.map(|force| vec![force]), is_stable: true }
+            .errors(8.0, &[2.7])
     };
     let [force, shape] = after([1.0, 0.5], [1.0, 2.0]);
     assert!((force - (0.7 + 1.0) / 2.0).abs() < 1e-15 && shape == 0.25, "{force}, {shape}");

@@ -1,9 +1,9 @@
 //! A law of one's own: a strain energy given as a formula.
 
+use super::StrainEnergy;
 use super::expression::{Constants, Expression, Graph, Id, Tape, Variable};
 use super::fibres::{FIRST, FibreEnergy, Fibres, SECOND};
 use super::kernels::{Family, LawKernels};
-use super::StrainEnergy;
 use crate::error::Error;
 use std::sync::Arc;
 use viscera_number::{Gradient, Hessian, Scalar};

@@ -52,13 +52,8 @@ fn nested_dissections(graph: &Graph) -> Vec<Vec<u32>> {
         let pattern = CscPattern::new(graph.n, &graph.start, &graph.neighbour)?;
         // For organs the work hardly depends on these, and the time does: two trials take three fifths of five.
         let (amd_switch, max_imbalance, n_sep_trials) = (60, 0.1, 2);
-        let options = ScotchOptions {
-            amd_switch,
-            max_imbalance,
-            n_sep_trials,
-            seed,
-            ..Default::default()
-        };
+        let options =
+            ScotchOptions { amd_switch, max_imbalance, n_sep_trials, seed, ..Default::default() };
         let (order, _, _) = scotch_order_full(&pattern, &options).ok()?;
         let order: Vec<u32> = order.into_iter().map(|row| row as u32).collect();
         is_permutation(&order, graph.n).then_some(order)
@@ -156,9 +151,8 @@ impl Graph {
 
     /// The rows of these blocks.
     fn rows_of(&self, blocks: &[u32]) -> Vec<u32> {
-        let rows = |&block: &u32| {
-            self.first_row[block as usize]..self.first_row[block as usize + 1]
-        };
+        let rows =
+            |&block: &u32| self.first_row[block as usize]..self.first_row[block as usize + 1];
         blocks.iter().flat_map(rows).collect()
     }
 }
@@ -332,7 +326,8 @@ mod tests {
             let expected: BTreeSet<usize> = (0..graph.n)
                 .filter(|&other| other != block as usize)
                 .filter(|&other| {
-                    let (low, high) = (3 * other.min(block as usize), 3 * other.max(block as usize));
+                    let (low, high) =
+                        (3 * other.min(block as usize), 3 * other.max(block as usize));
                     pattern.row[pattern.column(high)].contains(&(low as u32))
                 })
                 .collect();
@@ -353,7 +348,8 @@ mod tests {
     fn subtrees_are_contiguous_and_keep_the_fill() {
         let pattern = elastic_block(7, 6, 5).pattern;
         let order = elimination_order(&pattern).unwrap();
-        let fills: Vec<usize> = orders(&pattern).iter().map(|order| fill(&pattern, order)).collect();
+        let fills: Vec<usize> =
+            orders(&pattern).iter().map(|order| fill(&pattern, order)).collect();
         assert!(fills.contains(&fill(&pattern, &order)));
         let columns = columns(&pattern, &order);
         let mut first_below: Vec<usize> = (0..pattern.n).collect();
@@ -397,7 +393,8 @@ mod tests {
         let pattern = elastic_block(4, 3, 2).pattern;
         let graph = Graph::new(&pattern);
         let order = minimum_degree(&graph).unwrap();
-        let lengths = columns(&pattern, &graph.rows_of(&order)).into_iter().map(|rows| 1 + rows.len());
+        let lengths =
+            columns(&pattern, &graph.rows_of(&order)).into_iter().map(|rows| 1 + rows.len());
         let expected: f64 = lengths.map(|length| (length as f64).powi(2)).sum();
         assert_eq!(work(&graph, &order, &elimination_tree(&graph, &order)), expected);
     }

@@ -137,7 +137,11 @@ fn formulas_are_checked() {
         ("mu*(I1bar - 3) + k/2*(J - 1)**2", vec![-1e3, 1e4], "shear modulus -2000.0"),
         ("mu*(I1bar - 3)", vec![1e3], "both must be positive"),
         ("mu/2*(I1 - 3) - mu*log(J) + lam*log(J - 1)", vec![1e3, 1e3], "no moduli at rest"),
-        ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*sqrt(I1bar - 3)", vec![1e3, 1e4], "no moduli at rest"),
+        (
+            "mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*sqrt(I1bar - 3)",
+            vec![1e3, 1e4],
+            "no moduli at rest",
+        ),
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*step(J - 1)", vec![1e3, 1e4], "jumps at rest"),
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*max(0, J - 1)", vec![1e3, 1e4], "jumps at rest"),
         ("mu*(I1bar - 3) + k/2*(J - 1)**2 + mu*max(0, 1 - J)", vec![1e3, 1e4], "jumps at rest"),
