@@ -42,7 +42,7 @@ impl ContactPair {
                     Some(known) if *known == 2 || *known == side => *known = side,
                     Some(_) => {
                         return Err(Error::input(format!(
-                            "point {node} is on both sides of a contact pair; a surface does not touch itself here"
+                            "point {node} is on both sides of a contact pair; its sides must have no point in common"
                         )));
                     }
                     None => {

@@ -180,6 +180,12 @@ impl Contact {
         }
     }
 
+    /// Keeps the pieces of contact pairs while places along a step are tried, or no longer; whether there are pairs.
+    pub fn keep_pieces(&mut self, are_kept: bool) -> bool {
+        self.pairs.iter_mut().for_each(|pair| pair.keep(are_kept));
+        !self.pairs.is_empty()
+    }
+
     /// The part of a step from `u`, at most 1, that leads no surface of a contact pair much deeper into the other.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         self.pairs.iter().map(|pair| pair.longest(u, step)).fold(1.0, f64::min)

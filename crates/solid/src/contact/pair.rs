@@ -55,6 +55,8 @@ pub(super) struct ActivePair {
     /// The places for which the samples were found.
     renewed: Vec<[f64; 3]>,
     is_placed: bool,
+    /// Whether the samples stay, wherever the surfaces move.
+    is_kept: bool,
     friction: Friction,
     /// The places at the start of the step.
     start: Vec<[f64; 3]>,
@@ -122,6 +124,7 @@ impl ActivePair {
             renewals: 0,
             renewed: Vec::new(),
             is_placed: false,
+            is_kept: false,
             friction: Friction::Coulomb(pair.friction),
             stretches: Carried::default(),
             slides: Carried::default(),
@@ -153,8 +156,8 @@ impl ActivePair {
         match deepest {
             (depth, Some(x)) => Err(Error::input(format!(
                 "the surfaces of contact pair {number} overlap at rest: the point ({:.6}, {:.6}, {:.6}) m of the one is \
-                 {depth:.3e} m inside the other; at most {allowed:.1e} m is rounding. Move them apart, or correct the \
-                 meshes",
+                 {depth:.3e} m inside the other; at most {allowed:.1e} m is rounding. Move them apart, correct the \
+                 meshes, or name only what faces each other from outside",
                 x[0], x[1], x[2]
             ))),
             _ => Ok(()),
@@ -183,7 +186,7 @@ impl ActivePair {
             self.renewed.clear();
             return;
         }
-        if self.renewals < RENEWALS && self.has_moved() {
+        if self.is_due() {
             self.renewals += 1;
             self.samples = self.pieces();
             self.renewed.clone_from(&self.places);
@@ -202,6 +205,12 @@ impl ActivePair {
             touching.iter_mut().for_each(|meeting| self.rub(meeting));
         }
         (self.touching, self.gap) = (touching, least);
+    }
+
+    /// Keeps the samples from now on, or finds them anew where the surfaces are next.
+    pub fn keep(&mut self, is_kept: bool) {
+        self.is_kept = is_kept;
+        self.is_placed &= !self.is_due();
     }
 
     /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
@@ -323,6 +332,11 @@ impl ActivePair {
             std::array::from_fn(|i| rest[i] + u[3 * node as usize + i])
         };
         self.nodes.iter().zip(&self.rest).map(place).collect()
+    }
+
+    /// Whether the samples are to be found anew.
+    fn is_due(&self) -> bool {
+        !self.is_kept && self.renewals < RENEWALS && self.has_moved()
     }
 
     /// Whether a surface has moved since its samples were found.

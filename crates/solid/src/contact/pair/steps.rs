@@ -11,8 +11,7 @@ impl ActivePair {
     /// The part of a step, possibly more than all of it, that leads no surface much deeper into the other.
     pub(in super::super) fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let places = self.places_at(u);
-        let motion: Vec<[f64; 3]> =
-            self.nodes.iter().map(|&n| std::array::from_fn(|i| step[3 * n as usize + i])).collect();
+        let motion = self.motion(step);
         let fastest = |facets: &Facets| {
             let nodes = facets.triangles().iter().flatten();
             nodes.map(|&node| norm(motion[node as usize])).fold(0.0, f64::max)
@@ -45,6 +44,15 @@ impl ActivePair {
             }
         }
         longest
+    }
+
+    /// How the nodes of both surfaces move, but for what they all do: that brings nothing together.
+    fn motion(&self, step: &[f64]) -> Vec<[f64; 3]> {
+        let of = |&node: &u32| std::array::from_fn(|i| step[3 * node as usize + i]);
+        let motion: Vec<[f64; 3]> = self.nodes.iter().map(of).collect();
+        let count = motion.len() as f64;
+        let mean = std::array::from_fn(|i| motion.iter().map(|w| w[i]).sum::<f64>() / count);
+        motion.into_iter().map(|w| sub(w, mean)).collect()
     }
 
     /// How far apart the boxes around both surfaces are along an axis; negative where they overlap along all.

@@ -115,8 +115,13 @@ impl Iteration for FrameIteration<'_> {
         progress.steps += 1;
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());
         progress.residual = stepper.measure(body, progress.is_cut);
-        if !stepper.contact.is_empty() && !stepper.hands_move && taken == 1.0 {
-            stepper.go_back(body, progress);
+        if !stepper.contact.is_empty() && !stepper.hands_move {
+            // A step that a contact pair cut has still led into the layer; one that cells cut has not met its end.
+            let has_pairs = stepper.contact.keep_pieces(true);
+            let went_back = (taken == 1.0 || has_pairs) && stepper.go_back(body, taken, progress);
+            if stepper.contact.keep_pieces(false) && went_back {
+                progress.residual = stepper.measure(body, progress.is_cut);
+            }
         }
         Ok(())
     }
@@ -282,12 +287,12 @@ impl Stepper {
 
     /// Goes back from where a step led among tools, if it led beyond the place on its way where what is out of balance has
     /// no power any more: what touches there, or does not, is not what the tangent knew. The next step would set out
-    /// without the tool, or deep in it. That place is looked for by false position.
-    fn go_back(&mut self, body: &Body, progress: &mut Progress) {
+    /// without the tool, or deep in it. That place is looked for by false position. Whether it went back.
+    fn go_back(&mut self, body: &Body, taken: f64, progress: &mut Progress) -> bool {
         let most = OVERSHOT * self.descent;
-        let (mut length, mut near, mut far) = (1.0, [0.0, self.descent], None);
+        let (mut length, mut near, mut far) = (taken, [0.0, self.descent], None);
         for _ in 0..MAX_RETURNS {
-            let power = dot(&self.residual, &self.increment);
+            let power = dot(&self.residual, &self.step);
             let here = [length, power];
             let beyond = match far {
                 _ if power < -most => here,
@@ -295,7 +300,7 @@ impl Stepper {
                     near = here;
                     beyond
                 }
-                _ => return,
+                _ => break,
             };
             far = Some(beyond);
             let part = (near[1] / (near[1] - beyond[1])).max(LEAST_PART);
@@ -305,13 +310,14 @@ impl Stepper {
             if !energy.is_finite() {
                 body.internal_force(&self.displacement, &mut self.internal);
                 self.complete(body);
-                return;
+                break;
             }
             std::mem::swap(&mut self.displacement, &mut self.trial);
             self.complete(body);
             (length, progress.energy) = (shorter, energy);
             progress.residual = self.measure(body, progress.is_cut);
         }
+        length < taken
     }
 
     /// Evaluates the displacement after a part of the step.
