@@ -18,11 +18,13 @@ FACTOR = Number(above=0)
 class ContactPair:
     """Two organs, or two places of their surfaces, that press on each other, slide, and part again.
 
-    The layer between them is that of a `Tool`, with the softer side's `E / (1 - nu^2) / h`. The surface with the
-    shorter edges is sampled on the common pieces of both. Force and torque of the two sides cancel.
+    Both places may be of one organ: lobes that fold onto each other, walls of a vessel that collapses. The layer
+    between them is that of a `Tool`, with the softer side's `E / (1 - nu^2) / h`. The surface with the shorter edges is
+    sampled on the common pieces of both. Force and torque of the two sides cancel.
 
     first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
-        rest by more than rounding. Contact at the rim of a place does not count.
+        rest by more than rounding. Contact at the rim of a place does not count. Two places of one organ have no node
+        in common, and see each other from outside: the front and the back of a thin part are no pair.
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
         the smaller organ. What is farther apart at rest may touch too; the solver then analyses its matrix anew.
     stiffness: of the layer, as in `Tool`.
@@ -32,6 +34,8 @@ class ContactPair:
     >>> import viscera as vs
     >>> vs.ContactPair(("liver", "bed"), "gallbladder")
     ContactPair(liver at 'bed', gallbladder)
+    >>> vs.ContactPair(("liver", "left lobe"), ("liver", "right lobe"), friction=0.1)
+    ContactPair(liver at 'left lobe', liver at 'right lobe')
     """
 
     def __init__(

@@ -28,6 +28,9 @@ from viscera.ties import Tied, Ties
 if TYPE_CHECKING:
     from viscera.scene_case import SceneCase
 
+LISTED = 5
+"""How many nodes an error lists."""
+
 
 class Scene(Organ):
     """Several organs, rigid bodies, and bonds between the organs, solved and stepped together.
@@ -41,10 +44,11 @@ class Scene(Organ):
     bodies: rigid bodies, as the tools of `Organ.solve(contact=)`: a table, a retractor. They act in every solve and in
         every stepper. They touch all organs.
     bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
-    contacts: what may touch: each a `ContactPair` of two organs. They are elements with nodes at corners only, "P1" or
-        "P1 mean volume".
+    contacts: what may touch: each a `ContactPair` of two organs, or of two places of one. They are elements with nodes
+        at corners only, "P1" or "P1 mean volume".
     Raises `VisceraError` for organs of several elements, for names that are unknown, for a bond of surfaces that do not
-    lie on each other, for a contact pair of surfaces that overlap, and if nothing holds an organ.
+    lie on each other, for a contact pair of surfaces that overlap or have a node in common, and if nothing holds an
+    organ.
 
     >>> import viscera as vs
     >>> beam = vs.organs.beam()
@@ -216,9 +220,9 @@ class Scene(Organ):
     def _surfaces(self, pair: ContactPair) -> Ties:
         if not isinstance(pair, ContactPair):
             raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", pair)
-        if pair.first[0] == pair.second[0]:
-            raise VisceraError(f"{pair!r}: an organ does not touch itself; name two organs of the scene")
         sides, diagonal = self._sides(pair)
+        if pair.first[0] == pair.second[0]:
+            self._refuse_shared(pair, np.intersect1d(*sides))
         element = self.organ(pair.first[0]).element
         if element == "P2":
             raise VisceraError(f"{pair!r}: organs that touch cannot be of the element 'P2'; choose 'P1 mean volume'")
@@ -227,13 +231,34 @@ class Scene(Organ):
             raise refused("the reach of a contact pair", "a length above 0 [m]", pair.reach)
         return pair._ties(sides, reach)
 
+    def _refuse_shared(self, pair: ContactPair, shared: Indices) -> None:
+        """Raise `VisceraError` if the sides of a pair of one organ have nodes of the scene in common."""
+        name = pair.first[0]
+        if pair.first[1] is None or pair.second[1] is None:
+            raise VisceraError(
+                f"{pair!r}: an organ touches itself between two of its places; name both, such as "
+                f"ContactPair(({name!r}, 'x < 40%'), ({name!r}, 'x > 60%'))"
+            )
+        if len(shared):
+            own = np.flatnonzero(np.isin(self._numbers[name], shared)).tolist()
+            more = f" and {len(own) - LISTED} more" if len(own) > LISTED else ""
+            raise VisceraError(
+                f"{pair!r}: both places have faces at node {', '.join(map(str, own[:LISTED]))}{more} of {name!r}; an "
+                "organ touches itself between places without a common node, so leave such nodes out of one of the two"
+            )
+
     def _sides(self, pair: Bond | ContactPair) -> tuple[tuple[Indices, Indices], float]:
         """The faces of both sides, in the numbering of the scene, and the diagonal of the smaller organ [m]."""
         sides = []
         for name, where in (pair.first, pair.second):
             organ = self.organ(name).mesh
             nodes = organ.surface_nodes if where is None else organ.nodes(where)
-            sides.append(self._numbers[name][faces_within(organ, nodes)].astype(np.uint32))
+            faces = faces_within(organ, nodes)
+            if not len(faces):
+                raise VisceraError(
+                    f"{pair!r}: the place of {name!r} holds no triangle of its surface; take a larger one"
+                )
+            sides.append(self._numbers[name][faces].astype(np.uint32))
         diagonal = min(self.organ(name).mesh.diagonal for name, _ in (pair.first, pair.second))
         return (sides[0], sides[1]), diagonal
 

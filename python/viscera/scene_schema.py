@@ -200,7 +200,7 @@ SPRING = Table(
 )
 CONTACT = Table(
     "[contacts]",
-    "Two surfaces that may [touch each other](scenes.md#organs-that-touch).",
+    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), of two organs or of one.",
     {
         **_ends("surface", Key(Side(), "the other", is_required=True)),
         "reach": Key(Length(), "distance within which surfaces are looked at; per cent of the smaller organ", '"5%"'),
@@ -242,7 +242,7 @@ SCENE = Table(
         "organs": Key(Organs(), "the organs", is_required=True),
         "bonds": Key(Rows(BOND), "surfaces that hold together", "none"),
         "springs": Key(Rows(SPRING), "springs and cables", "none"),
-        "contacts": Key(Rows(CONTACT), "organs that may touch each other", "none"),
+        "contacts": Key(Rows(CONTACT), "surfaces that may touch each other", "none"),
         "bodies": Key(Rows(BODY), "rigid bodies", "none"),
         "loads": Key(SCENE_LOADS, "loads", "no load"),
         "settings": Key(SETTINGS, "settings of the solver"),

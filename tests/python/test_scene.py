@@ -325,7 +325,7 @@ def test_contacts_that_cannot_be_are_refused() -> None:
     with pytest.raises(vs.VisceraError, match="take a Bond"):
         pile(friction="bonded")
     scene = pile()
-    with pytest.raises(vs.VisceraError, match="an organ does not touch itself"):
+    with pytest.raises(vs.VisceraError, match="touches itself between two of its places"):
         vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "lower")])
     with pytest.raises(vs.VisceraError, match="no organ of the scene is called"):
         vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "uper")])

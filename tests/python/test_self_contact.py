@@ -1,0 +1,176 @@
+"""Contact of an organ with itself: jaws that meet, in solves, frames and case files, and refusals."""
+
+import itertools
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import viscera as vs
+from viscera.scene_case import SceneCase
+
+SIDE, BASE, JAW = 0.1, 0.02, 0.04
+SOFT = vs.NeoHookean(young=10e3, poisson=0.3)
+WALLS = (("jaws", "left"), ("jaws", "right"))
+CLOSING = (0.3, 0.6, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0)
+"""Frame by frame, the way of the jaws: by small steps where they meet."""
+
+
+def jaws() -> vs.Mesh:
+    """A U, 2 cm between its jaws: a block of 5^3 cubes, six cells each, without the middle of its upper part. The
+    heights of the nodes of the right jaw are not those of the left one."""
+    n = 5
+    line = np.linspace(0.0, SIDE, n + 1)
+    points = np.array([(x, y, z) for z in line for y in line for x in line])
+    corner = np.array([i + (n + 1) * (j + (n + 1) * k) for k, j, i in itertools.product(range(n), repeat=3)])
+    cells = np.vstack(
+        [
+            np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1)
+            for order in itertools.permutations((1, n + 1, (n + 1) ** 2))
+        ]
+    )
+    middle = points[cells].mean(axis=1)
+    used, cells = np.unique(cells[(abs(middle[:, 0] - SIDE / 2) > 0.01) | (middle[:, 2] < BASE)], return_inverse=True)
+    points = points[used]
+    x, _, z = points.T
+    right = x > SIDE - JAW - 1e-9
+    points[right, 2] += 0.004 * np.sin(np.pi * np.maximum(z[right] - BASE, 0.0) / (SIDE - BASE))
+    walls = {"left": abs(x - JAW) < 1e-9, "right": abs(x - (SIDE - JAW)) < 1e-9}
+    sets = {name: wall & (z > BASE - 1e-9) for name, wall in walls.items()}
+    upper = z > 0.6 * SIDE
+    sets |= {"west": (x == 0.0) & upper, "east": (x > 0.999 * SIDE) & upper, "base": z == 0.0}
+    return vs.mesh(points, cells.reshape(-1, 4), {name: np.flatnonzero(chosen) for name, chosen in sets.items()})
+
+
+def scene(*pairs: vs.ContactPair, element: str = "P1") -> vs.Scene:
+    return vs.Scene({"jaws": vs.Organ(jaws(), SOFT, fixed="base", element=element)}, contacts=pairs)
+
+
+def closing(by: float = 0.012, slide: float | None = None) -> dict[str, Any]:
+    """The backs of the jaws moved towards each other, each by this much, and the right one along the other."""
+    return {"jaws/west": (by, None, None), "jaws/east": (-by, slide, None)}
+
+
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
+def test_jaws_that_meet_press_on_each_other(element: str) -> None:
+    """Farther apart at rest than the reach: with every solver and in frames they bear the same."""
+    pair, reverse = vs.ContactPair(*WALLS, reach="1 cm"), vs.ContactPair(*WALLS[::-1], reach="1 cm")
+    one = scene(pair, element=element)
+    state = one.solve(displacement=closing())
+    assert state.is_converged
+    told = state.contact(pair)
+    assert told.force[0] < -0.5
+    assert told.area > 0.1 * SIDE**2
+    assert -1e-3 * SIDE < told.gap < 0.0
+    # The left jaw is in balance: what its back and the base give it, the right one takes.
+    held = sum(state.reaction(place) for place in ("jaws/west", "jaws/east", "jaws/base"))
+    assert held == pytest.approx(np.zeros(3), abs=1e-6 * -told.force[0])
+    without = scene(element=element).solve(displacement=closing())
+    assert state.reaction("jaws/west")[0] > without.reaction("jaws/west")[0] + 0.5 * -told.force[0]
+
+    other = scene(reverse, element=element).solve(displacement=closing())
+    assert other.force(reverse) == pytest.approx(-told.force, abs=1e-6 * -told.force[0])
+    iterative = one.solve(displacement=closing(), solver="cg")
+    assert abs(iterative.displacement - state.displacement).max() < 1e-6 * SIDE
+    for solver in ("cholesky", "cg"):
+        stepper = one.stepper(closing(0.0), iterations=40, settled=1e-7, solver=solver)
+        for part in CLOSING:
+            frame = stepper.frame(closing(0.012 * part))
+        assert frame.is_settled
+        assert abs(frame.displacement - state.displacement).max() < 1e-5 * SIDE
+        assert frame.force(pair) == pytest.approx(told.force, abs=1e-4 * -told.force[0])
+
+
+def test_jaws_slide_along_each_other_with_friction() -> None:
+    """One is dragged along the other: at the cone it slides, and the drag is dissipated."""
+    pair = vs.ContactPair(*WALLS, friction=0.3)
+    stepper = scene(pair).stepper(closing(0.0, slide=0.0), iterations=60, settled=1e-6)
+    for part in CLOSING:
+        stepper.frame(closing(0.012 * part, slide=0.0))
+    for slide in np.linspace(0.0, 0.006, 7):
+        frame = stepper.frame(closing(slide=slide))
+        assert frame.is_settled, slide
+        told = frame.contact(pair)
+        assert told.dissipation >= 0.0
+        assert np.hypot(*told.force[1:]) <= 0.301 * -told.force[0]
+    # They twist, so that the slides are not parallel, and some samples still stick.
+    assert told.sliding > 0.5 * told.touching > 0
+    assert told.dissipation > 0.0
+    assert told.force[1] > 0.2 * -told.force[0]  # dragged towards positive y
+
+
+def test_lobes_folded_onto_each_other_settle_in_balance() -> None:
+    """Forces on the backs push the jaws together, more in every frame: their work is the strain's and the contact's."""
+    pair = vs.ContactPair(*WALLS)
+    one = scene(pair)
+    stepper = one.stepper(iterations=60, settled=1e-7)
+    push, frames = 1.5, 30
+    force = np.zeros_like(one.mesh.points)
+    for back, sign in (("jaws/west", 1.0), ("jaws/east", -1.0)):
+        nodes = one.mesh.nodes(back)
+        force[nodes, 0] = sign * push / len(nodes)
+    work, moved = 0.0, np.zeros_like(force)
+    for number in range(1, frames + 1):
+        frame = stepper.frame(force=number / frames * force)
+        assert frame.is_settled, number
+        work += (number - 0.5) / frames * np.vdot(force, frame.displacement - moved)
+        moved = frame.displacement
+    told = frame.contact(pair)
+    assert told.force[0] < -0.5 * push
+    assert -1e-3 * SIDE < told.gap < 0.0
+    assert frame.energy + told.energy == pytest.approx(work, rel=5e-3)
+    frame = stepper.frame()
+    assert frame.is_settled
+    assert abs(frame.displacement).max() < 1e-6 * SIDE
+    assert frame.contact(pair).touching == 0
+
+
+def test_jaws_apart_move_as_if_there_was_no_pair() -> None:
+    pair = vs.ContactPair(*WALLS, reach="1 cm")
+    one, alone = scene(pair), scene()
+    load: dict[str, Any] = {"displacement": closing(0.004), "force": {"jaws/left": (0.0, 0.0, 0.1)}}
+    state = one.solve(**load)
+    assert np.array_equal(state.displacement, alone.solve(**load).displacement)
+    assert state.contact(pair).gap == np.inf
+    steppers = [each.stepper(closing(0.0), iterations=5) for each in (one, alone)]
+    for by in (0.002, 0.004):
+        frames = [stepper.frame(closing(by)) for stepper in steppers]
+        assert np.array_equal(frames[0].displacement, frames[1].displacement)
+
+
+def test_a_case_file_keeps_the_pair(tmp_path: Path) -> None:
+    pair = vs.ContactPair(("jaws", "left"), ("jaws", "x > 59% and 1.9 cm < z"), friction=0.2, reach="8 mm")
+    one = scene(pair)
+    written = one.to_case(tmp_path / "jaws.toml", loads={"displacement": closing()}, settings={"steps": 2})
+    assert isinstance(written, SceneCase)
+    assert written.contacts[0]["first"] == "jaws/left"
+    again = written.organ()
+    state, other = one.solve(displacement=closing(), steps=2), written.solve(again)
+    assert state.is_converged
+    assert abs(state.displacement - other.displacement).max() < 1e-9
+    (told,) = written.facts(again, other)["contacts"]
+    assert told["force"] == pytest.approx(state.force(pair), rel=1e-6, abs=1e-8)
+    copy = pickle.loads(pickle.dumps(one))
+    assert np.array_equal(copy.solve(displacement=closing(), steps=2).displacement, state.displacement)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        ("jaws", "jaws", r"ContactPair\(jaws, jaws\): an organ touches itself between two of its places; name both"),
+        ("jaws", WALLS[1], "name both, such as"),
+        (("jaws", "x < 70%"), ("jaws", "x > 50%"), r"faces at node 3, 9, 15, 21, 27 and 31 more of 'jaws'; .* without"),
+        (("jaws", "west"), WALLS[0], r"overlap at rest: the point \(0.0.* inside the other.* faces each other from"),
+        (("jaws", "0, 1"), WALLS[0], "the place of 'jaws' holds no triangle of its surface"),
+    ],
+)
+def test_places_that_are_no_pair_are_refused(first: Any, second: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=words):
+        scene(vs.ContactPair(first, second))
+
+
+def test_an_element_with_nodes_on_edges_is_refused() -> None:
+    with pytest.raises(vs.VisceraError, match="cannot be of the element 'P2'"):
+        scene(vs.ContactPair(*WALLS), element="P2")
