@@ -12,7 +12,7 @@ int main(int argc, char **argv) {
     viscera::Model model(argv[1]);
     const std::vector<double> points = {0.36, 0.1, 0.2, 0.64, 0.1, 0.2}, pushes = {0.001, 0, -0.006, 0, 0.001, -0.005};
     viscera_sampling sampling = viscera::Hands::defaults(model);
-    sampling.tolerance = 0.003;
+    sampling.tolerance = 0.001;
     viscera::Hands hands(model, sampling);
     viscera::Grasp grasp(hands, points, [] { return true; });
     viscera::Held held(grasp);
@@ -37,7 +37,7 @@ int main(int argc, char **argv) {
     viscera::Model other(argv[1]);
     other.set_frame({0.001, 0.001, {0, 1, 0, 1, 0, 0, 0, 0, 1}, {0.1, 0.2, 0.3}});
     sampling = viscera::Hands::defaults(other);
-    sampling.tolerance = 0.003;
+    sampling.tolerance = 0.001;
     viscera::Hands turned(other, sampling);
     const int axis[3] = {1, 0, 2};
     const double origin[3] = {0.1, 0.2, 0.3};

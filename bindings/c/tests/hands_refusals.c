@@ -27,7 +27,7 @@ static viscera_hands *hands_with(const viscera_model *model, uint64_t snapshots)
     viscera_sampling sampling;
     EXPECT(viscera_sampling_init(model, &sampling) == VISCERA_OK);
     sampling.snapshots = snapshots;
-    sampling.tolerance = 0.003;
+    sampling.tolerance = 0.001;
     EXPECT(viscera_hands_new(model, &sampling, &hands, message, sizeof message) == VISCERA_OK);
     EXPECT(message[0] == 0);
     return hands;
