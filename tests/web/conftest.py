@@ -77,6 +77,20 @@ def file_server() -> Iterator[Callable[[Path], str]]:
         files.server_close()
 
 
+DRAWN = """(point) => {
+    const { renderer, scene, camera, canvas } = viscera.stage;
+    const { x, y } = viscera.project(point);
+    const gl = renderer.getContext();
+    renderer.render(scene, camera);
+    const ratio = renderer.getPixelRatio();
+    const pixel = new Uint8Array(4);
+    const place = [x, canvas.clientHeight - y].map((at) => Math.round(at * ratio));
+    gl.readPixels(...place, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return [...pixel];
+}"""
+"""The colour that is drawn at a point."""
+
+
 class Viewer:
     """A page with its view, and everything it complained about."""
 
@@ -118,6 +132,11 @@ class Viewer:
         """Where a point [m] is on the screen."""
         at = self.call("project", list(map(float, point)))
         return at["x"], at["y"]
+
+    def colour_at(self, point: Any) -> list[int]:
+        """What is drawn at a point [m]: red, green, blue and opacity."""
+        found: list[int] = self.page.evaluate(DRAWN, list(map(float, point)))
+        return found
 
     def shoot(self, name: str) -> None:
         """Keep a picture."""

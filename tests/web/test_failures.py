@@ -35,18 +35,6 @@ IN_SIGHT = """() => {
     while (found?.shadowRoot) found = found.shadowRoot.elementFromPoint(innerWidth / 2, innerHeight / 2);
     return found?.textContent ?? "";
 }"""
-# The colour that is drawn at a point of the organ.
-DRAWN = """(point) => {
-    const { renderer, scene, camera, canvas } = viscera.stage;
-    const { x, y } = viscera.project(point);
-    const gl = renderer.getContext();
-    renderer.render(scene, camera);
-    const ratio = renderer.getPixelRatio();
-    const pixel = new Uint8Array(4);
-    const place = [x, canvas.clientHeight - y].map((at) => Math.round(at * ratio));
-    gl.readPixels(...place, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    return [...pixel];
-}"""
 
 
 @pytest.fixture
@@ -105,7 +93,7 @@ def test_without_webgl_it_is_a_sentence(tab: Any, server: Server) -> None:
 
 def test_a_lost_context_comes_back(look_at: Look, server: Server) -> None:
     viewer = look_at(server.url, viewport=SMALL)
-    before = viewer.page.evaluate(DRAWN, TOP)
+    before = viewer.colour_at(TOP)
     viewer.page.evaluate(
         """() => {
             window.context = viscera.stage.renderer.getContext().getExtension("WEBGL_lose_context");
@@ -117,7 +105,7 @@ def test_a_lost_context_comes_back(look_at: Look, server: Server) -> None:
     assert "graphics processor" in warning.inner_text()
     viewer.page.evaluate("() => window.context.restoreContext()")
     warning.wait_for(state="hidden")
-    assert viewer.page.evaluate(DRAWN, TOP) == pytest.approx(before, abs=3)
+    assert viewer.colour_at(TOP) == pytest.approx(before, abs=3)
     assert sum(before[:3]) > 90  # not nearly black
     viewer.close()
 

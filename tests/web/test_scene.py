@@ -69,18 +69,6 @@ COLOURS = """() => {
     });
     return sums.map(([r, g, b, n]) => [r / n, g / n, b / n]);
 }"""
-# The colour that is drawn at a point [m].
-DRAWN = """(point) => {
-    const { renderer, scene, camera, canvas } = viscera.stage;
-    const { x, y } = viscera.project(point);
-    const gl = renderer.getContext();
-    renderer.render(scene, camera);
-    const ratio = renderer.getPixelRatio();
-    const pixel = new Uint8Array(4);
-    const place = [x, canvas.clientHeight - y].map((at) => Math.round(at * ratio));
-    gl.readPixels(...place, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
-    return [...pixel];
-}"""
 # Keeps of every frame whether it has settled, and whether it is marked as one that has not.
 WATCH = """() => {
     const { conversation, specimens: [specimen] } = viscera;
@@ -177,9 +165,9 @@ def test_organs_differ_in_colour(page: Viewer) -> None:
                          ids=["sphere", "plate", "spring"])  # fmt: skip
 def test_bodies_and_springs_are_drawn(page: Viewer, point: tuple[float, float, float]) -> None:
     page.page.wait_for_function(STILL)
-    shown = page.page.evaluate(DRAWN, point)
+    shown = page.colour_at(point)
     page.page.evaluate(SHOW, False)
-    hidden = page.page.evaluate(DRAWN, point)
+    hidden = page.colour_at(point)
     page.page.evaluate(SHOW, True)
     assert np.abs(np.subtract(shown, hidden)).max() > 10
 
