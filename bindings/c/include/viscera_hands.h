@@ -144,7 +144,8 @@ int32_t viscera_held_places(const viscera_held *held, const viscera_places *plac
 
 /* Estimates the error of an answer, the larger of the relative errors of its forces and its field, by two Newton steps
  * of the whole organ, and tells what the answer is worth: VISCERA_OK if it is trusted, VISCERA_ERROR_TOO_LARGE,
- * VISCERA_UNSTABLE or a status of the search if not. It takes as long as a frame of a simulator. A loop may go on meanwhile, with another answer. */
+ * VISCERA_UNSTABLE or a status of the search if not. It takes as long as a frame of a simulator. A loop may go on
+ * meanwhile, with another answer. */
 int32_t viscera_held_assess(const viscera_held *held, double *error_estimate);
 
 /* Cauchy stress of each cell (force per area), nine doubles row by row, the mean over its points, under displacements of
