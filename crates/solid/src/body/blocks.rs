@@ -81,9 +81,7 @@ impl SymmetricBlocks {
 
     /// The block of each node with itself, entries `[i][k]`.
     pub fn diagonal(&self) -> impl Iterator<Item = &[f64; 9]> {
-        let (blocks, _) = self.values.as_chunks::<9>();
-        // Rows are sorted and at most the column, so its diagonal block comes last.
-        (0..self.pattern.n()).map(|column| &blocks[self.pattern.column(column).end - 1])
+        self.pattern.diagonal(&self.values)
     }
 
     /// Adds to the block at a [`position`](super::Body::position), entries `[i][k]` with `i` of the lower node.
@@ -136,6 +134,13 @@ impl BlockPattern {
         let columns =
             (0..self.n()).flat_map(|column| self.column(column).map(move |_| column as u32));
         self.row.iter().copied().zip(columns)
+    }
+
+    /// The block of each node with itself among such values, entries `[i][k]`.
+    pub fn diagonal<'a>(&'a self, values: &'a [f64]) -> impl Iterator<Item = &'a [f64; 9]> {
+        let (blocks, _) = values.as_chunks::<9>();
+        // Rows are sorted and at most the column, so its diagonal block comes last.
+        (0..self.n()).map(|column| &blocks[self.column(column).end - 1])
     }
 
     /// The same blocks with the nodes in another order, and where each comes from.

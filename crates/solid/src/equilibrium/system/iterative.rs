@@ -4,8 +4,10 @@
 //! preconditioned residuals closed by the border. Every solve sets out from the best multiple of the last step, since
 //! a hand mostly goes on as it went.
 
+mod refinement;
+
 use super::border::Border;
-use super::device::{DeviceEnd, Remote};
+use super::device::Remote;
 use super::lagged::Lagged;
 use super::operand::Operand;
 use super::{ConjugateGradients, Preconditioner, Solved, absolute};
@@ -16,7 +18,7 @@ use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
-use crate::number::{dot, norm};
+use crate::number::dot;
 
 /// A right-hand side counts as zero if only this part of it remains after the tools have carried their share.
 const ROUNDING: f64 = 1e-14;
@@ -29,21 +31,6 @@ const MAKING: usize = 10;
 
 /// Iterations beyond those with a fresh factor that may have taken the time of a new one, which nobody makes beside them.
 const REPAID: usize = 15;
-
-/// Tolerance of one solution in single precision, relative to its right-hand side.
-const SINGLE: f64 = 1e-5;
-
-/// Factor by which a residual may exceed the tolerance if it had reached it in single precision.
-const SLACK: f64 = 1.02;
-
-/// Largest relative error of a number in single precision.
-const UNIT: f64 = 0.5 * f32::EPSILON as f64;
-
-/// Part of the tolerance that rounding to single precision may leave where a residual in single precision is believed.
-const TRUSTED: f64 = 0.1;
-
-/// Refinement continues only if a solution in single precision reduces the residual at least by this factor.
-const PROGRESS: f64 = 0.5;
 
 enum Inverse {
     BlockJacobi(BlockJacobi),
@@ -187,7 +174,15 @@ impl Iterative {
         if *renewed.as_ref().unwrap_or(&false) {
             (self.fresh_iterations, self.further_iterations) = (None, 0);
         }
-        renewed
+        Ok(renewed? | self.correct(shift))
+    }
+
+    /// Whether what has changed since the preconditioner was made changes it now.
+    fn correct(&mut self, shift: f64) -> bool {
+        match (&mut self.inverse, self.operand.values()) {
+            (Inverse::Lagged(inverse), Ok(values)) => inverse.correct(values, shift),
+            _ => false,
+        }
     }
 
     /// Makes the preconditioner of the last tangent with another shift, if it has none with its own; none if its kind
@@ -201,7 +196,7 @@ impl Iterative {
             Inverse::BlockJacobi(_) | Inverse::IncompleteCholesky(_) => return None,
         };
         self.is_stale &= renewed.is_err();
-        Some(renewed)
+        Some(renewed.map(|is_renewed| is_renewed | self.correct(shift)))
     }
 
     /// The requested device.
@@ -289,82 +284,6 @@ impl Iterative {
         self.last.fill(0.0);
         self.is_stale = true;
         Err(FactorError::NotFinite { position: 0 })
-    }
-
-    /// The same on the device, in single precision, from the guess. What is left is formed in double precision, and
-    /// solved for again until it is small enough (iterative refinement; Higham 2002, section 12). Where the device forms
-    /// the tangent, its own residual is believed unless rounding comes near the tolerance: the residual of Newton's
-    /// method is in double precision anyway. None if there is no device, or where it failed on the way: the processor
-    /// goes on from what there is.
-    fn iterate_on_device(&mut self, border: &Border, deadline: Option<Instant>) -> Option<Solved> {
-        if !matches!(self.remote, Remote::Working(_)) {
-            return None;
-        }
-        let mut left = std::mem::take(&mut self.left);
-        let solved = self.refine(border, deadline, &mut left);
-        self.left = left;
-        solved
-    }
-
-    fn refine(
-        &mut self,
-        border: &Border,
-        deadline: Option<Instant>,
-        left: &mut [f64],
-    ) -> Option<Solved> {
-        let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
-        let mut solved = Solved { residual: norm(left) / whole, ..Solved::default() };
-        loop {
-            solved.is_complete = solved.residual <= SLACK * self.settings.tolerance;
-            let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
-            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            let budget = self.settings.max_iterations - solved.iterations;
-            if solved.is_complete || has_stalled || is_late || budget == 0 {
-                return Some(solved);
-            }
-            let wanted = self.settings.tolerance / solved.residual;
-            let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
-            let found = self.remote.solve(border, self.operand.given(), left, &end)?;
-            if !found.x.iter().all(|x| x.is_finite()) {
-                return None;
-            }
-            let is_first = solved.iterations == 0;
-            solved.iterations += found.iterations;
-            if found.is_indefinite && self.has_negative_curvature(border, &found.direction) {
-                solved.indefinite = largest(&found.direction);
-                solved.residual = 1.0;
-                if is_first && found.iterations == 0 {
-                    self.correction.copy_from_slice(&found.direction);
-                } else {
-                    self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
-                }
-                return Some(solved);
-            }
-            self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
-            let given = self.operand.given();
-            let magnitude = self.remote.magnitude(border, given, &self.correction)?;
-            solved.floor = UNIT * magnitude / whole;
-            before = solved.residual;
-            let expected = before * found.residual;
-            let is_believed = self.is_formed()
-                && solved.floor <= TRUSTED * self.settings.tolerance
-                && expected <= SLACK * self.settings.tolerance;
-            solved.residual = if is_believed { expected } else { self.remainder(border, left) };
-        }
-    }
-
-    /// The residual after the correction, and its size relative to the one before.
-    fn remainder(&self, border: &Border, left: &mut [f64]) -> f64 {
-        Projected { operand: &self.operand, border }.apply(&self.correction, left);
-        left.iter_mut().zip(&self.residual).for_each(|(k, r)| *k = r - *k);
-        norm(left) / norm(&self.residual)
-    }
-
-    /// Whether curvature is negative in double precision, too.
-    fn has_negative_curvature(&self, border: &Border, direction: &[f64]) -> bool {
-        let mut product = vec![0.0; direction.len()];
-        Projected { operand: &self.operand, border }.apply(direction, &mut product);
-        dot(direction, &product) <= 0.0
     }
 
     /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.

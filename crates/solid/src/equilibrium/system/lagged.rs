@@ -3,6 +3,7 @@
 //! second thread, that makes the next factor while frames go on with the last.
 
 use super::factor::TangentFactor;
+use super::local::{Block, Constrained, Local};
 use crate::body::BlockPattern;
 use crate::linear::FactorError;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -21,6 +22,8 @@ struct LaggedFactor {
     is_double: bool,
     /// The next is to be.
     wants_double: bool,
+    /// Each node's own block of the tangent that the last factor was made from.
+    diagonal: Vec<Block>,
 }
 
 /// What factors are made for.
@@ -37,6 +40,7 @@ impl LaggedFactor {
             is_double: false,
             wants_double: false,
             is_held: vec![false; n_dofs],
+            diagonal: Vec::new(),
             pattern: pattern.clone(),
         })
     }
@@ -54,6 +58,10 @@ impl LaggedFactor {
     /// # Errors
     /// Those of double precision: what single precision does not tell from an indefinite tangent may well be definite.
     fn factorize(&mut self, values: &[f64], shift: f64) -> Result<(), FactorError> {
+        let LaggedFactor { pattern, is_held, diagonal, .. } = self;
+        let given = Constrained { pattern: &pattern.blocks, values, shift, is_held };
+        diagonal.clear();
+        diagonal.extend(given.diagonal());
         if !self.wants_double && self.single.factorize(values, shift).is_ok() {
             self.is_double = false;
             return Ok(());
@@ -85,6 +93,8 @@ pub(super) struct Lagged {
     is_usable: bool,
     is_held: Vec<bool>,
     spare: Option<Spare>,
+    /// What has changed much since the factor in use was made.
+    local: Local,
 }
 
 /// The second factor.
@@ -135,6 +145,7 @@ impl Lagged {
             is_usable: false,
             is_held: vec![false; n_dofs],
             spare: None,
+            local: Local::default(),
         })
     }
 
@@ -186,6 +197,13 @@ impl Lagged {
         Ok(is_renewed)
     }
 
+    /// Inverts anew what this tangent has changed much since the factor was made; whether that changes the inverse.
+    pub fn correct(&mut self, values: &[f64], shift: f64) -> bool {
+        let Lagged { current, is_held, local, .. } = self;
+        let given = Constrained { pattern: &current.pattern.blocks, values, shift, is_held };
+        local.update(given, &current.diagonal)
+    }
+
     /// After a fresh factor took too many iterations, the next one is in double precision.
     pub fn distrust(&mut self) {
         self.is_usable &= self.current.wants_double;
@@ -194,13 +212,16 @@ impl Lagged {
 
     /// `z = M⁻¹ r`; zero on what is held, also while the factor still stems from another grasp.
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        z.fill(0.0);
-        if self.current.solve(r, z).is_err() {
-            z.copy_from_slice(r);
-        }
-        for (z, &held) in z.iter_mut().zip(&self.is_held) {
-            *z = if held { 0.0 } else { *z };
-        }
+        let Lagged { current, is_held, local, .. } = self;
+        local.apply(r, z, |r, z| {
+            z.fill(0.0);
+            if current.solve(r, z).is_err() {
+                z.copy_from_slice(r);
+            }
+            for (z, &held) in z.iter_mut().zip(&*is_held) {
+                *z = if held { 0.0 } else { *z };
+            }
+        });
     }
 }
 

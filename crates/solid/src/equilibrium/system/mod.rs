@@ -13,6 +13,7 @@ mod factor;
 mod indefinite;
 mod iterative;
 mod lagged;
+mod local;
 mod numbered;
 mod operand;
 #[cfg(test)]

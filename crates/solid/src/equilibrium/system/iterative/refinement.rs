@@ -1,0 +1,102 @@
+//! Conjugate gradients on a device, in single precision, and their refinement in double (Higham 2002, section 12).
+
+use super::{Border, Instant, Iterative, Projected, Remote, Solved, largest};
+use crate::equilibrium::system::device::DeviceEnd;
+use crate::linear::conjugate_gradients::Operator;
+use crate::number::{dot, norm};
+
+/// Tolerance of one solution in single precision, relative to its right-hand side.
+const SINGLE: f64 = 1e-5;
+
+/// Factor by which a residual may exceed the tolerance if it had reached it in single precision.
+const SLACK: f64 = 1.02;
+
+/// Largest relative error of a number in single precision.
+const UNIT: f64 = 0.5 * f32::EPSILON as f64;
+
+/// Part of the tolerance that rounding to single precision may leave where a residual in single precision is believed.
+const TRUSTED: f64 = 0.1;
+
+/// Refinement continues only if a solution in single precision reduces the residual at least by this factor.
+const PROGRESS: f64 = 0.5;
+
+impl Iterative {
+    /// The correction that balances the residual, from the guess. What is left is formed in double precision, and solved
+    /// for again until it is small enough. Where the device forms the tangent, its own residual is believed unless
+    /// rounding comes near the tolerance: the residual of Newton's method is in double precision anyway. None if there is
+    /// no device, or where it failed on the way: the processor goes on from what there is.
+    pub(super) fn iterate_on_device(
+        &mut self,
+        border: &Border,
+        deadline: Option<Instant>,
+    ) -> Option<Solved> {
+        if !matches!(self.remote, Remote::Working(_)) {
+            return None;
+        }
+        let mut left = std::mem::take(&mut self.left);
+        let solved = self.refine(border, deadline, &mut left);
+        self.left = left;
+        solved
+    }
+
+    fn refine(
+        &mut self,
+        border: &Border,
+        deadline: Option<Instant>,
+        left: &mut [f64],
+    ) -> Option<Solved> {
+        let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
+        let mut solved = Solved { residual: norm(left) / whole, ..Solved::default() };
+        loop {
+            solved.is_complete = solved.residual <= SLACK * self.settings.tolerance;
+            let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
+            let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            let budget = self.settings.max_iterations - solved.iterations;
+            if solved.is_complete || has_stalled || is_late || budget == 0 {
+                return Some(solved);
+            }
+            let wanted = self.settings.tolerance / solved.residual;
+            let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
+            let found = self.remote.solve(border, self.operand.given(), left, &end)?;
+            if !found.x.iter().all(|x| x.is_finite()) {
+                return None;
+            }
+            let is_first = solved.iterations == 0;
+            solved.iterations += found.iterations;
+            if found.is_indefinite && self.has_negative_curvature(border, &found.direction) {
+                solved.indefinite = largest(&found.direction);
+                solved.residual = 1.0;
+                if is_first && found.iterations == 0 {
+                    self.correction.copy_from_slice(&found.direction);
+                } else {
+                    self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+                }
+                return Some(solved);
+            }
+            self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+            let given = self.operand.given();
+            let magnitude = self.remote.magnitude(border, given, &self.correction)?;
+            solved.floor = UNIT * magnitude / whole;
+            before = solved.residual;
+            let expected = before * found.residual;
+            let is_believed = self.is_formed()
+                && solved.floor <= TRUSTED * self.settings.tolerance
+                && expected <= SLACK * self.settings.tolerance;
+            solved.residual = if is_believed { expected } else { self.remainder(border, left) };
+        }
+    }
+
+    /// The residual after the correction, and its size relative to the one before.
+    fn remainder(&self, border: &Border, left: &mut [f64]) -> f64 {
+        Projected { operand: &self.operand, border }.apply(&self.correction, left);
+        left.iter_mut().zip(&self.residual).for_each(|(k, r)| *k = r - *k);
+        norm(left) / norm(&self.residual)
+    }
+
+    /// Whether curvature is negative in double precision, too.
+    fn has_negative_curvature(&self, border: &Border, direction: &[f64]) -> bool {
+        let mut product = vec![0.0; direction.len()];
+        Projected { operand: &self.operand, border }.apply(direction, &mut product);
+        dot(direction, &product) <= 0.0
+    }
+}
