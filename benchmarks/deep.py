@@ -131,9 +131,10 @@ def main(touches: int, snapshots: int, first: int) -> None:
     counts = f"{trusted} trusted, {len(others) - trusted} not"
     print(f"answers of the Galerkin model farther from Newton's than allowed: {counts}")
     for k, share, is_trusted, far, away, energy in others:
+        beside = f"{away:.2%} from the equilibrium next to it, whose energy is {energy:+.2%} of the other's"
         print(
             f"      touch {k:3d} at {share:.0%}, {'' if is_trusted else 'not '}trusted: {far:.1%} from Newton's, "
-            f"{away:.2%} from the equilibrium next to it, whose energy is {energy:+.2%} of the other's"
+            + (beside if np.isfinite(away) else "which finds no equilibrium from there")
         )
 
 
