@@ -59,33 +59,9 @@ def main(touches: int, order: int, reach: float) -> None:
         f"errors off-line {pade.metadata['errors']}",
         flush=True,
     )
-    random = np.random.default_rng(0)
-    points, directions = surface_points(pade, touches, random), unit_vectors(touches, random)
-    full = Full(pade)
-
-    def ask(k: int) -> list[tuple[float, bool, list[tuple[float, float, float, bool]]]]:
-        patch, state, rows = pade.patch(points[k]), None, []
-        for depth in DEPTHS:
-            push = depth * liver.diagonal * directions[k]
-            state = full.solve(patch, push, state)
-            if not state.is_converged:
-                break
-            field, force = full.added(state), state.reaction(patch)
-            answers = [model(points[k], push) for model in models.values()]
-            rows.append(
-                (
-                    depth,
-                    state.status == "converged",
-                    [
-                        (_gap(a.displacement, field), _gap(a.force, force), a.shape_error_estimate, a.is_shape_trusted)
-                        for a in answers
-                    ],
-                )
-            )
-        return rows
-
+    comparison = Comparison(models, touches)
     for name, model in models.items():
-        loops = points[:LOOPS]
+        loops = comparison.points[:LOOPS]
         lost = (max(_lost(model, point, depth * liver.diagonal) for point in loops) for depth in DEPTHS)
         shares = " ".join(f"{depth:.0%}: {100 * part:.2g} %" for depth, part in zip(DEPTHS, lost, strict=True))
         print(
@@ -93,7 +69,7 @@ def main(touches: int, order: int, reach: float) -> None:
             f"worst of {len(loops)}: {name} {shares}"
         )
     with ThreadPoolExecutor() as pool:
-        rows = [row for some in pool.map(ask, range(touches)) for row in some]
+        rows = [row for some in pool.map(comparison.rows, range(touches)) for row in some]
     print("depth            field median / 90 % / worst     force median / 90 % / worst     trusted, worst, /estimate")
     for depth in DEPTHS:
         at = [row for row in rows if row[0] == depth]
@@ -104,6 +80,37 @@ def main(touches: int, order: int, reach: float) -> None:
         for k, name in enumerate(models):
             for words, some in (("all", at), ("stable", [row for row in at if row[1]])):
                 print(_row(name, words, np.array([row[2][k] for row in some], dtype=float), allowed_error(depth)))
+
+
+Row = tuple[float, bool, list[tuple[float, float, float, bool]]]
+"""Depth, whether Newton met no instability, and of all models error of field and force, estimate and trust."""
+
+
+class Comparison:
+    """Touches that models of one body have not seen, by them and by Newton."""
+
+    def __init__(self, models: dict[str, vs.Touch], touches: int, seed: int = 0) -> None:
+        self.models, self.first = models, next(iter(models.values()))
+        random = np.random.default_rng(seed)
+        self.points, self.directions = surface_points(self.first, touches, random), unit_vectors(touches, random)
+        self.full = Full(self.first)
+
+    def rows(self, k: int) -> list[Row]:
+        """One touch, at every depth to which Newton's method converges."""
+        patch, state, rows = self.first.patch(self.points[k]), None, []
+        for depth in DEPTHS:
+            push = depth * self.first.mesh.diagonal * self.directions[k]
+            state = self.full.solve(patch, push, state)
+            if not state.is_converged:
+                break
+            field, force = self.full.added(state), state.reaction(patch)
+            answers = [model(self.points[k], push) for model in self.models.values()]
+            errors = [
+                (_gap(a.displacement, field), _gap(a.force, force), a.shape_error_estimate, a.is_shape_trusted)
+                for a in answers
+            ]
+            rows.append((depth, state.status == "converged", errors))
+        return rows
 
 
 def _row(name: str, words: str, table: np.ndarray, limit: float) -> str:

@@ -52,11 +52,11 @@ class Truth:
     motion: Rigid
 
 
-def fine_liver() -> vs.Mesh:
-    """The built-in liver with edges 0.6 times as long, by another mesher."""
+def fine_liver(share: float = 0.6) -> vs.Mesh:
+    """The built-in liver with edges so many times as long, by another mesher."""
     coarse = vs.organs.liver()
     edges = coarse.points[coarse.cells[:, [0, 0, 0, 1, 1, 2]]] - coarse.points[coarse.cells[:, [1, 2, 3, 2, 3, 3]]]
-    edge = 0.6 * float(np.linalg.norm(edges, axis=2).mean())
+    edge = share * float(np.linalg.norm(edges, axis=2).mean())
     fine = vs.mesh_surface((coarse.points, coarse.surface), edge=edge)
     surface = fine.surface_nodes
     near = np.linalg.norm(fine.points[surface][:, None] - coarse.points[coarse.surface_nodes], axis=2).argmin(axis=1)
