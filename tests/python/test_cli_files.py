@@ -133,6 +133,14 @@ def test_a_file_is_the_same_by_whatever_path_it_is_named(folder: Path, capsys: p
     assert contents(folder) == before
 
 
+@pytest.mark.skipif(not Path("/proc/self/mem").is_file(), reason="needs a file that is there and cannot be read")
+def test_a_file_that_cannot_be_read_is_not_replaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["solve", "case.toml", "--json", "/proc/self/mem"]) == 2
+    printed = capsys.readouterr()
+    assert "--json /proc/self/mem would replace '/proc/self/mem', which cannot be read (" in printed.err
+    assert printed.out == ""
+
+
 def test_a_device_may_serve_for_several(folder: Path) -> None:
     assert main(["touch", "bar.viscera", *AT, "--json", "/dev/null", "--picture", "/dev/null", "--quiet"]) == 0
 

@@ -87,8 +87,13 @@ def _spare_what_is_no_json(path: str | None) -> None:
     """What a command reads may not be known before a case file is read, and that may fail."""
     if path is None or not os.path.isfile(path):
         return
-    with open(path, "rb") as file:
-        begins = file.read(64).lstrip()
+    try:
+        with open(path, "rb") as file:
+            begins = file.read(64).lstrip()
+    except OSError as error:
+        raise VisceraError(
+            f"--json {path} would replace {path!r}, which cannot be read ({error.strerror}); name another file"
+        ) from error
     if begins and not begins.startswith(b"{"):
         raise VisceraError(f"--json {path} would replace {path!r}, which holds no JSON; name another file")
 
