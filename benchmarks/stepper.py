@@ -1,9 +1,10 @@
 """Frames in real time on one core, as ratios to the limits this project sets itself: a hand that wanders.
 
 Each case is one organ of linear cells, a law and a solver: 300 frames, three runs; time of the whole Python call,
-median of the run whose median is least. The ratio is that of the processor time, which other programs disturb less,
-to the limit: up to 1 keeps it. `left` is the largest residual a frame left behind the moving hand. The meshes of
-SOFA's liver are read from the folder VISCERA_SHARED, and their cases left out, in words, where it is missing.
+median of the run whose median is least, and of its processor time the 99th percentile. The ratio is that of the median
+processor time, which other programs disturb less, to the limit: up to 1 keeps it. `residual` is the largest that a
+frame left behind the moving hand. The meshes of SOFA's liver are read from the folder VISCERA_SHARED, and their cases
+left out, in words, where it is missing.
 """
 
 import os
@@ -38,8 +39,8 @@ def places(mesh: vs.Mesh) -> tuple[object, object]:
     return tuple(np.flatnonzero(along <= low).tolist()), tuple(np.flatnonzero(along >= high).tolist())
 
 
-def frames(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) -> tuple[float, float, float, float]:
-    """Median processor and wall time of a frame [ms], mean iterations, worst residual left."""
+def frames(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) -> tuple[float, ...]:
+    """Median and 99th percentile of the processor time, median wall time [ms], mean iterations, worst residual."""
     held, grasped = places(mesh)
     stepper = vs.Organ(mesh, law, fixed=held, element="P1").stepper({grasped: (0, 0, 0)}, solver=solver)
     busy, wall, iterations, residuals = [], [], [], []
@@ -51,7 +52,8 @@ def frames(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients)
         wall.append(1e3 * (perf_counter() - began))
         iterations.append(frame.iterations)
         residuals.append(frame.residual)
-    return float(np.median(busy)), float(np.median(wall)), float(np.mean(iterations)), max(residuals)
+    late = float(np.quantile(busy, 0.99))
+    return float(np.median(busy)), late, float(np.median(wall)), float(np.mean(iterations)), max(residuals)
 
 
 neo_hookean = vs.NeoHookean(young=0.17e6, poisson=0.48)
@@ -70,13 +72,14 @@ for name, mesh, limits in (("liver, small", small, (5.0, 2.0)), ("liver, large",
 print(describe())
 print(f"{FRAMES} frames, least of {RUNS} runs")
 print(
-    "organ          cells  law           solver                busy [ms]     wall  iterations  limit  ratio  residual"
+    "organ          cells  law           solver                busy [ms]    99 %     wall  iterations  limit  ratio"
+    "  residual"
 )
 for name, mesh, law, solver, limit in cases:
-    busy, wall, iterations, residual = min(frames(mesh, law, solver) for _ in range(RUNS))
+    busy, late, wall, iterations, residual = min(frames(mesh, law, solver) for _ in range(RUNS))
     label = solver if isinstance(solver, str) else solver.preconditioner
     ratio = "     -      -" if limit is None else f"{limit:6.1f}{busy / limit:7.2f}"
     print(
-        f"{name:13s}{len(mesh.cells):7d}  {type(law).__name__:12s}  {label:20s}{busy:11.2f}{wall:9.2f}"
+        f"{name:13s}{len(mesh.cells):7d}  {type(law).__name__:12s}  {label:20s}{busy:11.2f}{late:8.2f}{wall:9.2f}"
         f"{iterations:12.1f} {ratio}{residual:9.0e}"
     )
