@@ -151,8 +151,14 @@ impl Iterative {
         std::mem::replace(&mut self.settings.tolerance, tolerance)
     }
 
-    /// Takes a new tangent over; whether the preconditioner changed.
-    pub fn prepare(&mut self, tangent: &Tangent, shift: f64) -> Result<bool, FactorError> {
+    /// Takes a new tangent over; whether the preconditioner changed. With patches a change of it costs a solve for each of
+    /// their rows, so it is then not corrected for what has changed since it was made.
+    pub fn prepare(
+        &mut self,
+        tangent: &Tangent,
+        shift: f64,
+        has_patches: bool,
+    ) -> Result<bool, FactorError> {
         let shift = self.operand.take(tangent, shift)?;
         let (is_stale, is_formed) = (std::mem::take(&mut self.is_stale), self.is_formed());
         let renewed = match &mut self.inverse {
@@ -174,12 +180,13 @@ impl Iterative {
         if *renewed.as_ref().unwrap_or(&false) {
             (self.fresh_iterations, self.further_iterations) = (None, 0);
         }
-        Ok(renewed? | self.correct(shift))
+        Ok(renewed? | self.correct(shift, has_patches))
     }
 
     /// Whether what has changed since the preconditioner was made changes it now.
-    fn correct(&mut self, shift: f64) -> bool {
+    fn correct(&mut self, shift: f64, has_patches: bool) -> bool {
         match (&mut self.inverse, self.operand.values()) {
+            (Inverse::Lagged(inverse), _) if has_patches => inverse.forget_corrections(),
             (Inverse::Lagged(inverse), Ok(values)) => inverse.correct(values, shift),
             _ => false,
         }
@@ -196,7 +203,7 @@ impl Iterative {
             Inverse::BlockJacobi(_) | Inverse::IncompleteCholesky(_) => return None,
         };
         self.is_stale &= renewed.is_err();
-        Some(renewed.map(|is_renewed| is_renewed | self.correct(shift)))
+        Some(renewed)
     }
 
     /// The requested device.

@@ -183,6 +183,9 @@ impl Lagged {
         let mut is_renewed = false;
         if let Some(spare) = &mut self.spare {
             is_renewed = spare.collect(&mut self.current, &self.is_held);
+            if is_renewed {
+                self.local.clear();
+            }
             if self.is_usable {
                 spare.is_wanted |= is_stale;
                 spare.order(&self.current, values, shift);
@@ -191,6 +194,7 @@ impl Lagged {
         }
         if is_stale || !self.is_usable {
             self.is_usable = false;
+            self.local.clear();
             self.current.factorize(values, shift)?;
             (self.is_usable, is_renewed) = (true, true);
         }
@@ -202,6 +206,11 @@ impl Lagged {
         let Lagged { current, is_held, local, .. } = self;
         let given = Constrained { pattern: &current.pattern.blocks, values, shift, is_held };
         local.update(given, &current.diagonal)
+    }
+
+    /// Leaves the factor as it was made; whether that changes the inverse.
+    pub fn forget_corrections(&mut self) -> bool {
+        self.local.clear()
     }
 
     /// After a fresh factor took too many iterations, the next one is in double precision.

@@ -54,8 +54,7 @@ impl Local {
     /// Finds the nodes whose own blocks are far from those `then`, and inverts the matrix on them; whether there are any,
     /// or were before.
     pub fn update(&mut self, given: Constrained<'_>, then: &[Block]) -> bool {
-        let had_any = !self.nodes.is_empty();
-        self.nodes.clear();
+        let had_any = self.clear();
         let blocks = (0..).zip(given.diagonal()).zip(then);
         let changed = blocks.filter(|((_, now), then)| has_changed(now, then));
         self.nodes.extend(changed.map(|((node, _), _)| node).take(MOST + 1));
@@ -63,6 +62,13 @@ impl Local {
             self.nodes.clear();
         }
         had_any || !self.nodes.is_empty()
+    }
+
+    /// Nothing counts as changed; whether anything did.
+    pub fn clear(&mut self) -> bool {
+        let had_any = !self.nodes.is_empty();
+        self.nodes.clear();
+        had_any
     }
 
     /// Whether the matrix is positive definite on the nodes.

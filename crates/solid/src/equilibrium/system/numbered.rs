@@ -84,7 +84,7 @@ impl Numbered {
 
     fn prepare_ordered(&mut self, tangent: &Tangent, shift: f64) -> Result<(), FactorError> {
         let Numbered { iterative, border, .. } = self;
-        let mut renewed = iterative.prepare(tangent, shift);
+        let mut renewed = iterative.prepare(tangent, shift, !border.is_empty());
         // Whether the steps that the border leaves are stable is for the iterations to say, and not for a
         // preconditioner that knows nothing of the border.
         let mut lift = 0.0;
