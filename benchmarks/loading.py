@@ -14,26 +14,15 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import sys
 import zlib
-from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter
 
 from machine import ROOT, describe
+from timing import least
 
 import viscera as vs
 
 RUNS = 7
 MEGABYTES, LIMIT = 91, 0.5  # [s]
-
-
-def least(work: Callable[[], object]) -> float:
-    """Seconds of the fastest of some runs."""
-    times = []
-    for _ in range(RUNS):
-        began = perf_counter()
-        work()
-        times.append(perf_counter() - began)
-    return min(times)
 
 
 def main(path: Path) -> None:
@@ -46,7 +35,7 @@ def main(path: Path) -> None:
     print(f"a model of {size:.0f} MB       time [s]   for {MEGABYTES} MB   over {LIMIT} s")
     ways = {"loaded": lambda: vs.load(path), "CRC-32 by zlib": lambda: zlib.crc32(data), "read": path.read_bytes}
     for name, work in ways.items():
-        seconds = least(work)
+        seconds = least(work, RUNS)
         scaled = seconds * MEGABYTES / size
         print(f"{name:20} {seconds:12.3f} {scaled:11.3f} {scaled / LIMIT:12.2f}", flush=True)
 

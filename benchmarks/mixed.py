@@ -12,13 +12,12 @@ import os
 
 os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 from machine import describe
 from numpy.typing import NDArray
+from timing import least
 
 import viscera as vs
 from viscera._core import Factor
@@ -137,24 +136,18 @@ class System:
         return iterations
 
 
-def least(work: Callable[[], object]) -> float:
-    """Milliseconds of the fastest of some runs."""
-    times = []
-    for _ in range(RUNS):
-        began = perf_counter()
-        work()
-        times.append(1e3 * (perf_counter() - began))
-    return min(times)
-
-
 def solved(case: Case, kind: str, is_mixed: bool) -> Floats:
     """A line of the table; the displacement (3 n,)."""
     system = System(case, is_mixed)
     factor = Factor(kind, *system.pattern)
     iterations = system.solve(factor)
     values, rhs, _ = system.linear(1.0)
-    analysis = least(lambda: Factor(kind, *system.pattern))
-    times = (analysis, least(lambda: factor.factorize(values)), least(lambda: factor.solve(rhs)))
+    work = (
+        lambda: Factor(kind, *system.pattern),
+        lambda: factor.factorize(values),
+        lambda: factor.solve(rhs),
+    )
+    times = [1e3 * least(part, RUNS) for part in work]
     print(
         f"{case.name:8s}{kind:10s}{len(system.free):9d}{len(values):10d}{factor.fill:10d}{factor.negative:10d}"
         + "".join(f"{time:10.2f}" for time in times)

@@ -22,6 +22,7 @@ import numpy as np
 from machine import describe
 from numpy.typing import NDArray
 from scipy import sparse
+from timing import least
 
 import viscera as vs
 from viscera._core import Factor
@@ -80,16 +81,6 @@ def tangent(graph: Graph) -> sparse.csr_array:
     return sparse.csr_array(whole + sparse.diags_array(abs(whole).sum(axis=1)))
 
 
-def least(work: Callable[[], object]) -> float:
-    """Processor time of the fastest of some runs [s]."""
-    times = []
-    for _ in range(RUNS):
-        began = process_time()
-        work()
-        times.append(process_time() - began)
-    return min(times)
-
-
 def ours(graph: Graph) -> tuple[float, NDArray[np.integer]]:
     """Time of the analysis [s], and the nodes in the order of elimination."""
     upper = sparse.triu(tangent(graph), format="csc")
@@ -97,7 +88,7 @@ def ours(graph: Graph) -> tuple[float, NDArray[np.integer]]:
     start, row = upper.indptr.astype(np.uint32), upper.indices.astype(np.uint32)
     order = Factor("cholesky", start, row).order
     assert np.array_equal(order[0::3] + 1, order[1::3]), "the rows of a node are eliminated one after the other"
-    return least(lambda: Factor("cholesky", start, row)), order[::3] // 3
+    return least(lambda: Factor("cholesky", start, row), RUNS, process_time), order[::3] // 3
 
 
 def time_of_pardiso() -> Callable[[Graph], float] | None:
@@ -117,7 +108,7 @@ def time_of_pardiso() -> Callable[[Graph], float] | None:
             solver.free_memory(everything=True)
 
         analyze()  # loads the library
-        return least(analyze)
+        return least(analyze, RUNS, process_time)
 
     return measure
 

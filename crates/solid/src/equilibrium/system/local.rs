@@ -1,5 +1,5 @@
 //! A preconditioner made better where the matrix is no longer the one that it was made from. A tool that comes, slides
-//! or goes changes the stiffness of the few nodes under it by many times; all else hardly changes.
+//! or goes changes the stiffness of the few nodes under it by a tenth to several times; all else hardly changes.
 //!
 //! With `S = Rᵀ (R A Rᵀ)⁻¹ R`, exact on these nodes, before and after the old inverse `L`:
 //!   M⁻¹ = S + (1 - S A) L (1 - A S),
