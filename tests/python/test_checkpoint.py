@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera.checkpoint import Checkpoint
+from viscera.checkpoint import RECORD, Checkpoint
 
 SETTINGS: dict[str, Any] = {"order": 3, "depth": 0.03, "radius": 0.06}
 
@@ -153,12 +153,18 @@ order = 2
 """
 
 
+def has_batch(kept: bytes) -> bool:
+    """Whether the first record is there to its end."""
+    _, _, records = kept.partition(b"\n")
+    return len(records) >= RECORD.size and len(records) >= RECORD.size + RECORD.unpack_from(records)[0]
+
+
 def start(folder: Path) -> subprocess.Popen[str]:
-    """`viscera reduce` on the built-in liver, with some batches finished."""
+    """`viscera reduce` on the built-in liver, with a batch finished."""
     words = [sys.executable, "-m", "viscera", "reduce", "liver.toml", "-o", "liver.viscera"]
     work = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     kept, end = folder / "liver.viscera.batches", time.monotonic() + 300.0
-    while not (kept.exists() and kept.stat().st_size > 1000):
+    while not (kept.exists() and has_batch(kept.read_bytes())):
         assert time.monotonic() < end
         assert work.poll() is None, work.communicate()
         time.sleep(0.02)
