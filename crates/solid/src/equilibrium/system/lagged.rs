@@ -3,7 +3,7 @@
 //! second thread, that makes the next factor while frames go on with the last.
 
 use super::factor::TangentFactor;
-use super::local::{Block, Constrained, Local};
+use super::local_correction::{Block, Constrained, LocalCorrection};
 use crate::body::BlockPattern;
 use crate::linear::FactorError;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -94,7 +94,7 @@ pub(super) struct Lagged {
     is_held: Vec<bool>,
     spare: Option<Spare>,
     /// What has changed much since the factor in use was made.
-    local: Local,
+    correction: LocalCorrection,
 }
 
 /// The second factor.
@@ -145,7 +145,7 @@ impl Lagged {
             is_usable: false,
             is_held: vec![false; n_dofs],
             spare: None,
-            local: Local::default(),
+            correction: LocalCorrection::default(),
         })
     }
 
@@ -184,7 +184,7 @@ impl Lagged {
         if let Some(spare) = &mut self.spare {
             is_renewed = spare.collect(&mut self.current, &self.is_held);
             if is_renewed {
-                self.local.clear();
+                self.correction.clear();
             }
             if self.is_usable {
                 spare.is_wanted |= is_stale;
@@ -194,7 +194,7 @@ impl Lagged {
         }
         if is_stale || !self.is_usable {
             self.is_usable = false;
-            self.local.clear();
+            self.correction.clear();
             self.current.factorize(values, shift)?;
             (self.is_usable, is_renewed) = (true, true);
         }
@@ -203,14 +203,14 @@ impl Lagged {
 
     /// Inverts anew what this tangent has changed much since the factor was made; whether that changes the inverse.
     pub fn correct(&mut self, values: &[f64], shift: f64) -> bool {
-        let Lagged { current, is_held, local, .. } = self;
+        let Lagged { current, is_held, correction, .. } = self;
         let given = Constrained { pattern: &current.pattern.blocks, values, shift, is_held };
-        local.update(given, &current.diagonal)
+        correction.update(given, &current.diagonal)
     }
 
     /// Leaves the factor as it was made; whether that changes the inverse.
     pub fn forget_corrections(&mut self) -> bool {
-        self.local.clear()
+        self.correction.clear()
     }
 
     /// After a fresh factor took too many iterations, the next one is in double precision.
@@ -221,8 +221,8 @@ impl Lagged {
 
     /// `z = M⁻¹ r`; zero on what is held, also while the factor still stems from another grasp.
     pub fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        let Lagged { current, is_held, local, .. } = self;
-        local.apply(r, z, |r, z| {
+        let Lagged { current, is_held, correction, .. } = self;
+        correction.apply(r, z, |r, z| {
             z.fill(0.0);
             if current.solve(r, z).is_err() {
                 z.copy_from_slice(r);

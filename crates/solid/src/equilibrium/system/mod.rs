@@ -13,7 +13,7 @@ mod factor;
 mod indefinite;
 mod iterative;
 mod lagged;
-mod local;
+mod local_correction;
 mod numbered;
 mod operand;
 #[cfg(test)]

@@ -30,7 +30,7 @@ pub(super) struct Constrained<'a> {
 
 /// The nodes that have changed, what they are coupled with, and the inverse on them.
 #[derive(Default)]
-pub(super) struct Local {
+pub(super) struct LocalCorrection {
     /// Ascending.
     nodes: Vec<u32>,
     /// Of every node, which of these it is.
@@ -50,7 +50,7 @@ struct Coupling {
     block: Block,
 }
 
-impl Local {
+impl LocalCorrection {
     /// Finds the nodes whose own blocks are far from those `then`, and inverts the matrix on them; whether there are any,
     /// or were before.
     pub fn update(&mut self, given: Constrained<'_>, then: &[Block]) -> bool {
@@ -91,7 +91,7 @@ impl Local {
 
     /// The rows of the nodes, of a matrix that has its upper triangle alone.
     fn gather(&mut self, given: Constrained<'_>) {
-        let Local { nodes, places, rows, .. } = self;
+        let LocalCorrection { nodes, places, rows, .. } = self;
         places.clear();
         places.resize(given.is_held.len() / 3, None);
         (0..).zip(&*nodes).for_each(|(place, &node)| places[node as usize] = Some(place));
@@ -115,16 +115,16 @@ impl Local {
     }
 
     /// `z = M⁻¹ r`, given `L`.
-    pub fn apply(&mut self, r: &[f64], z: &mut [f64], mut old: impl FnMut(&[f64], &mut [f64])) {
+    pub fn apply(&mut self, r: &[f64], z: &mut [f64], mut inverse: impl FnMut(&[f64], &mut [f64])) {
         if self.nodes.is_empty() {
-            return old(r, z);
+            return inverse(r, z);
         }
         let before = self.solve(&self.restrict(r));
         let mut left = std::mem::take(&mut self.left);
         left.clear();
         left.extend_from_slice(r);
         self.subtract_product(&before, &mut left);
-        old(&left, z);
+        inverse(&left, z);
         self.left = left;
         let after = self.solve(&self.product(z));
         let moves = before.iter().zip(&after).map(|(before, after)| before - after);
@@ -230,7 +230,8 @@ mod tests {
     /// All of a matrix, from its rows.
     fn dense(given: Constrained<'_>) -> Mat<f64> {
         let n = given.is_held.len();
-        let mut all = Local { nodes: (0..n as u32 / 3).collect(), ..Local::default() };
+        let mut all =
+            LocalCorrection { nodes: (0..n as u32 / 3).collect(), ..LocalCorrection::default() };
         all.gather(given);
         Mat::from_fn(n, n, |row, column| {
             let is_here =
@@ -250,7 +251,7 @@ mod tests {
     }
 
     /// `M⁻¹` of `local` with the inverse of `old`, column by column.
-    fn corrected(local: &mut Local, old: &Mat<f64>) -> Mat<f64> {
+    fn corrected(local: &mut LocalCorrection, old: &Mat<f64>) -> Mat<f64> {
         let (old, n) = (old.llt(Side::Lower).unwrap(), old.nrows());
         let mut inverse = Mat::<f64>::zeros(n, n);
         for column in 0..n {
@@ -276,13 +277,14 @@ mod tests {
         for (then, now) in [(&soft, &stiff), (&stiff, &soft)] {
             let (then, now) = (constrained(then, &is_held), constrained(now, &is_held));
             let known: Vec<Block> = then.diagonal().collect();
-            let mut local = Local::default();
+            let mut local = LocalCorrection::default();
             assert!(local.update(now, &known));
             assert_eq!(local.nodes, STIFF);
             let inverse = corrected(&mut local, &dense(then));
             let skew = (&inverse - inverse.transpose()).norm_max();
             assert!(skew < 1e-12 * inverse.norm_max(), "{skew}");
-            let without = range(&corrected(&mut Local::default(), &dense(then)), &dense(now));
+            let without =
+                range(&corrected(&mut LocalCorrection::default(), &dense(then)), &dense(now));
             let with = range(&inverse, &dense(now));
             assert!(with.0 > 0.0 && without.1 / without.0 > 100.0, "{without:?}");
             assert!(with.1 / with.0 < 0.1 * without.1 / without.0, "{with:?} {without:?}");
@@ -299,9 +301,9 @@ mod tests {
         let mut now = then.clone();
         let position = now.pattern().position(30, 30).unwrap();
         now.add(position, &[-1e6, 0.0, 0.0, 0.0, -1e6, 0.0, 0.0, 0.0, -1e6]);
-        assert!(!Local::default().update(constrained(&now, &is_held), &known));
+        assert!(!LocalCorrection::default().update(constrained(&now, &is_held), &known));
         let tiny = vec![[0.0; 9]; MOST + 1];
         assert!(known.len() > MOST);
-        assert!(!Local::default().update(constrained(&then, &is_held), &tiny));
+        assert!(!LocalCorrection::default().update(constrained(&then, &is_held), &tiny));
     }
 }
