@@ -20,6 +20,8 @@ pub struct Cholesky<T: Precision = f64> {
     factor: Vec<T>,
     elimination: Elimination<T>,
     is_factorized: bool,
+    /// Fronts of the factor in hand that are done.
+    done: usize,
 }
 
 /// How the factor is computed.
@@ -62,7 +64,7 @@ impl<T: Precision> Cholesky<T> {
             Elimination::Fronts(Fronts::new(&analysis.supernodes, &analysis.lower)?)
         };
         let factor = zeros(analysis.supernodes.len_val())?;
-        Ok(Self { analysis, factor, elimination, is_factorized: false })
+        Ok(Self { analysis, factor, elimination, is_factorized: false, done: 0 })
     }
 
     /// The caller's row eliminated at each step.
@@ -86,6 +88,39 @@ impl<T: Precision> Cholesky<T> {
         self.is_factorized = false;
         self.analysis.load_placed(values)?;
         self.eliminate()
+    }
+
+    /// Takes the values of a factor that [`Cholesky::factorize_part`] makes, and forgets the one before.
+    ///
+    /// # Errors
+    /// Values that are not finite.
+    pub fn begin_placed(&mut self, values: impl Iterator<Item = f64>) -> Result<(), FactorError> {
+        (self.is_factorized, self.done) = (false, 0);
+        self.analysis.load_placed(values)
+    }
+
+    /// Does so many multiplications of the factor that was begun, about; returns whether it is complete. A factor that
+    /// faer makes is made at once.
+    ///
+    /// # Errors
+    /// Those of [`Factorization::factorize`].
+    pub fn factorize_part(&mut self, work: f64) -> Result<bool, FactorError> {
+        let Elimination::Fronts(fronts) = &mut self.elimination else {
+            return self.eliminate().map(|()| true);
+        };
+        let values = self.analysis.values();
+        match fronts.factorize_part(&mut self.done, work, values, &mut self.factor) {
+            Ok(false) => Ok(false),
+            whole => self.judge(whole.map(|_| ())).map(|()| true),
+        }
+    }
+
+    /// Multiplications of a factor, about; none if it cannot be made in parts.
+    pub fn work(&self) -> Option<f64> {
+        match &self.elimination {
+            Elimination::Fronts(fronts) => Some(fronts.work()),
+            Elimination::Shared(_) => None,
+        }
     }
 
     /// Room for [`Cholesky::solve_column`].
@@ -120,7 +155,7 @@ impl<T: Precision> Cholesky<T> {
 
     fn eliminate(&mut self) -> Result<(), FactorError> {
         let analysis = &self.analysis;
-        match &mut self.elimination {
+        let outcome = match &mut self.elimination {
             Elimination::Fronts(fronts) => fronts.factorize(analysis.values(), &mut self.factor),
             Elimination::Shared(memory) => factorize_supernodal_numeric_llt(
                 &mut self.factor,
@@ -133,8 +168,14 @@ impl<T: Precision> Cholesky<T> {
             )
             .map(|_| ())
             .map_err(|LltError::NonPositivePivot { index }| index),
-        }
-        .map_err(|step| FactorError::NotPositiveDefinite { row: analysis.row(step) })?;
+        };
+        self.judge(outcome)
+    }
+
+    /// Whether the factor is one: the step of a pivot that is not positive is given.
+    fn judge(&mut self, outcome: Result<(), usize>) -> Result<(), FactorError> {
+        let analysis = &self.analysis;
+        outcome.map_err(|step| FactorError::NotPositiveDefinite { row: analysis.row(step) })?;
         for (step, position) in analysis.pivots() {
             let pivot = self.factor[position] * self.factor[position];
             // Only an overflow can leave a NaN here.
@@ -251,6 +292,34 @@ mod tests {
         let mut cholesky = factorized(&first);
         cholesky.factorize(&second.values).unwrap();
         assert_eq!(solved(&cholesky, &b), solved(&factorized(&second), &b));
+    }
+
+    #[test]
+    fn a_factor_in_parts_is_the_factor_in_one_piece() {
+        let matrix = elastic_block(6, 5, 4);
+        let indefinite = matrix.clone().shifted(-1.0);
+        let b = load(matrix.pattern.n, 3);
+        let mut cholesky = factorized(&matrix);
+        let whole = solved(&cholesky, &b);
+        let entries: Vec<u32> = (0..matrix.values.len() as u32).collect();
+        let placed = cholesky.place(&entries);
+        let work = cholesky.work().unwrap();
+        for (values, least) in [(&indefinite.values, 1), (&matrix.values, 2)] {
+            let outcome = cholesky.factorize(values);
+            cholesky.begin_placed(placed.iter().map(|&e| values[e as usize])).unwrap();
+            let mut x = b.clone();
+            assert_eq!(Factorization::solve(&cholesky, &mut x, 1), Err(FactorError::NotFactorized));
+            let mut parts = 1;
+            let end = loop {
+                match cholesky.factorize_part(0.1 * work) {
+                    Ok(false) => parts += 1,
+                    end => break end,
+                }
+            };
+            assert_eq!(end.map(|_| ()), outcome);
+            assert!((least..=10).contains(&parts), "{parts}");
+        }
+        assert_eq!(solved(&cholesky, &b), whole);
     }
 
     #[test]

@@ -24,6 +24,8 @@ struct Run {
 
 /// One supernode: `pivots` columns of `pivots + below` rows, and the square of what is left to the parent.
 struct Front {
+    /// Its first row.
+    first: usize,
     pivots: usize,
     below: usize,
     /// Its columns in the factor.
@@ -41,6 +43,8 @@ struct Front {
 /// The fronts of a matrix in elimination order, and room for what they leave to each other.
 pub(super) struct Fronts<T> {
     fronts: Vec<Front>,
+    /// Multiplications of all fronts up to each.
+    work: Vec<f64>,
     /// Children of all fronts, one front after the other.
     children: Vec<usize>,
     /// Where in the factor each value of the matrix belongs.
@@ -87,6 +91,7 @@ impl<T: Precision> Fronts<T> {
             let runs = parents[s].map_or(Vec::new(), |parent| runs(symbolic, s, parent));
             let parent_pivots = parents[s].map_or(0, |parent| shape(symbolic, parent).1);
             fronts.push(Front {
+                first,
                 pivots,
                 below,
                 columns: offset(s)..offset(s + 1),
@@ -98,7 +103,13 @@ impl<T: Precision> Fronts<T> {
             });
         }
         let left = [zeros(highest[0])?, zeros(highest[1])?];
-        Ok(Self { home: home(symbolic, lower), fronts, children, is_odd, left })
+        let mut sum = 0.0;
+        let work = fronts.iter().map(|front| {
+            sum += front.pivots as f64 * ((front.pivots + front.below) as f64).powi(2);
+            sum
+        });
+        let work = work.collect();
+        Ok(Self { home: home(symbolic, lower), fronts, work, children, is_odd, left })
     }
 
     /// Factorises the matrix with these values, those of its lower triangle by columns. What is above the diagonal in
@@ -107,7 +118,32 @@ impl<T: Precision> Fronts<T> {
     /// # Errors
     /// The first step whose pivot is not positive.
     pub fn factorize(&mut self, matrix: &[T], factor: &mut [T]) -> Result<(), usize> {
-        dispatch_wide(Elimination { fronts: self, matrix, factor })
+        dispatch_wide(Elimination { range: 0..self.fronts.len(), fronts: self, matrix, factor })
+    }
+
+    /// Multiplications of a factor, about.
+    pub fn work(&self) -> f64 {
+        self.work.last().copied().unwrap_or(0.0)
+    }
+
+    /// [`factorize`](Self::factorize) in parts: those fronts that are next and take so many multiplications together, at
+    /// least one. The number of fronts that are done is 0 at first; returns whether these were the last.
+    ///
+    /// # Errors
+    /// Those of [`factorize`](Self::factorize).
+    pub fn factorize_part(
+        &mut self,
+        done: &mut usize,
+        work: f64,
+        matrix: &[T],
+        factor: &mut [T],
+    ) -> Result<bool, usize> {
+        let before = done.checked_sub(1).map_or(0.0, |last| self.work[last]);
+        let enough = self.work.partition_point(|&sum| sum < before + work) + 1;
+        let range = *done..enough.clamp(*done, self.fronts.len());
+        *done = range.end;
+        dispatch_wide(Elimination { fronts: self, matrix, factor, range })?;
+        Ok(*done == self.fronts.len())
     }
 
     #[inline(always)]
@@ -179,6 +215,7 @@ struct Elimination<'a, T> {
     fronts: &'a mut Fronts<T>,
     matrix: &'a [T],
     factor: &'a mut [T],
+    range: Range<usize>,
 }
 
 impl<T: Precision> WideKernel for Elimination<'_, T> {
@@ -186,11 +223,10 @@ impl<T: Precision> WideKernel for Elimination<'_, T> {
 
     #[inline(always)]
     fn run<const BITS: usize>(self) -> Self::Output {
-        let Elimination { fronts, matrix, factor } = self;
-        let mut first = 0;
-        for s in 0..fronts.fronts.len() {
+        let Elimination { fronts, matrix, factor, range } = self;
+        for s in range {
+            let first = fronts.fronts[s].first;
             fronts.front::<BITS>(s, matrix, factor).map_err(|pivot| first + pivot)?;
-            first += fronts.fronts[s].pivots;
         }
         Ok(())
     }

@@ -62,6 +62,22 @@ impl<T: Precision> TangentFactor<T> {
         self.cholesky.factorize_placed(self.values.iter().copied()).map_err(|e| self.in_dofs(e))
     }
 
+    /// Takes the tangent of a factor that [`TangentFactor::factorize_part`] makes.
+    pub fn begin(&mut self, values: &[f64], shift: f64) -> Result<(), FactorError> {
+        self.load(values, shift);
+        self.cholesky.begin_placed(self.values.iter().copied())
+    }
+
+    /// Does so many multiplications of the factor; returns whether it is complete.
+    pub fn factorize_part(&mut self, work: f64) -> Result<bool, FactorError> {
+        self.cholesky.factorize_part(work).map_err(|e| self.in_dofs(e))
+    }
+
+    /// Multiplications of a factor; none if it cannot be made in parts.
+    pub fn work(&self) -> Option<f64> {
+        self.cholesky.work()
+    }
+
     /// The matrix that is factorised for these values and `shift`, in elimination order.
     fn load(&mut self, values: &[f64], shift: f64) {
         for (value, &position) in self.values.iter_mut().zip(&self.positions) {

@@ -57,6 +57,8 @@ pub(super) struct Iterative {
     fresh_iterations: Option<usize>,
     /// Iterations beyond that number since then.
     further_iterations: usize,
+    /// The least that a solve has taken, one or more.
+    fewest_iterations: usize,
     workspace: Workspace,
     residual: Vec<f64>,
     correction: Vec<f64>,
@@ -102,6 +104,7 @@ impl Iterative {
             is_stale: true,
             fresh_iterations: None,
             further_iterations: 0,
+            fewest_iterations: usize::MAX,
             workspace: Workspace::new(n_dofs),
             residual: vec![0.0; n_dofs],
             correction: vec![0.0; n_dofs],
@@ -126,6 +129,7 @@ impl Iterative {
             Inverse::Lagged(lagged) => lagged.hold(is_held),
             Inverse::Multigrid(multigrid) => multigrid.hold(is_held),
         }
+        self.fewest_iterations = usize::MAX;
         // The last step moved what is held now, or left alone what is free.
         self.last.fill(0.0);
         self.is_stale = true;
@@ -360,18 +364,23 @@ impl Iterative {
             lagged.distrust();
         }
         self.further_iterations += solved.iterations.saturating_sub(fresh);
-        let most = match &self.inverse {
+        self.fewest_iterations = self.fewest_iterations.min(solved.iterations.max(1));
+        let is_slow = match &mut self.inverse {
             // A new hierarchy takes the time of so many iterations.
-            Inverse::Multigrid(_) => fresh + MAKING,
-            _ => 2 * fresh + 2,
-        };
-        let repays = match &self.inverse {
-            Inverse::Lagged(lagged) => {
-                lagged.is_renewed_beside() || self.further_iterations > REPAID
+            Inverse::Multigrid(_) => solved.iterations > fresh + MAKING,
+            // Begun in time: meanwhile iterations grow.
+            Inverse::Lagged(lagged) if lagged.is_renewed_in_parts() => {
+                if !solved.is_complete || solved.iterations > self.fewest_iterations + REPAID {
+                    lagged.abandon();
+                }
+                solved.iterations > self.fewest_iterations + 1
             }
-            _ => true,
+            Inverse::Lagged(lagged) if !lagged.is_renewed_beside() => {
+                solved.iterations > 2 * fresh + 2 && self.further_iterations > REPAID
+            }
+            _ => solved.iterations > 2 * fresh + 2,
         };
-        self.is_stale |= !solved.is_complete || solved.iterations > most && repays;
+        self.is_stale |= !solved.is_complete || is_slow;
     }
 }
 

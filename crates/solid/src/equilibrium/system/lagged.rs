@@ -1,14 +1,22 @@
 //! The Cholesky factor of an earlier tangent as a preconditioner: from one frame to the next the tangent changes so
-//! little that a few iterations make up for it, and for single precision, too. Where frames ask for it and there is a
-//! second thread, that makes the next factor while frames go on with the last.
+//! little that a few iterations make up for it, and for single precision, too. Where frames ask for it, the next factor is
+//! made while they go on with the last: by a second thread if there is one, else a part with every tangent.
+
+mod spare;
 
 use super::factor::TangentFactor;
 use super::local_correction::{Block, Constrained, LocalCorrection};
 use crate::body::BlockPattern;
 use crate::linear::FactorError;
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
+use spare::Spare;
+use std::sync::Arc;
+
+/// Parts of a factor that is made while frames go on. With fewer of them each frame takes longer, with more the factor is
+/// old when it comes into use.
+const PARTS: f64 = 16.0;
+
+/// Multiplications of a factor that is made in one piece, since that takes but a few milliseconds.
+const SMALL: f64 = 1e8;
 
 /// A factor in single precision, or in double where the body asks for it: a tangent whose softest motion is beyond the
 /// seven digits of the one has a factor in the other.
@@ -24,6 +32,13 @@ struct LaggedFactor {
     wants_double: bool,
     /// Each node's own block of the tangent that the last factor was made from.
     diagonal: Vec<Block>,
+}
+
+/// What to factorise: the values of a tangent, and a shift of its diagonal.
+#[derive(Clone, Copy)]
+struct Goal<V> {
+    values: V,
+    shift: f64,
 }
 
 /// What factors are made for.
@@ -57,15 +72,52 @@ impl LaggedFactor {
 
     /// # Errors
     /// Those of double precision: what single precision does not tell from an indefinite tangent may well be definite.
-    fn factorize(&mut self, values: &[f64], shift: f64) -> Result<(), FactorError> {
+    fn factorize(&mut self, goal: Goal<&[f64]>) -> Result<(), FactorError> {
+        self.remember(goal);
+        if !self.wants_double && self.single.factorize(goal.values, goal.shift).is_ok() {
+            self.is_double = false;
+            return Ok(());
+        }
+        self.factorize_double(goal)
+    }
+
+    /// The first or the next part of [`factorize`](Self::factorize); returns whether it was the last. A factor in double
+    /// precision is made in one piece.
+    ///
+    /// # Errors
+    /// Those of [`factorize`](Self::factorize).
+    fn factorize_part(
+        &mut self,
+        goal: Goal<&[f64]>,
+        is_first: bool,
+        work: f64,
+    ) -> Result<bool, FactorError> {
+        if is_first {
+            self.remember(goal);
+        }
+        if !self.wants_double {
+            let single = &mut self.single;
+            let begun = if is_first { single.begin(goal.values, goal.shift) } else { Ok(()) };
+            if let Ok(is_last) = begun.and_then(|()| single.factorize_part(work)) {
+                self.is_double = false;
+                return Ok(is_last);
+            }
+        }
+        self.factorize_double(goal).map(|()| true)
+    }
+
+    /// Keeps what tells later where the tangent has changed.
+    fn remember(&mut self, Goal { values, shift }: Goal<&[f64]>) {
         let LaggedFactor { pattern, is_held, diagonal, .. } = self;
         let given = Constrained { pattern: &pattern.blocks, values, shift, is_held };
         diagonal.clear();
         diagonal.extend(given.diagonal());
-        if !self.wants_double && self.single.factorize(values, shift).is_ok() {
-            self.is_double = false;
-            return Ok(());
-        }
+    }
+
+    fn factorize_double(
+        &mut self,
+        Goal { values, shift }: Goal<&[f64]>,
+    ) -> Result<(), FactorError> {
         let double = match &mut self.double {
             Some(double) => double,
             none => {
@@ -97,46 +149,6 @@ pub(super) struct Lagged {
     correction: LocalCorrection,
 }
 
-/// The second factor.
-struct Spare {
-    factor: SecondFactor,
-    worker: Worker,
-    /// What is held has changed since the factor went out: it comes home useless.
-    is_outdated: bool,
-    /// A new factor is asked for.
-    is_wanted: bool,
-}
-
-/// Where the second factor is.
-enum SecondFactor {
-    /// Nobody needed it yet: it takes as much analysis and memory as the first.
-    Unmade,
-    Idle(Box<LaggedFactor>),
-    /// With the worker.
-    WithWorker,
-}
-
-/// A factor to renew, or to make, with the values of the tangent and the shift.
-struct Order {
-    factor: Option<Box<LaggedFactor>>,
-    pattern: Arc<FactorPattern>,
-    is_held: Vec<bool>,
-    wants_double: bool,
-    values: Vec<f64>,
-    shift: f64,
-}
-
-/// The factor come back, and whether it is of use; an error alone where none could be made.
-type Done = Result<(Box<LaggedFactor>, Result<(), FactorError>), FactorError>;
-
-/// A thread that factorises what it is sent, and ends when nothing more can come.
-struct Worker {
-    orders: Option<Sender<Order>>,
-    /// Behind a lock only so that a stepper may be shared between threads; it is never contended.
-    done: Mutex<Receiver<Done>>,
-    thread: Option<JoinHandle<()>>,
-}
-
 impl Lagged {
     pub fn new(blocks: &BlockPattern, free: &[u32], n_dofs: usize) -> Result<Self, FactorError> {
         let pattern = Arc::new(FactorPattern { blocks: blocks.clone(), free: free.to_vec() });
@@ -149,27 +161,44 @@ impl Lagged {
         })
     }
 
-    /// Renews the factor on a second thread from now on, if there is one, while the last one stays in use.
+    /// Renews the factor while the last one stays in use from now on: on a second thread if there is one, else in parts,
+    /// unless the factor is small.
     pub fn renew_beside(&mut self) {
+        if self.spare.is_some() {
+            return;
+        }
         if rayon::current_num_threads() > 1 {
-            self.spare.get_or_insert_with(Spare::new);
+            self.spare = Some(Spare::beside());
+        } else if let Some(work) = self.current.single.work()
+            && work > SMALL
+        {
+            self.renew_in_parts(work / PARTS);
+        }
+    }
+
+    /// The second factor is made at once, since its analysis would be a long frame. If there is no memory for it,
+    /// renewals go on in one piece.
+    fn renew_in_parts(&mut self, work: f64) {
+        if let Ok(factor) = LaggedFactor::new(&self.current.pattern, self.is_held.len()) {
+            self.spare = Some(Spare::in_parts(Box::new(factor), work));
         }
     }
 
     /// Whether nothing waits for a renewal.
     pub fn is_renewed_beside(&self) -> bool {
-        self.spare.is_some()
+        self.spare.as_ref().is_some_and(Spare::has_thread)
+    }
+
+    /// Whether a renewal takes several solves.
+    pub fn is_renewed_in_parts(&self) -> bool {
+        self.spare.as_ref().is_some_and(|spare| !spare.has_thread())
     }
 
     pub fn hold(&mut self, is_held: &[bool]) {
         self.is_held.copy_from_slice(is_held);
         self.current.hold(is_held);
         if let Some(spare) = &mut self.spare {
-            match &mut spare.factor {
-                SecondFactor::Unmade => {}
-                SecondFactor::Idle(factor) => factor.hold(is_held),
-                SecondFactor::WithWorker => spare.is_outdated = true,
-            }
+            spare.hold(is_held);
         }
     }
 
@@ -180,22 +209,25 @@ impl Lagged {
         shift: f64,
         is_stale: bool,
     ) -> Result<bool, FactorError> {
-        let mut is_renewed = false;
+        let (mut is_renewed, goal) = (false, Goal { values, shift });
         if let Some(spare) = &mut self.spare {
             is_renewed = spare.collect(&mut self.current, &self.is_held);
             if is_renewed {
                 self.correction.clear();
             }
             if self.is_usable {
-                spare.is_wanted |= is_stale;
-                spare.order(&self.current, values, shift);
+                // What was stale is no longer in use.
+                spare.order(&self.current, goal, is_stale && !is_renewed);
                 return Ok(is_renewed);
             }
         }
         if is_stale || !self.is_usable {
             self.is_usable = false;
             self.correction.clear();
-            self.current.factorize(values, shift)?;
+            if let Some(spare) = &mut self.spare {
+                spare.stop();
+            }
+            self.current.factorize(goal)?;
             (self.is_usable, is_renewed) = (true, true);
         }
         Ok(is_renewed)
@@ -211,6 +243,11 @@ impl Lagged {
     /// Leaves the factor as it was made; whether that changes the inverse.
     pub fn forget_corrections(&mut self) -> bool {
         self.correction.clear()
+    }
+
+    /// The factor in use is of so little use that the next tangent has its own made at once.
+    pub fn abandon(&mut self) {
+        self.is_usable = false;
     }
 
     /// After a fresh factor took too many iterations, the next one is in double precision.
@@ -234,99 +271,73 @@ impl Lagged {
     }
 }
 
-impl Spare {
-    fn new() -> Self {
-        Spare {
-            factor: SecondFactor::Unmade,
-            worker: Worker::start(),
-            is_outdated: false,
-            is_wanted: false,
-        }
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Body;
+    use crate::law::Material;
+    use crate::mesh::samples::{block, noise};
 
-    /// Exchanges the factors if the worker has finished.
-    fn collect(&mut self, current: &mut Box<LaggedFactor>, is_held: &[bool]) -> bool {
-        let Ok(done) = self.worker.done.get_mut() else {
-            return false;
+    /// A factor and its solutions are those of the last tangent until all parts of the next are made; what is held
+    /// meanwhile sends it back to its beginning, and a factor made at once puts an end to it.
+    #[test]
+    fn a_factor_made_in_parts_comes_into_use_whole() {
+        let (points, cells) = block([5, 3, 2], [0.5, 0.3, 0.2]);
+        let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
+        let body = Body::new(points, cells, material).unwrap();
+        let n = body.n_dofs();
+        let is_fixed = |dof: u32| body.points()[dof as usize / 3][0] == 0.0;
+        let free: Vec<u32> = (0..n as u32).filter(|&dof| !is_fixed(dof)).collect();
+        let tangent = |seed: u64| {
+            let u: Vec<f64> = noise(n, seed).iter().map(|u| 0.001 * u).collect();
+            let mut tangent = body.zero_tangent();
+            body.internal_force_and_tangent(&u, &mut vec![0.0; n], &mut tangent);
+            tangent.values().to_vec()
         };
-        let Ok(done) = done.try_recv() else {
-            return false;
+        let (first, second) = (tangent(1), tangent(2));
+        let mut load = noise(n, 3);
+        (0..n as u32).filter(|&dof| is_fixed(dof)).for_each(|dof| load[dof as usize] = 0.0);
+        let solved = |lagged: &mut Lagged| {
+            let mut x = vec![0.0; n];
+            lagged.apply(&load, &mut x);
+            x
         };
-        let Ok((mut factor, outcome)) = done else {
-            self.factor = SecondFactor::Unmade;
-            return false;
+        let whole = |values: &[f64], held: &[bool]| {
+            let mut lagged = Lagged::new(body.pattern(), &free, n).unwrap();
+            lagged.hold(held);
+            lagged.renew(values, 0.0, true).unwrap();
+            solved(&mut lagged)
         };
-        let is_outdated = std::mem::take(&mut self.is_outdated);
-        let is_good = outcome.is_ok() && !is_outdated;
-        if is_good {
-            std::mem::swap(&mut factor, current);
-        }
-        factor.hold(is_held);
-        self.is_wanted |= is_outdated;
-        self.factor = SecondFactor::Idle(factor);
-        is_good
-    }
+        let (none, mut some) = (vec![false; n], vec![false; n]);
+        some[30..33].fill(true);
+        let (before, after) = (whole(&first, &none), whole(&second, &none));
 
-    /// Sends the spare factor out, or has it made, if one is wanted and it is not out already.
-    fn order(&mut self, current: &LaggedFactor, values: &[f64], shift: f64) {
-        if !self.is_wanted || matches!(self.factor, SecondFactor::WithWorker) {
-            return;
+        let mut lagged = Lagged::new(body.pattern(), &free, n).unwrap();
+        lagged.renew_in_parts(0.3 * lagged.current.single.work().unwrap());
+        assert!(lagged.renew(&first, 0.0, true).unwrap(), "the first one is made at once");
+        let mut tangents = 0;
+        while !lagged.renew(&second, 0.0, true).unwrap() {
+            assert_eq!(solved(&mut lagged), before);
+            tangents += 1;
         }
-        if let Some(orders) = &self.worker.orders {
-            let factor = match std::mem::replace(&mut self.factor, SecondFactor::WithWorker) {
-                SecondFactor::Idle(factor) => Some(factor),
-                SecondFactor::Unmade | SecondFactor::WithWorker => None,
-            };
-            // A worker that is gone leaves the factor in use as it is.
-            let _ = orders.send(Order {
-                factor,
-                pattern: current.pattern.clone(),
-                is_held: current.is_held.clone(),
-                wants_double: current.wants_double,
-                values: values.to_vec(),
-                shift,
-            });
-            self.is_wanted = false;
+        assert!((2..=5).contains(&tangents), "{tangents}");
+        assert_eq!(solved(&mut lagged), after);
+        for _ in 0..6 {
+            assert!(!lagged.renew(&second, 0.0, false).unwrap(), "no other was asked for");
         }
-    }
-}
 
-impl Order {
-    fn carry_out(self) -> Done {
-        let mut factor = match self.factor {
-            Some(factor) => factor,
-            None => {
-                let mut made = LaggedFactor::new(&self.pattern, self.is_held.len())?;
-                made.hold(&self.is_held);
-                Box::new(made)
-            }
-        };
-        factor.wants_double |= self.wants_double;
-        let outcome = factor.factorize(&self.values, self.shift);
-        Ok((factor, outcome))
-    }
-}
+        assert!(!lagged.renew(&first, 0.0, true).unwrap());
+        assert!(!lagged.renew(&first, 0.0, false).unwrap());
+        lagged.hold(&some);
+        let again = (0..6).position(|_| lagged.renew(&first, 0.0, false).unwrap());
+        assert!(again.is_some_and(|count| count >= 2), "{again:?}");
+        assert_eq!(solved(&mut lagged), whole(&first, &some));
 
-impl Worker {
-    fn start() -> Self {
-        let (orders, incoming) = channel::<Order>();
-        let (outgoing, done) = channel();
-        let thread = std::thread::spawn(move || {
-            for order in incoming {
-                if outgoing.send(order.carry_out()).is_err() {
-                    break;
-                }
-            }
-        });
-        Worker { orders: Some(orders), done: Mutex::new(done), thread: Some(thread) }
-    }
-}
-
-impl Drop for Worker {
-    fn drop(&mut self) {
-        self.orders = None;
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+        // What is unfinished when a factor is made at once is older than that one.
+        assert!(!lagged.renew(&first, 0.0, true).unwrap());
+        lagged.abandon();
+        assert!(lagged.renew(&second, 0.0, true).unwrap());
+        assert_eq!(solved(&mut lagged), whole(&second, &some));
+        assert!((0..6).all(|_| !lagged.renew(&second, 0.0, false).unwrap()));
     }
 }
