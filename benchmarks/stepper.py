@@ -1,10 +1,10 @@
 """Frames in real time on one core, as ratios to the limits this project sets itself: a hand that wanders.
 
-Each case is one organ of linear cells, a law and a solver: 300 frames, five runs. Every run takes the same steps, so the
-time of a frame, of the whole Python call, is the least of its five: medians of processor and wall time, and of processor
-time the 99th percentile. The ratio is that of the median processor time to the limit: up to 1 keeps it. `residual` is the largest that a
-frame left behind the moving hand. The meshes of SOFA's liver are read from the folder VISCERA_SHARED, and their cases
-left out, in words, where it is missing.
+Each case is one organ of linear cells, a law and a solver: 300 frames, five runs. Every run takes the same steps, so
+the time of a frame, of the whole Python call, is the least of its five: medians of processor and wall time, and of
+processor time the 99th percentile. The ratio is that of the median processor time to the limit: up to 1 keeps it.
+`residual` is the largest that a frame left behind the moving hand. The meshes of SOFA's liver are read from the folder
+VISCERA_SHARED, and their cases left out, in words, where it is missing.
 """
 
 import os
