@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 use viscera_core::contact::Contact;
 use viscera_core::element::Element;
 use viscera_core::equilibrium::{Equilibrium, Newton, Origin, PatchLoad, Problem};
-use viscera_core::reduced::{Batches, Progress, Reduction};
+use viscera_core::reduced::{Batches, Notes, Progress, Reduction};
 use viscera_core::series::{Continuation, Parameter};
 use viscera_core::{body, mesh};
 
@@ -277,7 +277,7 @@ impl Body {
         on_progress: Option<Py<PyAny>>,
         batches: Option<Py<PyAny>>,
     ) -> PyResult<Model> {
-        let user = serde_json::from_str(metadata)
+        let user = Notes::new(metadata)
             .map_err(|e| VisceraError::new_err(format!("metadata is not JSON: {e}")))?;
         let touchable = touchable.as_array().to_vec();
         let n = self.body.points().len();

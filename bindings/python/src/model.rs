@@ -8,7 +8,7 @@ use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use viscera_core::reduced::{Contact, ReducedModel, Trust, View, recompressed, refused};
+use viscera_core::reduced::{Contact, Notes, ReducedModel, Trust, View, recompressed, refused};
 
 /// A loaded reduced model.
 #[pyclass(frozen, module = "viscera._core")]
@@ -130,7 +130,7 @@ impl Model {
 
     fn with_user(&self, user: &str) -> PyResult<Self> {
         let mut model = self.model.clone();
-        let user = serde_json::from_str(user)
+        let user = Notes::new(user)
             .map_err(|e| VisceraError::new_err(format!("notes that are no JSON: {e}")))?;
         model.set_user(user);
         Ok(Model { model })

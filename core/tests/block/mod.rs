@@ -3,7 +3,7 @@
 use viscera_core::body::Body;
 use viscera_core::law::Material;
 use viscera_core::mesh::{Surface, samples, surface};
-use viscera_core::reduced::{ReducedModel, Reduction};
+use viscera_core::reduced::{Notes, ReducedModel, Reduction};
 
 /// Lengths of its edges [m].
 pub const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
@@ -18,7 +18,7 @@ pub fn block() -> ReducedModel {
     let law = Material::new("neo_hookean", vec![vec![3.0e3, 11.0e3]]).unwrap();
     let surface = Surface::new(&points, &surface(&points, &cells));
     let body = Body::new(points, cells, law).unwrap();
-    let user = serde_json::Value::Null;
+    let user = Notes::default();
     let (radius, depth, order, tolerance) = (0.012, 0.004, 3, 1e-3);
     let reduction = Reduction {
         touchable,

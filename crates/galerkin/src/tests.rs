@@ -20,7 +20,7 @@ use crate::law::Material;
 use crate::mesh::samples::{block, noise};
 use crate::mesh::{Patch, Surface};
 use crate::number::{dot, norm};
-use crate::reduced::{Metadata, ReducedModel, Reduction, allowance};
+use crate::reduced::{Metadata, Notes, ReducedModel, Reduction, allowance};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -51,7 +51,7 @@ fn galerkin(
     let skin = Surface::new(body.points(), &body.surface());
     let fixed = at(0.0);
     let preload = loaded(&body, &fixed, weight);
-    let user = serde_json::Value::Null;
+    let user = Notes::default();
     let reduction = Reduction {
         touchable: at(SIZE[2]),
         radius: 0.015,

@@ -59,7 +59,7 @@ impl Monomials {
                 }
             }
         }
-        pairs.sort_by_key(|&[a, b, c]| (c, a, b));
+        pairs.sort_unstable_by_key(|&[a, b, c]| (c, a, b));
         let pair_start =
             (0..=exponents.len()).map(|c| pairs.partition_point(|p| (p[2] as usize) < c)).collect();
         Monomials { variables, order, exponents, degree_start, pairs, pair_start, line }

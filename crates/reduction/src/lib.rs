@@ -30,7 +30,7 @@ pub use recompress::recompressed;
 pub use refused::refused;
 pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{
-    Answer, Answers, Arrays, CONTACT_ERROR, Contact, Coupling, Errors, Felt, Grip, Metadata,
+    Answer, Answers, Arrays, CONTACT_ERROR, Contact, Coupling, Errors, Felt, Grip, Metadata, Notes,
     Parameter, Probe, RADII, ReducedModel, TOLERANCE, Trust, View, allowance,
 };
 

@@ -1,7 +1,7 @@
 //! Settings of a reduction, and its progress.
 
 use crate::body::Body;
-use viscera_touch::Parameter;
+use viscera_touch::{Notes, Parameter};
 
 /// Settings of a reduction.
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ pub struct Reduction {
     /// node [m]; its dead load stays. Empty: touches start from rest.
     pub preload: Vec<f64>,
     /// Kept in the metadata.
-    pub user: serde_json::Value,
+    pub user: Notes,
 }
 
 /// The organ and the radius of the contact patch at one value of a parameter.

@@ -20,7 +20,7 @@ use crate::mesh::{Patch, Surface, surface};
 use crate::number::{evaluate_monomials, norm, on_sphere};
 use crate::series::{TouchExpansion, TouchSeries};
 use std::sync::LazyLock;
-use viscera_touch::{Places, to_bytes};
+use viscera_touch::{Notes, Places, to_bytes};
 
 const SIZE: [f64; 3] = [0.04, 0.03, 0.03];
 const DEPTH: f64 = 0.004;
@@ -56,7 +56,7 @@ fn settings() -> Reduction {
         tolerance: TOLERANCE,
         pade: false,
         preload: Vec::new(),
-        user: serde_json::json!({"note": "a block"}),
+        user: Notes::new(r#"{"note": "a block"}"#).unwrap(),
     }
 }
 

@@ -1,6 +1,6 @@
 //! The metadata of a model file, as one JSON object.
 
-use crate::Error;
+use crate::{Error, Notes};
 use serde::{Deserialize, Serialize};
 
 /// Version of the file format this code writes.
@@ -58,7 +58,7 @@ pub struct Metadata {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parameter: Option<Parameter>,
     /// Anything the writer adds: node sets, provenance.
-    pub user: serde_json::Value,
+    pub user: Notes,
 }
 
 impl Metadata {

@@ -5,7 +5,7 @@ use super::check::{check, offsets};
 use super::departure::{DIRECTIONS, directions};
 use super::ground::Ground;
 use super::metadata::Metadata;
-use crate::Error;
+use crate::{Error, Notes};
 use viscera_mesh::TriangleTree;
 use viscera_number::Monomials;
 
@@ -86,7 +86,7 @@ impl ReducedModel {
     }
 
     /// Replaces what the writer has added to the metadata.
-    pub fn set_user(&mut self, user: serde_json::Value) {
+    pub fn set_user(&mut self, user: Notes) {
         self.metadata.user = user;
     }
 

@@ -9,7 +9,7 @@ fn the_file_gives_the_model_back() {
     let bytes = MODEL.to_bytes().unwrap();
     let again = ReducedModel::from_bytes(&bytes).unwrap();
     assert!(again.metadata() == MODEL.metadata() && again.arrays() == MODEL.arrays());
-    assert_eq!(again.metadata().user["note"], "a block");
+    assert_eq!(again.metadata().user.text(), r#"{"note": "a block"}"#);
     assert!(again.to_bytes().unwrap() == bytes);
     let (contact, d) = (MODEL.centroid(5), [0.001, 0.002, -0.003]);
     assert_eq!(again.respond(&contact, d), MODEL.respond(&contact, d));
