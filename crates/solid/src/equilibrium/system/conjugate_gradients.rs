@@ -67,8 +67,8 @@ pub enum Preconditioner {
     BlockJacobi,
     /// Incomplete Cholesky without fill, by node blocks.
     IncompleteCholesky,
-    /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside the
-    /// frames where there is a second thread.
+    /// The Cholesky factor of an earlier tangent, in single precision; renewed when iterations grow, beside frames by a
+    /// second thread, or in parts.
     LaggedCholesky,
     /// A V-cycle on aggregates of nodes with their rigid-body modes; renewed when iterations grow.
     Multigrid,

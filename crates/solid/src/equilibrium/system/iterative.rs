@@ -113,7 +113,7 @@ impl Iterative {
         })
     }
 
-    /// Renews a factor on a second thread while the last one stays in use.
+    /// Renews a factor while the last one stays in use.
     pub fn renew_beside(&mut self) {
         if let Inverse::Lagged(lagged) = &mut self.inverse {
             lagged.renew_beside();

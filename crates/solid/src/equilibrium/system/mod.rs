@@ -169,8 +169,8 @@ impl ConstrainedSystem {
         Ok(system)
     }
 
-    /// Has a second thread, where there is one, renew the factor of conjugate gradients while the last one stays in use:
-    /// frames may not wait for it, and how many of them it takes is not the same from run to run.
+    /// Renews the factor of conjugate gradients while the last one stays in use: frames may not wait for it. On a second
+    /// thread, where there is one, how many frames that takes is not the same from run to run.
     pub fn renew_beside(mut self) -> Self {
         if let Solver::Iterative(iterative) = &mut self.solver {
             iterative.renew_beside();

@@ -47,7 +47,7 @@ impl Numbered {
         })
     }
 
-    /// Renews a factor on a second thread while the last one stays in use.
+    /// Renews a factor while the last one stays in use.
     pub fn renew_beside(&mut self) {
         self.iterative.renew_beside();
     }
