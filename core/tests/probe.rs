@@ -98,6 +98,33 @@ fn more_friction_holds_longer_and_none_does_not_hold() {
     assert!(forces[4] > forces[1], "{forces:?}");
 }
 
+/// The patch does not know how stiff a support is: its force is not trusted where the sphere contains a fixed node.
+#[test]
+fn it_is_not_trusted_where_the_organ_is_fixed() {
+    let (metadata, mut arrays) = block().into_parts();
+    let is_corner = |n: &usize| arrays.points[3 * n..3 * n + 3] == [SIZE[0], SIZE[1], SIZE[2]];
+    arrays.fixed.push((0..arrays.points.len() / 3).find(is_corner).unwrap() as u32);
+    let model = ReducedModel::new(metadata, arrays).unwrap();
+    let mut probe = probe(&model, 0.0);
+    let (mut trusted, mut at_support) = (0, 0);
+    for n in 0..=100 {
+        let way = f64::from(n) / 100.0;
+        let center = above(0.018 * way, 0.013 * way, 0.002);
+        let felt = probe.place(&model, center);
+        let away: [f64; 3] = std::array::from_fn(|i| center[i] - SIZE[i]);
+        assert_eq!(felt.is_at_support, size(away) < RADIUS);
+        if felt.is_at_support {
+            at_support += 1;
+            assert_eq!((felt.trust, felt.error_estimate), (Trust::ErrorTooLarge, 1.0));
+            assert_eq!((felt.shape_trust, felt.shape_error_estimate), (Trust::ErrorTooLarge, 1.0));
+        } else {
+            trusted += usize::from(felt.trust == Trust::Trusted);
+        }
+        assert!(parts(&felt).1 > 0.0, "there is a force, trusted or not");
+    }
+    assert!(trusted > 30 && at_support > 10, "{trusted} trusted, {at_support} at the support");
+}
+
 #[test]
 fn it_leaves_the_touchable_surface_at_its_end() {
     let model = block();

@@ -51,7 +51,8 @@ class Felt(Deformed):
         self.error_estimate: float = told["error_estimate"]
         """Estimated error of the force, relative to its norm; at most 1.
 
-        It is the sum of the estimate of the model and of `viscera.probe.CONTACT_ERROR`.
+        It is the sum of the estimate of the model and of `viscera.probe.CONTACT_ERROR`; 1 where the sphere touches what
+        is fixed.
         """
         self.is_trusted: bool = told["is_trusted"]
         """Whether the force may be relied on."""

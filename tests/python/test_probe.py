@@ -62,6 +62,18 @@ def test_a_force_above_its_tolerance_is_not_trusted(beam: vs.Touch) -> None:
     assert "estimated error" in felt.reason
 
 
+def test_a_probe_that_touches_the_clamp_is_not_trusted() -> None:
+    organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    touch = organ.reduce("x < 40% and z > 99%", depth="5%", order=3)
+    probe = touch.probe()
+    for x, reason in ((0.35, ""), (0.3 * touch.radius, "the probe touches where the organ is fixed")):
+        probe.lift()
+        probe.place(above(touch, x, 0.0))
+        felt = probe.place(above(touch, x, 0.2 * touch.radius))
+        assert felt.is_touching
+        assert (felt.reason, felt.shape_reason) == (reason, reason)
+
+
 def test_a_probe_that_starts_inside_says_so(beam: vs.Touch) -> None:
     probe = beam.probe()
     felt = probe.place(above(beam, 0.8, 0.9 * beam.radius))

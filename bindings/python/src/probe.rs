@@ -68,6 +68,7 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
                 -1e3 * felt.gap
             )
         }
+        _ if felt.is_at_support => "the probe touches where the organ is fixed".to_string(),
         _ => reason(trust, kind, error, &model.model, d),
     };
     let told = PyDict::new(py);

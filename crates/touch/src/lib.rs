@@ -24,6 +24,7 @@ mod metadata;
 mod model;
 mod notes;
 mod places;
+mod press;
 mod probe;
 mod resummation;
 mod surface;

@@ -28,6 +28,8 @@ pub struct ReducedModel {
     pub(super) edge_length: f64,
     /// Nodes that are not on the surface, ascending.
     pub(super) interior_nodes: Vec<u32>,
+    /// Places of the fixed nodes on the surface [m].
+    pub(super) supports: Vec<[f64; 3]>,
     pub(super) ground: Ground,
     /// In which departure is known.
     pub(super) directions: [[f64; 3]; DIRECTIONS],
@@ -61,6 +63,8 @@ impl ReducedModel {
         arrays.surface_nodes.iter().for_each(|&node| is_surface[node as usize] = true);
         let interior_nodes =
             (0..counts.points as u32).filter(|&node| !is_surface[node as usize]).collect();
+        let is_outside = |node: &&u32| is_surface[**node as usize];
+        let supports = arrays.fixed.iter().filter(is_outside).map(position).collect();
         let ground = Ground::new(&positions, &triangles, &arrays.triangle_edges);
         Ok(ReducedModel {
             exponents: Monomials::of(3, metadata.order).exponents()[1..].to_vec(),
@@ -73,6 +77,7 @@ impl ReducedModel {
             tree,
             edge_length,
             interior_nodes,
+            supports,
             ground,
             directions: directions(),
             metadata,

@@ -11,18 +11,14 @@
 
 use super::contact::Contact;
 use super::error::Error;
-use super::evaluate::{Answer, Trust};
+use super::evaluate::Trust;
 use super::model::ReducedModel;
+use super::press::Press;
 use viscera_mesh::{cross, dot, norm, sub};
-use viscera_number::tensor::{Mat3, mul_vector};
 
 /// Radii of a probe, in units of the radius of the patch.
 pub const RADII: [f64; 2] = [0.8, 1.25];
-/// Of the radius of the contact that Hertz predicts, and the squared edges of the mesh that a contact has at least.
-/// These two and the next are fitted to the paths of `benchmarks/probe.py tuning`.
-const SHARE: f64 = 0.65;
-const GRAIN: f64 = 6.0;
-/// Error of the force, relative to its norm, that comes from the patch in place of the contact.
+/// Error of the force, relative to its norm, that comes from the patch in place of the contact; fitted as the share is.
 pub const CONTACT_ERROR: f64 = 0.25;
 /// Error of a trusted force, relative to its norm, unless a probe is given another.
 pub const TOLERANCE: f64 = 0.35;
@@ -90,6 +86,8 @@ pub struct Felt {
     pub shape_error_estimate: f64,
     /// Whether the field is trusted.
     pub shape_trust: Trust,
+    /// Whether the sphere has come to where the organ is fixed: neither is trusted there.
+    pub is_at_support: bool,
 }
 
 /// A rigid sphere on the touchable surface of a model.
@@ -112,6 +110,16 @@ struct Anchor {
     point: [f64; 3],
     /// The triangle below the centre.
     triangle: usize,
+}
+
+/// What a sphere has come to.
+#[derive(Clone, Copy, PartialEq)]
+enum Reach {
+    Tissue,
+    /// Where the organ is fixed.
+    Support,
+    /// Deeper than a probe may enter.
+    Beyond,
 }
 
 /// A pose tried, before it is taken.
@@ -322,10 +330,10 @@ impl Probe {
         let along = within([0.0; 3], press.along(answer.force), self.friction * pressing);
         let force = std::array::from_fn(|i| along[i] - pressing * normal[i]);
         let torque = cross(normal.map(|x| -self.radius * x), force);
-        let is_beyond = entered > deepest * (0.5 + 0.5 * BEYOND);
-        let (error_estimate, trust) = self.worth(answer.error_estimate, answer.trust, is_beyond);
+        let reach = self.reach(model, center, entered);
+        let (error_estimate, trust) = self.worth(answer.error_estimate, answer.trust, reach);
         let (shape_error_estimate, shape_trust) =
-            self.worth(answer.shape_error_estimate, answer.shape_trust, is_beyond);
+            self.worth(answer.shape_error_estimate, answer.shape_trust, reach);
         let felt = Felt {
             grip,
             center,
@@ -338,6 +346,7 @@ impl Probe {
             trust,
             shape_error_estimate,
             shape_trust,
+            is_at_support: reach == Reach::Support,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
         Some(Tried { felt, anchor, normal, stiffness: press.stiffness(&answer, grip) })
@@ -375,76 +384,28 @@ impl Probe {
         (contact, drag, grip)
     }
 
-    /// Estimate and trust, with the error of the patch for the contact.
-    fn worth(&self, model_error: f64, trust: Trust, is_beyond: bool) -> (f64, Trust) {
-        let error = (model_error + CONTACT_ERROR).min(1.0);
-        let trust = match trust {
-            _ if is_beyond => Trust::BeyondDepth,
-            Trust::Trusted if !(error <= self.tolerance) => Trust::ErrorTooLarge,
-            other => other,
-        };
-        (error, trust)
-    }
-}
-
-/// A sphere pressed into the surface along a normal.
-struct Press {
-    normal: [f64; 3],
-    /// Part of the motion of the sphere that the patch follows, and its derivative.
-    share: f64,
-    slope: f64,
-    depth: f64,
-}
-
-impl Press {
-    fn new(model: &ReducedModel, radius: f64, entered: f64, normal: [f64; 3]) -> Self {
-        let per = SHARE / model.metadata.radius;
-        let disc = (radius * entered + GRAIN * model.edge_length.powi(2)).sqrt();
-        let (share, slope) = match per * disc {
-            share if share < 1.0 => (share, share + 0.5 * per * radius * entered / disc),
-            _ => (1.0, 1.0),
-        };
-        Press { normal, share, slope, depth: share * entered }
-    }
-
-    fn displacement(&self, drag: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|i| self.share * drag[i] - self.depth * self.normal[i])
-    }
-
-    fn along(&self, v: [f64; 3]) -> [f64; 3] {
-        let up = dot(v, self.normal);
-        std::array::from_fn(|i| v[i] - up * self.normal[i])
-    }
-
-    /// The change of the drag that takes an excess from the force along the surface.
-    fn slip(&self, stiffness: &Mat3<f64>, excess: [f64; 3]) -> [f64; 3] {
-        // Two directions along the surface.
-        let flat =
-            (0..3).fold(0, |k, i| if self.normal[i].abs() < self.normal[k].abs() { i } else { k });
-        let axis: [f64; 3] = std::array::from_fn(|i| if i == flat { 1.0 } else { 0.0 });
-        let first = cross(self.normal, axis);
-        let first = first.map(|x| x / norm(first));
-        let plane = [first, cross(self.normal, first)];
-        let k: [[f64; 2]; 2] = std::array::from_fn(|i| {
-            std::array::from_fn(|j| self.share * dot(plane[i], mul_vector(stiffness, &plane[j])))
-        });
-        let e = plane.map(|axis| dot(axis, excess));
-        let determinant = k[0][0] * k[1][1] - k[0][1] * k[1][0];
-        // Tissue near an instability does not say where to slip to.
-        if !(k[0][0] > 0.0 && determinant > 0.0) {
-            return [0.0; 3];
+    /// Whether the sphere is too deep, or contains a fixed node of the surface: a support does not give way, and the patch
+    /// knows nothing of it.
+    fn reach(&self, model: &ReducedModel, center: [f64; 3], entered: f64) -> Reach {
+        let is_inside = |&node: &[f64; 3]| norm(sub(node, center)) < self.radius;
+        if entered > self.deepest(model) * (0.5 + 0.5 * BEYOND) {
+            Reach::Beyond
+        } else if model.supports.iter().any(is_inside) {
+            Reach::Support
+        } else {
+            Reach::Tissue
         }
-        let a = (k[1][1] * e[0] - k[0][1] * e[1]) / determinant;
-        let b = (k[0][0] * e[1] - k[1][0] * e[0]) / determinant;
-        std::array::from_fn(|i| a * plane[0][i] + b * plane[1][i])
     }
 
-    fn stiffness(&self, answer: &Answer, grip: Grip) -> [f64; 2] {
-        let k: &Mat3<f64> = &answer.stiffness;
-        let normal = dot(self.normal, mul_vector(k, &self.normal));
-        let along = 0.5 * (k[0][0] + k[1][1] + k[2][2] - normal);
-        let sticks = if grip == Grip::Sticks { self.share } else { 0.0 };
-        [(self.slope * normal).max(0.0), (sticks * along).max(0.0)]
+    /// Estimate and trust, with the error of the patch for the contact.
+    fn worth(&self, model_error: f64, trust: Trust, reach: Reach) -> (f64, Trust) {
+        let error = (model_error + CONTACT_ERROR).min(1.0);
+        match (reach, trust) {
+            (Reach::Beyond, _) => (error, Trust::BeyondDepth),
+            (Reach::Support, _) => (1.0, Trust::ErrorTooLarge),
+            (_, Trust::Trusted) if !(error <= self.tolerance) => (error, Trust::ErrorTooLarge),
+            (_, trust) => (error, trust),
+        }
     }
 }
 
@@ -464,6 +425,7 @@ fn untouched(grip: Grip, center: [f64; 3], contact: Contact, gap: f64) -> Felt {
         trust,
         shape_error_estimate: error,
         shape_trust: trust,
+        is_at_support: false,
     }
 }
 
