@@ -18,9 +18,11 @@ use viscera_mesh::{cross, dot, norm, sub};
 
 /// Radii of a probe, in units of the radius of the patch.
 pub const RADII: [f64; 2] = [0.8, 1.25];
-/// Error of the force, relative to its norm, that comes from the patch in place of the contact; fitted as the share is.
+/// Error of the force, relative to its norm, that comes from the patch in place of the contact, where that is as wide as
+/// the mesh can show; fitted as the share is.
 pub const CONTACT_ERROR: f64 = 0.25;
-/// Error of a trusted force, relative to its norm, unless a probe is given another.
+/// Error of a trusted force, relative to its norm, unless a probe is given another. A smaller contact is trusted as one that
+/// the mesh can show: its relative error is larger, and in newtons it is smaller.
 pub const TOLERANCE: f64 = 0.35;
 /// How far a probe moves at most in a tick when it follows a device, in units of its radius.
 const STRIDE: f64 = 0.25;
@@ -331,9 +333,10 @@ impl Probe {
         let force = std::array::from_fn(|i| along[i] - pressing * normal[i]);
         let torque = cross(normal.map(|x| -self.radius * x), force);
         let reach = self.reach(model, center, entered);
-        let (error_estimate, trust) = self.worth(answer.error_estimate, answer.trust, reach);
+        let worth = |error, trust| self.worth([error, press.error], trust, reach);
+        let (error_estimate, trust) = worth(answer.error_estimate, answer.trust);
         let (shape_error_estimate, shape_trust) =
-            self.worth(answer.shape_error_estimate, answer.shape_trust, reach);
+            worth(answer.shape_error_estimate, answer.shape_trust);
         let felt = Felt {
             grip,
             center,
@@ -397,13 +400,14 @@ impl Probe {
         }
     }
 
-    /// Estimate and trust, with the error of the patch for the contact.
-    fn worth(&self, model_error: f64, trust: Trust, reach: Reach) -> (f64, Trust) {
-        let error = (model_error + CONTACT_ERROR).min(1.0);
+    /// Estimate and trust: errors of the model, and of the patch for the contact.
+    fn worth(&self, [model, contact]: [f64; 2], trust: Trust, reach: Reach) -> (f64, Trust) {
+        let error = (model + contact).min(1.0);
+        let is_within = (model + CONTACT_ERROR).min(1.0) <= self.tolerance;
         match (reach, trust) {
             (Reach::Beyond, _) => (error, Trust::BeyondDepth),
             (Reach::Support, _) => (1.0, Trust::ErrorTooLarge),
-            (_, Trust::Trusted) if !(error <= self.tolerance) => (error, Trust::ErrorTooLarge),
+            (_, Trust::Trusted) if !is_within => (error, Trust::ErrorTooLarge),
             (_, trust) => (error, trust),
         }
     }
