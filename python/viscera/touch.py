@@ -162,7 +162,8 @@ class Touch(Pictured):
 
         radius: of the sphere [m], 0.8 to 1.25 times that of the patch, which is the default.
         friction: Coulomb's coefficient.
-        tolerance: largest estimated error of a trusted force, relative to its norm.
+        tolerance: largest estimated error of a trusted force, relative to its norm, where the contact is as wide as the
+            mesh can show; a smaller contact has a larger relative error, and a smaller one in newtons.
         stiffness, damping: of a coupling to a device [N/m], [N s/m]; without one the sphere is where the device is.
 
         >>> import viscera as vs

@@ -22,6 +22,26 @@ def above(touch: vs.Touch, x: float, entered: float) -> tuple[float, float, floa
     return (x, 0.1, 0.2 + touch.radius - entered)
 
 
+def contact_error(touch: vs.Touch, entered: float) -> float:
+    """The error of a contact of the probe as wide as the patch: it grows where Hertz's radius is below 1.8 edges."""
+    triangles = touch.touchable_triangles
+    edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
+    ends = touch.mesh.points[edges]
+    mean = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()
+    return max(vs.probe.CONTACT_ERROR, float(0.45 * mean / np.sqrt(touch.radius * entered)))
+
+
+def test_the_estimate_grows_as_the_contact_shrinks_and_the_force_stays_trusted(beam: vs.Touch) -> None:
+    probe = beam.probe()
+    probe.place(above(beam, 0.8, 0.0))
+    felt = [probe.place(above(beam, 0.8, entered)) for entered in (0.001, 0.005, 0.02)]
+    contact = [contact_error(beam, -one.gap) for one in felt]
+    assert contact[0] > contact[1] > contact[2]
+    for one, error in zip(felt, contact, strict=True):
+        assert one.error_estimate == pytest.approx(min(1.0, beam(one.contact_point, one._push).error_estimate + error))
+        assert one.is_trusted
+
+
 def test_the_estimate_covers_true_contact_on_paths_it_has_not_seen(probe_study: ModuleType) -> None:
     touch = probe_study.model(0.025)
     rows = list(probe_study.compared(touch, 10, 0, probe_study.SEED["study"]))
@@ -47,7 +67,7 @@ def test_force_field_and_torque_belong_together(beam: vs.Touch) -> None:
     np.testing.assert_allclose(felt.displacement, answer.displacement)
     assert felt.force[2] == pytest.approx(answer.force[2])
     np.testing.assert_allclose(felt.torque, np.cross((0, 0, -probe.radius), felt.force), atol=1e-12)
-    assert felt.error_estimate == pytest.approx(answer.error_estimate + vs.probe.CONTACT_ERROR)
+    assert felt.error_estimate == pytest.approx(answer.error_estimate + contact_error(beam, -felt.gap))
     free = probe.move((0, 0, 0.02))
     assert not free.displacement.any()
     assert free.grip == "free"

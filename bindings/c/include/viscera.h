@@ -279,7 +279,8 @@ void viscera_probe_free(viscera_probe *probe);
  * viscera_probe_follow. After VISCERA_BAD_SETTING the old coupling stays; a new probe has none. */
 int32_t viscera_probe_couple(viscera_probe *probe, double stiffness, double damping);
 
-/* REAL TIME. Sets the largest estimated error of a trusted force, relative to its norm, above 0 and at most 1. */
+/* REAL TIME. Sets the largest estimated error of a trusted force, relative to its norm, above 0 and at most 1: that of a
+ * contact as wide as the mesh can show. A smaller one has a larger relative error, and a smaller one in newtons. */
 int32_t viscera_probe_tolerate(viscera_probe *probe, double tolerance);
 
 /* REAL TIME. Puts the centre of the sphere at a place, and tells what it feels there. The status is for
