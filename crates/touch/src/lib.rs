@@ -41,5 +41,6 @@ pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};
 pub use model::ReducedModel;
 pub use notes::Notes;
 pub use places::Places;
-pub use probe::{CONTACT_ERROR, Coupling, Felt, Grip, Probe, RADII, TOLERANCE};
+pub use press::CONTACT_ERROR;
+pub use probe::{Coupling, Felt, Grip, Probe, RADII, TOLERANCE};
 pub use resummation::{MAX_ORDER, SKETCH, pade_weights};

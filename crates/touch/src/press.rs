@@ -2,7 +2,6 @@
 
 use super::evaluate::Answer;
 use super::model::ReducedModel;
-use super::probe::{CONTACT_ERROR, Grip};
 use viscera_mesh::{cross, dot, norm};
 use viscera_number::tensor::{Mat3, mul_vector};
 
@@ -10,6 +9,9 @@ use viscera_number::tensor::{Mat3, mul_vector};
 /// Both are fitted to the paths of `benchmarks/probe.py tuning`.
 const SHARE: f64 = 0.65;
 const GRAIN: f64 = 6.0;
+/// Error of the force, relative to its norm, that comes from the patch in place of the contact, where that is as wide as
+/// the mesh can show; fitted as the share is.
+pub const CONTACT_ERROR: f64 = 0.25;
 /// Error of the force where Hertz's contact is as narrow as an edge of the mesh, relative to its norm; it grows as the
 /// contact shrinks. Below it are 95 of 100 poses of 200 paths of `benchmarks/probe.py tuning`.
 const UNRESOLVED: f64 = 0.45;
@@ -70,11 +72,11 @@ impl Press {
         std::array::from_fn(|i| a * plane[0][i] + b * plane[1][i])
     }
 
-    pub fn stiffness(&self, answer: &Answer, grip: Grip) -> [f64; 2] {
+    pub fn stiffness(&self, answer: &Answer, sticks: bool) -> [f64; 2] {
         let k: &Mat3<f64> = &answer.stiffness;
         let normal = dot(self.normal, mul_vector(k, &self.normal));
         let along = 0.5 * (k[0][0] + k[1][1] + k[2][2] - normal);
-        let sticks = if grip == Grip::Sticks { self.share } else { 0.0 };
-        [(self.slope * normal).max(0.0), (sticks * along).max(0.0)]
+        let share = if sticks { self.share } else { 0.0 };
+        [(self.slope * normal).max(0.0), (share * along).max(0.0)]
     }
 }

@@ -13,14 +13,11 @@ use super::contact::Contact;
 use super::error::Error;
 use super::evaluate::Trust;
 use super::model::ReducedModel;
-use super::press::Press;
+use super::press::{CONTACT_ERROR, Press};
 use viscera_mesh::{cross, dot, norm, sub};
 
 /// Radii of a probe, in units of the radius of the patch.
 pub const RADII: [f64; 2] = [0.8, 1.25];
-/// Error of the force, relative to its norm, that comes from the patch in place of the contact, where that is as wide as
-/// the mesh can show; fitted as the share is.
-pub const CONTACT_ERROR: f64 = 0.25;
 /// Error of a trusted force, relative to its norm, unless a probe is given another. A smaller contact is trusted as one that
 /// the mesh can show: its relative error is larger, and in newtons it is smaller.
 pub const TOLERANCE: f64 = 0.35;
@@ -352,7 +349,12 @@ impl Probe {
             is_at_support: reach == Reach::Support,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
-        Some(Tried { felt, anchor, normal, stiffness: press.stiffness(&answer, grip) })
+        Some(Tried {
+            felt,
+            anchor,
+            normal,
+            stiffness: press.stiffness(&answer, grip == Grip::Sticks),
+        })
     }
 
     /// Return mapping: the point that is held, how far it is dragged, and whether it slips.
