@@ -52,8 +52,8 @@ class Felt(Deformed):
         """Estimated error of the force, relative to its norm; at most 1.
 
         It is the sum of the estimate of the model and of an error of the contact: `viscera.probe.CONTACT_ERROR`, and
-        more where the contact, of radius `sqrt(radius * entered)`, is narrower than about two edges of the mesh. It is 1
-        where the sphere touches what is fixed.
+        more where the contact, of radius `sqrt(radius * entered)`, is narrower than about two edges of the mesh. It is
+        1 where the sphere touches what is fixed.
         """
         self.is_trusted: bool = told["is_trusted"]
         """Whether the force may be relied on."""
