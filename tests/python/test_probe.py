@@ -23,7 +23,7 @@ def above(touch: vs.Touch, x: float, entered: float) -> tuple[float, float, floa
 
 
 def contact_error(touch: vs.Touch, entered: float) -> float:
-    """The error of a contact of the probe as wide as the patch: it grows where Hertz's radius is below 1.8 edges."""
+    """The contact term of a probe with the radius of the patch: it grows where Hertz's radius is below 1.8 edges."""
     triangles = touch.touchable_triangles
     edges = np.unique(np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)), axis=0)
     ends = touch.mesh.points[edges]

@@ -9,11 +9,12 @@ use viscera_number::tensor::{Mat3, mul_vector};
 /// Both are fitted to the paths of `benchmarks/probe.py tuning`.
 const SHARE: f64 = 0.65;
 const GRAIN: f64 = 6.0;
-/// Error of the force, relative to its norm, that comes from the patch in place of the contact, where that is as wide as
-/// the mesh can show; fitted as the share is.
+/// Error of the force, relative to its norm, that comes from the patch in place of the contact, where that is as wide
+/// as the mesh can show; fitted as the share is.
 pub const CONTACT_ERROR: f64 = 0.25;
 /// Error of the force where Hertz's contact is as narrow as an edge of the mesh, relative to its norm; it grows as the
-/// contact shrinks. Below it are 95 of 100 poses of 200 paths of `benchmarks/probe.py tuning`.
+/// contact shrinks. Below it are 95 of 100 poses, those at a support
+/// left out, of 200 paths of `benchmarks/probe.py tuning`.
 const UNRESOLVED: f64 = 0.45;
 
 /// A sphere pressed into the surface along a normal.
