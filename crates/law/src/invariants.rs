@@ -6,8 +6,8 @@
 //! The derivatives of `psi` come from duals in the three invariants, so the law is written once.
 
 use super::expression::{Expression, Symbol};
-use super::series::{self, Uses};
-use super::{Law, StrainEnergy, TangentBlocks, Template, determinant_curvature};
+use super::series::{self, Slopes, Uses};
+use super::{Kept, Law, StrainEnergy, TangentBlocks, Template, determinant_curvature};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
@@ -92,13 +92,15 @@ impl<E: StrainEnergy> Law for E {
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
+        kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],
         out: &mut [T],
     ) {
         let slopes = |invariants| self.gradient(invariants).first;
-        series::stress_series(Uses::of::<Self>(), &slopes, table, [deformation, q], out);
+        let slopes = Slopes { uses: Uses::of::<Self>(), slopes: &slopes, kept };
+        series::stress_series(slopes, table, [deformation, q], out);
     }
 
     #[inline(always)]

@@ -8,7 +8,7 @@
 #![allow(non_snake_case)]
 
 use super::expression::Expression;
-use super::{Law, TangentBlocks, Template};
+use super::{Kept, Law, TangentBlocks, Template};
 use viscera_number::simd::Kernel;
 use viscera_number::tensor::{Mat3, Vec3, mul_vector};
 use viscera_number::unroll::{array, tabulate};
@@ -103,11 +103,13 @@ pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
 }
 
 /// The power series of a law, as [`Law`] defines them, for one kind of coefficients. All of `out` is zero on entry.
-pub trait SeriesKernels<T> {
+/// Functions of the volume ratio are taken from `kept`, which the caller has turned to the row.
+pub trait SeriesKernels<T: Real> {
     /// [`Law::stress_series`].
     fn stress_series(
         &self,
         row: &[f64],
+        kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],
@@ -124,7 +126,14 @@ pub trait SeriesKernels<T> {
     );
 
     /// All `table.len()` coefficients of `U'(J)`.
-    fn pressure_series(&self, row: &[f64], table: &'static Monomials, ratio: &[T], out: &mut [T]);
+    fn pressure_series(
+        &self,
+        row: &[f64],
+        kept: &mut Kept<T>,
+        table: &'static Monomials,
+        ratio: &[T],
+        out: &mut [T],
+    );
 }
 
 /// Makes the kernels of a law compile with the law's own file, since the compiler puts a method into the unit of its
@@ -214,12 +223,14 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
     fn stress_series(
         &self,
         row: &[f64],
+        kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],
         out: &mut [T],
     ) {
-        compiled::<M::Law<'_>, _>(StressSeries { law: self.law(row), table, deformation, q, out });
+        let law = self.law(row);
+        compiled::<M::Law<'_>, _>(StressSeries { law, kept, table, deformation, q, out });
     }
 
     fn volume_series(
@@ -232,8 +243,15 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
         compiled::<M::Law<'_>, _>(VolumeSeries { law: self.law(row), table, deformation, out });
     }
 
-    fn pressure_series(&self, row: &[f64], table: &'static Monomials, ratio: &[T], out: &mut [T]) {
-        compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), table, ratio, out });
+    fn pressure_series(
+        &self,
+        row: &[f64],
+        kept: &mut Kept<T>,
+        table: &'static Monomials,
+        ratio: &[T],
+        out: &mut [T],
+    ) {
+        compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), kept, table, ratio, out });
     }
 }
 
@@ -385,8 +403,9 @@ impl<L: Law> Kernel for Pressure<'_, L> {
     }
 }
 
-struct StressSeries<'a, L, T> {
+struct StressSeries<'a, L, T: Real> {
     law: L,
+    kept: &'a mut Kept<T>,
     table: &'static Monomials,
     deformation: &'a [T],
     q: &'a [T],
@@ -397,7 +416,7 @@ impl<L: Law, T: Real> Kernel for StressSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.law.stress_series(self.table, self.deformation, self.q, self.out);
+        self.law.stress_series(self.kept, self.table, self.deformation, self.q, self.out);
     }
 }
 
@@ -416,8 +435,9 @@ impl<L: Law, T: Real> Kernel for VolumeSeries<'_, L, T> {
     }
 }
 
-struct PressureSeries<'a, L, T> {
+struct PressureSeries<'a, L, T: Real> {
     law: L,
+    kept: &'a mut Kept<T>,
     table: &'static Monomials,
     ratio: &'a [T],
     out: &'a mut [T],
@@ -427,7 +447,9 @@ impl<L: Law, T: Real> Kernel for PressureSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let pressure = Jet::new(self.table, self.ratio).compose(|ratio| self.law.pressure(&ratio));
+        let ratio = Jet::new(self.table, self.ratio);
+        let pressure = |ratio: Jet<T>| vec![self.law.pressure(&ratio)];
+        let pressure = ratio.substituted_in(&self.kept.of(&ratio, pressure)[0]);
         self.out.iter_mut().zip(pressure.coefficients()).for_each(|(out, &p)| *out = p);
     }
 }

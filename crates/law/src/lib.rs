@@ -33,6 +33,7 @@ mod formula;
 mod fung;
 mod holzapfel_gasser_ogden;
 mod invariants;
+mod kept;
 mod kernels;
 mod linear;
 mod material;
@@ -58,6 +59,7 @@ pub use expression::PRESSURE;
 pub use formula::{FORMULA, Formula};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
+pub use kept::Kept;
 pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared};
 pub use linear::Linear;
 pub use material::Material;
@@ -222,11 +224,12 @@ pub trait Law: Copy + Send + Sync {
     /// Degree-p coefficients of `P + q dJ/dF`, p being the order of `table`, from the series of `F`.
     ///
     /// `deformation` holds nine runs of `table.len()` coefficients, row by row; `q` one run, or
-    /// nothing for zero; `out` nine runs of the degree-p coefficients, zero on entry. Strain
-    /// energies replace this by `series.rs`.
+    /// nothing for zero; `out` nine runs of the degree-p coefficients, zero on entry. Functions of the volume ratio are
+    /// taken from `kept`, turned to the row of this law. Strain energies replace this by `series.rs`.
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
+        _: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],

@@ -7,7 +7,7 @@
 //! A law gives its slopes alone, so all of this is compiled once, not once for each law, and may know wide vectors. No
 //! product is fused with a sum: vectors of every width give the same numbers.
 
-use super::StrainEnergy;
+use super::{Kept, StrainEnergy};
 use std::ops::Range;
 use viscera_number::simd::{WideKernel, dispatch_wide};
 use viscera_number::unroll::array;
@@ -32,7 +32,12 @@ impl Uses {
 }
 
 /// `psi_1`, `psi_2` and `psi_J` as series of `I1`, `I2` and `J`; a series that is not used is zero.
-pub(super) type Slopes<'a, T> = &'a dyn Fn([Jet<T>; 3]) -> [Jet<T>; 3];
+pub(super) struct Slopes<'a, T: Real> {
+    pub uses: Uses,
+    pub slopes: &'a dyn Fn([Jet<T>; 3]) -> [Jet<T>; 3],
+    /// Of a law whose slopes are functions of `J` alone.
+    pub kept: &'a mut Kept<T>,
+}
 
 /// Adds `sum_k a_k b_k` for the monomials `c` of a range to `out`, which is indexed from its start.
 #[inline(always)]
@@ -149,17 +154,15 @@ fn runs<T>(row: &mut [T], n: usize) -> [&mut [T]; 3] {
 /// `q` is one series or nothing,
 /// `out` receives nine runs of the degree-p coefficients.
 pub(super) fn stress_series<T: Real>(
-    uses: Uses,
     slopes: Slopes<'_, T>,
     table: &'static Monomials,
     [deformation, q]: [&[T]; 2],
     out: &mut [T],
 ) {
-    dispatch_wide(Stress { uses, slopes, table, deformation, q, out });
+    dispatch_wide(Stress { slopes, table, deformation, q, out });
 }
 
 struct Stress<'a, T: Real> {
-    uses: Uses,
     slopes: Slopes<'a, T>,
     table: &'static Monomials,
     deformation: &'a [T],
@@ -177,7 +180,8 @@ impl<T: Real> WideKernel for Stress<'_, T> {
 
 #[inline(always)]
 #[allow(non_snake_case)]
-fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stress<'_, T>) {
+fn add_stress<T: Real>(Stress { slopes, table, deformation, q, out }: Stress<'_, T>) {
+    let uses = slopes.uses;
     let (n, top) = (table.len(), table.of_degree(table.order()));
     let F = |i: usize| row(deformation, i, n);
     let mut cofactors = PooledVec::zeros(9 * n);
@@ -197,8 +201,7 @@ fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stre
         (0..3).for_each(|i| products(table, 0..n, Z(i).map(|z| [z, z]), &mut I2));
     }
     let invariants = [I1, I2, J].map(|series| Jet::new(table, series));
-    let [mut two_psi1, two_psi2, mut psiJ] =
-        uses.slopes(slopes, invariants).map(|slope| up_to(slope, n));
+    let [mut two_psi1, two_psi2, mut psiJ] = slopes.at(invariants).map(|slope| up_to(slope, n));
     two_psi1.iter_mut().for_each(|slope| *slope = *slope * 2.0);
     let volumetric = if uses.volume_is_trace { &mut two_psi1 } else { &mut psiJ };
     if !q.is_empty() {
@@ -227,23 +230,22 @@ fn add_stress<T: Real>(Stress { uses, slopes, table, deformation, q, out }: Stre
 }
 
 #[allow(non_snake_case)]
-impl Uses {
+impl<T: Real> Slopes<'_, T> {
     /// The slopes at the invariants; those of a law that are functions of `J` alone, by composition.
     #[inline(always)]
-    fn slopes<T: Real>(self, slopes: Slopes<'_, T>, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
-        if self.slopes_of_i1 || self.i2 {
+    fn at(self, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
+        let Slopes { uses, slopes, kept } = self;
+        if uses.slopes_of_i1 || uses.i2 {
             return slopes([I1, I2, J]);
         }
-        let table = J.table();
-        let mut psi1 = Jet::new(table, PooledVec::default());
-        let psiJ = J.compose(|J| {
+        let taylor = kept.of(&J, |J| {
             let none = J.constant(0.0);
-            let [slope, _, psiJ] = slopes([none.clone(), none, J]);
-            // A constant: if it varied with J, psi_J would vary with I1.
-            psi1 = Jet::new(table, &[slope.coefficient(0)][..]);
-            psiJ
+            slopes([none.clone(), none, J]).into()
         });
-        [psi1, Jet::new(table, PooledVec::default()), psiJ]
+        let table = J.table();
+        // A constant: if it varied with J, psi_J would vary with I1.
+        let psi1 = Jet::new(table, &[taylor[0].coefficient(0)][..]);
+        [psi1, Jet::new(table, PooledVec::default()), J.substituted_in(&taylor[2])]
     }
 }
 

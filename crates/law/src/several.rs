@@ -6,10 +6,10 @@
 
 use super::expression::Expression;
 use super::kernels::{LawKernels, SeriesKernels, Shared};
-use super::{TangentBlocks, Template};
+use super::{Kept, TangentBlocks, Template};
 use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
-use viscera_number::{Lane, Monomials};
+use viscera_number::{Lane, Monomials, Real};
 
 /// Prefix of the name of several laws; their own names follow, separated by [`BETWEEN`].
 pub const SEVERAL: &str = "laws ";
@@ -98,20 +98,21 @@ impl LawKernels for Several {
     }
 }
 
-impl<T> SeriesKernels<T> for Several
+impl<T: Real> SeriesKernels<T> for Several
 where
     for<'a> dyn LawKernels + 'a: SeriesKernels<T>,
 {
     fn stress_series(
         &self,
         row: &[f64],
+        kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],
         out: &mut [T],
     ) {
         let (law, row) = self.of(row);
-        law.stress_series(row, table, deformation, q, out);
+        law.stress_series(row, kept, table, deformation, q, out);
     }
 
     fn volume_series(
@@ -125,8 +126,15 @@ where
         law.volume_series(row, table, deformation, out);
     }
 
-    fn pressure_series(&self, row: &[f64], table: &'static Monomials, ratio: &[T], out: &mut [T]) {
+    fn pressure_series(
+        &self,
+        row: &[f64],
+        kept: &mut Kept<T>,
+        table: &'static Monomials,
+        ratio: &[T],
+        out: &mut [T],
+    ) {
         let (law, row) = self.of(row);
-        law.pressure_series(row, table, ratio, out);
+        law.pressure_series(row, kept, table, ratio, out);
     }
 }

@@ -7,20 +7,21 @@ use super::simd::{WideKernel, dispatch_wide};
 use super::{Jet, Monomials, PooledVec, Real};
 
 impl<T: Real> Jet<T> {
-    /// `f` of this series, `f` being a function of one variable.
-    #[inline(always)]
-    pub fn compose(&self, f: impl FnOnce(Self) -> Self) -> Self {
-        let table = self.table();
-        let Some(line) = table.line().filter(|_| self.coefficients().len() > 1) else {
-            return f(self.clone());
-        };
-        let variable = [self.coefficient(0), T::splat(1.0)];
-        self.substituted_in(&f(Jet::new(line, &variable[..])))
+    /// The variable `g_0 + x` in which a function of this series is to be expanded, see [`Jet::substituted_in`]; the
+    /// series itself, where it is one in a single variable or a constant.
+    pub fn variable(&self) -> Self {
+        match self.table().line().filter(|_| self.coefficients().len() > 1) {
+            Some(line) => Jet::new(line, &[self.coefficient(0), T::splat(1.0)][..]),
+            None => self.clone(),
+        }
     }
 
-    /// `sum_k taylor_k (g - g_0)^k`.
+    /// `sum_k taylor_k (g - g_0)^k`: a function of this series, from what it is of the [variable](Jet::variable).
     #[inline(never)]
-    fn substituted_in(&self, taylor: &Self) -> Self {
+    pub fn substituted_in(&self, taylor: &Self) -> Self {
+        if std::ptr::eq(self.table(), taylor.table()) {
+            return taylor.clone();
+        }
         let table = self.table();
         if taylor.coefficients().len() < 2 {
             return Jet::new(table, taylor.coefficients());
@@ -115,14 +116,16 @@ mod tests {
             let table = Monomials::of(variables, order);
             let c = (0..table.len()).map(|i| 0.3 * (i as f64 * 0.7).sin());
             let g = Jet::new(table, c.collect::<Vec<_>>()) + 1.3;
+            let compose =
+                |g: &Jet<f64>, f: &dyn Fn(Jet<f64>) -> Jet<f64>| g.substituted_in(&f(g.variable()));
             let f = |x: Jet<f64>| x.ln().square() * 0.5 + x.recip() - x.powf(0.4);
             let cubic = |x: Jet<f64>| (x.clone() - 2.0) * x.square();
             let constant = |x: Jet<f64>| x.constant(3.0);
             for (composed, direct) in [
-                (g.compose(f), f(g.clone())),
-                (g.compose(cubic), cubic(g.clone())),
-                (g.compose(constant), constant(g.clone())),
-                (g.constant(0.7).compose(f), f(g.constant(0.7))),
+                (compose(&g, &f), f(g.clone())),
+                (compose(&g, &cubic), cubic(g.clone())),
+                (compose(&g, &constant), constant(g.clone())),
+                (compose(&g.constant(0.7), &f), f(g.constant(0.7))),
             ] {
                 for c in 0..table.len() {
                     let (a, b) = (composed.coefficient(c), direct.coefficient(c));

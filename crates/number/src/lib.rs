@@ -86,7 +86,7 @@ pub trait Scalar:
 }
 
 /// A scalar that is plain data: what jets and duals are built over, and what kernels loop on.
-pub trait Real: Scalar + Pooled + Send + Sync {
+pub trait Real: Scalar + Pooled + PartialEq + Send + Sync {
     /// All lanes equal to `value`.
     fn splat(value: f64) -> Self;
     /// `self += a * b`.

@@ -15,6 +15,7 @@ use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials, WIDTH, Wide};
 use crate::tensor::{Mat3, inverse};
 use crate::unroll::tabulate;
+use std::ops::Range;
 
 /// The series of one load position.
 pub struct TouchSeries {
@@ -152,12 +153,15 @@ impl<'a> Block<'a> {
             })?;
             self.compliance.push(compliance);
             self.stiffness.push(stiffness);
-            for k in 0..3 {
-                let force: [f64; 3] = std::array::from_fn(|i| stiffness[i][k]);
-                self.forces[lane].push(force);
-                self.add_influence(lane, 1 + k, force);
-            }
         }
+        let mut fields = vec![0.0; self.influence.len()];
+        for (column, field) in fields.chunks_exact_mut(n).enumerate() {
+            let (lane, k) = (column / 3, column % 3);
+            let force = std::array::from_fn(|i| self.stiffness[lane][i][k]);
+            self.add_influence(lane, force, field);
+            self.forces[lane].push(force);
+        }
+        self.keep(&fields, 1..4);
         Ok(())
     }
 
@@ -170,14 +174,27 @@ impl<'a> Block<'a> {
         mean
     }
 
-    /// Adds `G force` to a coefficient.
-    fn add_influence(&mut self, lane: usize, term: usize, force: [f64; 3]) {
-        let n = self.expansion.system.n_free();
-        let terms = self.terms;
-        for (row, &dof) in self.expansion.system.free().iter().enumerate() {
-            let value: f64 =
-                (0..3).map(|k| self.influence[(3 * lane + k) * n + row] * force[k]).sum();
-            self.displacement[dof as usize * terms + term][lane] += value;
+    /// Adds `G force` to a vector on the free degrees of freedom.
+    fn add_influence(&self, lane: usize, force: [f64; 3], field: &mut [f64]) {
+        let n = field.len();
+        let [x, y, z] = std::array::from_fn(|k| &self.influence[(3 * lane + k) * n..][..n]);
+        for (((u, x), y), z) in field.iter_mut().zip(x).zip(y).zip(z) {
+            *u += x * force[0] + y * force[1] + z * force[2];
+        }
+    }
+
+    /// Keeps coefficients on the free degrees of freedom, position by position, as those of some terms.
+    fn keep(&mut self, fields: &[f64], terms: Range<usize>) {
+        let (n, count) = (self.expansion.system.n_free(), terms.len());
+        for rows in blocks(n) {
+            for lane in 0..self.patches.len() {
+                for (c, term) in terms.clone().enumerate() {
+                    let field = &fields[(lane * count + c) * n..][rows.clone()];
+                    for (u, &dof) in field.iter().zip(&self.expansion.system.free()[rows.clone()]) {
+                        self.displacement[dof as usize * self.terms + term][lane] = *u;
+                    }
+                }
+            }
         }
     }
 
@@ -189,15 +206,29 @@ impl<'a> Block<'a> {
             }
             self.solve_degree(degree)?;
         }
+        Ok(self.by_position())
+    }
+
+    fn by_position(self) -> Vec<TouchSeries> {
         let (terms, n_dofs) = (self.terms, self.expansion.body.n_dofs());
-        let series = self.forces.iter_mut().enumerate().map(|(lane, forces)| TouchSeries {
-            displacement: (1..terms)
-                .map(|c| (0..n_dofs).map(|dof| self.displacement[dof * terms + c][lane]).collect())
-                .collect(),
-            force: std::mem::take(forces),
-            compliance: self.compliance[lane],
-        });
-        Ok(series.collect())
+        let empty = |_| (1..terms).map(|_| Vec::with_capacity(n_dofs)).collect::<Vec<Vec<f64>>>();
+        let mut fields: Vec<Vec<Vec<f64>>> = (0..self.patches.len()).map(empty).collect();
+        for dofs in blocks(n_dofs) {
+            for (lane, fields) in fields.iter_mut().enumerate() {
+                for (c, field) in (1..).zip(fields) {
+                    let of = |dof: usize| self.displacement[dof * terms + c][lane];
+                    field.extend(dofs.clone().map(of));
+                }
+            }
+        }
+        let series = fields.into_iter().zip(self.forces).zip(self.compliance);
+        series
+            .map(|((displacement, force), compliance)| TouchSeries {
+                displacement,
+                force,
+                compliance,
+            })
+            .collect()
     }
 
     fn solve_degree(&mut self, degree: usize) -> Result<(), Error> {
@@ -208,34 +239,34 @@ impl<'a> Block<'a> {
         let mut nonlinear = vec![Wide::default(); body.n_dofs() * top.len()];
         body.force_series(table, &self.displacement, terms, &mut nonlinear);
 
-        let columns = top.len() * self.patches.len();
-        let mut rhs = vec![0.0; n * columns];
-        for (row, &dof) in system.free().iter().enumerate() {
-            for c in 0..top.len() {
-                let value = &nonlinear[dof as usize * top.len() + c];
-                for lane in 0..self.patches.len() {
-                    rhs[(lane * top.len() + c) * n + row] = -value[lane];
+        let mut fields = vec![0.0; n * top.len() * self.patches.len()];
+        for rows in blocks(n) {
+            for (column, field) in fields.chunks_exact_mut(n).enumerate() {
+                let (lane, c) = (column / top.len(), column % top.len());
+                for (u, &dof) in field[rows.clone()].iter_mut().zip(&system.free()[rows.clone()]) {
+                    *u = -nonlinear[dof as usize * top.len() + c][lane];
                 }
             }
         }
         drop(nonlinear);
-        system.solve_columns(&mut rhs)?;
-        for lane in 0..self.patches.len() {
-            for (c, term) in top.clone().enumerate() {
-                let v = &rhs[(lane * top.len() + c) * n..(lane * top.len() + c + 1) * n];
-                for (&value, &dof) in v.iter().zip(self.expansion.system.free()) {
-                    self.displacement[dof as usize * terms + term][lane] = value;
-                }
-                let (mean, stiffness) = (self.mean(lane, v), self.stiffness[lane]);
-                let force = std::array::from_fn(|i| {
-                    -(0..3).map(|k| stiffness[i][k] * mean[k]).sum::<f64>()
-                });
-                self.forces[lane].push(force);
-                self.add_influence(lane, term, force);
-            }
+        system.solve_columns(&mut fields)?;
+        for (column, v) in fields.chunks_exact_mut(n).enumerate() {
+            let lane = column / top.len();
+            let (mean, stiffness) = (self.mean(lane, v), self.stiffness[lane]);
+            let force =
+                std::array::from_fn(|i| -(0..3).map(|k| stiffness[i][k] * mean[k]).sum::<f64>());
+            self.add_influence(lane, force, v);
+            self.forces[lane].push(force);
         }
+        self.keep(&fields, top);
         Ok(())
     }
+}
+
+/// Runs of rows that are turned from one order of the coefficients into the other within the cache.
+fn blocks(n: usize) -> impl Iterator<Item = Range<usize>> {
+    const BLOCK: usize = 32;
+    (0..n).step_by(BLOCK).map(move |start| start..n.min(start + BLOCK))
 }
 
 #[cfg(test)]

@@ -42,9 +42,9 @@ fn series(law: &dyn LawKernels, row: &[f64]) -> [Vec<f64>; 3] {
         .map(|k| f64::from(u8::from(k % (4 * n) == 0)) + 0.02 * (k as f64).sin())
         .collect();
     let [mut stress, mut volume, mut pressure] = [vec![0.0; 9 * top], vec![0.0; n], vec![0.0; n]];
-    law.stress_series(row, table, &deformation, &[], &mut stress);
+    law.stress_series(row, &mut Kept::default(), table, &deformation, &[], &mut stress);
     law.volume_series(row, table, &deformation, &mut volume);
-    law.pressure_series(row, table, &deformation[..n], &mut pressure);
+    law.pressure_series(row, &mut Kept::default(), table, &deformation[..n], &mut pressure);
     [stress, volume, pressure]
 }
 

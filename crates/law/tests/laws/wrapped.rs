@@ -1,6 +1,6 @@
 //! Laws in other clothes.
 
-use viscera_law::{Law, TangentBlocks};
+use viscera_law::{Kept, Law, TangentBlocks};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Monomials, Real, Scalar};
 
@@ -51,12 +51,13 @@ impl<L: Law> Law for Once<L> {
     #[inline(never)]
     fn stress_series<T: Real>(
         &self,
+        kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
         q: &[T],
         out: &mut [T],
     ) {
-        self.0.stress_series(table, deformation, q, out);
+        self.0.stress_series(kept, table, deformation, q, out);
     }
     #[inline(never)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {

@@ -4,7 +4,7 @@
 use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
 use crate::element::{Geometry, Shape};
-use crate::law::{LawKernels, Material, SeriesKernels};
+use crate::law::{Kept, LawKernels, Material, SeriesKernels};
 use crate::number::{Monomials, Real};
 use crate::simd::{Kernel, dispatch_solver};
 
@@ -128,13 +128,16 @@ where
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];
+        let mut kept = Kept::default();
         for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
+            let row = material.row(cell);
+            kept.turn_to(row);
             let pressure = pressure.get(cell * n..(cell + 1) * n).unwrap_or_default();
             for point in 0..E::POINTS {
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                law.stress_series(material.row(cell), table, &deformation, pressure, &mut stress);
+                law.stress_series(row, &mut kept, table, &deformation, pressure, &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -198,10 +201,11 @@ impl Clusters {
                 add_scaled(ratio, m.part, &series[m.cell as usize * n..][..n]);
             }
         }
-        let mut pressure = vec![T::default(); n];
+        let (mut kept, mut pressure) = (Kept::default(), vec![T::default(); n]);
         let mut pressure_at = |row: &[f64], ratio: &[T], factor: f64, sum: &mut [T]| {
             pressure.fill(T::default());
-            law.pressure_series(row, table, ratio, &mut pressure);
+            kept.turn_to(row);
+            law.pressure_series(row, &mut kept, table, ratio, &mut pressure);
             add_scaled(sum, factor, &pressure);
         };
         let mut means = vec![T::default(); count * n];

@@ -1,0 +1,80 @@
+//! A function of one variable of a law, expanded once for many cells.
+
+use viscera_number::{Jet, Real};
+
+/// Taylor series of functions of the volume ratio, kept from cell to cell. At rest all cells of a material ask for the same
+/// ones, and to expand a law costs more than to substitute a series in three variables.
+///
+/// It serves one kind of function, whose law and parameters are those of the row that was told last.
+pub struct Kept<T: Real> {
+    row: Vec<f64>,
+    variable: Option<Jet<T>>,
+    taylor: Vec<Jet<T>>,
+}
+
+impl<T: Real> Default for Kept<T> {
+    fn default() -> Self {
+        Kept { row: Vec::new(), variable: None, taylor: Vec::new() }
+    }
+}
+
+impl<T: Real> Kept<T> {
+    /// Tells the row of the material that is asked for next.
+    pub fn turn_to(&mut self, row: &[f64]) {
+        if self.row != row {
+            self.row.clear();
+            self.row.extend_from_slice(row);
+            self.variable = None;
+        }
+    }
+
+    /// The Taylor series in the variable of `series`, see [`Jet::variable`].
+    pub(super) fn of(
+        &mut self,
+        series: &Jet<T>,
+        expand: impl FnOnce(Jet<T>) -> Vec<Jet<T>>,
+    ) -> &[Jet<T>] {
+        let variable = series.variable();
+        let is_known = self.variable.as_ref().is_some_and(|kept| {
+            std::ptr::eq(kept.table(), variable.table())
+                && kept.coefficients() == variable.coefficients()
+        });
+        if !is_known {
+            self.taylor = expand(variable.clone());
+            self.variable = Some(variable);
+        }
+        &self.taylor
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use viscera_number::{Monomials, Scalar};
+
+    #[test]
+    fn what_is_kept_belongs_to_the_row_and_the_point() {
+        let table = Monomials::of(3, 2);
+        let series = |at: f64, slope: f64| Jet::new(table, &[at, slope, 0.0, 0.0][..]);
+        let mut kept = Kept::default();
+        let mut asked = 0;
+        let mut ask = |row: &[f64], series: Jet<f64>| {
+            kept.turn_to(row);
+            let before = asked;
+            let function = |x: Jet<f64>| {
+                asked += 1;
+                vec![x.square() * row[0]]
+            };
+            let value = series.substituted_in(&kept.of(&series, function)[0]);
+            let exact = series.square() * row[0];
+            assert_eq!(value.coefficients(), exact.coefficients());
+            asked > before
+        };
+        assert!(ask(&[2.0], series(1.0, 0.5)));
+        assert!(!ask(&[2.0], series(1.0, 0.7)), "the same point");
+        assert!(ask(&[2.0], series(1.1, 0.7)), "another point");
+        assert!(ask(&[3.0], series(1.1, 0.7)), "another row");
+        assert!(ask(&[3.0], Jet::new(table, &[1.1][..])), "a constant has another table");
+        assert!(ask(&[3.0], series(f64::NAN, 0.1)) && ask(&[3.0], series(f64::NAN, 0.1)));
+    }
+}
