@@ -7,7 +7,9 @@
 
 use super::expression::{Expression, Symbol};
 use super::series::{self, Slopes, Uses};
-use super::{Kept, Law, StrainEnergy, TangentBlocks, Template, determinant_curvature};
+use super::{
+    Kept, Law, SharedSeries, StrainEnergy, TangentBlocks, Template, determinant_curvature,
+};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
 };
@@ -95,12 +97,14 @@ impl<E: StrainEnergy> Law for E {
         kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let slopes = |invariants| self.gradient(invariants).first;
-        let slopes = Slopes { uses: Uses::of::<Self>(), slopes: &slopes, kept };
-        series::stress_series(slopes, table, [deformation, q], out);
+        let pressure = |J| self.pressure(&J);
+        let uses = Uses::of::<Self>();
+        let slopes = Slopes { uses, slopes: &slopes, pressure: &pressure, part: shared.part, kept };
+        series::stress_series(slopes, table, [deformation, shared.pressure], out);
     }
 
     #[inline(always)]

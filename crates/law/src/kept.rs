@@ -5,25 +5,28 @@ use viscera_number::{Jet, Real};
 /// Taylor series of functions of the volume ratio, kept from cell to cell. At rest all cells of a material ask for the same
 /// ones, and to expand a law costs more than to substitute a series in three variables.
 ///
-/// It serves one kind of function, whose law and parameters are those of the row that was told last.
+/// It serves one kind of function, whose law and parameters are those of the row that was told last, and which counts as
+/// much of a shared pressure as was told with it.
 pub struct Kept<T: Real> {
     row: Vec<f64>,
+    part: f64,
     variable: Option<Jet<T>>,
     taylor: Vec<Jet<T>>,
 }
 
 impl<T: Real> Default for Kept<T> {
     fn default() -> Self {
-        Kept { row: Vec::new(), variable: None, taylor: Vec::new() }
+        Kept { row: Vec::new(), part: 0.0, variable: None, taylor: Vec::new() }
     }
 }
 
 impl<T: Real> Kept<T> {
-    /// Tells the row of the material that is asked for next.
-    pub fn turn_to(&mut self, row: &[f64]) {
-        if self.row != row {
+    /// Tells the row of the material that is asked for next, and the part of its pressure that is shared.
+    pub fn turn_to(&mut self, row: &[f64], part: f64) {
+        if self.row != row || self.part != part {
             self.row.clear();
             self.row.extend_from_slice(row);
+            self.part = part;
             self.variable = None;
         }
     }
@@ -59,7 +62,7 @@ mod tests {
         let mut kept = Kept::default();
         let mut asked = 0;
         let mut ask = |row: &[f64], series: Jet<f64>| {
-            kept.turn_to(row);
+            kept.turn_to(&row[..1], row[1..].iter().sum());
             let before = asked;
             let function = |x: Jet<f64>| {
                 asked += 1;
@@ -74,6 +77,7 @@ mod tests {
         assert!(!ask(&[2.0], series(1.0, 0.7)), "the same point");
         assert!(ask(&[2.0], series(1.1, 0.7)), "another point");
         assert!(ask(&[3.0], series(1.1, 0.7)), "another row");
+        assert!(ask(&[3.0, 0.5], series(1.1, 0.7)), "another part");
         assert!(ask(&[3.0], Jet::new(table, &[1.1][..])), "a constant has another table");
         assert!(ask(&[3.0], series(f64::NAN, 0.1)) && ask(&[3.0], series(f64::NAN, 0.1)));
     }

@@ -53,6 +53,21 @@ pub struct Shared<'a> {
     pub pressure: &'a [Lane],
 }
 
+/// The same of series: all `table.len()` coefficients of the pressure, or none for a cell on its own.
+#[derive(Clone, Copy, Debug)]
+pub struct SharedSeries<'a, T> {
+    /// The part `s`.
+    pub part: f64,
+    /// The series of `p` [Pa].
+    pub pressure: &'a [T],
+}
+
+impl<T> Default for SharedSeries<'_, T> {
+    fn default() -> Self {
+        SharedSeries { part: 0.0, pressure: &[] }
+    }
+}
+
 /// A law over slices: entry k of the results is of the cells whose deformation gradients are `F[k]`. All slices of a call
 /// have one length, and `row` holds the parameters of all its cells, as [`LawKernels::prepare`] gives them.
 pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
@@ -103,7 +118,7 @@ pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
 }
 
 /// The power series of a law, as [`Law`] defines them, for one kind of coefficients. All of `out` is zero on entry.
-/// Functions of the volume ratio are taken from `kept`, which the caller has turned to the row.
+/// Functions of the volume ratio are taken from `kept`, which the caller has turned to the row and the shared part.
 pub trait SeriesKernels<T: Real> {
     /// [`Law::stress_series`].
     fn stress_series(
@@ -112,7 +127,7 @@ pub trait SeriesKernels<T: Real> {
         kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     );
 
@@ -226,11 +241,11 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
         kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let law = self.law(row);
-        compiled::<M::Law<'_>, _>(StressSeries { law, kept, table, deformation, q, out });
+        compiled::<M::Law<'_>, _>(StressSeries { law, kept, table, deformation, shared, out });
     }
 
     fn volume_series(
@@ -408,7 +423,7 @@ struct StressSeries<'a, L, T: Real> {
     kept: &'a mut Kept<T>,
     table: &'static Monomials,
     deformation: &'a [T],
-    q: &'a [T],
+    shared: SharedSeries<'a, T>,
     out: &'a mut [T],
 }
 
@@ -416,7 +431,8 @@ impl<L: Law, T: Real> Kernel for StressSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        self.law.stress_series(self.kept, self.table, self.deformation, self.q, self.out);
+        let StressSeries { law, kept, table, deformation, shared, out } = self;
+        law.stress_series(kept, table, deformation, shared, out);
     }
 }
 

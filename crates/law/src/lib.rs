@@ -60,7 +60,7 @@ pub use formula::{FORMULA, Formula};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
 pub use kept::Kept;
-pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared};
+pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared, SharedSeries};
 pub use linear::Linear;
 pub use material::Material;
 pub use mooney_rivlin::{MooneyRivlin, Volumetric};
@@ -221,25 +221,25 @@ pub trait Law: Copy + Send + Sync {
         [T * r.square() * (1.0 / 3.0), slope * r.square().square() * (1.0 / 9.0)]
     }
 
-    /// Degree-p coefficients of `P + q dJ/dF`, p being the order of `table`, from the series of `F`.
+    /// Degree-p coefficients of `P + (p - s U'(J)) dJ/dF`, p being the order of `table`, from the series of `F`.
     ///
-    /// `deformation` holds nine runs of `table.len()` coefficients, row by row; `q` one run, or
-    /// nothing for zero; `out` nine runs of the degree-p coefficients, zero on entry. Functions of the volume ratio are
-    /// taken from `kept`, turned to the row of this law. Strain energies replace this by `series.rs`.
+    /// `deformation` holds nine runs of `table.len()` coefficients, row by row, those of degree p zero; `shared` what is [`Shared`]; `out` nine runs of the degree-p coefficients, zero on entry. Functions of the volume ratio are
+    /// taken from `kept`, turned to the row of this law and the part. Strain energies replace this by `series.rs`.
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
         _: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let top = table.of_degree(table.order());
         let F = jets(table, deformation);
         let mut P = self.stress(&F);
-        if !q.is_empty() {
-            let (q, (_, Z)) = (Jet::new(table, q), self.volume_ratio(&F));
+        if !shared.pressure.is_empty() {
+            let (J, Z) = self.volume_ratio(&F);
+            let q = Jet::new(table, shared.pressure) - self.pressure(&J) * shared.part;
             P = tabulate!(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
         }
         for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
@@ -249,7 +249,7 @@ pub trait Law: Copy + Send + Sync {
         }
     }
 
-    /// All `table.len()` coefficients of the volume ratio, zero in `out` on entry.
+    /// All `table.len()` coefficients of the volume ratio from the same series, zero in `out` on entry.
     #[inline(always)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
         let (J, _) = self.volume_ratio(&jets(table, deformation));

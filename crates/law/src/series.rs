@@ -35,7 +35,10 @@ impl Uses {
 pub(super) struct Slopes<'a, T: Real> {
     pub uses: Uses,
     pub slopes: &'a dyn Fn([Jet<T>; 3]) -> [Jet<T>; 3],
-    /// Of a law whose slopes are functions of `J` alone.
+    /// `U'` as a series of the volume ratio, and the part of it that a shared pressure replaces.
+    pub pressure: &'a dyn Fn(Jet<T>) -> Jet<T>,
+    pub part: f64,
+    /// Of functions of the volume ratio alone.
     pub kept: &'a mut Kept<T>,
 }
 
@@ -66,17 +69,17 @@ fn products<T: Real, const K: usize>(
 /// Adds `sign (a_r b_s - a_s b_r)`, entry `j` with `r` and `s` that follow it: what row `p` of `A` and row `q` of `B` give
 /// to a row of `A x B`. Three entries at once load each series once, not four times.
 #[inline(always)]
-fn cross_row<T: Real>(
-    table: &Monomials,
-    monomials: Range<usize>,
+fn cross_row<'t, T: Real>(
+    table: &'t Monomials,
+    (monomials, pairs): (Range<usize>, impl Fn(usize) -> &'t [[u16; 3]]),
     (sign, a, b): (f64, [&[T]; 3], [&[T]; 3]),
     out: [&mut [T]; 3],
 ) {
     let n = table.len();
     assert!(a.iter().chain(&b).all(|series| series.len() == n));
     for (slot, c) in monomials.enumerate() {
-        let (mut plus, mut minus) = ([T::default(); 3], [T::default(); 3]);
-        for &[i, j, _] in table.pairs_of(c) {
+        let mut sums = [T::default(); 3];
+        for &[i, j, _] in pairs(c) {
             // SAFETY: as in `products`.
             let (a, b) = unsafe {
                 (
@@ -86,13 +89,12 @@ fn cross_row<T: Real>(
             };
             array!(3, |k| {
                 let (r, s) = next(k);
-                plus[k].add_product(a[r], b[s]);
-                minus[k].add_product(a[s], b[r]);
+                sums[k] = sums[k] + (a[r] * b[s] - a[s] * b[r]);
             });
         }
         array!(3, |k| {
             let out = &mut out[k][slot];
-            *out = if sign > 0.0 { *out + plus[k] - minus[k] } else { *out - plus[k] + minus[k] };
+            *out = if sign > 0.0 { *out + sums[k] } else { *out - sums[k] };
         });
     }
 }
@@ -148,9 +150,9 @@ fn runs<T>(row: &mut [T], n: usize) -> [&mut [T]; 3] {
     [first, second, third]
 }
 
-/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z + q dJ/dF`, p the order of `table`.
+/// Degree-p coefficients of `P = 2 psi_1 F + (2 psi_2 Z) x F + psi_J Z + (q - s U') dJ/dF`, p the order of `table`.
 ///
-/// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each;
+/// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each, those of degree p zero;
 /// `q` is one series or nothing,
 /// `out` receives nine runs of the degree-p coefficients.
 pub(super) fn stress_series<T: Real>(
@@ -192,8 +194,9 @@ fn add_stress<T: Real>(Stress { slopes, table, deformation, q, out }: Stress<'_,
 
     let mut J = PooledVec::zeros(n);
     products(table, 0..n, array!(3, |j| [F(0)[j], Z(0)[j]]), &mut J);
-    let mut I1 = PooledVec::zeros(if uses.slopes_of_i1 { n } else { 0 });
-    if uses.slopes_of_i1 {
+    let has_i1 = uses.slopes_of_i1 || (uses.volume_is_trace && slopes.part != 0.0);
+    let mut I1 = PooledVec::zeros(if has_i1 { n } else { 0 });
+    if has_i1 {
         (0..3).for_each(|i| products(table, 0..n, F(i).map(|f| [f, f]), &mut I1));
     }
     let mut I2 = PooledVec::zeros(if uses.i2 { n } else { 0 });
@@ -223,24 +226,33 @@ fn add_stress<T: Real>(Stress { slopes, table, deformation, q, out }: Stress<'_,
         let W = |i: usize| row(&weighted, i, n);
         for (i, out) in out.chunks_exact_mut(3 * m).enumerate() {
             let (p, q) = next(i);
-            cross_row(table, top.clone(), (1.0, W(p), F(q)), runs(out, m));
-            cross_row(table, top.clone(), (-1.0, W(q), F(p)), runs(out, m));
+            let pairs = |c| table.pairs_of(c);
+            cross_row(table, (top.clone(), pairs), (1.0, W(p), F(q)), runs(out, m));
+            cross_row(table, (top.clone(), pairs), (-1.0, W(q), F(p)), runs(out, m));
         }
     }
 }
 
 #[allow(non_snake_case)]
 impl<T: Real> Slopes<'_, T> {
-    /// The slopes at the invariants; those of a law that are functions of `J` alone, by composition.
+    /// The slopes at the invariants, without the part of the pressure that is shared; those of a law that are functions
+    /// of `J` alone, by composition.
     #[inline(always)]
     fn at(self, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
-        let Slopes { uses, slopes, kept } = self;
-        if uses.slopes_of_i1 || uses.i2 {
-            return slopes([I1, I2, J]);
+        let Slopes { uses, slopes, pressure, part, kept } = self;
+        if uses.slopes_of_i1 || uses.i2 || uses.volume_is_trace {
+            let ratio = if uses.volume_is_trace { (I1.clone() - 1.0) * 0.5 } else { J.clone() };
+            let [mut psi1, psi2, mut psiJ] = slopes([I1, I2, J]);
+            if part != 0.0 {
+                let own = ratio.substituted_in(&kept.of(&ratio, |J| vec![pressure(J)])[0]) * part;
+                if uses.volume_is_trace { psi1 = psi1 - own * 0.5 } else { psiJ = psiJ - own }
+            }
+            return [psi1, psi2, psiJ];
         }
         let taylor = kept.of(&J, |J| {
             let none = J.constant(0.0);
-            slopes([none.clone(), none, J]).into()
+            let [psi1, psi2, psiJ] = slopes([none.clone(), none, J.clone()]);
+            vec![psi1, psi2, if part == 0.0 { psiJ } else { psiJ - pressure(J) * part }]
         });
         let table = J.table();
         // A constant: if it varied with J, psi_J would vary with I1.
@@ -291,12 +303,12 @@ fn add_volume_ratio<T: Real>(VolumeRatio { uses, table, deformation, out }: Volu
     products(table, 0..n, array!(3, |j| [f[j], z[j]]), out);
 }
 
-/// Adds the series of a row of `Z = cof F`.
+/// Adds the series of a row of `Z = cof F`; the highest degree of `F` is zero, as it is what is sought.
 #[inline(always)]
 fn cofactor_row<T: Real>(table: &Monomials, deformation: &[T], i: usize, z: &mut [T]) {
     let (n, (p, q)) = (table.len(), next(i));
     let rows = (1.0, row(deformation, p, n), row(deformation, q, n));
-    cross_row(table, 0..n, rows, runs(z, n));
+    cross_row(table, (0..n, |c| table.pairs_below_top(c)), rows, runs(z, n));
 }
 
 /// The two indices that follow `i` cyclically.

@@ -5,7 +5,7 @@
 #![allow(non_snake_case)]
 
 use super::expression::Expression;
-use super::kernels::{LawKernels, SeriesKernels, Shared};
+use super::kernels::{LawKernels, SeriesKernels, Shared, SharedSeries};
 use super::{Kept, TangentBlocks, Template};
 use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
@@ -108,11 +108,11 @@ where
         kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let (law, row) = self.of(row);
-        law.stress_series(row, kept, table, deformation, q, out);
+        law.stress_series(row, kept, table, deformation, shared, out);
     }
 
     fn volume_series(

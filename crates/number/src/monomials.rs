@@ -118,6 +118,15 @@ impl Monomials {
         &self.pairs[self.pair_start[c]..self.pair_start[c + 1]]
     }
 
+    /// The pairs `(a, b, c)` of two series whose highest degree is zero: those of a monomial of that degree have the constant
+    /// of the other series as a factor at both ends of the list.
+    #[inline(always)]
+    pub fn pairs_below_top(&self, c: usize) -> &[[u16; 3]] {
+        let pairs = self.pairs_of(c);
+        let is_top = c > 0 && c >= self.degree_start[self.order];
+        if is_top { &pairs[1..pairs.len() - 1] } else { pairs }
+    }
+
     /// The pairs `(a, b, c)` with `a < b` whose product is monomial `c`, and `a` with `x^a x^a = x^c`: the factors of a
     /// square, each pair once. The pairs of a monomial are sorted by the first factor, the list read backwards has the
     /// factors exchanged.

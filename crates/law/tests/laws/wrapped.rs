@@ -1,6 +1,6 @@
 //! Laws in other clothes.
 
-use viscera_law::{Kept, Law, TangentBlocks};
+use viscera_law::{Kept, Law, SharedSeries, TangentBlocks};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Monomials, Real, Scalar};
 
@@ -54,10 +54,10 @@ impl<L: Law> Law for Once<L> {
         kept: &mut Kept<T>,
         table: &'static Monomials,
         deformation: &[T],
-        q: &[T],
+        shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
-        self.0.stress_series(kept, table, deformation, q, out);
+        self.0.stress_series(kept, table, deformation, shared, out);
     }
     #[inline(never)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {

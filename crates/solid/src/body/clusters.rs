@@ -117,6 +117,11 @@ impl Clusters {
         }
     }
 
+    /// The cluster of a cell.
+    pub fn at(&self, slot: Slot) -> usize {
+        self.of[slot.batch as usize][slot.lane as usize] as usize
+    }
+
     /// Which cells and nodes they have.
     pub fn nodes(&self) -> ClusterNodes {
         let members = (0..self.members.len()).map(|cluster| self.members.of(cluster));

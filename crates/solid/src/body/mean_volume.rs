@@ -10,7 +10,7 @@ use super::outliers::Outlier;
 use super::partition::Partition;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
-use super::series::{Along, SeriesIntegrals};
+use super::series::{Along, SeriesIntegrals, Shared};
 use crate::element::{Geometry, Tet4};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::Real;
@@ -153,8 +153,9 @@ where
         force: &mut [T],
     ) {
         let MeanVolume { cells, clusters } = self;
-        let mut volumes = cells.volume_series(material, geometry, along);
-        clusters.pressure_series(material, &cells.slots, along.table, &mut volumes);
-        cells.force_series(material, geometry, along, &volumes, force);
+        let mut series = vec![T::default(); clusters.volume.len() * along.table.len()];
+        cells.add_volume_series(material, geometry, along, clusters, &mut series);
+        clusters.pressure_series(material, along.table, &mut series);
+        cells.force_series(material, geometry, along, Shared(Some((clusters, &series))), force);
     }
 }

@@ -4,7 +4,7 @@
 use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
 use crate::element::{Geometry, Shape};
-use crate::law::{Kept, LawKernels, Material, SeriesKernels};
+use crate::law::{Kept, LawKernels, Material, SeriesKernels, SharedSeries};
 use crate::number::{Monomials, Real};
 use crate::simd::{Kernel, dispatch_solver};
 
@@ -67,35 +67,47 @@ impl<T: Real> Along<'_, T> {
     }
 }
 
+/// The pressures of clusters as series, or nothing where every cell is on its own.
+pub struct Shared<'a, T>(pub Option<(&'a Clusters, &'a [T])>);
+
+impl<'a, T> Shared<'a, T> {
+    /// Around a cell, of series with `n` coefficients.
+    fn of(&self, slot: Slot, n: usize) -> SharedSeries<'a, T> {
+        let of_cluster = |(clusters, pressures): (&Clusters, &'a [T])| SharedSeries {
+            part: clusters.share[slot.batch as usize],
+            pressure: &pressures[clusters.at(slot) * n..][..n],
+        };
+        self.0.map(of_cluster).unwrap_or_default()
+    }
+}
+
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
-    /// Adds the degree-p forces; `pressure` holds the series of an extra pressure in each cell, or nothing.
+    /// Adds the degree-p forces.
     pub fn force_series<T: Real>(
         &self,
         material: &Material,
         geometry: &[Geometry],
         along: Along<T>,
-        pressure: &[T],
+        shared: Shared<T>,
         force: &mut [T],
     ) where
         dyn LawKernels: SeriesKernels<T>,
     {
-        dispatch_solver(Forces { cells: self, material, geometry, along, pressure, force });
+        dispatch_solver(Forces { cells: self, material, geometry, along, shared, force });
     }
 
-    /// Series of the volume ratio of each cell.
-    pub fn volume_series<T: Real>(
+    /// Adds the series of each cell's volume ratio, times its part of the volume, to that of its cluster.
+    pub fn add_volume_series<T: Real>(
         &self,
         material: &Material,
         geometry: &[Geometry],
         along: Along<T>,
-    ) -> Vec<T>
-    where
+        clusters: &Clusters,
+        ratios: &mut [T],
+    ) where
         dyn LawKernels: SeriesKernels<T>,
     {
-        let mut out = vec![T::default(); self.nodes.len() * along.table.len()];
-        let volumes = &mut out;
-        dispatch_solver(Volumes { cells: self, material, geometry, along, volumes });
-        out
+        dispatch_solver(Volumes { cells: self, material, geometry, along, clusters, ratios });
     }
 }
 
@@ -111,7 +123,7 @@ struct Forces<'a, T, E, const N: usize> {
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
-    pressure: &'a [T],
+    shared: Shared<'a, T>,
     force: &'a mut [T],
 }
 
@@ -123,21 +135,20 @@ where
 
     #[inline(always)]
     fn run(self) {
-        let Forces { cells, material, geometry, along, pressure, force } = self;
+        let Forces { cells, material, geometry, along, shared, force } = self;
         let (table, law) = (along.table, material.law());
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];
         let mut kept = Kept::default();
         for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
-            let row = material.row(cell);
-            kept.turn_to(row);
-            let pressure = pressure.get(cell * n..(cell + 1) * n).unwrap_or_default();
+            let (row, shared) = (material.row(cell), shared.of(cells.slots[cell], n));
+            kept.turn_to(row, shared.part);
             for point in 0..E::POINTS {
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                law.stress_series(row, &mut kept, table, &deformation, pressure, &mut stress);
+                law.stress_series(row, &mut kept, table, &deformation, shared, &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -161,7 +172,8 @@ struct Volumes<'a, T, E, const N: usize> {
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
-    volumes: &'a mut [T],
+    clusters: &'a Clusters,
+    ratios: &'a mut [T],
 }
 
 impl<T: Real, E: Shape<N>, const N: usize> Kernel for Volumes<'_, T, E, N>
@@ -172,61 +184,54 @@ where
 
     #[inline(always)]
     fn run(self) {
-        let Volumes { cells, material, geometry, along, volumes } = self;
+        let Volumes { cells, material, geometry, along, clusters, ratios } = self;
         let (n, law) = (along.table.len(), material.law());
         let mut deformation = vec![T::default(); 9 * n];
-        let cells = cells.nodes.iter().zip(geometry).zip(volumes.chunks_exact_mut(n));
-        for (cell, ((nodes, geometry), out)) in cells.enumerate() {
+        let mut ratio = vec![T::default(); n];
+        for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
             along.deformation(nodes, &gradients(E::slopes(0), geometry), &mut deformation);
-            law.volume_series(material.row(cell), along.table, &deformation, out);
+            ratio.fill(T::default());
+            law.volume_series(material.row(cell), along.table, &deformation, &mut ratio);
+            let cluster = clusters.at(cells.slots[cell]);
+            let part = geometry.volume / clusters.volume[cluster];
+            add_scaled(&mut ratios[cluster * n..(cluster + 1) * n], part, &ratio);
         }
     }
 }
 
 impl Clusters {
-    /// From the series of each cell's volume ratio to those of the pressure its cluster adds, in place.
+    /// From the series of the volume ratio of each cluster to those of its pressure, `sum_t s V_t U_t'(J_c) / V_c` over
+    /// its tissues t, in place.
     pub fn pressure_series<T: Real>(
         &self,
         material: &Material,
-        slots: &[Slot],
         table: &'static Monomials,
         series: &mut [T],
     ) where
         dyn LawKernels: SeriesKernels<T>,
     {
-        let (n, count, law) = (table.len(), self.members.len(), material.law());
-        let mut ratios = vec![T::default(); count * n];
-        for (cluster, ratio) in ratios.chunks_exact_mut(n).enumerate() {
-            for m in self.members.of(cluster) {
-                add_scaled(ratio, m.part, &series[m.cell as usize * n..][..n]);
-            }
-        }
-        let (mut kept, mut pressure) = (Kept::default(), vec![T::default(); n]);
-        let mut pressure_at = |row: &[f64], ratio: &[T], factor: f64, sum: &mut [T]| {
-            pressure.fill(T::default());
-            kept.turn_to(row);
-            law.pressure_series(row, &mut kept, table, ratio, &mut pressure);
-            add_scaled(sum, factor, &pressure);
-        };
-        let mut means = vec![T::default(); count * n];
+        let (n, law) = (table.len(), material.law());
+        let (mut kept, mut own) = (Kept::default(), vec![T::default(); n]);
+        let mut pressures = vec![T::default(); series.len()];
         for batch in &self.batches {
+            kept.turn_to(&batch.parameters, 0.0);
             for (lane, cluster) in batch.cluster.into_iter().enumerate() {
                 let (cluster, weight) = (cluster as usize, batch.weight[lane]);
                 if weight > 0.0 {
-                    let (ratio, factor) =
-                        (&ratios[cluster * n..][..n], weight / self.volume[cluster]);
-                    let mean = &mut means[cluster * n..][..n];
-                    pressure_at(&batch.parameters, ratio, factor, mean);
+                    let run = cluster * n..(cluster + 1) * n;
+                    own.fill(T::default());
+                    law.pressure_series(
+                        &batch.parameters,
+                        &mut kept,
+                        table,
+                        &series[run.clone()],
+                        &mut own,
+                    );
+                    add_scaled(&mut pressures[run], weight / self.volume[cluster], &own);
                 }
             }
         }
-        for (cell, (slot, q)) in slots.iter().zip(series.chunks_exact_mut(n)).enumerate() {
-            let (batch, lane) = (slot.batch as usize, slot.lane as usize);
-            let cluster = self.of[batch][lane] as usize;
-            let mut answer = means[cluster * n..][..n].to_vec();
-            pressure_at(material.row(cell), q, -self.share[batch], &mut answer);
-            q.copy_from_slice(&answer);
-        }
+        series.copy_from_slice(&pressures);
     }
 }
 
