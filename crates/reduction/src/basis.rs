@@ -2,7 +2,7 @@
 //! fields, the basis of their bases.
 
 use crate::error::Error;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 
 /// An orthonormal basis of the columns: a pivoted Cholesky factor of their Gram matrix.
@@ -21,8 +21,9 @@ pub(super) struct Basis {
 impl Basis {
     /// Drops what lies below `tolerance` times the largest column.
     pub fn new(columns: MatRef<f64>, n_first: usize, tolerance: f64) -> Result<Self, Error> {
-        let (pivots, cholesky) = pivoted_cholesky(&gram(columns), n_first, tolerance);
+        let (pivots, rows) = pivoted_cholesky(columns, n_first, tolerance);
         let (m, rank) = (columns.ncols(), pivots.len());
+        let cholesky = Mat::from_fn(m, rank, |i, k| rows[k][i]);
         let factor = Mat::from_fn(rank, rank, |i, j| cholesky[(pivots[i], j)]);
         let n_first = n_first.min(rank);
         let rest = cholesky.subcols(n_first, rank - n_first).to_owned();
@@ -138,30 +139,53 @@ impl Common {
     }
 }
 
-/// Lower triangle of `A^T A`.
-fn gram(columns: MatRef<f64>) -> Mat<f64> {
-    let m = columns.ncols();
-    let mut gram = Mat::zeros(m, m);
-    triangular::matmul(
-        gram.as_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        columns.transpose(),
-        BlockStructure::Rectangular,
-        columns,
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
-    gram
+/// Columns of the Gram matrix `A^T A`, made when they are asked for: a basis needs few of them.
+struct Gram<'a> {
+    columns: MatRef<'a, f64>,
+    known: Vec<Vec<f64>>,
 }
 
-/// `G = L L^T` with the first `n_first` pivots in order and the rest by largest remainder, until
-/// that falls below `tolerance` times the largest column.
-fn pivoted_cholesky(gram: &Mat<f64>, n_first: usize, tolerance: f64) -> (Vec<usize>, Mat<f64>) {
-    let m = gram.nrows();
-    let entry = |i: usize, j: usize| gram[(i.max(j), i.min(j))];
-    let mut remainder: Vec<f64> = (0..m).map(|i| gram[(i, i)]).collect();
+impl<'a> Gram<'a> {
+    /// Columns that are made at once. Of more, fewer would turn out to be pivots; fewer would take longer each.
+    const BLOCK: usize = 32;
+
+    fn new(columns: MatRef<'a, f64>) -> Self {
+        Gram { columns, known: vec![Vec::new(); columns.ncols()] }
+    }
+
+    fn diagonal(&self) -> Vec<f64> {
+        self.columns.col_iter().map(|column| column.squared_norm_l2()).collect()
+    }
+
+    /// A column; where it is not known yet, those next in turn are made with it.
+    fn column(&mut self, index: usize, next: impl FnOnce() -> Vec<usize>) -> &[f64] {
+        if self.known[index].is_empty() {
+            let is_new = |&other: &usize| other != index && self.known[other].is_empty();
+            let others = next().into_iter().filter(is_new).take(Self::BLOCK - 1);
+            let wanted: Vec<usize> = std::iter::once(index).chain(others).collect();
+            let (n, m) = self.columns.shape();
+            let chosen = Mat::from_fn(n, wanted.len(), |i, k| self.columns[(i, wanted[k])]);
+            let mut products = Mat::zeros(m, wanted.len());
+            let transposed = self.columns.transpose();
+            matmul(products.as_mut(), Accum::Replace, transposed, &chosen, 1.0, Par::Seq);
+            for (&index, product) in wanted.iter().zip(products.col_iter()) {
+                self.known[index] = product.iter().copied().collect();
+            }
+        }
+        &self.known[index]
+    }
+}
+
+/// `A^T A = L L^T` with the first `n_first` pivots in order and the rest by largest remainder, until that falls below
+/// `tolerance` times the largest column: the pivots, and the columns of L.
+fn pivoted_cholesky(
+    columns: MatRef<f64>,
+    n_first: usize,
+    tolerance: f64,
+) -> (Vec<usize>, Vec<Vec<f64>>) {
+    let m = columns.ncols();
+    let mut gram = Gram::new(columns);
+    let mut remainder = gram.diagonal();
     let largest = remainder.iter().fold(0.0f64, |a, &b| a.max(b));
     let mut rows: Vec<Vec<f64>> = Vec::new();
     let mut pivots = Vec::new();
@@ -183,7 +207,11 @@ fn pivoted_cholesky(gram: &Mat<f64>, n_first: usize, tolerance: f64) -> (Vec<usi
             break;
         }
         let root = remainder[pivot].sqrt();
-        let mut row: Vec<f64> = (0..m).map(|i| entry(i, pivot)).collect();
+        let in_turn = || match step < n_first {
+            true => (step..n_first).collect(),
+            false => by_size(&remainder),
+        };
+        let mut row = gram.column(pivot, in_turn).to_vec();
         for previous in &rows {
             let factor = previous[pivot];
             row.iter_mut().zip(previous).for_each(|(r, p)| *r -= factor * p);
@@ -199,6 +227,12 @@ fn pivoted_cholesky(gram: &Mat<f64>, n_first: usize, tolerance: f64) -> (Vec<usi
         pivots.push(pivot);
         rows.push(row);
     }
-    let cholesky = Mat::from_fn(m, pivots.len(), |i, k| rows[k][i]);
-    (pivots, cholesky)
+    (pivots, rows)
+}
+
+/// Indices by falling value.
+fn by_size(values: &[f64]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    order
 }
