@@ -8,8 +8,11 @@
 //! Single precision limits the accuracy of one solution. The caller computes the residual in double precision and
 //! solves again: each solution corrects the last one.
 
+mod border;
+mod buffers;
 mod cells;
 mod clusters;
+mod conjugate_gradients;
 mod device;
 mod error;
 mod gathered;
@@ -22,13 +25,15 @@ mod rest;
 mod system;
 mod tangent;
 
+pub use border::{MOST_MEANS, Mean};
 pub use cells::{CellBuffers, Solid};
 pub use clusters::Clusters;
+pub use conjugate_gradients::{Ending, Settings, Solution};
 pub use device::{About, Gpu, traffic};
 pub use error::Error;
 pub use law::Law;
 pub use library::viscera_gpu;
 pub use program::{Invariant, Operation, Program, Value};
 pub use rest::RestBlock;
-pub use system::{Ending, MOST_MEANS, Mean, Settings, Solution, System};
+pub use system::System;
 pub use tangent::Tangent;

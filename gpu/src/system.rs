@@ -3,120 +3,14 @@
 //! iterations whether it has finished.
 
 use crate::Error;
-use crate::device::{Gpu, THREADS, dispatch, workgroups};
+use crate::border::{Border, Mean};
+use crate::buffers::{ChunkBuffers, Kernels, MOST_PARTS, Vectors};
+use crate::conjugate_gradients::{Ending, Recurrence, Settings, Solution};
+use crate::device::{Gpu, dispatch, workgroups};
 use crate::layout::{Layout, PADDING};
-use bytemuck::{Pod, Zeroable};
 use std::sync::Arc;
 use std::time::Instant;
-use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
-
-/// Partial sums of a scalar product, over all chunks.
-const MOST_PARTS: usize = 1024;
-
-/// Largest number of prescribed means.
-pub const MOST_MEANS: usize = 48;
-
-/// When conjugate gradients stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
-    /// Residual to reach, relative to the right-hand side.
-    pub tolerance: f64,
-    /// Largest number of iterations; the solution so far is returned.
-    pub max_iterations: usize,
-    /// Iterations between two checks whether the device has finished.
-    pub check_every: usize,
-    /// Time at which to stop and return the solution so far.
-    pub deadline: Option<Instant>,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Settings { tolerance: 1e-4, max_iterations: 2000, check_every: 16, deadline: None }
-    }
-}
-
-/// How conjugate gradients ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ending {
-    /// The tolerance is reached.
-    Solved,
-    /// The budget of iterations or time is spent.
-    Spent,
-    /// A direction of negative curvature was found, or rounding that cannot be told from one.
-    Indefinite,
-    /// A number is not finite.
-    NotFinite,
-}
-
-/// The result of conjugate gradients.
-#[derive(Clone, Debug)]
-pub struct Solution {
-    /// The solution so far; zero at held degrees of freedom.
-    pub x: Vec<f64>,
-    /// The last direction.
-    pub direction: Vec<f64>,
-    /// Iterations.
-    pub iterations: usize,
-    /// `|r| / |b|` with the residual `r` of the recurrence.
-    pub residual: f64,
-    /// How they ended.
-    pub ending: Ending,
-}
-
-/// A prescribed weighted mean: degrees of freedom and weights.
-pub type Mean = Vec<(u32, f64)>;
-
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-struct Recurrence {
-    gamma: f32,
-    alpha: f32,
-    ended: u32,
-    iterations: u32,
-    first: f32,
-    now: f32,
-    goal: f32,
-    most: u32,
-}
-
-/// Buffers of a chunk.
-pub(crate) struct ChunkBuffers {
-    pub values: Buffer,
-    product: BindGroup,
-    magnitude: BindGroup,
-    n_groups: u32,
-    inverse: BindGroup,
-    of_inverse: Buffer,
-}
-
-struct Kernels {
-    product: ComputePipeline,
-    magnitude: ComputePipeline,
-    update: ComputePipeline,
-    begin: ComputePipeline,
-    invert: ComputePipeline,
-    prepare: ComputePipeline,
-    project: ComputePipeline,
-}
-
-/// The vectors of a solve.
-struct Vectors {
-    xp: Buffer,
-    rs: Buffer,
-    z: Buffer,
-    w: Buffer,
-    inverse: Buffer,
-    held: Buffer,
-    sums: Buffer,
-    state: Buffer,
-}
-
-/// Prescribed means on the device.
-struct Border {
-    prepare: BindGroup,
-    /// After the start and odd iterations, after even ones.
-    project: [BindGroup; 2],
-}
+use wgpu::{BindGroup, CommandEncoder};
 
 /// A matrix on the device, with the buffers and kernels that solve with it.
 pub struct System {
@@ -221,50 +115,10 @@ impl System {
             masks[row as usize] = (0..3).map(|i| u32::from(is_held[3 * node + i]) << i).sum();
         }
         self.gpu.write(&self.vectors.held, &masks);
-        self.border = self.bordered(means)?;
+        let on = (&*self.gpu, &self.kernels, &self.vectors);
+        let border = |means| Border::new(on, &self.layout.row_of, &self.is_held, means);
+        self.border = (!means.is_empty()).then(|| border(means)).transpose()?;
         self.gpu.check()
-    }
-
-    fn bordered(&self, means: &[Mean]) -> Result<Option<Border>, Error> {
-        if means.is_empty() {
-            return Ok(None);
-        }
-        if means.len() > MOST_MEANS {
-            return Err(Error::Limit(format!(
-                "{} means are held; the kernels take {MOST_MEANS}, three for each patch",
-                means.len()
-            )));
-        }
-        let mut nodes: Vec<u32> = means.iter().flatten().map(|&(dof, _)| dof / 3).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let mut weights = vec![0.0f32; means.len() * 3 * nodes.len()];
-        for (k, mean) in means.iter().enumerate() {
-            for &(dof, weight) in mean.iter().filter(|(dof, _)| !self.is_held[*dof as usize]) {
-                let n = nodes.partition_point(|&node| node < dof / 3);
-                weights[3 * (k * nodes.len() + n) + dof as usize % 3] = weight as f32;
-            }
-            if weights[3 * k * nodes.len()..3 * (k + 1) * nodes.len()].iter().all(|&w| w == 0.0) {
-                return Err(Error::Input(format!("mean {k} has no free degree of freedom")));
-            }
-        }
-        let rows: Vec<u32> = nodes.iter().map(|&node| self.layout.row_of[node as usize]).collect();
-        let (gpu, vectors, kernels) = (&self.gpu, &self.vectors, &self.kernels);
-        let nodes = gpu.buffer("nodes of means", &rows)?;
-        let influence = gpu.zeros::<f32>("influence of means", weights.len())?;
-        let weights = gpu.buffer("weights of means", &weights)?;
-        let schur = gpu.zeros::<f32>("means", 2 * means.len() * means.len())?;
-        let size = |parity| gpu.uniform([rows.len() as u32, means.len() as u32, parity, 0]);
-        let Vectors { z, rs, sums, inverse, .. } = vectors;
-        let of_prepare =
-            [(0, inverse), (1, &nodes), (2, &weights), (3, &influence), (4, &schur), (8, &size(0))];
-        let project = |parity| {
-            let buffers = [&nodes, &weights, &influence, &schur, z, rs, sums, &size(parity)];
-            let bound: Vec<_> = (1..).zip(buffers).collect();
-            gpu.bind_at(&kernels.project, &bound)
-        };
-        let prepare = gpu.bind_at(&kernels.prepare, &of_prepare);
-        Ok(Some(Border { prepare, project: [project(0), project(1)] }))
     }
 
     /// Loads nine values for each block of the upper triangle, row-major, and adds `shift` to the diagonal.
@@ -470,81 +324,5 @@ impl System {
     /// Dispatches of an iteration.
     pub fn dispatches_per_iteration(&self) -> usize {
         self.chunks.len() + 1 + usize::from(self.border.is_some())
-    }
-}
-
-impl Settings {
-    fn check(&self) -> Result<(), Error> {
-        if !(self.tolerance > 0.0 && self.tolerance < 1.0)
-            || self.max_iterations == 0
-            || self.check_every == 0
-        {
-            return Err(Error::Input(format!(
-                "conjugate gradients: tolerance {}, {} iterations, a check every {}; give a tolerance between 0 and 1, \
-                 and at least one of the others",
-                self.tolerance, self.max_iterations, self.check_every
-            )));
-        }
-        Ok(())
-    }
-}
-
-impl Kernels {
-    fn new(gpu: &Gpu) -> Result<Self, Error> {
-        let sum = include_str!("kernels/sum.wgsl");
-        let with_sums = |source: &str| format!("{sum}\n{source}");
-        let product = with_sums(include_str!("kernels/product.wgsl"));
-        let update = with_sums(include_str!("kernels/update.wgsl"));
-        let border = with_sums(include_str!("kernels/border.wgsl"));
-        Ok(Kernels {
-            product: gpu.kernel(&product, "multiply")?,
-            magnitude: gpu.kernel(include_str!("kernels/magnitude.wgsl"), "measure")?,
-            update: gpu.kernel(&update, "update")?,
-            begin: gpu.kernel(&update, "begin")?,
-            invert: gpu.kernel(include_str!("kernels/invert.wgsl"), "invert")?,
-            prepare: gpu.kernel(&border, "prepare")?,
-            project: gpu.kernel(&border, "project")?,
-        })
-    }
-}
-
-impl Vectors {
-    fn new(gpu: &Gpu, n_nodes: usize) -> Result<Self, Error> {
-        Ok(Vectors {
-            xp: gpu.zeros::<f32>("solution and direction", 6 * n_nodes)?,
-            rs: gpu.zeros::<f32>("residual and its change", 6 * n_nodes)?,
-            z: gpu.zeros::<f32>("preconditioned residual", 3 * n_nodes)?,
-            w: gpu.zeros::<f32>("product", 3 * n_nodes)?,
-            inverse: gpu.zeros::<f32>("preconditioner", 6 * n_nodes)?,
-            held: gpu.zeros::<u32>("what is held", n_nodes)?,
-            sums: gpu.zeros::<f32>("partial sums", 5 * MOST_PARTS + 4)?,
-            state: gpu.zeros::<Recurrence>("state", 2)?,
-        })
-    }
-}
-
-impl ChunkBuffers {
-    fn new(
-        gpu: &Gpu,
-        kernels: &Kernels,
-        vectors: &Vectors,
-        chunk: &crate::layout::Chunk,
-        first_part: u32,
-        n_groups: u32,
-    ) -> Result<Self, Error> {
-        let values = gpu.zeros::<f32>("blocks", 9 * chunk.columns.len())?;
-        let columns = gpu.buffer("columns", &chunk.columns)?;
-        let starts = gpu.buffer("slices", &chunk.starts)?;
-        let diagonal = gpu.buffer("diagonal", &chunk.diagonal)?;
-        let Vectors { z, w, held, sums, inverse, .. } = vectors;
-        let (first, n_rows) = (chunk.rows.start as u32, chunk.rows.len() as u32);
-        let size = gpu.uniform([first, n_rows, first_part, THREADS]);
-        let of_inverse = gpu.uniform([first, n_rows, 0, 0]);
-        let product =
-            gpu.bind(&kernels.product, &[&values, &columns, &starts, held, z, w, sums, &size]);
-        let magnitude =
-            gpu.bind(&kernels.magnitude, &[&values, &columns, &starts, held, z, w, &size]);
-        let inverse = gpu.bind(&kernels.invert, &[&values, &diagonal, held, inverse, &of_inverse]);
-        Ok(ChunkBuffers { values, product, magnitude, n_groups, inverse, of_inverse })
     }
 }

@@ -1,9 +1,9 @@
 //! An orthonormal basis of many nearly dependent fields, ordered by importance; for several sets of
 //! fields, the basis of their bases.
 
+use super::columns::Columns;
 use crate::error::Error;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par, Side};
+use faer::{Mat, Par, Side};
 
 /// An orthonormal basis of the columns: a pivoted Cholesky factor of their Gram matrix.
 ///
@@ -20,9 +20,9 @@ pub(super) struct Basis {
 
 impl Basis {
     /// Drops what lies below `tolerance` times the largest column.
-    pub fn new(columns: MatRef<f64>, n_first: usize, tolerance: f64) -> Result<Self, Error> {
+    pub fn new(columns: &Columns, n_first: usize, tolerance: f64) -> Result<Self, Error> {
         let (pivots, rows) = pivoted_cholesky(columns, n_first, tolerance);
-        let (m, rank) = (columns.ncols(), pivots.len());
+        let (m, rank) = (columns.len(), pivots.len());
         let cholesky = Mat::from_fn(m, rank, |i, k| rows[k][i]);
         let factor = Mat::from_fn(rank, rank, |i, j| cholesky[(pivots[i], j)]);
         let n_first = n_first.min(rank);
@@ -46,7 +46,7 @@ impl Basis {
     }
 
     /// The first `kept` modes as columns: `A[:, pivots] L^-T`, the rest rotated.
-    pub fn modes(&self, columns: MatRef<f64>, kept: usize) -> Mat<f64> {
+    pub fn modes(&self, columns: &Columns, kept: usize) -> Mat<f64> {
         let rank = self.rank();
         // Columns of T with A[:, pivots] T = modes: L^T T = [I, rotation].
         let mut t = Mat::from_fn(rank, kept, |i, k| {
@@ -61,8 +61,7 @@ impl Basis {
             t.as_mut(),
             Par::Seq,
         );
-        let pivots = Mat::from_fn(columns.nrows(), rank, |i, k| columns[(i, self.pivots[k])]);
-        &pivots * &t
+        columns.copied(&self.pivots) * &t
     }
 }
 
@@ -81,15 +80,15 @@ pub(super) struct Common {
 
 impl Common {
     /// Of sets of equal size; the first `n_first` columns of a single set are its first modes.
-    pub fn new(sets: &[Mat<f64>], n_first: usize, tolerance: f64) -> Result<Self, Error> {
+    pub fn new(sets: &[Columns], n_first: usize, tolerance: f64) -> Result<Self, Error> {
         if let [columns] = sets {
-            let basis = Basis::new(columns.as_ref(), n_first, tolerance)?;
+            let basis = Basis::new(columns, n_first, tolerance)?;
             let coordinates = vec![basis.coordinates.clone()];
             return Ok(Common { basis, parts: None, coordinates });
         }
         let own = sets
             .iter()
-            .map(|columns| Basis::new(columns.as_ref(), n_first, tolerance))
+            .map(|columns| Basis::new(columns, n_first, tolerance))
             .collect::<Result<Vec<_>, _>>()?;
         let largest = |b: &Basis, k: usize| b.coordinates.col(k).norm_max().max(f64::MIN_POSITIVE);
         let starts: Vec<usize> = std::iter::once(0)
@@ -98,9 +97,9 @@ impl Common {
                 Some(*end)
             }))
             .collect();
-        let mut parts = Mat::zeros(sets[0].nrows(), starts[own.len()]);
+        let mut parts = Mat::zeros(sets[0].n_rows(), starts[own.len()]);
         for (j, basis) in own.iter().enumerate() {
-            let modes = basis.modes(sets[j].as_ref(), basis.rank());
+            let modes = basis.modes(&sets[j], basis.rank());
             for k in 0..basis.rank() {
                 let size = largest(basis, k);
                 for i in 0..modes.nrows() {
@@ -108,7 +107,7 @@ impl Common {
                 }
             }
         }
-        let basis = Basis::new(parts.as_ref(), 0, tolerance)?;
+        let basis = Basis::new(&Columns::of(parts.as_ref()), 0, tolerance)?;
         let coordinates = own.iter().enumerate().map(|(j, own)| {
             let scaled = Mat::from_fn(own.coordinates.nrows(), own.rank(), |c, k| {
                 own.coordinates[(c, k)] / largest(own, k)
@@ -134,14 +133,17 @@ impl Common {
     }
 
     /// The first `kept` modes as columns.
-    pub fn modes(&self, sets: &[Mat<f64>], kept: usize) -> Mat<f64> {
-        self.basis.modes(self.parts.as_ref().unwrap_or(&sets[0]).as_ref(), kept)
+    pub fn modes(&self, sets: &[Columns], kept: usize) -> Mat<f64> {
+        match &self.parts {
+            Some(parts) => self.basis.modes(&Columns::of(parts.as_ref()), kept),
+            None => self.basis.modes(&sets[0], kept),
+        }
     }
 }
 
 /// Columns of the Gram matrix `A^T A`, made when they are asked for: a basis needs few of them.
 struct Gram<'a> {
-    columns: MatRef<'a, f64>,
+    columns: &'a Columns<'a>,
     known: Vec<Vec<f64>>,
 }
 
@@ -149,12 +151,8 @@ impl<'a> Gram<'a> {
     /// Columns that are made at once. Of more, fewer would turn out to be pivots; fewer would take longer each.
     const BLOCK: usize = 32;
 
-    fn new(columns: MatRef<'a, f64>) -> Self {
-        Gram { columns, known: vec![Vec::new(); columns.ncols()] }
-    }
-
-    fn diagonal(&self) -> Vec<f64> {
-        self.columns.col_iter().map(|column| column.squared_norm_l2()).collect()
+    fn new(columns: &'a Columns) -> Self {
+        Gram { columns, known: vec![Vec::new(); columns.len()] }
     }
 
     /// A column; where it is not known yet, those next in turn are made with it.
@@ -163,13 +161,8 @@ impl<'a> Gram<'a> {
             let is_new = |&other: &usize| other != index && self.known[other].is_empty();
             let others = next().into_iter().filter(is_new).take(Self::BLOCK - 1);
             let wanted: Vec<usize> = std::iter::once(index).chain(others).collect();
-            let (n, m) = self.columns.shape();
-            let chosen = Mat::from_fn(n, wanted.len(), |i, k| self.columns[(i, wanted[k])]);
-            let mut products = Mat::zeros(m, wanted.len());
-            let transposed = self.columns.transpose();
-            matmul(products.as_mut(), Accum::Replace, transposed, &chosen, 1.0, Par::Seq);
-            for (&index, product) in wanted.iter().zip(products.col_iter()) {
-                self.known[index] = product.iter().copied().collect();
+            for (&index, product) in wanted.iter().zip(self.columns.products(&wanted)) {
+                self.known[index] = product;
             }
         }
         &self.known[index]
@@ -179,13 +172,13 @@ impl<'a> Gram<'a> {
 /// `A^T A = L L^T` with the first `n_first` pivots in order and the rest by largest remainder, until that falls below
 /// `tolerance` times the largest column: the pivots, and the columns of L.
 fn pivoted_cholesky(
-    columns: MatRef<f64>,
+    columns: &Columns,
     n_first: usize,
     tolerance: f64,
 ) -> (Vec<usize>, Vec<Vec<f64>>) {
-    let m = columns.ncols();
+    let m = columns.len();
     let mut gram = Gram::new(columns);
-    let mut remainder = gram.diagonal();
+    let mut remainder = columns.squares();
     let largest = remainder.iter().fold(0.0f64, |a, &b| a.max(b));
     let mut rows: Vec<Vec<f64>> = Vec::new();
     let mut pivots = Vec::new();

@@ -139,7 +139,7 @@ impl Reduction {
         let series = attend(&mut is_wanted, |stop| {
             let chunks = patches.par_chunks(8);
             let is_wanted = || !stop.load(Ordering::Relaxed);
-            let series = chunks.map(|some| expansion.expand_while(&is_wanted, some, self.order));
+            let series = chunks.map(|some| expansion.expand_while(&is_wanted, some, self.order, 1));
             Ok(series.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect::<Vec<_>>())
         })?;
         let mut workspace = vec![0.0; model.field_workspace_len()];
@@ -173,7 +173,7 @@ impl Reduction {
         let patches: Vec<Patch> = contacts.iter().map(|c| model.patch(c)).collect();
         let patches: Vec<&Patch> = patches.iter().collect();
         let is_wanted = || !stop.load(Ordering::Relaxed);
-        let series = expansion.expand_while(&is_wanted, &patches, self.next_order())?;
+        let series = expansion.expand_while(&is_wanted, &patches, self.next_order(), 1)?;
         let mut workspace = vec![0.0; model.field_workspace_len()];
         let mut touch = |contact: &Contact, series: &TouchSeries, d| {
             let exact = Orders::new(series, self.next_order(), d);

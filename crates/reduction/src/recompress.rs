@@ -7,7 +7,7 @@
 use super::refused::refused;
 use super::region::{Amplitudes, Exact, Region, compress_again, decode};
 use crate::error::Error;
-use faer::{Col, Mat};
+use faer::Mat;
 use rayon::prelude::*;
 use viscera_touch::{Answers, Arrays, Metadata, ReducedModel};
 
@@ -148,7 +148,7 @@ impl<'a> Stored<'a> {
         let (basis, lengths) = (orthonormal.compute_thin_Q(), orthonormal.thin_R().to_owned());
         let (answers, members) = answers(model.metadata(), model.arrays());
         let a = model.arrays();
-        let fields: Vec<[Vec<Vec<Vec<f64>>>; 2]> = (0..members)
+        let fields: Vec<[Vec<Mat<f64>>; 2]> = (0..members)
             .map(|j| {
                 let of = |regions: &[u32], offsets: &[usize], coefficients: &[f32]| {
                     let start = j * offsets[regions.len()];
@@ -170,18 +170,16 @@ impl<'a> Stored<'a> {
             exponents: model.exponents(),
             edge_terms: model.edge_terms(),
             depth: model.metadata().depth,
-            positions: positions.iter().map(|fields| &fields[..]).collect(),
-            edges: edges.iter().map(|fields| &fields[..]).collect(),
+            positions: positions.iter().map(Mat::as_ref).collect(),
+            edges: edges.iter().map(Mat::as_ref).collect(),
         });
         compress_again(&exact.collect::<Vec<_>>(), basis.as_ref(), tolerance)
     }
 }
 
 /// Rows of stored amplitudes, a term each, as coordinates in the orthonormal basis.
-fn coordinates(lengths: &Mat<f64>, amplitudes: &[f32]) -> Vec<Vec<f64>> {
-    let field = |row: &[f32]| {
-        let product = lengths * Col::from_fn(row.len(), |m| f64::from(row[m]));
-        product.iter().copied().collect()
-    };
-    amplitudes.chunks_exact(lengths.ncols()).map(field).collect()
+fn coordinates(lengths: &Mat<f64>, amplitudes: &[f32]) -> Mat<f64> {
+    let modes = lengths.ncols();
+    lengths
+        * Mat::from_fn(modes, amplitudes.len() / modes, |m, t| f64::from(amplitudes[t * modes + m]))
 }

@@ -8,6 +8,7 @@
 //! contributes to the field at full depth.
 
 use super::basis::Common;
+use super::columns::Columns;
 use crate::error::Error;
 use faer::{Mat, MatRef};
 use serde::{Deserialize, Serialize};
@@ -36,9 +37,6 @@ pub(super) struct Amplitudes {
     pub linear_errors: Vec<f32>,
 }
 
-/// Fields, term by term: runs of all degrees of freedom, or of coordinates in an orthonormal basis.
-type Fields<'a> = &'a [Vec<f64>];
-
 /// What a region is compressed from, for one member.
 pub(super) struct Exact<'a> {
     /// Exponents of the monomials, the constant left out.
@@ -46,10 +44,10 @@ pub(super) struct Exact<'a> {
     /// How many monomials of degree >= 2 the edges keep.
     pub edge_terms: usize,
     pub depth: f64,
-    /// Of all terms.
-    pub positions: Vec<Fields<'a>>,
+    /// Fields of all terms, term by term: all degrees of freedom, or coordinates in an orthonormal basis.
+    pub positions: Vec<MatRef<'a, f64>>,
     /// Of the terms that edges keep.
-    pub edges: Vec<Fields<'a>>,
+    pub edges: Vec<MatRef<'a, f64>>,
 }
 
 /// Terms of the first order.
@@ -88,7 +86,7 @@ fn fewest_modes(
     basis: Option<MatRef<f64>>,
     tolerance: f64,
 ) -> Result<Region, Error> {
-    let columns: Vec<Mat<f64>> = members.iter().map(Exact::columns).collect();
+    let columns: Vec<Columns> = members.iter().map(Exact::columns).collect();
     let common = Common::new(&columns, n_first, 0.1 * tolerance)?;
     let kept = members
         .iter()
@@ -99,7 +97,7 @@ fn fewest_modes(
         Some(basis) => quantise(&(basis * exact_modes)),
         None => quantise(&exact_modes),
     };
-    let decoded = decode(&modes, &scales, basis.map_or(columns[0].nrows(), |b| b.nrows()));
+    let decoded = decode(&modes, &scales, basis.map_or(columns[0].n_rows(), |b| b.nrows()));
     let decoded = basis.map_or(decoded.clone(), |basis| basis.transpose() * decoded);
     let amplitudes = members.iter().zip(&columns).zip(&common.coordinates);
     let members = amplitudes.map(|((e, columns), c)| e.amplitudes(columns, c, &decoded)).collect();
@@ -127,24 +125,16 @@ impl<'a> Exact<'a> {
     }
 
     /// First-order fields of all positions, then higher orders of positions, then of edges.
-    fn columns(&self) -> Mat<f64> {
-        let n = self.positions[0][0].len();
-        let (first, all) = (0..FIRST_ORDER, FIRST_ORDER..self.exponents.len());
-        let own = |terms: Range<usize>| {
-            let of_one = move |fields: &Fields<'a>| {
-                let fields: Fields<'a> = fields;
-                terms.clone().map(move |t| (&fields[t], t))
-            };
-            self.positions.iter().flat_map(of_one)
-        };
-        let edges = self.edges.iter().flat_map(|fields| fields.iter().zip(self.edge_range()));
-        let list: Vec<_> = own(first).chain(own(all)).chain(edges).collect();
-        let mut columns = Mat::zeros(n, list.len());
-        for (column, (field, term)) in columns.col_iter_mut().zip(list) {
-            let weight = self.weight(term);
-            for (out, &u) in column.iter_mut().zip(field) {
-                *out = weight * u;
-            }
+    fn columns(&self) -> Columns<'a> {
+        let (n_terms, edges) = (self.exponents.len(), self.edges.len());
+        let count = n_terms * self.positions.len() + self.edge_terms * edges;
+        let mut columns = Columns::new(self.positions[0].nrows(), count);
+        let weights = |terms: Range<usize>| terms.map(|t| self.weight(t)).collect::<Vec<f64>>();
+        for (p, &fields) in self.positions.iter().enumerate() {
+            columns.add(fields, self.position_columns(p).collect(), weights(0..n_terms));
+        }
+        for (e, &fields) in self.edges.iter().enumerate() {
+            columns.add(fields, self.edge_columns(e).collect(), weights(self.edge_range()));
         }
         columns
     }
@@ -190,7 +180,7 @@ impl<'a> Exact<'a> {
     /// Amplitudes from the coordinates of the columns in the modes, and what they leave.
     fn amplitudes(
         &self,
-        columns: &Mat<f64>,
+        columns: &Columns,
         coordinates: &Mat<f64>,
         decoded: &Mat<f64>,
     ) -> Amplitudes {
@@ -218,16 +208,16 @@ impl<'a> Exact<'a> {
     /// of a cube's faces, edges and corners: of all orders, and of the first alone.
     fn errors(
         &self,
-        columns: &Mat<f64>,
+        columns: &Columns,
         decoded: &Mat<f64>,
         positions: &[Vec<f32>],
     ) -> (Vec<f32>, Vec<f32>) {
-        let (n, kept) = (columns.nrows(), decoded.ncols());
+        let kept = decoded.ncols();
         let (mut errors, mut linear_errors) = (Vec::new(), Vec::new());
         for (p, amplitudes) in positions.iter().enumerate() {
             let own: Vec<usize> = self.position_columns(p).collect();
             let terms = own.len();
-            let exact = Mat::from_fn(n, terms, |i, t| columns[(i, own[t])]);
+            let exact = columns.copied(&own);
             let weighted = Mat::from_fn(kept, terms, |m, t| {
                 f64::from(amplitudes[t * kept + m]) * self.weight(t)
             });

@@ -2,6 +2,7 @@
 
 use super::attend::attend;
 use super::batch::{Answered, Batches, Solved};
+use super::memory::{AtOnce, MEMORY};
 use super::positions::Positions;
 use super::region::{Exact, FIRST_ORDER, compress};
 use super::second_order::Forms;
@@ -11,7 +12,8 @@ use crate::error::Error;
 use crate::mesh::Patch;
 use crate::number::Monomials;
 use crate::number::simd::{Kernel, dispatch_solver};
-use crate::series::{TouchExpansion, TouchSeries};
+use crate::series::{Fields, TouchExpansion, TouchSeries};
+use faer::MatRef;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
@@ -44,8 +46,12 @@ impl Reduction {
             solved[region] = Some(batch);
         }
         let mut done: usize = solved.iter().flatten().map(|batch| batch.positions.len()).sum();
-        let missing: Vec<(&Vec<u32>, &mut Option<Solved>)> =
-            regions.iter().zip(&mut solved).filter(|(_, batch)| batch.is_none()).collect();
+        let at_once = self.at_once(members);
+        let mut missing = regions
+            .iter()
+            .zip(&mut solved)
+            .filter(|(_, batch)| batch.is_none())
+            .collect::<Vec<_>>();
         let (sender, receiver) = mpsc::channel::<(usize, Vec<u8>)>();
         let mut is_wanted = || {
             let kept = receiver.try_iter().all(|(count, batch)| {
@@ -55,23 +61,41 @@ impl Reduction {
             kept & progress(Progress { done, total, stage: "solve" })
         };
         let outcome = attend(&mut is_wanted, |stop| {
-            missing.into_par_iter().try_for_each(|(region, batch)| {
-                let solved = self.solve_region(members, region, stop)?;
+            let solve = |(region, batch): &mut (&Vec<u32>, &mut Option<Solved>)| {
+                let solved = self.solve_region(members, region, at_once.blocks, stop)?;
                 // The receiver outlives the work.
                 let _ = sender.send((region.len(), solved.to_bytes()?));
-                *batch = Some(solved);
+                **batch = Some(solved);
                 Ok(())
-            })
+            };
+            // All in one where as many as threads fit: no thread waits for others.
+            let is_bounded = at_once.regions < rayon::current_num_threads();
+            let count = if is_bounded { at_once.regions } else { missing.len().max(1) };
+            missing.chunks_mut(count).try_for_each(|some| some.par_iter_mut().try_for_each(solve))
         });
         let is_complete = is_wanted(); // what was finished last is kept too
         outcome?;
         if is_complete { Ok(solved.into_iter().flatten().collect()) } else { Err(Error::Cancelled) }
     }
 
+    /// How much runs at a time.
+    fn at_once(&self, members: &[Expanded]) -> AtOnce {
+        let Positions { regions, edges, .. } = &members[0].positions;
+        let fields = regions.iter().map(|region| {
+            let ours = edges.iter().filter(|edge| region.binary_search(&edge[0]).is_ok()).count();
+            let terms = |order: usize| Monomials::of(3, order).len() - 1;
+            region.len() * terms(self.order) + ours * terms(EDGE_ORDER.min(self.order))
+        });
+        let fields = members.len() * fields.max().unwrap_or(0);
+        let n_dofs = members[0].expansion.body().n_dofs();
+        AtOnce::within(MEMORY, n_dofs, fields, self.order, rayon::current_num_threads())
+    }
+
     fn solve_region(
         &self,
         members: &[Expanded],
         region: &[u32],
+        blocks: usize,
         stop: &AtomicBool,
     ) -> Result<Solved, Error> {
         let is_wanted = || !stop.load(Ordering::Relaxed);
@@ -87,11 +111,11 @@ impl Reduction {
             .map(|Expanded { positions, expansion }| {
                 let at = |&p: &u32| &positions.patches[p as usize];
                 let patches: Vec<&Patch> = region.iter().map(at).collect();
-                let own = expansion.expand_while(&is_wanted, &patches, self.order)?;
+                let own = expansion.expand_while(&is_wanted, &patches, self.order, blocks)?;
                 let patches: Vec<Patch> =
                     edges.iter().map(|&e| positions.edge_patch(e as usize)).collect();
                 let patches: Vec<&Patch> = patches.iter().collect();
-                Ok((own, expansion.expand_while(&is_wanted, &patches, edge_order)?))
+                Ok((own, expansion.expand_while(&is_wanted, &patches, edge_order, blocks)?))
             })
             .collect::<Result<Vec<_>, Error>>()?;
         let table = Monomials::of(3, self.order);
@@ -99,8 +123,8 @@ impl Reduction {
             exponents: &table.exponents()[1..],
             edge_terms: table.up_to(edge_order) - table.up_to(1),
             depth: self.depth,
-            positions: positions.iter().map(|s| &s.displacement[..]).collect(),
-            edges: edges.iter().map(|s| &s.displacement[FIRST_ORDER..]).collect(),
+            positions: positions.iter().map(|s| fields(s, 0)).collect(),
+            edges: edges.iter().map(|s| fields(s, FIRST_ORDER)).collect(),
         });
         let compressed = compress(&exact.collect::<Vec<_>>(), self.tolerance)?;
         let answers = members.iter().zip(series).map(|(member, (own, of_edges))| {
@@ -131,6 +155,12 @@ impl Reduction {
     }
 }
 
+/// The fields of a series from a term on, as columns.
+fn fields(series: &TouchSeries, from: usize) -> MatRef<'_, f64> {
+    let fields = &series.displacement;
+    MatRef::from_column_major_slice(fields.from(from), fields.n_dofs(), fields.len() - from)
+}
+
 /// `W_q G_p` from the first-order fields of p: their means over q's patch times p's compliance.
 fn cross_compliance(series: &TouchSeries, patch: &Patch) -> [f64; 9] {
     let means: [[f64; 3]; 3] = std::array::from_fn(|k| patch_mean(patch, &series.displacement[k]));
@@ -151,7 +181,7 @@ pub(super) fn sketch(series: &TouchSeries) -> Vec<f32> {
 
 /// The sums of [`sketch`], field by field.
 struct Sketch<'a> {
-    fields: &'a [Vec<f64>],
+    fields: &'a Fields,
 }
 
 impl Kernel for Sketch<'_> {
@@ -162,7 +192,7 @@ impl Kernel for Sketch<'_> {
     fn run(self) -> Vec<[f64; SKETCH]> {
         const BLOCK: usize = 16;
         let mut sums = vec![[0.0; SKETCH]; self.fields.len()];
-        let dofs = self.fields.first().map_or(0, Vec::len);
+        let dofs = self.fields.n_dofs();
         for first in (0..dofs).step_by(BLOCK) {
             let block = first..dofs.min(first + BLOCK);
             let signs: [[f64; SKETCH]; BLOCK] = std::array::from_fn(|k| signs((first + k) as u64));

@@ -151,8 +151,8 @@ fn between_positions_the_second_order_is_exact() {
         let patch = MODEL.patch(&contact);
         let mut series = series(&patch);
         for term in 9..MODEL.n_terms() {
-            (series.displacement[term], series.force[term]) =
-                (vec![0.0; 3 * MODEL.n_points()], [0.0; 3]);
+            series.displacement[term].fill(0.0);
+            series.force[term] = [0.0; 3];
         }
         let d = directions()[triangle % 26];
         let (u, force) = exact(&series, d);

@@ -8,6 +8,9 @@
 //! where `N_a` is the coefficient of the internal force with `u_a = 0`, and `e_a` is the unit vector of a first-order
 //! term and zero otherwise. Several load positions are processed side by side.
 
+mod fields;
+
+pub use self::fields::Fields;
 use crate::body::Body;
 use crate::equilibrium::ConstrainedSystem;
 use crate::error::Error;
@@ -15,12 +18,13 @@ use crate::mesh::Patch;
 use crate::number::{Lanes, Monomials, WIDTH, Wide};
 use crate::tensor::{Mat3, inverse};
 use crate::unroll::tabulate;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// The series of one load position.
 pub struct TouchSeries {
-    /// `u_a` for each monomial but the constant: runs of all degrees of freedom.
-    pub displacement: Vec<Vec<f64>>,
+    /// `u_a` for each monomial but the constant.
+    pub displacement: Fields,
     /// `F_a`, the force of the tool on the body, for the same monomials [N / m^|a|].
     pub force: Vec<[f64; 3]>,
     /// Compliance `C = W K^-1 W^T` [m/N].
@@ -63,24 +67,28 @@ impl<'a> TouchExpansion<'a> {
     /// # Errors
     /// A patch that lies on fixed nodes only, or values that overflow.
     pub fn expand(&self, patches: &[&Patch], order: usize) -> Result<Vec<TouchSeries>, Error> {
-        self.expand_while(&|| true, patches, order)
+        self.expand_while(&|| true, patches, order, 1)
     }
 
-    /// As [`TouchExpansion::expand`], with a function that is called before every order of every block of positions and
-    /// may cancel.
+    /// As [`TouchExpansion::expand`], so many blocks of [`WIDTH`] positions at once, with a function that is called before
+    /// every order of every block and may cancel.
     ///
     /// # Errors
     /// Those of [`TouchExpansion::expand`]; [`Error::Cancelled`].
     pub fn expand_while(
         &self,
-        is_wanted: &dyn Fn() -> bool,
+        is_wanted: &(dyn Fn() -> bool + Sync),
         patches: &[&Patch],
         order: usize,
+        at_once: usize,
     ) -> Result<Vec<TouchSeries>, Error> {
         let order = order.clamp(1, self.order);
         let mut series = Vec::with_capacity(patches.len());
-        for block in patches.chunks(WIDTH) {
-            series.extend(Block::new(self, block, order)?.series(is_wanted)?);
+        for some in patches.chunks(WIDTH * at_once.max(1)) {
+            let blocks = some.par_chunks(WIDTH);
+            let of = |block| Block::new(self, block, order)?.series(is_wanted);
+            let done = blocks.map(of).collect::<Result<Vec<_>, Error>>()?;
+            series.extend(done.into_iter().flatten());
         }
         Ok(series)
     }
@@ -199,7 +207,7 @@ impl<'a> Block<'a> {
     }
 
     /// All higher orders, then the coefficients position by position.
-    fn series(mut self, is_wanted: &dyn Fn() -> bool) -> Result<Vec<TouchSeries>, Error> {
+    fn series(mut self, is_wanted: &(dyn Fn() -> bool + Sync)) -> Result<Vec<TouchSeries>, Error> {
         for degree in 2..=self.order {
             if !is_wanted() {
                 return Err(Error::Cancelled);
@@ -211,13 +219,14 @@ impl<'a> Block<'a> {
 
     fn by_position(self) -> Vec<TouchSeries> {
         let (terms, n_dofs) = (self.terms, self.expansion.body.n_dofs());
-        let empty = |_| (1..terms).map(|_| Vec::with_capacity(n_dofs)).collect::<Vec<Vec<f64>>>();
-        let mut fields: Vec<Vec<Vec<f64>>> = (0..self.patches.len()).map(empty).collect();
+        let mut fields = vec![Fields::zeros(n_dofs, terms - 1); self.patches.len()];
         for dofs in blocks(n_dofs) {
             for (lane, fields) in fields.iter_mut().enumerate() {
-                for (c, field) in (1..).zip(fields) {
-                    let of = |dof: usize| self.displacement[dof * terms + c][lane];
-                    field.extend(dofs.clone().map(of));
+                for c in 1..terms {
+                    let field = &mut fields[c - 1][dofs.clone()];
+                    for (u, dof) in field.iter_mut().zip(dofs.clone()) {
+                        *u = self.displacement[dof * terms + c][lane];
+                    }
                 }
             }
         }

@@ -27,6 +27,7 @@ mod places;
 mod press;
 mod probe;
 mod resummation;
+mod supports;
 mod surface;
 mod walk;
 

@@ -5,6 +5,7 @@ use super::check::{check, offsets};
 use super::departure::{DIRECTIONS, directions};
 use super::ground::Ground;
 use super::metadata::Metadata;
+use super::supports::Supports;
 use crate::{Error, Notes};
 use viscera_mesh::TriangleTree;
 use viscera_number::Monomials;
@@ -28,8 +29,7 @@ pub struct ReducedModel {
     pub(super) edge_length: f64,
     /// Nodes that are not on the surface, ascending.
     pub(super) interior_nodes: Vec<u32>,
-    /// Places of the fixed nodes on the surface [m].
-    pub(super) supports: Vec<[f64; 3]>,
+    pub(super) supports: Supports,
     pub(super) ground: Ground,
     /// In which departure is known.
     pub(super) directions: [[f64; 3]; DIRECTIONS],
@@ -64,7 +64,8 @@ impl ReducedModel {
         let interior_nodes =
             (0..counts.points as u32).filter(|&node| !is_surface[node as usize]).collect();
         let is_outside = |node: &&u32| is_surface[**node as usize];
-        let supports = arrays.fixed.iter().filter(is_outside).map(position).collect();
+        let fixed = arrays.fixed.iter().filter(is_outside).map(position);
+        let supports = Supports::new(fixed.collect());
         let ground = Ground::new(&positions, &triangles, &arrays.triangle_edges);
         Ok(ReducedModel {
             exponents: Monomials::of(3, metadata.order).exponents()[1..].to_vec(),

@@ -111,16 +111,6 @@ struct Anchor {
     triangle: usize,
 }
 
-/// What a sphere has come to.
-#[derive(Clone, Copy, PartialEq)]
-enum Reach {
-    Tissue,
-    /// Where the organ is fixed.
-    Support,
-    /// Deeper than a probe may enter.
-    Beyond,
-}
-
 /// A pose tried, before it is taken.
 struct Tried {
     felt: Felt,
@@ -219,7 +209,7 @@ impl Probe {
             return self.lost(model);
         }
         match self.attempt(model, center) {
-            Some(tried) => self.take(tried, center),
+            Some(tried) => self.take(model, tried, center),
             None => self.lost(model),
         }
     }
@@ -260,7 +250,7 @@ impl Probe {
             let out = if tried.anchor.is_some() { out } else { 0.0 };
             let next: [f64; 3] = std::array::from_fn(|i| center[i] + step[i] + out * n[i]);
             if norm(sub(next, center)) <= BALANCED * self.radius {
-                let felt = self.take(tried, center);
+                let felt = self.take(model, tried, center);
                 self.device = device;
                 return felt;
             }
@@ -276,10 +266,15 @@ impl Probe {
         model.metadata.depth.min(self.radius)
     }
 
-    fn take(&mut self, tried: Tried, center: [f64; 3]) -> Felt {
+    fn take(&mut self, model: &ReducedModel, tried: Tried, center: [f64; 3]) -> Felt {
         (self.center, self.device, self.anchor) = (Some(center), center, tried.anchor);
         self.is_inside = tried.felt.grip == Grip::Inside;
-        tried.felt
+        let is_touching = tried.anchor.is_some() && !self.is_beyond(model, -tried.felt.gap);
+        // A support does not give way, and the patch knows nothing of it.
+        match is_touching && model.supports.any_within(center, self.radius) {
+            true => tried.felt.at_support(),
+            false => tried.felt,
+        }
     }
 
     /// No force, at the last place; the touch is over.
@@ -329,8 +324,8 @@ impl Probe {
         let along = within([0.0; 3], press.along(answer.force), self.friction * pressing);
         let force = std::array::from_fn(|i| along[i] - pressing * normal[i]);
         let torque = cross(normal.map(|x| -self.radius * x), force);
-        let reach = self.reach(model, center, entered);
-        let worth = |error, trust| self.worth([error, press.error], trust, reach);
+        let is_beyond = self.is_beyond(model, entered);
+        let worth = |error, trust| self.worth([error, press.error], trust, is_beyond);
         let (error_estimate, trust) = worth(answer.error_estimate, answer.trust);
         let (shape_error_estimate, shape_trust) =
             worth(answer.shape_error_estimate, answer.shape_trust);
@@ -346,7 +341,7 @@ impl Probe {
             trust,
             shape_error_estimate,
             shape_trust,
-            is_at_support: reach == Reach::Support,
+            is_at_support: false,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
         Some(Tried {
@@ -389,28 +384,34 @@ impl Probe {
         (contact, drag, grip)
     }
 
-    /// Whether the sphere is too deep, or contains a fixed node of the surface: a support does not give way, and the patch
-    /// knows nothing of it.
-    fn reach(&self, model: &ReducedModel, center: [f64; 3], entered: f64) -> Reach {
-        let is_inside = |&node: &[f64; 3]| norm(sub(node, center)) < self.radius;
-        if entered > self.deepest(model) * (0.5 + 0.5 * BEYOND) {
-            Reach::Beyond
-        } else if model.supports.iter().any(is_inside) {
-            Reach::Support
-        } else {
-            Reach::Tissue
-        }
+    /// Whether a sphere that has entered so far is too deep for its force to be trusted.
+    fn is_beyond(&self, model: &ReducedModel, entered: f64) -> bool {
+        entered > self.deepest(model) * (0.5 + 0.5 * BEYOND)
     }
 
     /// Estimate and trust: errors of the model, and of the patch for the contact.
-    fn worth(&self, [model, contact]: [f64; 2], trust: Trust, reach: Reach) -> (f64, Trust) {
+    fn worth(&self, [model, contact]: [f64; 2], trust: Trust, is_beyond: bool) -> (f64, Trust) {
         let error = (model + contact).min(1.0);
         let is_within = (model + CONTACT_ERROR).min(1.0) <= self.tolerance;
-        match (reach, trust) {
-            (Reach::Beyond, _) => (error, Trust::BeyondDepth),
-            (Reach::Support, _) => (1.0, Trust::ErrorTooLarge),
-            (_, Trust::Trusted) if !is_within => (error, Trust::ErrorTooLarge),
-            (_, trust) => (error, trust),
+        match trust {
+            _ if is_beyond => (error, Trust::BeyondDepth),
+            Trust::Trusted if !is_within => (error, Trust::ErrorTooLarge),
+            trust => (error, trust),
+        }
+    }
+}
+
+impl Felt {
+    /// The same where the sphere contains a fixed node of the surface.
+    fn at_support(self) -> Self {
+        let (error, trust) = (1.0, Trust::ErrorTooLarge);
+        Felt {
+            error_estimate: error,
+            trust,
+            shape_error_estimate: error,
+            shape_trust: trust,
+            is_at_support: true,
+            ..self
         }
     }
 }

@@ -177,7 +177,7 @@ fn positions_do_not_depend_on_their_company() {
     let together = expand(&body, &patches, 3);
     for (patch, series) in patches.iter().zip(&together) {
         let alone = &expand(&body, std::slice::from_ref(patch), 3)[0];
-        for (a, b) in alone.displacement.iter().zip(&series.displacement) {
+        for (a, b) in alone.displacement.iter().zip(series.displacement.iter()) {
             assert!(distance(a, b) < 1e-11 * distance(a, &vec![0.0; a.len()]));
         }
         for (a, b) in alone.force.iter().zip(&series.force) {
