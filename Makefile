@@ -226,11 +226,12 @@ reduced_deep                 := deep.py
 reduced_fingers              := fingers.py P1 24 12
 reduced_fingers_mean_volume  := fingers.py "P1 mean volume" 12 6
 reduced_parameters           := parameters.py
+reduced_offline              := offline.py
 reduced_surrogates           := surrogates.py
 reduced_surrogates_liver     := surrogates.py liver anterior 1 4
-reduced_studies              := depth depth_order_6 deep fingers fingers_mean_volume parameters surrogates surrogates_liver
+reduced_studies              := depth depth_order_6 deep fingers fingers_mean_volume parameters offline surrogates surrogates_liver
 
-study-reduced: $(reduced_studies:%=study-reduced-%) ## reduced models against Newton: depth, fingers, families, other methods; kept in benchmarks/results
+study-reduced: $(reduced_studies:%=study-reduced-%) ## reduced models: against Newton, and what the off-line stage costs; kept in benchmarks/results
 
 study-reduced-%: $(development)
 	mkdir -p out

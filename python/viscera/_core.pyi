@@ -268,6 +268,7 @@ class Body:
         order: int,
         tolerance: float,
         pade: bool,  # whether orders are summed in their Pade form
+        memory: float,  # what positions in progress may take [bytes]
         preload: Floats | None,  # (n, 3) displacement of the equilibrium to start from [m]; None = rest
         family: dict[str, Any] | None,  # `Vary.family`; members and unseen: [(value, body, radius)]
         metadata: str,  # JSON kept in the file under "user"

@@ -21,6 +21,9 @@ ORDER = 4
 TOLERANCE = 2e-3
 """Relative error of the compressed field at full depth, at the worst position, root mean square over directions."""
 
+MEMORY = 2e9
+"""What the positions that a reduction has in progress may take [bytes]."""
+
 GALERKIN_ORDER = 3
 """Order of the series fields that several touches are solved in: 19 modes for each contact."""
 

@@ -29,6 +29,7 @@ from viscera.touch import Touch
 from viscera.vary import Vary
 
 ORDER = Whole(2, 8)
+MEMORY = Number(above=0)
 
 
 class Reducible(Supported):
@@ -44,6 +45,7 @@ class Reducible(Supported):
         order: int = defaults.ORDER,
         tolerance: float = defaults.TOLERANCE,
         pade: bool = True,
+        memory: float = defaults.MEMORY,
         start: State | None = None,
         vary: Vary | None = None,
         checkpoint: Checkpoint | str | os.PathLike[str] | None = None,
@@ -61,6 +63,8 @@ class Reducible(Supported):
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
         pade: sum the orders in their vector Padé form, which reaches deeper than the polynomial.
+        memory: what the positions in progress may take [bytes]; organ, factor and finished positions come on top. Where
+            it is small, fewer threads work at a time, down to one; the model is the same.
         start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
             patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
         vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
@@ -79,6 +83,7 @@ class Reducible(Supported):
         radius = self._length("radius", defaults.RADIUS_FRACTION * self.mesh.diagonal if radius is None else radius)
         depth = self._length("depth", defaults.DEPTH_FRACTION * self.mesh.diagonal if depth is None else depth)
         order, tolerance, pade = ORDER(order, "order"), TOLERANCE(tolerance, "tolerance"), Flag()(pade, "pade")
+        memory = MEMORY(memory, "memory")
         if vary is not None and not isinstance(vary, Vary):
             raise refused("vary", 'a viscera.Vary, such as Vary("young", 1e3, 1e5)', vary)
         if start is not None and not isinstance(start, State):
@@ -105,7 +110,7 @@ class Reducible(Supported):
             "tolerance": tolerance,
             "pade": pade,
         }
-        settings = {"touchable": nodes, **numbers, "preload": preload}
+        settings = {"touchable": nodes, **numbers, "memory": memory, "preload": preload}
         with (
             nullcontext() if checkpoint is None else organ._batches(checkpoint, nodes, preload, numbers, family) as kept
         ):

@@ -131,7 +131,7 @@ def test_regions_are_those_of_the_core(organ: vs.Organ) -> None:
             kept.append(batch)
 
     nodes = organ.touchable(PLACE)
-    settings = {"touchable": nodes, "radius": 0.06, "depth": 0.03, "order": 2, "tolerance": 1e-2, "pade": True}
+    settings = {"touchable": nodes, "radius": 0.06, "depth": 0.03, "order": 2, "tolerance": 1e-2, "pade": True, "memory": 1e9}
     organ._body.reduce(**settings, preload=None, family=None, metadata="{}", on_progress=None, batches=Keeper())  # type: ignore[arg-type]
     regions = regions_of(organ.mesh.surface, organ.mesh.points, nodes)
     assert sorted(positions_of(batch) for batch in kept) == sorted(regions)
@@ -148,6 +148,24 @@ def test_a_reduction_is_the_same_on_any_workers(organ: vs.Organ, whole: vs.Touch
     assert (len(whole._model.array("positions")),) * 2 in {step[:2] for step in seen}
     with ThreadPoolExecutor(3) as threads:
         assert arrays(organ.reduce(PLACE, **SETTINGS, executor=threads)) == arrays(whole)
+
+
+def test_a_reduction_is_the_same_within_any_memory(organ: vs.Organ, whole: vs.Touch, tmp_path: Path) -> None:
+    assert arrays(organ.reduce(PLACE, **SETTINGS, memory=1.0)) == arrays(whole)
+    assert arrays(organ.reduce(PLACE, **SETTINGS, memory=1e12)) == arrays(whole)
+    # What was kept by a run with more memory is not solved again.
+    path = tmp_path / "beam.batches"
+
+    def stop(done: int, total: int, stage: str) -> None:
+        if stage == "check":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        organ.reduce(PLACE, **SETTINGS, checkpoint=path, progress=stop)
+    said: list[str] = []
+    again = organ.reduce(PLACE, **SETTINGS, memory=1.0, checkpoint=Checkpoint(path, said.append))
+    assert "continuing after" in said[0]
+    assert arrays(again) == arrays(whole)
 
 
 def test_a_family_and_a_loaded_organ(organ: vs.Organ, pool: Executor) -> None:
@@ -186,7 +204,7 @@ def test_what_was_stopped_goes_on_from_its_batches_with_workers_or_without(
 
 def test_only_what_is_missing_is_solved(organ: vs.Organ, tmp_path: Path, pool: Executor) -> None:
     settings = {"touchable": organ.touchable(PLACE), "radius": 0.06, "depth": 0.03, "order": 2, "preload": None}
-    offline = Offline(organ, None, {**settings, "tolerance": 1e-2, "pade": True})
+    offline = Offline(organ, None, {**settings, "tolerance": 1e-2, "pade": True, "memory": 1e9})
     first = offline.batches(pool, None, None)
 
     class Nobody(Executor):

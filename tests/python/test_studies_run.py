@@ -104,3 +104,11 @@ def test_registration_finds_an_organ_better_than_a_rigid_motion(
     assert found["error"] < 0.5 * found["rigid"]
     assert found["error"] < found["spline"]
     assert found["in_band"] > 0.8 * found["observed"] > 0.4 * found["targets"]
+
+
+def test_the_smallest_body_of_the_off_line_study_is_reduced(study: Callable[[str], ModuleType]) -> None:
+    """benchmarks/offline.py: its first row."""
+    row = study("offline").measure(5, 1e9)
+    assert (row["nodes"], row["cells"], row["positions"]) == (216, 750, 36)
+    assert row["seconds"] > 0.0
+    assert row["coarse"] < row["file"]

@@ -162,6 +162,8 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: o.reduce("tip", start=np.zeros((81, 3))), "the state to reduce about must be a State"),
         (lambda o: o.reduce("tip", order=True), "order must be a whole number from 2 to 8, got True"),
         (lambda o: o.reduce("tip", pade="no"), "pade must be true or false, got 'no'"),
+        (lambda o: o.reduce("tip", memory=0), "memory must be a number above 0, got 0"),
+        (lambda o: o.reduce("tip", memory="2 GB"), "memory must be a number above 0, got '2 GB'"),
         (lambda o: o.reduce("tip", radius="wide"), "radius 'wide' is not a length"),
         (lambda o: o.reduce("tip", radius=[0.1]), r"radius must be a number .*, got \[0.1\]"),
         (lambda o: o.path(force={"tip": (0, 0, 1)}, order="2"), "order must be a whole number from 2 to 100, got '2'"),

@@ -260,7 +260,7 @@ impl Body {
         })
     }
 
-    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, preload, family, metadata, on_progress, batches=None))]
+    #[pyo3(signature = (*, touchable, radius, depth, order, tolerance, pade, memory, preload, family, metadata, on_progress, batches=None))]
     #[allow(clippy::too_many_arguments)]
     fn reduce(
         &self,
@@ -271,6 +271,7 @@ impl Body {
         order: usize,
         tolerance: f64,
         pade: bool,
+        memory: f64,
         preload: Option<PyReadonlyArray2<f64>>,
         family: Option<FamilyArguments>,
         metadata: &str,
@@ -283,7 +284,7 @@ impl Body {
         let n = self.body.points().len();
         let preload = preload.map_or(Ok(Vec::new()), |u| convert::dofs("preload", &u, n))?;
         let reduction =
-            Reduction { touchable, radius, depth, order, tolerance, pade, preload, user };
+            Reduction { touchable, radius, depth, order, tolerance, pade, memory, preload, user };
         let (mut watch, mut kept) = (Watch::new(on_progress), Kept { batches, raised: None });
         let result = py.detach(|| {
             let mut report = |p: Progress| watch.report((p.done, p.total, p.stage));

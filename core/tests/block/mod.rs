@@ -27,6 +27,7 @@ pub fn block() -> ReducedModel {
         order,
         tolerance,
         pade: true,
+        memory: 1e9,
         preload: Vec::new(),
         user,
     };

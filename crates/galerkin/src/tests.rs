@@ -59,6 +59,7 @@ fn galerkin(
         order: 3,
         tolerance: 1e-4,
         pade: true,
+        memory: 1e9,
         preload,
         user,
     };

@@ -3,9 +3,6 @@
 
 use crate::number::{Monomials, WIDTH};
 
-/// Memory that the regions in progress may take [bytes]. The body with its factor and the modes that are finished come on top.
-pub(super) const MEMORY: usize = 1_200_000_000;
-
 /// What runs at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AtOnce {
@@ -16,11 +13,12 @@ pub(super) struct AtOnce {
 
 impl AtOnce {
     /// The most regions whose blocks keep all threads busy; where memory is too small for that, what keeps the most busy. At
-    /// least one region and one block. `fields` is the number of fields of the largest region.
+    /// least one region and one block. `fields` is the number of fields of the largest of so many
+    /// `regions`.
     pub fn within(
         memory: usize,
         n_dofs: usize,
-        fields: usize,
+        (regions, fields): (usize, usize),
         order: usize,
         threads: usize,
     ) -> Self {
@@ -34,7 +32,7 @@ impl AtOnce {
             AtOnce { regions, blocks: left.min(threads.div_ceil(regions)) }
         };
         let busy = |at: &AtOnce| (at.regions * at.blocks).min(threads);
-        let most = (1..=threads).map(of).max_by_key(|at| (busy(at), at.regions));
+        let most = (1..=threads.min(regions)).map(of).max_by_key(|at| (busy(at), at.regions));
         most.filter(|at| at.blocks > 0).unwrap_or(AtOnce { regions: 1, blocks: 1 })
     }
 }
@@ -45,7 +43,11 @@ mod tests {
 
     #[test]
     fn what_runs_at_a_time_fits() {
-        let within = |n_dofs: usize, threads| AtOnce::within(MEMORY, n_dofs, 2_300, 5, threads);
+        const MEMORY: usize = 1_200_000_000;
+        let within =
+            |n_dofs: usize, threads| AtOnce::within(MEMORY, n_dofs, (100, 2_300), 5, threads);
+        let alone = AtOnce::within(MEMORY, 7_800, (1, 2_300), 5, 8);
+        assert_eq!(alone, AtOnce { regions: 1, blocks: 8 }, "a region alone has all threads");
         assert_eq!(within(7_800, 2), AtOnce { regions: 2, blocks: 1 });
         assert_eq!(within(7_800, 8), AtOnce { regions: 4, blocks: 2 }, "regions share the threads");
         assert_eq!(within(7_800, 64), AtOnce { regions: 1, blocks: 18 });

@@ -19,6 +19,9 @@ pub struct Reduction {
     pub tolerance: f64,
     /// Whether the orders are summed in their Padé form, from order 3 on, or as a polynomial.
     pub pade: bool,
+    /// What the regions in progress may take [bytes]: their fields, and the blocks of positions that are being expanded.
+    /// The body with its factor and the modes that are finished come on top.
+    pub memory: f64,
     /// Displacement of the loaded equilibrium that touches start from, three values for each
     /// node [m]; its dead load stays. Empty: touches start from rest.
     pub preload: Vec<f64>,

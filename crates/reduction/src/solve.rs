@@ -2,7 +2,7 @@
 
 use super::attend::attend;
 use super::batch::{Answered, Batches, Solved};
-use super::memory::{AtOnce, MEMORY};
+use super::memory::AtOnce;
 use super::positions::Positions;
 use super::region::{Exact, FIRST_ORDER, compress};
 use super::second_order::Forms;
@@ -46,12 +46,9 @@ impl Reduction {
             solved[region] = Some(batch);
         }
         let mut done: usize = solved.iter().flatten().map(|batch| batch.positions.len()).sum();
-        let at_once = self.at_once(members);
-        let mut missing = regions
-            .iter()
-            .zip(&mut solved)
-            .filter(|(_, batch)| batch.is_none())
-            .collect::<Vec<_>>();
+        let pairs = regions.iter().zip(&mut solved);
+        let mut missing: Vec<_> = pairs.filter(|(_, batch)| batch.is_none()).collect();
+        let at_once = self.at_once(members, missing.iter().map(|(region, _)| &region[..]));
         let (sender, receiver) = mpsc::channel::<(usize, Vec<u8>)>();
         let mut is_wanted = || {
             let kept = receiver.try_iter().all(|(count, batch)| {
@@ -78,17 +75,22 @@ impl Reduction {
         if is_complete { Ok(solved.into_iter().flatten().collect()) } else { Err(Error::Cancelled) }
     }
 
-    /// How much runs at a time.
-    fn at_once(&self, members: &[Expanded]) -> AtOnce {
-        let Positions { regions, edges, .. } = &members[0].positions;
-        let fields = regions.iter().map(|region| {
+    /// How much of the missing regions runs at a time.
+    fn at_once<'a>(
+        &self,
+        members: &[Expanded],
+        missing: impl ExactSizeIterator<Item = &'a [u32]>,
+    ) -> AtOnce {
+        let (edges, count) = (&members[0].positions.edges, missing.len());
+        let fields = missing.map(|region| {
             let ours = edges.iter().filter(|edge| region.binary_search(&edge[0]).is_ok()).count();
             let terms = |order: usize| Monomials::of(3, order).len() - 1;
             region.len() * terms(self.order) + ours * terms(EDGE_ORDER.min(self.order))
         });
         let fields = members.len() * fields.max().unwrap_or(0);
         let n_dofs = members[0].expansion.body().n_dofs();
-        AtOnce::within(MEMORY, n_dofs, fields, self.order, rayon::current_num_threads())
+        let threads = rayon::current_num_threads();
+        AtOnce::within(self.memory as usize, n_dofs, (count, fields), self.order, threads)
     }
 
     fn solve_region(

@@ -55,6 +55,7 @@ fn settings() -> Reduction {
         order: 3,
         tolerance: TOLERANCE,
         pade: false,
+        memory: 1e9,
         preload: Vec::new(),
         user: Notes::new(r#"{"note": "a block"}"#).unwrap(),
     }
