@@ -30,6 +30,7 @@ LARGEST = {
     "kg/m^3": 1e6,
     "s": 1e6,
     "1/s": 1e9,
+    "bytes": 1e15,
 }
 """For each unit the largest magnitude that is accepted. Beyond it, a number is a mistake, and products overflow."""
 

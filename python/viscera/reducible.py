@@ -29,7 +29,7 @@ from viscera.touch import Touch
 from viscera.vary import Vary
 
 ORDER = Whole(2, 8)
-MEMORY = Number(above=0)
+MEMORY = Number("bytes", above=0)
 
 
 class Reducible(Supported):

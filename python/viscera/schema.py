@@ -119,7 +119,7 @@ REDUCE = Table(
             statics.TOLERANCE, "relative compression error of the stored field", f"{defaults.TOLERANCE:g}"
         ),
         "pade": Key(Flag(), "sum the series in its Padé form", "true"),
-        "memory": Key(reducible.MEMORY, "what positions in progress may take [bytes]", f"{defaults.MEMORY:g}"),
+        "memory": Key(reducible.MEMORY, "what positions in progress may take", f"{defaults.MEMORY:g}"),
         "start": Key(Choice(STARTS), "state that touches start from", '"rest"; required if there is a `[scan]`'),
         "vary": Key(Varied(), "range of a parameter that the model covers", "none"),
     },

@@ -131,7 +131,8 @@ def test_regions_are_those_of_the_core(organ: vs.Organ) -> None:
             kept.append(batch)
 
     nodes = organ.touchable(PLACE)
-    settings = {"touchable": nodes, "radius": 0.06, "depth": 0.03, "order": 2, "tolerance": 1e-2, "pade": True, "memory": 1e9}
+    settings = {"touchable": nodes, "radius": 0.06, "depth": 0.03, "order": 2, "tolerance": 1e-2, "pade": True}
+    settings["memory"] = 1e9
     organ._body.reduce(**settings, preload=None, family=None, metadata="{}", on_progress=None, batches=Keeper())  # type: ignore[arg-type]
     regions = regions_of(organ.mesh.surface, organ.mesh.points, nodes)
     assert sorted(positions_of(batch) for batch in kept) == sorted(regions)
