@@ -4,8 +4,8 @@
 
 Cubes of neo-Hookean tissue, "P1 mean volume", Poisson's ratio 0.45, of 216 to 15,625 nodes, fixed below. A square of 64
 nodes in the middle of the top may be touched (36 nodes of the smallest), with the radius and the depth that `reduce`
-chooses, order 5. The largest is reduced once more with little `memory`. Each body is reduced in a process of its own.
-Memory is the largest of the process over what it held before. The file is told for the default tolerance and for 1e-2.
+chooses, order 5. The largest that has at most `--most` nodes is reduced once more with little `memory`. Each body is
+reduced in a process of its own. Memory is the largest of the process over what it held before. The file is told for the default tolerance and for 1e-2.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LITTLE = 1e9  # memory [bytes]
 COARSE = 1e-2
 
 
-def cube(k: int) -> tuple[vs.Organ, Any]:
+def cube(k: int) -> tuple[vs.Organ, str]:
     """The organ, and the nodes that may be touched."""
     points, cells = bricks((k, k, k))
     points = points * SIDE
@@ -46,6 +46,7 @@ def cube(k: int) -> tuple[vs.Organ, Any]:
 
 
 def measure(k: int, memory: float) -> dict[str, Any]:
+    """What a reduction takes in this process."""
     organ, touched = cube(k)
     organ.solve(force={"touched": (0, 0, -1e-6)})  # what every use of an organ needs is there
     before, began = peak(), time.process_time()

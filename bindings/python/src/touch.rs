@@ -27,7 +27,7 @@ pub fn touch_series<'py>(
     });
     let series = result.map_err(convert::error)?.into_iter().map(|series| {
         let terms = series.force.len();
-        let fields = PyArray1::from_vec(py, series.displacement.from(0).to_vec());
+        let fields = PyArray1::from_vec(py, series.displacement.from_term(0).to_vec());
         Ok((fields.reshape([terms, n, 3])?, convert::table(py, &series.force)?))
     });
     series.collect()

@@ -8,7 +8,7 @@
 use super::expression::{Expression, Symbol};
 use super::series::{self, Slopes, Uses};
 use super::{
-    Kept, Law, SharedSeries, StrainEnergy, TangentBlocks, Template, determinant_curvature,
+    Law, SharedSeries, StrainEnergy, TangentBlocks, TaylorCache, Template, determinant_curvature,
 };
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, tensor_cross,
@@ -94,7 +94,7 @@ impl<E: StrainEnergy> Law for E {
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,
@@ -103,7 +103,8 @@ impl<E: StrainEnergy> Law for E {
         let slopes = |invariants| self.gradient(invariants).first;
         let pressure = |J| self.pressure(&J);
         let uses = Uses::of::<Self>();
-        let slopes = Slopes { uses, slopes: &slopes, pressure: &pressure, part: shared.part, kept };
+        let slopes =
+            Slopes { uses, slopes: &slopes, pressure: &pressure, part: shared.part, cache };
         series::stress_series(slopes, table, [deformation, shared.pressure], out);
     }
 

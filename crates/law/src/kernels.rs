@@ -8,7 +8,7 @@
 #![allow(non_snake_case)]
 
 use super::expression::Expression;
-use super::{Kept, Law, TangentBlocks, Template};
+use super::{Law, TangentBlocks, TaylorCache, Template};
 use viscera_number::simd::Kernel;
 use viscera_number::tensor::{Mat3, Vec3, mul_vector};
 use viscera_number::unroll::{array, tabulate};
@@ -118,13 +118,13 @@ pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
 }
 
 /// The power series of a law, as [`Law`] defines them, for one kind of coefficients. All of `out` is zero on entry.
-/// Functions of the volume ratio are taken from `kept`, which the caller has turned to the row and the shared part.
+/// Functions of the volume ratio are taken from `cache`, which the caller has turned to the row and the shared part.
 pub trait SeriesKernels<T: Real> {
     /// [`Law::stress_series`].
     fn stress_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,
@@ -144,7 +144,7 @@ pub trait SeriesKernels<T: Real> {
     fn pressure_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         ratio: &[T],
         out: &mut [T],
@@ -238,14 +238,14 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
     fn stress_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let law = self.law(row);
-        compiled::<M::Law<'_>, _>(StressSeries { law, kept, table, deformation, shared, out });
+        compiled::<M::Law<'_>, _>(StressSeries { law, cache, table, deformation, shared, out });
     }
 
     fn volume_series(
@@ -261,12 +261,12 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
     fn pressure_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         ratio: &[T],
         out: &mut [T],
     ) {
-        compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), kept, table, ratio, out });
+        compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), cache, table, ratio, out });
     }
 }
 
@@ -420,7 +420,7 @@ impl<L: Law> Kernel for Pressure<'_, L> {
 
 struct StressSeries<'a, L, T: Real> {
     law: L,
-    kept: &'a mut Kept<T>,
+    cache: &'a mut TaylorCache<T>,
     table: &'static Monomials,
     deformation: &'a [T],
     shared: SharedSeries<'a, T>,
@@ -431,8 +431,8 @@ impl<L: Law, T: Real> Kernel for StressSeries<'_, L, T> {
     type Output = ();
     #[inline(always)]
     fn run(self) {
-        let StressSeries { law, kept, table, deformation, shared, out } = self;
-        law.stress_series(kept, table, deformation, shared, out);
+        let StressSeries { law, cache, table, deformation, shared, out } = self;
+        law.stress_series(cache, table, deformation, shared, out);
     }
 }
 
@@ -453,7 +453,7 @@ impl<L: Law, T: Real> Kernel for VolumeSeries<'_, L, T> {
 
 struct PressureSeries<'a, L, T: Real> {
     law: L,
-    kept: &'a mut Kept<T>,
+    cache: &'a mut TaylorCache<T>,
     table: &'static Monomials,
     ratio: &'a [T],
     out: &'a mut [T],
@@ -465,7 +465,7 @@ impl<L: Law, T: Real> Kernel for PressureSeries<'_, L, T> {
     fn run(self) {
         let ratio = Jet::new(self.table, self.ratio);
         let pressure = |ratio: Jet<T>| vec![self.law.pressure(&ratio)];
-        let pressure = ratio.substituted_in(&self.kept.of(&ratio, pressure)[0]);
+        let pressure = ratio.substituted_in(&self.cache.of(&ratio, pressure)[0]);
         self.out.iter_mut().zip(pressure.coefficients()).for_each(|(out, &p)| *out = p);
     }
 }

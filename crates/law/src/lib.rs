@@ -33,7 +33,6 @@ mod formula;
 mod fung;
 mod holzapfel_gasser_ogden;
 mod invariants;
-mod kept;
 mod kernels;
 mod linear;
 mod material;
@@ -49,6 +48,7 @@ mod series;
 mod several;
 mod soundness;
 mod stable_neo_hookean;
+mod taylor_cache;
 mod veronda_westmann;
 mod yeoh;
 
@@ -59,7 +59,6 @@ pub use expression::PRESSURE;
 pub use formula::{FORMULA, Formula};
 pub use fung::Fung;
 pub use holzapfel_gasser_ogden::HolzapfelGasserOgden;
-pub use kept::Kept;
 pub use kernels::{Family, LawKernels, Rows, SeriesKernels, Shared, SharedSeries};
 pub use linear::Linear;
 pub use material::Material;
@@ -72,6 +71,7 @@ pub use saint_venant_kirchhoff::SaintVenantKirchhoff;
 pub use several::{BETWEEN, SEVERAL};
 pub use soundness::resists_collapse;
 pub use stable_neo_hookean::StableNeoHookean;
+pub use taylor_cache::TaylorCache;
 pub use veronda_westmann::VerondaWestmann;
 pub use yeoh::Yeoh;
 
@@ -221,14 +221,16 @@ pub trait Law: Copy + Send + Sync {
         [T * r.square() * (1.0 / 3.0), slope * r.square().square() * (1.0 / 9.0)]
     }
 
-    /// Degree-p coefficients of `P + (p - s U'(J)) dJ/dF`, p being the order of `table`, from the series of `F`.
+    /// Coefficients of the highest degree of `P + (p - s U'(J)) dJ/dF`, that of `table`, from the series of `F`.
     ///
-    /// `deformation` holds nine runs of `table.len()` coefficients, row by row, those of degree p zero; `shared` what is [`Shared`]; `out` nine runs of the degree-p coefficients, zero on entry. Functions of the volume ratio are
-    /// taken from `kept`, turned to the row of this law and the part. Strain energies replace this by `series.rs`.
+    /// `deformation` holds nine runs of `table.len()` coefficients, row by row, those of the highest degree zero;
+    /// `shared` holds `s` and `p`, see [`Shared`]; `out` nine runs of the coefficients of the highest degree, zero on entry.
+    /// Functions of the volume ratio are taken from `cache`, turned to the row of this law and to `s`. Strain energies
+    /// replace this by `series.rs`.
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
-        _: &mut Kept<T>,
+        _: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,

@@ -7,7 +7,7 @@
 //! A law gives its slopes alone, so all of this is compiled once, not once for each law, and may know wide vectors. No
 //! product is fused with a sum: vectors of every width give the same numbers.
 
-use super::{Kept, StrainEnergy};
+use super::{StrainEnergy, TaylorCache};
 use std::ops::Range;
 use viscera_number::simd::{WideKernel, dispatch_wide};
 use viscera_number::unroll::array;
@@ -39,7 +39,7 @@ pub(super) struct Slopes<'a, T: Real> {
     pub pressure: &'a dyn Fn(Jet<T>) -> Jet<T>,
     pub part: f64,
     /// Of functions of the volume ratio alone.
-    pub kept: &'a mut Kept<T>,
+    pub cache: &'a mut TaylorCache<T>,
 }
 
 /// Adds `sum_k a_k b_k` for the monomials `c` of a range to `out`, which is indexed from its start.
@@ -239,17 +239,17 @@ impl<T: Real> Slopes<'_, T> {
     /// of `J` alone, by composition.
     #[inline(always)]
     fn at(self, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
-        let Slopes { uses, slopes, pressure, part, kept } = self;
+        let Slopes { uses, slopes, pressure, part, cache } = self;
         if uses.slopes_of_i1 || uses.i2 || uses.volume_is_trace {
             let ratio = if uses.volume_is_trace { (I1.clone() - 1.0) * 0.5 } else { J.clone() };
             let [mut psi1, psi2, mut psiJ] = slopes([I1, I2, J]);
             if part != 0.0 {
-                let own = ratio.substituted_in(&kept.of(&ratio, |J| vec![pressure(J)])[0]) * part;
+                let own = ratio.substituted_in(&cache.of(&ratio, |J| vec![pressure(J)])[0]) * part;
                 if uses.volume_is_trace { psi1 = psi1 - own * 0.5 } else { psiJ = psiJ - own }
             }
             return [psi1, psi2, psiJ];
         }
-        let taylor = kept.of(&J, |J| {
+        let taylor = cache.of(&J, |J| {
             let none = J.constant(0.0);
             let [psi1, psi2, psiJ] = slopes([none.clone(), none, J.clone()]);
             vec![psi1, psi2, if part == 0.0 { psiJ } else { psiJ - pressure(J) * part }]

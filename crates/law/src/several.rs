@@ -6,7 +6,7 @@
 
 use super::expression::Expression;
 use super::kernels::{LawKernels, SeriesKernels, Shared, SharedSeries};
-use super::{Kept, TangentBlocks, Template};
+use super::{TangentBlocks, TaylorCache, Template};
 use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Lane, Monomials, Real};
@@ -105,14 +105,14 @@ where
     fn stress_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
         let (law, row) = self.of(row);
-        law.stress_series(row, kept, table, deformation, shared, out);
+        law.stress_series(row, cache, table, deformation, shared, out);
     }
 
     fn volume_series(
@@ -129,12 +129,12 @@ where
     fn pressure_series(
         &self,
         row: &[f64],
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         ratio: &[T],
         out: &mut [T],
     ) {
         let (law, row) = self.of(row);
-        law.pressure_series(row, kept, table, ratio, out);
+        law.pressure_series(row, cache, table, ratio, out);
     }
 }

@@ -21,9 +21,9 @@ pub(super) struct Basis {
 impl Basis {
     /// Drops what lies below `tolerance` times the largest column.
     pub fn new(columns: &Columns, n_first: usize, tolerance: f64) -> Result<Self, Error> {
-        let (pivots, rows) = pivoted_cholesky(columns, n_first, tolerance);
+        let (pivots, lower) = pivoted_cholesky(columns, n_first, tolerance);
         let (m, rank) = (columns.len(), pivots.len());
-        let cholesky = Mat::from_fn(m, rank, |i, k| rows[k][i]);
+        let cholesky = Mat::from_fn(m, rank, |i, k| lower[k][i]);
         let factor = Mat::from_fn(rank, rank, |i, j| cholesky[(pivots[i], j)]);
         let n_first = n_first.min(rank);
         let rest = cholesky.subcols(n_first, rank - n_first).to_owned();
@@ -180,7 +180,7 @@ fn pivoted_cholesky(
     let mut gram = Gram::new(columns);
     let mut remainder = columns.squares();
     let largest = remainder.iter().fold(0.0f64, |a, &b| a.max(b));
-    let mut rows: Vec<Vec<f64>> = Vec::new();
+    let mut lower: Vec<Vec<f64>> = Vec::new();
     let mut pivots = Vec::new();
     for step in 0..m {
         let pivot = if step < n_first {
@@ -205,7 +205,7 @@ fn pivoted_cholesky(
             false => by_size(&remainder),
         };
         let mut row = gram.column(pivot, in_turn).to_vec();
-        for previous in &rows {
+        for previous in &lower {
             let factor = previous[pivot];
             row.iter_mut().zip(previous).for_each(|(r, p)| *r -= factor * p);
         }
@@ -218,9 +218,9 @@ fn pivoted_cholesky(
         }
         remainder[pivot] = 0.0;
         pivots.push(pivot);
-        rows.push(row);
+        lower.push(row);
     }
-    (pivots, rows)
+    (pivots, lower)
 }
 
 /// Indices by falling value.

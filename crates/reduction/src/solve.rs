@@ -160,7 +160,7 @@ impl Reduction {
 /// The fields of a series from a term on, as columns.
 fn fields(series: &TouchSeries, from: usize) -> MatRef<'_, f64> {
     let fields = &series.displacement;
-    MatRef::from_column_major_slice(fields.from(from), fields.n_dofs(), fields.len() - from)
+    MatRef::from_column_major_slice(fields.from_term(from), fields.n_dofs(), fields.len() - from)
 }
 
 /// `W_q G_p` from the first-order fields of p: their means over q's patch times p's compliance.

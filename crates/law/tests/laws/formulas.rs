@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 use viscera_law::samples::{names, parameters};
-use viscera_law::{Formula, Kept, LawKernels, Material, Shared, SharedSeries, resists_collapse};
+use viscera_law::{
+    Formula, LawKernels, Material, Shared, SharedSeries, TaylorCache, resists_collapse,
+};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::unroll::tabulate;
 use viscera_number::{LANES, Lane, Lanes, Monomials};
@@ -51,7 +53,7 @@ fn answers(law: &dyn LawKernels, row: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     let mut series = vec![0.0; 9];
     law.stress_series(
         &row,
-        &mut Kept::default(),
+        &mut TaylorCache::default(),
         table,
         &path,
         SharedSeries::default(),
@@ -60,7 +62,7 @@ fn answers(law: &dyn LawKernels, row: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
     out.push(("series", series));
     let ratio: Vec<f64> = (0..n).map(|c| if c == 0 { 1.1 } else { 0.1 / c as f64 }).collect();
     let mut series = vec![0.0; n];
-    law.pressure_series(&row, &mut Kept::default(), table, &ratio, &mut series);
+    law.pressure_series(&row, &mut TaylorCache::default(), table, &ratio, &mut series);
     out.push(("pressure series", series));
     out
 }

@@ -47,14 +47,14 @@ fn series(law: &dyn LawKernels, row: &[f64]) -> [Vec<f64>; 3] {
     let [mut stress, mut volume, mut pressure] = [vec![0.0; 9 * top], vec![0.0; n], vec![0.0; n]];
     law.stress_series(
         row,
-        &mut Kept::default(),
+        &mut TaylorCache::default(),
         table,
         &deformation,
         SharedSeries::default(),
         &mut stress,
     );
     law.volume_series(row, table, &deformation, &mut volume);
-    law.pressure_series(row, &mut Kept::default(), table, &deformation[..n], &mut pressure);
+    law.pressure_series(row, &mut TaylorCache::default(), table, &deformation[..n], &mut pressure);
     [stress, volume, pressure]
 }
 

@@ -1,6 +1,6 @@
 //! Laws in other clothes.
 
-use viscera_law::{Kept, Law, SharedSeries, TangentBlocks};
+use viscera_law::{Law, SharedSeries, TangentBlocks, TaylorCache};
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::{Monomials, Real, Scalar};
 
@@ -51,13 +51,13 @@ impl<L: Law> Law for Once<L> {
     #[inline(never)]
     fn stress_series<T: Real>(
         &self,
-        kept: &mut Kept<T>,
+        cache: &mut TaylorCache<T>,
         table: &'static Monomials,
         deformation: &[T],
         shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
-        self.0.stress_series(kept, table, deformation, shared, out);
+        self.0.stress_series(cache, table, deformation, shared, out);
     }
     #[inline(never)]
     fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {

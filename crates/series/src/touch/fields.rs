@@ -32,7 +32,7 @@ impl Fields {
     }
 
     /// All of them from one on, run after run.
-    pub fn from(&self, term: usize) -> &[f64] {
+    pub fn from_term(&self, term: usize) -> &[f64] {
         &self.values[term * self.n_dofs..]
     }
 }

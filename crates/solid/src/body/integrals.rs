@@ -9,7 +9,7 @@ use super::curvature::Curvature;
 use super::outliers::Outlier;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
-use super::series::{Along, SeriesIntegrals, Shared};
+use super::series::{Along, AroundSeries, SeriesIntegrals};
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::{Real, Wide};
@@ -174,6 +174,6 @@ where
         along: Along<T>,
         force: &mut [T],
     ) {
-        self.force_series(material, geometry, along, Shared(None), force);
+        self.force_series(material, geometry, along, AroundSeries(None), force);
     }
 }

@@ -10,7 +10,7 @@ use super::outliers::Outlier;
 use super::partition::Partition;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
-use super::series::{Along, SeriesIntegrals, Shared};
+use super::series::{Along, AroundSeries, SeriesIntegrals};
 use crate::element::{Geometry, Tet4};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::Real;
@@ -156,6 +156,12 @@ where
         let mut series = vec![T::default(); clusters.volume.len() * along.table.len()];
         cells.add_volume_series(material, geometry, along, clusters, &mut series);
         clusters.pressure_series(material, along.table, &mut series);
-        cells.force_series(material, geometry, along, Shared(Some((clusters, &series))), force);
+        cells.force_series(
+            material,
+            geometry,
+            along,
+            AroundSeries(Some((clusters, &series))),
+            force,
+        );
     }
 }

@@ -4,7 +4,7 @@
 use super::cells::{CellBatches, Slot};
 use super::clusters::Clusters;
 use crate::element::{Geometry, Shape};
-use crate::law::{Kept, LawKernels, Material, SeriesKernels, SharedSeries};
+use crate::law::{LawKernels, Material, SeriesKernels, SharedSeries, TaylorCache};
 use crate::number::{Monomials, Real};
 use crate::simd::{Kernel, dispatch_solver};
 
@@ -68,9 +68,9 @@ impl<T: Real> Along<'_, T> {
 }
 
 /// The pressures of clusters as series, or nothing where every cell is on its own.
-pub struct Shared<'a, T>(pub Option<(&'a Clusters, &'a [T])>);
+pub struct AroundSeries<'a, T>(pub Option<(&'a Clusters, &'a [T])>);
 
-impl<'a, T> Shared<'a, T> {
+impl<'a, T> AroundSeries<'a, T> {
     /// Around a cell, of series with `n` coefficients.
     fn of(&self, slot: Slot, n: usize) -> SharedSeries<'a, T> {
         let of_cluster = |(clusters, pressures): (&Clusters, &'a [T])| SharedSeries {
@@ -88,12 +88,12 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         material: &Material,
         geometry: &[Geometry],
         along: Along<T>,
-        shared: Shared<T>,
+        around: AroundSeries<T>,
         force: &mut [T],
     ) where
         dyn LawKernels: SeriesKernels<T>,
     {
-        dispatch_solver(Forces { cells: self, material, geometry, along, shared, force });
+        dispatch_solver(Forces { cells: self, material, geometry, along, around, force });
     }
 
     /// Adds the series of each cell's volume ratio, times its part of the volume, to that of its cluster.
@@ -123,7 +123,7 @@ struct Forces<'a, T, E, const N: usize> {
     material: &'a Material,
     geometry: &'a [Geometry],
     along: Along<'a, T>,
-    shared: Shared<'a, T>,
+    around: AroundSeries<'a, T>,
     force: &'a mut [T],
 }
 
@@ -135,20 +135,20 @@ where
 
     #[inline(always)]
     fn run(self) {
-        let Forces { cells, material, geometry, along, shared, force } = self;
+        let Forces { cells, material, geometry, along, around, force } = self;
         let (table, law) = (along.table, material.law());
         let (n, top) = (table.len(), table.of_degree(table.order()).len());
         let mut deformation = vec![T::default(); 9 * n];
         let mut stress = vec![T::default(); 9 * top];
-        let mut kept = Kept::default();
+        let mut cache = TaylorCache::default();
         for (cell, (nodes, geometry)) in cells.nodes.iter().zip(geometry).enumerate() {
-            let (row, shared) = (material.row(cell), shared.of(cells.slots[cell], n));
-            kept.turn_to(row, shared.part);
+            let (row, shared) = (material.row(cell), around.of(cells.slots[cell], n));
+            cache.turn_to(row, shared.part);
             for point in 0..E::POINTS {
                 let gradients = gradients(E::slopes(point), geometry);
                 along.deformation(nodes, &gradients, &mut deformation);
                 stress.fill(T::default());
-                law.stress_series(row, &mut kept, table, &deformation, shared, &mut stress);
+                law.stress_series(row, &mut cache, table, &deformation, shared, &mut stress);
                 let weight = geometry.volume / E::POINTS as f64;
                 for (a, &node) in nodes.iter().enumerate() {
                     for i in 0..3 {
@@ -211,10 +211,10 @@ impl Clusters {
         dyn LawKernels: SeriesKernels<T>,
     {
         let (n, law) = (table.len(), material.law());
-        let (mut kept, mut own) = (Kept::default(), vec![T::default(); n]);
+        let (mut cache, mut own) = (TaylorCache::default(), vec![T::default(); n]);
         let mut pressures = vec![T::default(); series.len()];
         for batch in &self.batches {
-            kept.turn_to(&batch.parameters, 0.0);
+            cache.turn_to(&batch.parameters, 0.0);
             for (lane, cluster) in batch.cluster.into_iter().enumerate() {
                 let (cluster, weight) = (cluster as usize, batch.weight[lane]);
                 if weight > 0.0 {
@@ -222,7 +222,7 @@ impl Clusters {
                     own.fill(T::default());
                     law.pressure_series(
                         &batch.parameters,
-                        &mut kept,
+                        &mut cache,
                         table,
                         &series[run.clone()],
                         &mut own,

@@ -7,20 +7,20 @@ use viscera_number::{Jet, Real};
 ///
 /// It serves one kind of function, whose law and parameters are those of the row that was told last, and which counts as
 /// much of a shared pressure as was told with it.
-pub struct Kept<T: Real> {
+pub struct TaylorCache<T: Real> {
     row: Vec<f64>,
     part: f64,
     variable: Option<Jet<T>>,
     taylor: Vec<Jet<T>>,
 }
 
-impl<T: Real> Default for Kept<T> {
+impl<T: Real> Default for TaylorCache<T> {
     fn default() -> Self {
-        Kept { row: Vec::new(), part: 0.0, variable: None, taylor: Vec::new() }
+        TaylorCache { row: Vec::new(), part: 0.0, variable: None, taylor: Vec::new() }
     }
 }
 
-impl<T: Real> Kept<T> {
+impl<T: Real> TaylorCache<T> {
     /// Tells the row of the material that is asked for next, and the part of its pressure that is shared.
     pub fn turn_to(&mut self, row: &[f64], part: f64) {
         if self.row != row || self.part != part {
@@ -59,16 +59,16 @@ mod tests {
     fn what_is_kept_belongs_to_the_row_and_the_point() {
         let table = Monomials::of(3, 2);
         let series = |at: f64, slope: f64| Jet::new(table, &[at, slope, 0.0, 0.0][..]);
-        let mut kept = Kept::default();
+        let mut cache = TaylorCache::default();
         let mut asked = 0;
         let mut ask = |row: &[f64], series: Jet<f64>| {
-            kept.turn_to(&row[..1], row[1..].iter().sum());
+            cache.turn_to(&row[..1], row[1..].iter().sum());
             let before = asked;
             let function = |x: Jet<f64>| {
                 asked += 1;
                 vec![x.square() * row[0]]
             };
-            let value = series.substituted_in(&kept.of(&series, function)[0]);
+            let value = series.substituted_in(&cache.of(&series, function)[0]);
             let exact = series.square() * row[0];
             assert_eq!(value.coefficients(), exact.coefficients());
             asked > before
