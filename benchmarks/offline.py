@@ -5,7 +5,8 @@
 Cubes of neo-Hookean tissue, "P1 mean volume", Poisson's ratio 0.45, of 216 to 15,625 nodes, fixed below. A square of 64
 nodes in the middle of the top may be touched (36 nodes of the smallest), with the radius and the depth that `reduce`
 chooses, order 5. The largest that has at most `--most` nodes is reduced once more with little `memory`. Each body is
-reduced in a process of its own. Memory is the largest of the process over what it held before. The file is told for the default tolerance and for 1e-2.
+reduced in a process of its own. Memory is the largest of the process over what it held before. The file is told for the
+default tolerance and for 1e-2.
 """
 
 from __future__ import annotations

@@ -63,9 +63,9 @@ class Reducible(Supported):
         tolerance: relative error of the compressed field at full depth, at the worst position, root mean square over
             directions.
         pade: sum the orders in their vector Padé form, which reaches deeper than the polynomial.
-        memory: what the positions in progress may take [bytes]; organ, factor and finished positions come on top, and the
-            check with a factor for each thread. Where it is small, fewer threads work at a time, down to one; the model
-            is the same.
+        memory: what the positions in progress may take [bytes]; organ, factor and finished positions come on top, and
+            the check with a factor for each thread. Where it is small, fewer threads work at a time, down to one; the
+            model is the same.
         start: a stable equilibrium under dead loads, which remain during the touches; by default rest. Contact points,
             patches and lengths are then those of the loaded shape; displacements and forces are what the touch adds.
         vary: a parameter for which the model covers a range of values; `Touch.at` sets it.
