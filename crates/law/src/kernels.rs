@@ -7,12 +7,17 @@
 
 #![allow(non_snake_case)]
 
+mod cells;
+mod series;
+
+pub use series::{SeriesKernels, SharedSeries};
+
 use super::expression::Expression;
-use super::{Law, TangentBlocks, TaylorCache, Template};
+use super::{Law, TangentBlocks, Template};
+use cells::{Dilatation, Energy, Pressure, Stress, Tangent, TangentShared, VolumeRatio};
 use viscera_number::simd::Kernel;
-use viscera_number::tensor::{Mat3, Vec3, mul_vector};
-use viscera_number::unroll::{array, tabulate};
-use viscera_number::{Jet, Lane, Monomials, Real, Wide};
+use viscera_number::tensor::{Mat3, Vec3};
+use viscera_number::{Lane, Wide};
 
 /// Makes laws of one kind from rows of parameters.
 pub trait Family: Send + Sync {
@@ -51,21 +56,6 @@ pub struct Shared<'a> {
     pub part: f64,
     /// The pressures `p` of the cells [Pa]; none for cells on their own.
     pub pressure: &'a [Lane],
-}
-
-/// The same of series: all `table.len()` coefficients of the pressure, or none for a cell on its own.
-#[derive(Clone, Copy, Debug)]
-pub struct SharedSeries<'a, T> {
-    /// The part `s`.
-    pub part: f64,
-    /// The series of `p` [Pa].
-    pub pressure: &'a [T],
-}
-
-impl<T> Default for SharedSeries<'_, T> {
-    fn default() -> Self {
-        SharedSeries { part: 0.0, pressure: &[] }
-    }
 }
 
 /// A law over slices: entry k of the results is of the cells whose deformation gradients are `F[k]`. All slices of a call
@@ -115,40 +105,6 @@ pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
 
     /// `U'(J)` and `U''(J)` [Pa].
     fn pressure(&self, row: &[f64], J: &[Lane], out: &mut [[Lane; 2]]);
-}
-
-/// The power series of a law, as [`Law`] defines them, for one kind of coefficients. All of `out` is zero on entry.
-/// Functions of the volume ratio are taken from `cache`, which the caller has turned to the row and the shared part.
-pub trait SeriesKernels<T: Real> {
-    /// [`Law::stress_series`].
-    fn stress_series(
-        &self,
-        row: &[f64],
-        cache: &mut TaylorCache<T>,
-        table: &'static Monomials,
-        deformation: &[T],
-        shared: SharedSeries<'_, T>,
-        out: &mut [T],
-    );
-
-    /// [`Law::volume_series`].
-    fn volume_series(
-        &self,
-        row: &[f64],
-        table: &'static Monomials,
-        deformation: &[T],
-        out: &mut [T],
-    );
-
-    /// All `table.len()` coefficients of `U'(J)`.
-    fn pressure_series(
-        &self,
-        row: &[f64],
-        cache: &mut TaylorCache<T>,
-        table: &'static Monomials,
-        ratio: &[T],
-        out: &mut [T],
-    );
 }
 
 /// Makes the kernels of a law compile with the law's own file, since the compiler puts a method into the unit of its
@@ -231,241 +187,5 @@ impl<M: Family> LawKernels for M {
 
     fn pressure(&self, row: &[f64], J: &[Lane], out: &mut [[Lane; 2]]) {
         compiled::<M::Law<'_>, _>(Pressure { law: self.law(row), J, out });
-    }
-}
-
-impl<M: Family, T: Real> SeriesKernels<T> for M {
-    fn stress_series(
-        &self,
-        row: &[f64],
-        cache: &mut TaylorCache<T>,
-        table: &'static Monomials,
-        deformation: &[T],
-        shared: SharedSeries<'_, T>,
-        out: &mut [T],
-    ) {
-        let law = self.law(row);
-        compiled::<M::Law<'_>, _>(StressSeries { law, cache, table, deformation, shared, out });
-    }
-
-    fn volume_series(
-        &self,
-        row: &[f64],
-        table: &'static Monomials,
-        deformation: &[T],
-        out: &mut [T],
-    ) {
-        compiled::<M::Law<'_>, _>(VolumeSeries { law: self.law(row), table, deformation, out });
-    }
-
-    fn pressure_series(
-        &self,
-        row: &[f64],
-        cache: &mut TaylorCache<T>,
-        table: &'static Monomials,
-        ratio: &[T],
-        out: &mut [T],
-    ) {
-        compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), cache, table, ratio, out });
-    }
-}
-
-struct Energy<'a, L> {
-    law: L,
-    F: &'a [Mat3<Lane>],
-    part: f64,
-    psi: &'a mut [Lane],
-}
-
-impl<L: Law> Kernel for Energy<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Energy { law, F, part, psi } = self;
-        for (F, psi) in F.iter().zip(psi) {
-            *psi = law.energy(F);
-            if part != 0.0 {
-                let (J, _) = law.volume_ratio(F);
-                *psi = *psi - law.dilatation(&J) * part;
-            }
-        }
-    }
-}
-
-struct Stress<'a, L> {
-    law: L,
-    F: &'a [Mat3<Lane>],
-    shared: Shared<'a>,
-    psi: &'a mut [Lane],
-    P: &'a mut [Mat3<Lane>],
-}
-
-impl<L: Law> Kernel for Stress<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Stress { law, F, shared: Shared { part, pressure }, psi, P } = self;
-        for ((F, psi), P) in F.iter().zip(&mut *psi).zip(&mut *P) {
-            (*psi, *P) = law.energy_and_stress(F);
-        }
-        for (((F, p), psi), P) in F.iter().zip(pressure).zip(psi).zip(P) {
-            let (J, Z) = law.volume_ratio(F);
-            *psi = *psi - law.dilatation(&J) * part;
-            let q = *p - law.pressure(&J) * part;
-            *P = tabulate!(|i, j| P[i][j] + q * Z[i][j]);
-        }
-    }
-}
-
-struct Tangent<'a, L> {
-    law: &'a L,
-    F: &'a [Mat3<Lane>],
-    g: &'a [[Vec3<Lane>; 3]],
-    P: &'a mut [Mat3<Lane>],
-    A: &'a mut [TangentBlocks<Lane>],
-}
-
-impl<L: Law> Kernel for Tangent<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let Tangent { law, F, g, P, A } = self;
-        for (((F, g), P), A) in F.iter().zip(g).zip(P).zip(A) {
-            (*P, *A) = law.tangent(F, g);
-        }
-    }
-}
-
-/// Compiled on its own, as two pieces of code of half the size compile faster.
-struct TangentShared<'a, L> {
-    law: &'a L,
-    F: &'a [Mat3<Lane>],
-    g: &'a [[Vec3<Lane>; 3]],
-    shared: Shared<'a>,
-    P: &'a mut [Mat3<Lane>],
-    A: &'a mut [TangentBlocks<Lane>],
-}
-
-impl<L: Law> Kernel for TangentShared<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let TangentShared { law, F, g, shared: Shared { part, pressure }, P, A } = self;
-        for ((((F, p), g), P), A) in F.iter().zip(pressure).zip(g).zip(P).zip(A) {
-            let (J, Z) = law.volume_ratio(F);
-            let [own, modulus] = law.pressure_and_modulus(&J);
-            let q = *p - own * part;
-            *P = tabulate!(|i, j| P[i][j] + q * Z[i][j]);
-            let z: [Vec3<Lane>; 3] = array!(3, |k| mul_vector(&Z, &g[k]));
-            let mz: [Vec3<Lane>; 3] = array!(3, |k| array!(3, |i| z[k][i] * modulus * part));
-            let curvature = law.volume_curvature(F, g);
-            for a in 0..3 {
-                for b in a..3 {
-                    let (A, C) = (&mut A[a][b], &curvature[a][b]);
-                    *A = tabulate!(|i, k| A[i][k] + q * C[i][k] - mz[a][i] * z[b][k]);
-                }
-            }
-        }
-    }
-}
-
-struct VolumeRatio<'a, L> {
-    law: L,
-    F: &'a [Mat3<Lane>],
-    J: &'a mut [Lane],
-    Z: &'a mut [Mat3<Lane>],
-}
-
-impl<L: Law> Kernel for VolumeRatio<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        for ((F, J), Z) in self.F.iter().zip(self.J).zip(self.Z) {
-            (*J, *Z) = self.law.volume_ratio(F);
-        }
-    }
-}
-
-struct Dilatation<'a, L> {
-    law: L,
-    J: &'a [Lane],
-    U: &'a mut [Lane],
-}
-
-impl<L: Law> Kernel for Dilatation<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        for (J, U) in self.J.iter().zip(self.U) {
-            *U = self.law.dilatation(J);
-        }
-    }
-}
-
-struct Pressure<'a, L> {
-    law: L,
-    J: &'a [Lane],
-    out: &'a mut [[Lane; 2]],
-}
-
-impl<L: Law> Kernel for Pressure<'_, L> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        for (J, out) in self.J.iter().zip(self.out) {
-            *out = self.law.pressure_and_modulus(J);
-        }
-    }
-}
-
-struct StressSeries<'a, L, T: Real> {
-    law: L,
-    cache: &'a mut TaylorCache<T>,
-    table: &'static Monomials,
-    deformation: &'a [T],
-    shared: SharedSeries<'a, T>,
-    out: &'a mut [T],
-}
-
-impl<L: Law, T: Real> Kernel for StressSeries<'_, L, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let StressSeries { law, cache, table, deformation, shared, out } = self;
-        law.stress_series(cache, table, deformation, shared, out);
-    }
-}
-
-struct VolumeSeries<'a, L, T> {
-    law: L,
-    table: &'static Monomials,
-    deformation: &'a [T],
-    out: &'a mut [T],
-}
-
-impl<L: Law, T: Real> Kernel for VolumeSeries<'_, L, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        self.law.volume_series(self.table, self.deformation, self.out);
-    }
-}
-
-struct PressureSeries<'a, L, T: Real> {
-    law: L,
-    cache: &'a mut TaylorCache<T>,
-    table: &'static Monomials,
-    ratio: &'a [T],
-    out: &'a mut [T],
-}
-
-impl<L: Law, T: Real> Kernel for PressureSeries<'_, L, T> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        let ratio = Jet::new(self.table, self.ratio);
-        let pressure = |ratio: Jet<T>| vec![self.law.pressure(&ratio)];
-        let pressure = ratio.substituted_in(&self.cache.of(&ratio, pressure)[0]);
-        self.out.iter_mut().zip(pressure.coefficients()).for_each(|(out, &p)| *out = p);
     }
 }
