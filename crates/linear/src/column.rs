@@ -1,25 +1,29 @@
 //! One right-hand side through a supernodal Cholesky factor, without allocation: what a frame asks for.
 //!
-//! The factor is read once forward and once backward, four of its columns at a time; it is the traffic of the
-//! factor that takes the time, and a dense kernel called for each supernode takes as long again.
+//! The factor is read once forward and once backward, four of its columns at a time, from the diagonal to the last row;
+//! it is the traffic of the factor that takes the time, and a dense kernel called for each supernode takes as long again.
 
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 
 use super::Precision;
 use super::substitution::Factor;
-use viscera_number::simd::{Kernel, dispatch};
+use viscera_number::simd::{WideKernel, dispatch_wide};
 
-/// A right-hand side in elimination order, with room for one supernode's rows below its diagonal block.
+/// Columns of the factor that are read together.
+const WIDTH: usize = 4;
+
+/// A right-hand side in elimination order, with room for the rows of one supernode.
 pub struct Column<T> {
     values: Vec<T>,
-    below: Vec<T>,
+    own: Vec<T>,
 }
 
 impl<T: Precision> Column<T> {
     pub(super) fn new(symbolic: &SymbolicSupernodalCholesky<u32>) -> Self {
-        let rows_below = |s| symbolic.supernode(s).pattern().len();
-        let tallest = (0..symbolic.n_supernodes()).map(rows_below).max().unwrap_or(0);
-        Self { values: vec![T::default(); symbolic.nrows()], below: vec![T::default(); tallest] }
+        let columns = |s: usize| symbolic.supernode_end()[s] - symbolic.supernode_begin()[s];
+        let height = |s: usize| columns(s) as usize + symbolic.supernode(s).pattern().len();
+        let tallest = (0..symbolic.n_supernodes()).map(height).max().unwrap_or(0);
+        Self { values: vec![T::default(); symbolic.nrows()], own: vec![T::default(); tallest] }
     }
 
     /// `x[rows] = L⁻ᵀ L⁻¹ b[rows]`, scaled to stay within the range of `T`.
@@ -30,7 +34,7 @@ impl<T: Precision> Column<T> {
         for (value, &row) in self.values.iter_mut().zip(rows) {
             *value = T::round(b[row as usize] * inverse);
         }
-        dispatch(Substitution { factor, column: self });
+        dispatch_wide(Substitution { factor, column: self });
         for (value, &row) in self.values.iter().zip(rows) {
             x[row as usize] = value.double() * scale;
         }
@@ -42,141 +46,170 @@ struct Substitution<'a, T> {
     column: &'a mut Column<T>,
 }
 
-impl<T: Precision> Kernel for Substitution<'_, T> {
+impl<T: Precision> WideKernel for Substitution<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        let Column { values, below } = self.column;
-        let symbolic = self.factor.symbolic;
-        for s in 0..symbolic.n_supernodes() {
-            forward(self.factor, s, values, below);
+    fn run<const BITS: usize>(self) {
+        let Column { values, own } = self.column;
+        let n_supernodes = self.factor.symbolic.n_supernodes();
+        for s in 0..n_supernodes {
+            Supernode::new(self.factor, s).forward::<BITS>(values, own);
         }
-        for s in (0..symbolic.n_supernodes()).rev() {
-            backward(self.factor, s, values, below);
+        for s in (0..n_supernodes).rev() {
+            Supernode::new(self.factor, s).backward::<BITS>(values, own);
         }
     }
 }
 
-/// First row, number of columns, rows below, and the column-major values of a supernode.
-#[inline(always)]
-fn supernode<'a, T>(factor: &Factor<'a, T>, s: usize) -> (usize, usize, &'a [u32], &'a [T]) {
-    let symbolic = factor.symbolic;
-    let first = symbolic.supernode_begin()[s] as usize;
-    let columns = symbolic.supernode_end()[s] as usize - first;
-    let offsets = symbolic.col_ptr_for_val();
-    let values = &factor.values[offsets[s] as usize..offsets[s + 1] as usize];
-    (first, columns, symbolic.supernode(s).pattern(), values)
+/// Columns of the factor with the same rows below their triangle.
+struct Supernode<'a, T> {
+    first: usize,
+    columns: usize,
+    rows_below: &'a [u32],
+    /// Column-major, `height` rows; nothing above the diagonal is read.
+    block: &'a [T],
+    height: usize,
 }
 
-/// `x <- L⁻¹ x` within one supernode, and its share taken from the rows below.
-#[inline(always)]
-fn forward<T: Precision>(factor: &Factor<'_, T>, s: usize, values: &mut [T], below: &mut [T]) {
-    let (first, columns, rows_below, block) = supernode(factor, s);
-    let height = columns + rows_below.len();
-    let x = &mut values[first..first + columns];
-    for j in 0..columns {
-        let column = &block[j * height..j * height + columns];
-        let known = x[j] / column[j];
-        x[j] = known;
-        for (x, l) in x[j + 1..].iter_mut().zip(&column[j + 1..]) {
-            *x -= *l * known;
+impl<'a, T: Precision> Supernode<'a, T> {
+    #[inline(always)]
+    fn new(factor: &Factor<'a, T>, s: usize) -> Self {
+        let symbolic = factor.symbolic;
+        let first = symbolic.supernode_begin()[s] as usize;
+        let columns = symbolic.supernode_end()[s] as usize - first;
+        let offsets = symbolic.col_ptr_for_val();
+        let block = &factor.values[offsets[s] as usize..offsets[s + 1] as usize];
+        let rows_below = symbolic.supernode(s).pattern();
+        Supernode { first, columns, rows_below, block, height: columns + rows_below.len() }
+    }
+
+    /// `x <- L⁻¹ x` within this supernode, and its share taken from the rows below.
+    #[inline(always)]
+    fn forward<const BITS: usize>(&self, values: &mut [T], own: &mut [T]) {
+        let (top, below) = own[..self.height].split_at_mut(self.columns);
+        top.copy_from_slice(&values[self.first..][..self.columns]);
+        below.fill(T::default());
+        let own = &mut own[..self.height];
+        let whole = self.columns - self.columns % WIDTH;
+        for j in (0..whole).step_by(WIDTH) {
+            self.eliminate::<BITS, WIDTH>(j, own);
+        }
+        for j in whole..self.columns {
+            self.eliminate::<BITS, 1>(j, own);
+        }
+        let (top, below) = own.split_at(self.columns);
+        values[self.first..][..self.columns].copy_from_slice(top);
+        for (&row, share) in self.rows_below.iter().zip(below) {
+            values[row as usize] += *share;
         }
     }
-    if rows_below.is_empty() {
-        return;
-    }
-    let below = &mut below[..rows_below.len()];
-    below.fill(T::default());
-    let tail = |j: usize| &block[j * height + columns..(j + 1) * height];
-    let mut j = 0;
-    while j + 4 <= columns {
-        let (l0, l1, l2, l3) = (tail(j), tail(j + 1), tail(j + 2), tail(j + 3));
-        let (x0, x1, x2, x3) = (x[j], x[j + 1], x[j + 2], x[j + 3]);
-        for ((((y, l0), l1), l2), l3) in below.iter_mut().zip(l0).zip(l1).zip(l2).zip(l3) {
-            *y += (*l0 * x0 + *l1 * x1) + (*l2 * x2 + *l3 * x3);
+
+    /// `x <- L⁻ᵀ x` within this supernode, the rows below being known.
+    #[inline(always)]
+    fn backward<const BITS: usize>(&self, values: &mut [T], own: &mut [T]) {
+        let own = &mut own[..self.height];
+        let (top, below) = own.split_at_mut(self.columns);
+        top.copy_from_slice(&values[self.first..][..self.columns]);
+        for (value, &row) in below.iter_mut().zip(self.rows_below) {
+            *value = values[row as usize];
         }
-        j += 4;
+        let whole = self.columns - self.columns % WIDTH;
+        for j in (whole..self.columns).rev() {
+            self.substitute::<BITS, 1>(j, own);
+        }
+        for j in (0..whole).step_by(WIDTH).rev() {
+            self.substitute::<BITS, WIDTH>(j, own);
+        }
+        values[self.first..][..self.columns].copy_from_slice(&own[..self.columns]);
     }
-    for j in j..columns {
-        let known = x[j];
-        below.iter_mut().zip(tail(j)).for_each(|(y, l)| *y += *l * known);
+
+    /// The `W` columns from `j` on, each from the diagonal of the first of them.
+    #[inline(always)]
+    fn columns<const W: usize>(&self, j: usize) -> [&'a [T]; W] {
+        std::array::from_fn(|k| &self.block[(j + k) * self.height..][j..self.height])
     }
-    for (&row, share) in rows_below.iter().zip(below) {
-        let value = &mut values[row as usize];
-        *value -= *share;
+
+    /// Solves for the `W` unknowns from `j` on, and takes their share from the rows after them.
+    #[inline(always)]
+    fn eliminate<const BITS: usize, const W: usize>(&self, j: usize, own: &mut [T]) {
+        let l = self.columns::<W>(j);
+        let (x, rest) = own[j..].split_at_mut(W);
+        let mut shares = [T::default(); W];
+        for k in 0..W {
+            let known = x[k] / l[k][k];
+            for row in k + 1..W {
+                x[row] -= l[k][row] * known;
+            }
+            (x[k], shares[k]) = (known, -known);
+        }
+        add_columns::<BITS, W, T>(l.map(|l| &l[W..]), shares, rest);
+    }
+
+    /// Solves for the `W` unknowns from `j` on, those after them being known.
+    #[inline(always)]
+    fn substitute<const BITS: usize, const W: usize>(&self, j: usize, own: &mut [T]) {
+        let l = self.columns::<W>(j);
+        let (x, known) = own[j..].split_at_mut(W);
+        let sums = products::<BITS, W, T>(l.map(|l| &l[W..]), known);
+        for k in (0..W).rev() {
+            let mut value = x[k] - sums[k];
+            for row in k + 1..W {
+                value -= l[k][row] * x[row];
+            }
+            x[k] = value / l[k][k];
+        }
     }
 }
 
-/// `x <- L⁻ᵀ x` within one supernode, the rows below being known.
+/// `y += sum_k a_k x_k`: `y` is read once for all of them.
 #[inline(always)]
-fn backward<T: Precision>(factor: &Factor<'_, T>, s: usize, values: &mut [T], below: &mut [T]) {
-    let (first, columns, rows_below, block) = supernode(factor, s);
-    let height = columns + rows_below.len();
-    let below = &mut below[..rows_below.len()];
-    for (value, &row) in below.iter_mut().zip(rows_below) {
-        *value = values[row as usize];
-    }
-    let x = &mut values[first..first + columns];
-    let tail = |j: usize| &block[j * height + columns..(j + 1) * height];
-    let mut j = 0;
-    while j + 4 <= columns && !below.is_empty() {
-        let known = dot4([tail(j), tail(j + 1), tail(j + 2), tail(j + 3)], below);
-        for k in 0..4 {
-            x[j + k] -= known[k];
+fn add_columns<const BITS: usize, const W: usize, T: Precision>(
+    a: [&[T]; W],
+    x: [T; W],
+    y: &mut [T],
+) {
+    let a = a.map(|a| &a[..y.len()]);
+    let whole = y.len() - y.len() % LANES;
+    for i in (0..whole).step_by(LANES) {
+        let y: &mut [T; LANES] = (&mut y[i..i + LANES]).try_into().expect("so many");
+        let mut sums = *y;
+        for k in 0..W {
+            let a: &[T; LANES] = a[k][i..i + LANES].try_into().expect("so many");
+            for lane in 0..LANES {
+                sums[lane] = a[lane].times_plus::<BITS>(x[k], sums[lane]);
+            }
         }
-        j += 4;
+        *y = sums;
     }
-    for j in j..columns {
-        x[j] -= dot(tail(j), below);
-    }
-    for j in (0..columns).rev() {
-        let column = &block[j * height..j * height + columns];
-        x[j] = (x[j] - dot(&column[j + 1..], &x[j + 1..])) / column[j];
+    for i in whole..y.len() {
+        for k in 0..W {
+            y[i] = a[k][i].times_plus::<BITS>(x[k], y[i]);
+        }
     }
 }
 
 /// Partial sums that the compiler keeps in vector registers.
 const LANES: usize = 8;
 
-/// `a . b`.
+/// `a_k . b` for all columns: `b` is read once for them.
 #[inline(always)]
-fn dot<T: Precision>(a: &[T], b: &[T]) -> T {
-    let mut sums = [T::default(); LANES];
-    let (a_chunks, b_chunks) = (a.chunks_exact(LANES), b.chunks_exact(LANES));
-    let tails = a_chunks.remainder().iter().zip(b_chunks.remainder());
-    let mut sum = tails.fold(T::default(), |sum, (a, b)| sum + *a * *b);
-    for (a, b) in a_chunks.zip(b_chunks) {
-        for lane in 0..LANES {
-            sums[lane] += a[lane] * b[lane];
-        }
-    }
-    sums.iter().for_each(|s| sum += *s);
-    sum
-}
-
-/// Four products at once: `b` is read once for them.
-#[inline(always)]
-fn dot4<T: Precision>(a: [&[T]; 4], b: &[T]) -> [T; 4] {
+fn products<const BITS: usize, const W: usize, T: Precision>(a: [&[T]; W], b: &[T]) -> [T; W] {
     let n = b.len();
-    let [a0, a1, a2, a3] = a.map(|a| &a[..n]);
-    let mut sums = [[T::default(); LANES]; 4];
+    let a = a.map(|a| &a[..n]);
+    let mut sums = [[T::default(); LANES]; W];
     let whole = n - n % LANES;
-    let mut i = 0;
-    while i < whole {
+    for i in (0..whole).step_by(LANES) {
         let b = &b[i..i + LANES];
-        let rows = [&a0[i..i + LANES], &a1[i..i + LANES], &a2[i..i + LANES], &a3[i..i + LANES]];
+        let rows: [&[T]; W] = a.map(|a| &a[i..i + LANES]);
         for (sums, a) in sums.iter_mut().zip(rows) {
             for lane in 0..LANES {
-                sums[lane] += a[lane] * b[lane];
+                sums[lane] = a[lane].times_plus::<BITS>(b[lane], sums[lane]);
             }
         }
-        i += LANES;
     }
-    let mut out = [T::default(); 4];
-    for (k, a) in [a0, a1, a2, a3].into_iter().enumerate() {
+    std::array::from_fn(|k| {
         let head = sums[k].iter().fold(T::default(), |sum, s| sum + *s);
-        out[k] = a[whole..].iter().zip(&b[whole..]).fold(head, |sum, (a, b)| sum + *a * *b);
-    }
-    out
+        a[k][whole..].iter().zip(&b[whole..]).fold(head, |sum, (a, b)| sum + *a * *b)
+    })
 }
