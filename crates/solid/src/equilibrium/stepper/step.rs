@@ -36,7 +36,7 @@ fn is_mendable(error: &FactorError) -> bool {
 /// The result of the Newton iterations of a frame.
 pub(super) struct Progress {
     pub taken: f64,
-    /// A step was cut back.
+    /// The last step was cut back. A cut that later steps have made up for leaves nothing out of balance.
     pub is_cut: bool,
     pub is_unstable: bool,
     /// Newton iterations.
@@ -110,7 +110,7 @@ impl Iteration for FrameIteration<'_> {
         let (taken, energy) = stepper.take(body);
         let moved = if stepper.hands_move { stepper.motion_fraction * taken } else { taken };
         (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
-        progress.is_cut |= taken < 1.0;
+        progress.is_cut = taken < 1.0;
         progress.has_arrived = !stepper.hands_move || moved == 1.0;
         progress.steps += 1;
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());

@@ -163,3 +163,22 @@ fn a_cantilever_swings_at_its_first_frequency() {
     assert!(coarse > 0.0 && fine > 0.0 && fine < 0.12, "{coarse} {fine}");
     assert!((2.5..5.0).contains(&(coarse / fine)), "{coarse} {fine}");
 }
+
+/// A blow whose first step is cut back, and whose next ones balance forces and inertia all the same: the frame has settled,
+/// and the body goes on as it was left.
+#[test]
+fn a_frame_that_recovers_from_a_cut_keeps_its_inertia() {
+    let body = bar("neo_hookean");
+    for integration in [Integration::BackwardEuler, TRAPEZOID] {
+        let settings = StepperSettings {
+            iterations: 60,
+            settled: 1e-9,
+            ..dynamic(integration, Mass::Lumped, 0.01)
+        };
+        let mut stepper = held(&body, settings);
+        let frame = stepper.frame(&body, &press(&[[-0.25, 0.0, 0.0]])).unwrap();
+        assert!(frame.taken < 1.0, "{frame:?}");
+        assert!(frame.is_settled && frame.steps < 40, "{frame:?}");
+        assert!(stepper.motion.as_ref().unwrap().acceleration.iter().any(|&a| a != 0.0));
+    }
+}
