@@ -3,6 +3,10 @@
 //! A kernel is compiled once for each instruction set and the widest one the processor has is
 //! called: a baseline build leaves half or more of the speed unused.
 
+/// Bytes of a line of the cache.
+#[cfg(target_arch = "x86_64")]
+const LINE: usize = 64;
+
 /// Code to be compiled for several instruction sets. `run` must be `#[inline(always)]`, and so
 /// must everything it calls in its inner loops.
 pub trait Kernel {
@@ -28,6 +32,23 @@ pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx2")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
+}
+
+/// Asks the processor to have a value in its cache by the time that it is needed.
+#[inline(always)]
+pub fn prefetch<T>(value: &T) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        for line in (0..size_of::<T>()).step_by(LINE) {
+            // SAFETY: the address lies in a value, and a hint reads nothing.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast::<i8>().add(line))
+            };
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = value;
 }
 
 /// Whether this processor has what [`dispatch_solver`] asks for.

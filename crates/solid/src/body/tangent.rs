@@ -10,7 +10,7 @@ use super::tasks::TASK;
 use crate::element::Shape;
 use crate::law::LawKernels;
 use crate::number::{LANES, Lane};
-use crate::simd::{Kernel, dispatch_solver};
+use crate::simd::{Kernel, dispatch_solver, prefetch};
 use crate::tensor::{Mat3, Vec3};
 use crate::threads::share;
 use rayon::prelude::*;
@@ -94,6 +94,19 @@ pub(super) enum Purpose<'a, const N: usize> {
 }
 
 impl<const N: usize> Purpose<'_, N> {
+    /// A batch with so many pairs of nodes comes next: where its blocks go is as good as random.
+    #[inline(always)]
+    fn announce(&self, number: usize, pairs: usize) {
+        if let Purpose::Summed { destinations, values } = self {
+            let cells = LANES * pairs;
+            for d in &destinations[number * cells..(number + 1) * cells] {
+                if let Some(block) = values.get(d.block as usize) {
+                    prefetch(block);
+                }
+            }
+        }
+    }
+
     /// Takes the blocks of a batch's cells, pair by pair; `number` is that of the batch in its task.
     fn take(&mut self, number: usize, sums: &[Mat3<Lane>]) {
         let cells = LANES * sums.len();
@@ -159,6 +172,7 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
         for (local, forces) in forces.iter_mut().enumerate() {
             let number = task * TASK + local;
             let batch = &cells.batches[number];
+            purpose.announce(local, CellBatches::<E, N>::PAIRS);
             let (row, g) = (&cells.tissues[batch.tissue as usize], &batch.gradients);
             let shared = around.of(number..number + 1, &mut pressure);
             for point in 0..E::POINTS {
