@@ -1,9 +1,9 @@
 //! Conjugate gradients for one tangent after another, on all degrees of freedom at once: held ones are zero.
 //!
 //! With patches the iteration runs in the space of steps that leave their means alone: residuals are projected,
-//! preconditioned residuals closed by the border. Every solve sets out from the best multiple of the last step, since
-//! a hand mostly goes on as it went.
+//! preconditioned residuals closed by the border. Every solve sets out from where the last steps lead.
 
+mod guess;
 mod refinement;
 
 use super::border::Border;
@@ -19,6 +19,7 @@ use crate::linear::conjugate_gradients::{
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
 use crate::number::dot;
+use guess::Guess;
 
 /// A right-hand side counts as zero if only this part of it remains after the tools have carried their share.
 const ROUNDING: f64 = 1e-14;
@@ -64,7 +65,7 @@ pub(super) struct Iterative {
     correction: Vec<f64>,
     /// What the guess leaves of the residual.
     left: Vec<f64>,
-    last: Vec<f64>,
+    guess: Guess,
 }
 
 impl Iterative {
@@ -109,12 +110,13 @@ impl Iterative {
             residual: vec![0.0; n_dofs],
             correction: vec![0.0; n_dofs],
             left: vec![0.0; n_dofs],
-            last: vec![0.0; n_dofs],
+            guess: Guess::new(n_dofs),
         })
     }
 
-    /// Renews a factor while the last one stays in use.
+    /// Solves follow each other as the frames of a motion: a factor is renewed while the last one stays in use.
     pub fn renew_beside(&mut self) {
+        self.guess.follow_motion();
         if let Inverse::Lagged(lagged) = &mut self.inverse {
             lagged.renew_beside();
         }
@@ -131,14 +133,14 @@ impl Iterative {
         }
         self.fewest_iterations = usize::MAX;
         // The last step moved what is held now, or left alone what is free.
-        self.last.fill(0.0);
+        self.guess.forget();
         self.is_stale = true;
     }
 
-    /// Another border: the last step, from which the next solve sets out, must leave its means alone.
+    /// Another border: the steps from which the next solve sets out must leave its means alone.
     pub fn bind(&mut self, border: &Border) {
         self.remote.bind();
-        border.project(&mut self.last);
+        self.guess.bind(border);
     }
 
     /// Tells where the nodes are, in the order of the vectors.
@@ -250,7 +252,7 @@ impl Iterative {
         } else {
             let solved = self.iterate(border, deadline)?;
             self.note(&solved);
-            self.last.copy_from_slice(&self.correction);
+            self.guess.keep(&self.correction);
             step.iter_mut().zip(&self.correction).for_each(|(s, x)| *s += x);
             solved
         };
@@ -269,7 +271,7 @@ impl Iterative {
         border: &Border,
         deadline: Option<Instant>,
     ) -> Result<Solved, FactorError> {
-        self.guess(border);
+        self.set_out(border);
         if let Some(solved) = self.iterate_on_device(border, deadline) {
             return Ok(solved);
         }
@@ -291,35 +293,27 @@ impl Iterative {
         if solved.is_ok() && self.correction.iter().all(|x| x.is_finite()) {
             return solved;
         }
-        // What led here is not to be started from again.
-        self.last.fill(0.0);
+        self.guess.forget();
         self.is_stale = true;
         Err(FactorError::NotFinite { position: 0 })
     }
 
-    /// The multiple of the last step nearest to the solution in energy, `(p . r) / (p . K p)`.
-    fn guess(&mut self, border: &Border) {
+    /// Sets the correction to the guess.
+    fn set_out(&mut self, border: &Border) {
         let is_formed = self.is_formed();
-        let Iterative { operand, residual, correction, left, last, remote, .. } = self;
+        let Iterative { operand, residual, correction, left, guess, remote, .. } = self;
         left.copy_from_slice(residual);
-        let along = dot(last, residual);
-        if along == 0.0 {
-            correction.fill(0.0);
-            return;
-        }
-        let remotely = || remote.multiply(border, operand.given(), last);
-        let is_finite = |product: &Vec<f64>| product.iter().all(|k| k.is_finite());
-        match is_formed.then(remotely).flatten().filter(is_finite) {
-            Some(product) => {
-                correction.copy_from_slice(&product);
-                border.project(correction);
+        guess.start(correction, left, |step, product| {
+            let remotely = || remote.multiply(border, operand.given(), step);
+            let is_finite = |product: &Vec<f64>| product.iter().all(|k| k.is_finite());
+            match is_formed.then(remotely).flatten().filter(is_finite) {
+                Some(found) => {
+                    product.copy_from_slice(&found);
+                    border.project(product);
+                }
+                None => Projected { operand, border }.apply(step, product),
             }
-            None => Projected { operand, border }.apply(last, correction),
-        }
-        let curvature = dot(last, correction);
-        let factor = if curvature > 0.0 { along / curvature } else { 0.0 };
-        left.iter_mut().zip(&*correction).for_each(|(r, k)| *r -= factor * k);
-        correction.iter_mut().zip(&*last).for_each(|(x, p)| *x = factor * p);
+        });
     }
 
     /// The result of conjugate gradients as a step: after a spent budget or a direction of negative curvature there is
@@ -373,7 +367,7 @@ impl Iterative {
                 if !solved.is_complete || solved.iterations > self.fewest_iterations + REPAID {
                     lagged.abandon();
                 }
-                solved.iterations > self.fewest_iterations + 1
+                solved.iterations > self.fewest_iterations
             }
             Inverse::Lagged(lagged) if !lagged.is_renewed_beside() => {
                 solved.iterations > 2 * fresh + 2 && self.further_iterations > REPAID

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Parts of a factor that is made while frames go on. With fewer of them each frame takes longer, with more the factor is
 /// old when it comes into use.
-const PARTS: f64 = 16.0;
+const PARTS: f64 = 32.0;
 
 /// Multiplications of a factor that is made in one piece, since that takes but a few milliseconds.
 const SMALL: f64 = 1e8;
