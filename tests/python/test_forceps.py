@@ -164,3 +164,21 @@ def test_what_makes_no_sense_is_said(organ: vs.Organ, message: str, act: Act) ->
     stepper, forceps = gripping(organ)
     with pytest.raises(VisceraError, match=message):
         act(stepper, forceps)
+
+
+def test_jaws_that_close_fast_do_not_swallow_a_lobe() -> None:
+    """It swings from one jaw to the other within a frame. No step leads it through the jaw that it meets there."""
+    liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
+    gravity = (0, 0, -9.81)
+    sagged = liver.solve(gravity=gravity, density=1060, throw=True)
+    middle = (liver.mesh.points + sagged.displacement)[liver.mesh.nodes("tip")].mean(axis=0)
+    stepper = liver.stepper(start=sagged, density=1060, iterations=40)
+    forceps = stepper.forceps(
+        vs.Box((0.008, 0.03, 0.04), rounding=0.003), middle, ALONG_Y, opening=0.05, friction=FRICTION
+    )
+    for _ in range(8):
+        forceps.close(0.004)
+        frame = stepper.frame(gravity=gravity)
+        assert frame.is_settled
+        assert not any(frame.contact(jaw).is_inside for jaw in forceps.jaws)
+    assert forceps.grip > 1.0

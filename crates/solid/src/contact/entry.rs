@@ -36,6 +36,14 @@ pub fn spine(shape: &Shape) -> Vec<[f64; 3]> {
     }
 }
 
+/// How deep the deepest point of a spine lies in its shape [m].
+pub fn depth(shape: &Shape, spine: &[[f64; 3]]) -> f64 {
+    match shape {
+        Shape::HalfSpace => f64::INFINITY,
+        _ => spine.iter().map(|x| -shape.distance(*x).gap).fold(0.0, f64::max),
+    }
+}
+
 /// Whether a body displaced by `u` holds one of the points, in the straight cells between its corners.
 pub fn holds(body: &Body, u: &[f64], points: &[[f64; 3]]) -> bool {
     if points.is_empty() {

@@ -186,9 +186,11 @@ impl Contact {
         !self.pairs.is_empty()
     }
 
-    /// The part of a step from `u`, at most 1, that leads no surface of a contact pair much deeper into the other.
+    /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
-        self.pairs.iter().map(|pair| pair.longest(u, step)).fold(1.0, f64::min)
+        let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));
+        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(&self.samples, u, step));
+        of_pairs.chain(of_tools).fold(1.0, f64::min)
     }
 
     /// Adds the last forces on the body [N].

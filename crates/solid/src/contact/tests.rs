@@ -4,6 +4,7 @@ mod jaws;
 mod lead;
 mod pair_friction;
 mod pairs;
+mod tool_steps;
 
 use super::*;
 use crate::equilibrium::{Input, Newton, Pressure, Problem, Status, Stepper, StepperSettings};

@@ -1,7 +1,9 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
+mod steps;
+
 use super::distance::Distance;
-use super::entry::{holds, spine};
+use super::entry::{depth, holds, spine};
 use super::friction::{Friction, spring};
 use super::layer::STIFFNESS;
 use super::pose::Pose;
@@ -113,6 +115,8 @@ pub(super) struct ActiveTool {
     dissipation: f64,
     /// See [`spine`].
     spine: Vec<[f64; 3]>,
+    /// See [`depth`].
+    depth: f64,
     /// Whether it was inside the body when that was last asked.
     pub is_inside: bool,
 }
@@ -152,10 +156,12 @@ impl ActiveTool {
     pub fn new(tool: Tool, samples: &Samples) -> Self {
         let n = samples.len();
         let anchors = if tool.friction.is_none() { Vec::new() } else { vec![None; n] };
+        let spine = spine(&tool.shape);
         ActiveTool {
             pose: tool.pose,
             before: tool.pose,
-            spine: spine(&tool.shape),
+            depth: depth(&tool.shape, &spine),
+            spine,
             is_inside: false,
             tool,
             slides: vec![[0.0; 3]; anchors.len()],

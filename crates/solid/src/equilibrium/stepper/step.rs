@@ -55,6 +55,16 @@ pub(super) struct Progress {
     pub energy: f64,
 }
 
+/// What was taken of a step.
+struct Taken {
+    /// The part of it.
+    length: f64,
+    /// Strain energy at its end [J].
+    energy: f64,
+    /// It is all that motion and contact allow, and no cell has cut it.
+    is_allowed: bool,
+}
+
 impl Progress {
     fn new() -> Self {
         Progress {
@@ -107,7 +117,7 @@ impl Iteration for FrameIteration<'_> {
         progress.is_solved &= solved.is_complete;
         progress.floor = progress.floor.max(solved.floor);
         progress.solved_at = Instant::now();
-        let (taken, energy) = stepper.take(body);
+        let Taken { length: taken, energy, is_allowed } = stepper.take(body);
         let moved = if stepper.hands_move { stepper.motion_fraction * taken } else { taken };
         (progress.taken, progress.energy) = (progress.taken.min(moved), energy);
         progress.is_cut = taken < 1.0;
@@ -116,10 +126,11 @@ impl Iteration for FrameIteration<'_> {
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());
         progress.residual = stepper.measure(body, progress.is_cut);
         if !stepper.contact.is_empty() && !stepper.hands_move {
-            // A step that a contact pair cut has still led into the layer; one that cells cut has not met its end.
-            let has_pairs = stepper.contact.keep_pieces(true);
-            let went_back = (taken == 1.0 || has_pairs) && stepper.go_back(body, taken, progress);
-            if stepper.contact.keep_pieces(false) && went_back {
+            // A step that contact cut has still led into the layer; one that cells cut has not met its end.
+            stepper.contact.keep_pieces(true);
+            let went_back = is_allowed && stepper.go_back(body, taken, progress);
+            let has_pairs = stepper.contact.keep_pieces(false);
+            if has_pairs && went_back {
                 progress.residual = stepper.measure(body, progress.is_cut);
             }
         }
@@ -265,8 +276,8 @@ impl Stepper {
     }
 
     /// Takes as much of the step as leaves all cells sound, and takes no free node farther than the body is long
-    /// at once, nor a surface through another; that part, and the strain energy. The internal force is that of the state reached.
-    fn take(&mut self, body: &Body) -> (f64, f64) {
+    /// at once, nor a surface through another or a tool. The internal force is that of the state reached.
+    fn take(&mut self, body: &Body) -> Taken {
         let longest = self.increment.iter().fold(0.0f64, |longest, w| longest.max(w.abs()));
         let whole = if longest > self.length { self.length / longest } else { 1.0 };
         let whole = whole.min(self.contact.longest(&self.displacement, &self.step));
@@ -278,11 +289,11 @@ impl Stepper {
         if let Some((length, energy)) = taken {
             std::mem::swap(&mut self.displacement, &mut self.trial);
             self.complete(body);
-            return (length, energy);
+            return Taken { length, energy, is_allowed: length == whole };
         }
         let energy = body.internal_force(&self.displacement, &mut self.internal);
         self.complete(body);
-        (0.0, energy)
+        Taken { length: 0.0, energy, is_allowed: false }
     }
 
     /// Goes back from where a step led among tools, if it led beyond the place on its way where what is out of balance has

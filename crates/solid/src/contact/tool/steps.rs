@@ -1,0 +1,39 @@
+//! How far a step may go before the body is much deeper in a tool than it was.
+
+use super::super::samples::Samples;
+use super::super::shape::Shape;
+use super::ActiveTool;
+use crate::mesh::{dot, norm, sub};
+
+/// How much deeper a step may lead a sample into a tool, over the depth of its middle: beyond that it would come out on the
+/// other side.
+const DEEPER: f64 = 0.5;
+
+impl ActiveTool {
+    /// The part of a step, possibly more than all of it, that leads no sample much deeper into the tool. In a convex shape
+    /// the gap is convex: along a step it is at least what the normal says. Of others only the distance is known.
+    pub(in super::super) fn longest(&self, samples: &Samples, u: &[f64], step: &[f64]) -> f64 {
+        let deeper = DEEPER * self.depth;
+        if deeper.is_infinite() {
+            return f64::INFINITY;
+        }
+        let reach = self.tool.shape.reach();
+        let is_convex = !matches!(self.tool.shape, Shape::Solid(_));
+        let mut longest = f64::INFINITY;
+        for sample in 0..samples.len() {
+            let (x, moved) = (samples.place(sample, u), samples.mean(sample, step));
+            let speed = norm(moved);
+            let out_of_reach = norm(sub(x, self.pose.position)) - reach > speed;
+            if speed <= deeper || out_of_reach || self.is_bond(sample) {
+                continue;
+            }
+            let distance = self.distance(&self.pose, x);
+            let towards = -dot(moved, distance.normal);
+            let approach = if is_convex || towards <= 0.0 { towards } else { speed };
+            if approach > 0.0 {
+                longest = longest.min((distance.gap.max(0.0) + deeper) / approach);
+            }
+        }
+        longest
+    }
+}
