@@ -1,15 +1,18 @@
-"""What contact costs on the built-in liver: a Newton iteration and a settled frame with a tool, beside those without.
+"""What contact costs on the built-in liver: a Newton iteration and a settled frame with a tool or another organ, beside
+those without.
 
     python benchmarks/contact.py [--write]
 
 A sphere goes 10 mm into the lobe in 20 quasi-static frames of at most 8 Newton iterations; beside it the contact patch
-of about its size goes the same way. Milliseconds are medians of the time of the processor, the least of three runs.
+of about its size goes the same way. Then a soft block does, an organ whose back is moved, with the pair of their surfaces
+and, as if the liver were not there, without. Milliseconds are medians of the time of the processor, the least of three runs.
 `layer` is the stiffness of the layer between tool and organ in units of the plane strain modulus over the height of a
 cell, 30 by default.
 """
 
 from __future__ import annotations
 
+import itertools
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -56,6 +59,30 @@ def with_sphere(liver: vs.Organ, top: np.ndarray, solver: str, stiffness: float,
     return frames, seconds, -frames[-1].force(tool)[2], frames[-1].contact(tool).gap
 
 
+def block(below: np.ndarray) -> vs.Mesh:
+    """A block of 60 x 60 x 30 mm, the middle of its lower face at a point, and its upper face named `back`."""
+    x, y, z = np.linspace(-0.03, 0.03, 7), np.linspace(-0.03, 0.03, 7), np.linspace(0.0, 0.03, 4)
+    points = np.array([(a, b, c) for c in z for b in y for a in x])
+    corner = np.array([i + 7 * (j + 7 * k) for k in range(3) for j in range(6) for i in range(6)])
+    paths = [np.cumsum((0, *order)) for order in itertools.permutations((1, 7, 49))]
+    cells = np.vstack([corner[:, None] + path for path in paths])
+    return vs.mesh(points + below, cells, {"back": np.flatnonzero(points[:, 2] == 0.03)})
+
+
+def with_organ(liver: vs.Organ, top: np.ndarray, solver: str, friction: float | None) -> Run:
+    """A soft block goes down, whose surface and the liver's touch each other; without friction given, they do not."""
+    weak = vs.ElasticSupport("back", stiffness=1.0)  # nothing beside the hand that holds it
+    soft = vs.Organ(block(top), vs.NeoHookean(young=10e3, poisson=0.45), supports=[weak])
+    pair = vs.ContactPair("liver", "block", friction=friction or 0.0)
+    scene = vs.Scene({"liver": liver, "block": soft}, contacts=[] if friction is None else [pair])
+    stepper = scene.stepper(solver=solver, iterations=20)
+    hand = stepper.grasp("block/back")
+    frames, seconds = timed(stepper, lambda: hand.move((0, 0, -DEPTH / FRAMES)))
+    if friction is None:
+        return frames, seconds, 0.0, 0.0
+    return frames, seconds, -frames[-1].force(pair)[2], frames[-1].contact(pair).gap
+
+
 def row(name: str, runs: list[Run]) -> str:
     """The run whose median frame is the fastest."""
     frames, times, force, gap = min(runs, key=lambda run: float(np.median(run[1])))
@@ -86,6 +113,9 @@ def main() -> None:
             for friction in (0.0, 0.3):
                 name = f"sphere, layer {stiffness:g}, friction {friction:g}, {solver}"
                 cases[name] = partial(with_sphere, liver, top, solver, stiffness, friction)
+        cases[f"block, no pair, {solver}"] = partial(with_organ, liver, top, solver, None)
+        for friction in (0.0, 0.3):
+            cases[f"block, pair, friction {friction:g}, {solver}"] = partial(with_organ, liver, top, solver, friction)
         runs = [{name: run() for name, run in cases.items()} for _ in range(RUNS)]  # in turns
         for name in cases:
             show(row(name, [run[name] for run in runs]))

@@ -148,8 +148,19 @@ impl TriangleTree {
 
     /// The closest point, without allocating; `None` when there is no triangle or the query is not finite.
     pub fn closest(&self, points: &[Vector], triangles: &[[u32; 3]], p: Vector) -> Option<Closest> {
+        self.closest_within(points, triangles, p, f64::INFINITY)
+    }
+
+    /// [`TriangleTree::closest`], if it is nearer than `reach`: what is farther is not looked at.
+    pub fn closest_within(
+        &self,
+        points: &[Vector],
+        triangles: &[[u32; 3]],
+        p: Vector,
+        reach: f64,
+    ) -> Option<Closest> {
         let mut best: Option<Closest> = None;
-        let mut best_squared = f64::INFINITY;
+        let mut best_squared = reach * reach;
         let mut pending = [0u32; MAX_DEPTH];
         let mut n_pending = 1;
         while n_pending > 0 {
@@ -276,6 +287,22 @@ mod tests {
             assert!((found.distance - brute).abs() < 1e-14);
             let x = triangles[found.triangle as usize].map(|i| points[i as usize]);
             assert_eq!(found.point, interpolate(x, found.barycentric));
+        }
+    }
+
+    #[test]
+    fn within_a_reach_it_finds_the_same_point_or_none() {
+        let (points, cells) = block([5, 4, 3], [1.0, 0.8, 0.6]);
+        let triangles = surface(&points, &cells);
+        let tree = TriangleTree::new(&points, &triangles);
+        let mut random = numbers();
+        for _ in 0..300 {
+            let p: Vector = std::array::from_fn(|_| 1.5 * random.next().unwrap());
+            let found = tree.closest(&points, &triangles, p).unwrap();
+            let within = |reach: f64| tree.closest_within(&points, &triangles, p, reach);
+            assert_eq!(within(1.001 * found.distance), Some(found));
+            assert_eq!(within(2.0 * found.distance), Some(found));
+            assert_eq!(within(0.999 * found.distance), None);
         }
     }
 

@@ -70,10 +70,7 @@ impl Facets {
 impl Placed<'_> {
     /// The gap at a point; none farther than `reach` away, or where the closest point is on the border of the surface.
     pub fn gap(&self, x: [f64; 3], reach: f64) -> Option<Gap> {
-        let closest = self.tree.closest(self.points, &self.facets.triangles, x)?;
-        if closest.distance > reach {
-            return None;
-        }
+        let closest = self.tree.closest_within(self.points, &self.facets.triangles, x, reach)?;
         let (triangle, weights) = (closest.triangle as usize, closest.barycentric);
         let nodes = self.facets.triangles[triangle];
         let on: Vec<u32> = (0..3).filter(|&i| weights[i] > 0.0).map(|i| nodes[i]).collect();
@@ -98,8 +95,8 @@ impl Placed<'_> {
 
     /// The triangle and the weights of the point closest to a point; none if it is farther away than `reach`.
     pub fn closest(&self, x: [f64; 3], reach: f64) -> Option<(usize, [f64; 3])> {
-        let closest = self.tree.closest(self.points, &self.facets.triangles, x)?;
-        (closest.distance <= reach).then_some((closest.triangle as usize, closest.barycentric))
+        let closest = self.tree.closest_within(self.points, &self.facets.triangles, x, reach)?;
+        Some((closest.triangle as usize, closest.barycentric))
     }
 
     /// How far a point is from the surface, inside or out [m].
