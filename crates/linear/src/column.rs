@@ -6,7 +6,7 @@
 use faer::sparse::linalg::cholesky::supernodal::SymbolicSupernodalCholesky;
 
 use super::Precision;
-use super::substitution::Factor;
+use super::substitution::{Factor, Supernode};
 use viscera_number::simd::{WideKernel, dispatch_wide};
 
 /// Columns of the factor that are read together.
@@ -54,36 +54,15 @@ impl<T: Precision> WideKernel for Substitution<'_, T> {
         let Column { values, own } = self.column;
         let n_supernodes = self.factor.symbolic.n_supernodes();
         for s in 0..n_supernodes {
-            Supernode::new(self.factor, s).forward::<BITS>(values, own);
+            self.factor.supernode(s).forward::<BITS>(values, own);
         }
         for s in (0..n_supernodes).rev() {
-            Supernode::new(self.factor, s).backward::<BITS>(values, own);
+            self.factor.supernode(s).backward::<BITS>(values, own);
         }
     }
-}
-
-/// Columns of the factor with the same rows below their triangle.
-struct Supernode<'a, T> {
-    first: usize,
-    columns: usize,
-    rows_below: &'a [u32],
-    /// Column-major, `height` rows; nothing above the diagonal is read.
-    block: &'a [T],
-    height: usize,
 }
 
 impl<'a, T: Precision> Supernode<'a, T> {
-    #[inline(always)]
-    fn new(factor: &Factor<'a, T>, s: usize) -> Self {
-        let symbolic = factor.symbolic;
-        let first = symbolic.supernode_begin()[s] as usize;
-        let columns = symbolic.supernode_end()[s] as usize - first;
-        let offsets = symbolic.col_ptr_for_val();
-        let block = &factor.values[offsets[s] as usize..offsets[s + 1] as usize];
-        let rows_below = symbolic.supernode(s).pattern();
-        Supernode { first, columns, rows_below, block, height: columns + rows_below.len() }
-    }
-
     /// `x <- L⁻¹ x` within this supernode, and its share taken from the rows below.
     #[inline(always)]
     fn forward<const BITS: usize>(&self, values: &mut [T], own: &mut [T]) {
@@ -162,6 +141,9 @@ impl<'a, T: Precision> Supernode<'a, T> {
     }
 }
 
+/// Rows that are worked on together, in vector registers.
+const LANES: usize = 8;
+
 /// `y += sum_k a_k x_k`: `y` is read once for all of them.
 #[inline(always)]
 fn add_columns<const BITS: usize, const W: usize, T: Precision>(
@@ -169,40 +151,34 @@ fn add_columns<const BITS: usize, const W: usize, T: Precision>(
     x: [T; W],
     y: &mut [T],
 ) {
-    let a = a.map(|a| &a[..y.len()]);
-    let whole = y.len() - y.len() % LANES;
-    for i in (0..whole).step_by(LANES) {
-        let y: &mut [T; LANES] = (&mut y[i..i + LANES]).try_into().expect("so many");
+    let a = a.map(|a| a[..y.len()].as_chunks::<LANES>());
+    let (whole, rest) = y.as_chunks_mut::<LANES>();
+    for (i, y) in whole.iter_mut().enumerate() {
         let mut sums = *y;
         for k in 0..W {
-            let a: &[T; LANES] = a[k][i..i + LANES].try_into().expect("so many");
+            let a = &a[k].0[i];
             for lane in 0..LANES {
                 sums[lane] = a[lane].times_plus::<BITS>(x[k], sums[lane]);
             }
         }
         *y = sums;
     }
-    for i in whole..y.len() {
+    for (i, y) in rest.iter_mut().enumerate() {
         for k in 0..W {
-            y[i] = a[k][i].times_plus::<BITS>(x[k], y[i]);
+            *y = a[k].1[i].times_plus::<BITS>(x[k], *y);
         }
     }
 }
 
-/// Partial sums that the compiler keeps in vector registers.
-const LANES: usize = 8;
-
 /// `a_k . b` for all columns: `b` is read once for them.
 #[inline(always)]
 fn products<const BITS: usize, const W: usize, T: Precision>(a: [&[T]; W], b: &[T]) -> [T; W] {
-    let n = b.len();
-    let a = a.map(|a| &a[..n]);
+    let a = a.map(|a| a[..b.len()].as_chunks::<LANES>());
+    let (whole, rest) = b.as_chunks::<LANES>();
     let mut sums = [[T::default(); LANES]; W];
-    let whole = n - n % LANES;
-    for i in (0..whole).step_by(LANES) {
-        let b = &b[i..i + LANES];
-        let rows: [&[T]; W] = a.map(|a| &a[i..i + LANES]);
-        for (sums, a) in sums.iter_mut().zip(rows) {
+    for (i, b) in whole.iter().enumerate() {
+        for (sums, (a, _)) in sums.iter_mut().zip(a) {
+            let a = &a[i];
             for lane in 0..LANES {
                 sums[lane] = a[lane].times_plus::<BITS>(b[lane], sums[lane]);
             }
@@ -210,6 +186,6 @@ fn products<const BITS: usize, const W: usize, T: Precision>(a: [&[T]; W], b: &[
     }
     std::array::from_fn(|k| {
         let head = sums[k].iter().fold(T::default(), |sum, s| sum + *s);
-        a[k][whole..].iter().zip(&b[whole..]).fold(head, |sum, (a, b)| sum + *a * *b)
+        a[k].1.iter().zip(rest).fold(head, |sum, (a, b)| sum + *a * *b)
     })
 }

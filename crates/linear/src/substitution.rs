@@ -101,19 +101,31 @@ pub(super) struct Factor<'a, T> {
     pub has_unit_diagonal: bool,
 }
 
-/// One supernode of a factor.
-struct Supernode<'a, T> {
-    first: usize,
-    top: MatRef<'a, T>,
-    below: MatRef<'a, T>,
-    rows_below: &'a [u32],
+/// Columns of a factor with the same rows below their triangle.
+pub(super) struct Supernode<'a, T> {
+    pub first: usize,
+    pub columns: usize,
+    pub rows_below: &'a [u32],
+    /// Column-major, `height` rows; what lies above the diagonal means nothing.
+    pub block: &'a [T],
+    pub height: usize,
+}
+
+impl<'a, T: Precision> Supernode<'a, T> {
+    /// The triangle on top, and the rows below.
+    fn parts(&self) -> (MatRef<'a, T>, MatRef<'a, T>) {
+        let Supernode { columns, block, height, .. } = *self;
+        MatRef::from_column_major_slice(block, height, columns).split_at_row(columns)
+    }
 }
 
 impl<'a, T: Precision> Factor<'a, T> {
     /// `panel <- L⁻¹ panel`.
     pub fn forward(&self, panel: &mut Panel<T>) {
         for s in 0..self.symbolic.n_supernodes() {
-            let Supernode { first, top, below, rows_below } = self.supernode(s);
+            let supernode = self.supernode(s);
+            let Supernode { first, rows_below, .. } = supernode;
+            let (top, below) = supernode.parts();
             let mut update = std::mem::take(&mut panel.update);
             let width = panel.width;
             let mut x = panel.rows(first, top.ncols());
@@ -136,7 +148,9 @@ impl<'a, T: Precision> Factor<'a, T> {
     /// `panel <- L⁻ᵀ panel`.
     pub fn backward(&self, panel: &mut Panel<T>) {
         for s in (0..self.symbolic.n_supernodes()).rev() {
-            let Supernode { first, top, below, rows_below } = self.supernode(s);
+            let supernode = self.supernode(s);
+            let Supernode { first, rows_below, .. } = supernode;
+            let (top, below) = supernode.parts();
             let mut update = std::mem::take(&mut panel.update);
             let width = panel.width;
             let known = &mut update[..rows_below.len() * width];
@@ -155,16 +169,15 @@ impl<'a, T: Precision> Factor<'a, T> {
         }
     }
 
-    fn supernode(&self, s: usize) -> Supernode<'a, T> {
+    #[inline(always)]
+    pub fn supernode(&self, s: usize) -> Supernode<'a, T> {
         let symbolic = self.symbolic;
         let first = symbolic.supernode_begin()[s] as usize;
         let columns = symbolic.supernode_end()[s] as usize - first;
         let rows_below = symbolic.supernode(s).pattern();
         let offsets = symbolic.col_ptr_for_val();
-        let values = &self.values[offsets[s] as usize..offsets[s + 1] as usize];
-        let block = MatRef::from_column_major_slice(values, columns + rows_below.len(), columns);
-        let (top, below) = block.split_at_row(columns);
-        Supernode { first, top, below, rows_below }
+        let block = &self.values[offsets[s] as usize..offsets[s + 1] as usize];
+        Supernode { first, columns, rows_below, block, height: columns + rows_below.len() }
     }
 }
 
@@ -173,7 +186,9 @@ impl Factor<'_, f64> {
     pub fn weighted_row_squares(&self, weights: &[f64]) -> Vec<f64> {
         let mut sums = vec![0.0; weights.len()];
         for s in 0..self.symbolic.n_supernodes() {
-            let Supernode { first, top, below, rows_below } = self.supernode(s);
+            let supernode = self.supernode(s);
+            let Supernode { first, rows_below, .. } = supernode;
+            let (top, below) = supernode.parts();
             for column in 0..top.ncols() {
                 let weight = weights[first + column].abs();
                 for row in column + 1..top.nrows() {
