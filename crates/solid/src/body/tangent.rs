@@ -94,9 +94,9 @@ pub(super) enum Purpose<'a, const N: usize> {
 }
 
 impl<const N: usize> Purpose<'_, N> {
-    /// A batch with so many pairs of nodes comes next: where its blocks go is as good as random.
+    /// Asks for the blocks to which the next batch adds, while its law is evaluated: their places are as good as random.
     #[inline(always)]
-    fn announce(&self, number: usize, pairs: usize) {
+    fn prefetch(&self, number: usize, pairs: usize) {
         if let Purpose::Summed { destinations, values } = self {
             let cells = LANES * pairs;
             for d in &destinations[number * cells..(number + 1) * cells] {
@@ -172,7 +172,7 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
         for (local, forces) in forces.iter_mut().enumerate() {
             let number = task * TASK + local;
             let batch = &cells.batches[number];
-            purpose.announce(local, CellBatches::<E, N>::PAIRS);
+            purpose.prefetch(local, CellBatches::<E, N>::PAIRS);
             let (row, g) = (&cells.tissues[batch.tissue as usize], &batch.gradients);
             let shared = around.of(number..number + 1, &mut pressure);
             for point in 0..E::POINTS {

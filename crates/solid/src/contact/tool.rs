@@ -1,6 +1,9 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
 mod steps;
+mod touching;
+
+pub(super) use touching::Touching;
 
 use super::distance::Distance;
 use super::entry::{depth, holds, spine};
@@ -13,16 +16,11 @@ use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
+use touching::{STEADY, along};
 
 /// Largest part of a cell's stiffness that the curvature of a shape may take from the tangent; at sharp edges it would
 /// be unbounded.
 const CURVED: f64 = 1.0;
-
-/// Cosine between the directions of a slide in two iterations above which they count as the same.
-const STEADY: f64 = 0.5;
-
-/// How far below its bound, relative to it, friction is at the bound.
-const ROUNDING: f64 = 1e-6;
 
 /// Largest motion of a tool across the surface, over the height of the cell behind, with which the body is taken to go
 /// along.
@@ -66,29 +64,6 @@ pub struct Report {
     pub sliding: usize,
     /// Whether the tool is inside the body, so that none of these numbers holds.
     pub is_inside: bool,
-}
-
-/// A sample that a tool touches.
-#[derive(Clone, Debug)]
-pub(super) struct Touching {
-    pub sample: usize,
-    /// Where it is [m].
-    place: [f64; 3],
-    normal: [f64; 3],
-    pub pressure: f64,
-    /// Force on the body [N].
-    pub force: [f64; 3],
-    /// Its negative derivative [N/m]: the semidefinite part, and that by the curvature of the gap.
-    pub stiffness: Mat3<f64>,
-    pub curvature: Mat3<f64>,
-    /// Largest force along the surface [N]; none without friction.
-    bound: f64,
-    /// Which way it slides, zero where it sticks, and the force along the surface over the stretch [N/m].
-    slide: [f64; 3],
-    pull: f64,
-    /// The point of the tool it is tied to, in the world.
-    anchor: [f64; 3],
-    energy: f64,
 }
 
 /// The point of a tool, in its axes, that a sample sticks to.
@@ -445,32 +420,4 @@ impl ActiveTool {
             curvature: std::array::from_fn(|i| std::array::from_fn(|l| dot(half[i], r[l]))),
         }
     }
-}
-
-impl Touching {
-    /// Adds friction, with the stiffness of a chord, which never makes a step too long.
-    fn rub(&mut self, stiffness: f64, slid: [f64; 3]) {
-        let n = self.normal;
-        let stretch = along(sub(self.place, self.anchor), n);
-        let size = norm(stretch);
-        let [energy, _, pull] = spring(size, stiffness, self.bound);
-        // What slid ends a step at the bound; it is to slide on in the next, not to stick to within rounding.
-        let slack = if dot(stretch, slid) > STEADY * size { ROUNDING * self.bound } else { 0.0 };
-        let is_sliding = stiffness * size > self.bound - slack;
-        self.energy += if is_sliding { 0.5 * self.bound * self.bound / stiffness } else { energy };
-        self.slide = if is_sliding { stretch.map(|s| s / size) } else { [0.0; 3] };
-        self.pull = pull;
-        for i in 0..3 {
-            self.force[i] -= pull * stretch[i];
-            for j in 0..3 {
-                self.stiffness[i][j] += pull * (f64::from(i == j) - n[i] * n[j]);
-            }
-        }
-    }
-}
-
-/// The part of a vector along the surface.
-fn along(v: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
-    let across = dot(v, normal);
-    std::array::from_fn(|i| v[i] - across * normal[i])
 }

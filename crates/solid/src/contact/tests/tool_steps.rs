@@ -1,10 +1,10 @@
-//! How far a step may lead the body into a tool.
+//! How far a step may lead a body into a tool.
 
 use super::*;
 
 /// Random steps, far longer than the tools are thick, into tools that stand above a cube.
 #[test]
-fn no_step_leads_a_sample_half_way_through_a_tool() {
+fn no_step_leads_a_sample_to_the_middle_of_a_tool() {
     let body = cube(3);
     let u = vec![0.0; body.n_dofs()];
     for shape in shapes().into_iter().filter(|shape| shape.reach().is_finite()) {

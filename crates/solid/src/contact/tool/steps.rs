@@ -5,13 +5,14 @@ use super::super::shape::Shape;
 use super::ActiveTool;
 use crate::mesh::{dot, norm, sub};
 
-/// How much deeper a step may lead a sample into a tool, over the depth of its middle: beyond that it would come out on the
-/// other side.
+/// How much deeper a step may lead a sample into a tool, over the depth of the tool's middle: what is beyond the middle is
+/// pushed out on the other side.
 const DEEPER: f64 = 0.5;
 
 impl ActiveTool {
-    /// The part of a step, possibly more than all of it, that leads no sample much deeper into the tool. In a convex shape
-    /// the gap is convex: along a step it is at least what the normal says. Of others only the distance is known.
+    /// The part of a step, possibly more than all of it, that leads no sample much deeper into the tool. The gap of a convex
+    /// shape is convex, and along a step at least what the normal says. That of a closed surface falls at most as fast as the
+    /// sample moves; samples that move away from its nearest point are not held back.
     pub(in super::super) fn longest(&self, samples: &Samples, u: &[f64], step: &[f64]) -> f64 {
         let deeper = DEEPER * self.depth;
         if deeper.is_infinite() {

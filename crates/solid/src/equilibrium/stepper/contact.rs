@@ -51,7 +51,7 @@ impl Stepper {
         let wider = body.widened(&self.displacement);
         let fixed = self.fixed.iter().copied();
         self.solver =
-            ConstrainedSystem::new(self.settings.method, &wider, fixed, Vec::new())?.renew_beside();
+            ConstrainedSystem::new(self.settings.method, &wider, fixed, Vec::new())?.for_frames();
         let mut rows = mean_rows(&self.patches);
         rows.extend(self.turning.iter().flat_map(|turning| turning.rows.clone()));
         self.solver.hold(&self.grasped, rows);

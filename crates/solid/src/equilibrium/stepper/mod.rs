@@ -166,7 +166,7 @@ impl Stepper {
         let fixed = fixed.to_vec();
         let dofs = fixed.iter().copied();
         Ok(Stepper {
-            solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?.renew_beside(),
+            solver: ConstrainedSystem::new(settings.method, body, dofs, Vec::new())?.for_frames(),
             tangent: settings.method.tangent(body),
             settings,
             fixed,

@@ -114,8 +114,9 @@ impl Iterative {
         })
     }
 
-    /// Solves follow each other as the frames of a motion: a factor is renewed while the last one stays in use.
-    pub fn renew_beside(&mut self) {
+    /// Solves follow each other as the frames of a motion: they set out from the last two, and a factor is renewed while the
+    /// last one stays in use.
+    pub fn serve_frames(&mut self) {
         self.guess.follow_motion();
         if let Inverse::Lagged(lagged) = &mut self.inverse {
             lagged.renew_beside();

@@ -169,11 +169,12 @@ impl ConstrainedSystem {
         Ok(system)
     }
 
-    /// Renews the factor of conjugate gradients while the last one stays in use: frames may not wait for it. On a second
-    /// thread, where there is one, how many frames that takes is not the same from run to run.
-    pub fn renew_beside(mut self) -> Self {
+    /// For frames: conjugate gradients follow their motion, and renew their factor while the last one stays in use, since
+    /// frames may not wait for it. On a second thread, where there is one, how many frames that takes is not the same from
+    /// run to run.
+    pub fn for_frames(mut self) -> Self {
         if let Solver::Iterative(iterative) = &mut self.solver {
-            iterative.renew_beside();
+            iterative.serve_frames();
         }
         self
     }

@@ -47,9 +47,9 @@ impl Numbered {
         })
     }
 
-    /// Renews a factor while the last one stays in use.
-    pub fn renew_beside(&mut self) {
-        self.iterative.renew_beside();
+    /// See [`Iterative::serve_frames`].
+    pub fn serve_frames(&mut self) {
+        self.iterative.serve_frames();
     }
 
     /// Holds what is said of all degrees of freedom, until the next call.
