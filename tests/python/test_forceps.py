@@ -176,8 +176,8 @@ def test_jaws_that_close_fast_do_not_swallow_a_lobe() -> None:
     forceps = stepper.forceps(
         vs.Box((0.008, 0.03, 0.04), rounding=0.003), middle, ALONG_Y, opening=0.05, friction=FRICTION
     )
-    for _ in range(8):
-        forceps.close(0.004)
+    for _ in range(11):
+        forceps.close(0.003)
         frame = stepper.frame(gravity=gravity)
         assert frame.is_settled
         assert not any(frame.contact(jaw).is_inside for jaw in forceps.jaws)
