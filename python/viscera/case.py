@@ -103,7 +103,7 @@ class Solvable:
             **{kind: self.loads.get(kind) for kind in ("gravity", "density")},
             "steps": self.settings.get("steps", 1),
             "settings": self.settings.get("newton"),
-            "solver": self.settings.get("solver", "cholesky"),
+            "solver": self.settings.get("solver", "auto"),
         }
 
     def solve(self, organ: Organ, progress: Progress | None = None) -> State:

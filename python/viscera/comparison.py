@@ -243,7 +243,8 @@ def compare(
         raise VisceraError(f"unknown reference {reference!r}; {did_you_mean(reference, laws)}")
     states: dict[str, State] = {}
     for step, (name, law) in enumerate(laws.items()):
-        states[name] = organ.with_law(law).solve(**loads)
+        # One solver for all, as for their times.
+        states[name] = organ.with_law(law).solve(**{"solver": "cholesky", **loads})
         if progress:
             progress(step + 1, len(laws), "models")
     times = _times({name: organ.with_law(law) for name, law in laws.items()}, loads.get("displacement") or {})

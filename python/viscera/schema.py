@@ -81,7 +81,7 @@ SETTINGS = Table(
     "Settings of the solver; rarely needed.",
     {
         "steps": Key(statics.STEPS, "initial number of load steps; more are taken where needed", "1"),
-        "solver": Key(Choice(SOLVERS), "solver of the linear systems", '"cholesky"'),
+        "solver": Key(Choice(SOLVERS), "solver of the linear systems", '"auto"'),
         "newton": Key(
             Table(
                 "settings.newton",

@@ -55,7 +55,7 @@ class Statics(Supported):
         steps: int = 1,
         start: State | Frame | Floats | None = None,
         settings: Mapping[str, float] | None = None,
-        solver: Solver = "cholesky",
+        solver: Solver = "auto",
         throw: bool = False,
         progress: Progress | None = None,
     ) -> State:
@@ -79,8 +79,8 @@ class Statics(Supported):
         start: a state or a frame to continue from, or its displacement (n, 3) [m]; by default rest.
         settings: of Newton's method, by name: "tolerance", "max_iterations", "max_backtracks", "smallest_step", as in
             `[settings.newton]` of a case file (docs/case-file.md).
-        solver: of the linear systems, "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`; or "auto", which
-            chooses the one that is likely to be the fastest (docs/solvers.md). `State.solver` says which it was.
+        solver: of the linear systems. "auto" chooses the one that is likely to be the fastest (docs/solvers.md);
+            `State.solver` says which it was. Or "cholesky", "cg", "multigrid", "gpu" or a `ConjugateGradients`.
         throw: raise `NotConverged` if the solve fails, instead of returning the state with its status.
 
         >>> import viscera as vs

@@ -44,7 +44,24 @@ def test_frames_ask_for_a_solver(block: Block) -> None:
 
 
 def test_a_case_says_which_solver_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
-    beam.to_case(tmp_path / "beam.toml", loads={"force": {"tip": (0, 0, -10.0)}}, settings={"solver": "auto"})
-    assert main(["solve", str(tmp_path / "beam.toml")]) == 0
-    assert "linear solver         incomplete_cholesky" in capsys.readouterr().out
+    liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=1e4, poisson=0.4), fixed="hilum")
+    load = {"tip": (0, 0, -0.02)}
+    chosen = liver.solve(force=load).solver
+    assert chosen != "cholesky"
+    liver.to_case(tmp_path / "liver.toml", loads={"force": load})
+    assert main(["solve", str(tmp_path / "liver.toml")]) == 0
+    assert f"linear solver         {chosen}" in capsys.readouterr().out
+    liver.to_case(tmp_path / "liver.toml", loads={"force": load}, settings={"solver": "cholesky"})
+    assert main(["solve", str(tmp_path / "liver.toml")]) == 0
+    assert "linear solver         cholesky" in capsys.readouterr().out
+
+
+def test_a_lagged_factor_shifts_tangents_that_are_not_positive_definite(block: Block) -> None:
+    """As are the first ones of a nearly incompressible cube of quadratic cells that is stretched by a quarter."""
+    points, cells = block((5, 5, 5), (0.1, 0.1, 0.1))
+    ends = {"foot": np.flatnonzero(points[:, 0] == 0.0), "end": np.flatnonzero(np.isclose(points[:, 0], 0.1))}
+    law = vs.NeoHookean(young=1e4, poisson=0.49)
+    cube = vs.Organ(vs.mesh(points, cells, ends), law, fixed="foot", element="P2")
+    found, exact = (cube.solve(displacement={"end": (0.025, 0, 0)}, solver=name) for name in ("auto", "cholesky"))
+    assert (found.status, found.solver) == ("converged", "lagged_cholesky")
+    assert abs(found.displacement - exact.displacement).max() < 1e-8

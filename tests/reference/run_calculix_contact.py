@@ -30,18 +30,20 @@ DECKS = Path(__file__).parent / "data" / "contact"
 PENALTY = 4e7
 """Pressure over depth [Pa/m]: about that of our layer."""
 FACTORS = (1, 4)
-EDGE = 0.0155
-"""Of the coarse mesh [m]."""
+EDGES = {"coarse": 0.0155, "fine": 0.008}
+"""Of the other meshes [m]."""
+WIDE = 0.005
+"""How far from the held nodes of the organ those of another mesh are held, at least [m]."""
 AROUND = 72
 """Sides of a circle around the tool."""
 
 
-def coarse() -> vs.Mesh:
-    """The liver in cells of one and a half times the edge, held where it is held."""
-    fine = vs.organs.liver()
-    mesh = vs.mesh_surface((fine.points, fine.surface), edge=EDGE)
-    hilum = fine.points[fine.nodes("hilum")]
-    near = [i for i, x in enumerate(mesh.points) if np.linalg.norm(hilum - x, axis=1).min() < EDGE / 2]
+def meshed(edge: float) -> vs.Mesh:
+    """The liver in cells of another edge, held where it is held."""
+    liver = vs.organs.liver()
+    mesh = vs.mesh_surface((liver.points, liver.surface), edge=edge)
+    hilum = liver.points[liver.nodes("hilum")]
+    near = [i for i, x in enumerate(mesh.points) if np.linalg.norm(hilum - x, axis=1).min() < max(edge / 2, WIDE)]
     return vs.mesh(mesh.points, mesh.cells, {"hilum": near})
 
 
@@ -154,9 +156,10 @@ def main() -> None:
     version = subprocess.run(["ccx", "-v"], capture_output=True, text=True, check=False).stdout.split()[-1]
     data["versions"] = np.array([f"CalculiX {version}"])
     DECKS.mkdir(parents=True, exist_ok=True)
-    meshes = {"liver": vs.organs.liver(), "coarse": coarse()}
-    for key, array in zip(("points", "cells", "hilum"), parts(meshes["coarse"]), strict=True):
-        data[f"coarse/{key}"] = array
+    meshes = {"liver": vs.organs.liver(), **{name: meshed(edge) for name, edge in EDGES.items()}}
+    for mesh in EDGES:
+        for key, array in zip(("points", "cells", "hilum"), parts(meshes[mesh]), strict=True):
+            data[f"{mesh}/{key}"] = array
     for name, (mesh, organ), factor in itertools.product(sys.argv[1:] or PROBLEMS, meshes.items(), FACTORS):
         text = deck(PROBLEMS[name], organ, factor * PENALTY)
         if factor == 1:

@@ -7,7 +7,7 @@ pub(super) struct Neighbours {
 }
 
 impl Neighbours {
-    /// From the pairs of nodes that share a block, each once; pairs of a node with itself count for nothing.
+    /// From the pairs of nodes that share a block, as often as they are given; pairs of a node with itself count for nothing.
     pub fn new(n: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
         let mut start = vec![0u32; n + 1];
         let pairs = pairs.filter(|(row, column)| row != column);

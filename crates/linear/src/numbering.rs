@@ -22,7 +22,7 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// Of `n` nodes, from the pairs of nodes that share a block, each pair once.
+    /// Of `n` nodes, from the pairs of nodes that share a block; a pair given twice counts as two neighbours.
     pub fn reverse_cuthill_mckee(
         n: usize,
         pairs: impl Iterator<Item = (u32, u32)> + Clone,

@@ -114,8 +114,7 @@ def _told(
     """Print and write the solution; `facts` are those that not every case has."""
     words = "converged" if state.is_converged else f"did not converge ({state.message}); load reached {state.load:.3g}"
     output.say(f"{args.case}: {words}, {state.iterations} iterations in {state.seconds:.2f} s")
-    if "solver" in case.settings:
-        output.say(f"  linear solver         {state.solver}")
+    output.say(f"  linear solver         {state.solver}")
     if state.message == NOTHING_ACTS:
         output.say(f"  {NOTHING_ACTS}")
     output.say(f"  largest displacement  {1e3 * state.max_displacement:.4g} mm")

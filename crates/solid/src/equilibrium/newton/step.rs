@@ -11,6 +11,9 @@ use crate::linear::{FactorError, next_shift};
 /// First shift of a tangent that is not positive definite, over its mean diagonal, if the last tangent needed none.
 const FIRST_SHIFT: f64 = 1e-6;
 
+/// The same where conjugate gradients were needed to find that out.
+const FIRST_LIFT: f64 = 1e-2;
+
 /// Part of the descent that the slope promises which a step must keep (Armijo).
 const ARMIJO: f64 = 1e-4;
 
@@ -52,10 +55,16 @@ impl Run<'_> {
     /// the tangent before.
     pub(super) fn lift(&mut self, last: f64) -> Result<(), Cut> {
         let clock = Instant::now();
-        let first = (0.1 * last).max(FIRST_SHIFT);
-        self.shift = next_shift(self.shift, first).ok_or(Cut::Doubtful)?;
-        self.factorizations += 1;
-        self.solver.prepare(&self.tangent, self.shift).map_err(|_| Cut::Doubtful)?;
+        let first = (0.1 * last).max(FIRST_LIFT);
+        loop {
+            self.shift = next_shift(self.shift, first).ok_or(Cut::Doubtful)?;
+            self.factorizations += 1;
+            match self.solver.prepare(&self.tangent, self.shift) {
+                Ok(()) => break,
+                Err(FactorError::NotPositiveDefinite { .. }) => {}
+                Err(_) => return Err(Cut::Doubtful),
+            }
+        }
         self.seconds.factorization += clock.elapsed().as_secs_f64();
         Ok(())
     }

@@ -3,7 +3,7 @@
 //!
 //! Times are in products with a 3x3 block, the work of conjugate gradients. A body of `n` nodes in `L` layers from end to
 //! end has a cross-section of `w = n / L` nodes. Nested dissection eliminates it last, block by block, so that a factor
-//! takes about `n w^1.5` (a cube's `n²`, a bar's `n w^1.5`).
+//! takes about `n w^1.5` (a cube's `n²`, a bar's `n w^1.5`), and a solve with it `n w`.
 
 use super::{ConjugateGradients, Method, Preconditioner};
 use crate::body::Body;
@@ -15,22 +15,38 @@ const SMALL: usize = 150;
 /// Newton iterations of a solution over which what is done once counts.
 const SOLUTIONS: f64 = 5.0;
 
-/// Analysis, for each block, and factor, for each unit of `n w^1.5`.
+/// Analysis, for each block; factor, for each unit of `n w^1.5`; a solve with a factor in single precision, for each of
+/// `n w`.
 const ANALYSIS: f64 = 900.0;
-const FACTOR: f64 = 1.3;
+const FACTOR: f64 = 3.2;
+const SUBSTITUTION: f64 = 0.9;
 
-/// An iteration with an incomplete factor and one with a V-cycle, for each block; what a V-cycle takes to make.
-const INCOMPLETE: f64 = 3.5;
+/// Time of a factor in single precision, over that of one in double precision.
+const SINGLE: f64 = 0.5;
+
+/// An iteration with an incomplete factor and one with a V-cycle, for each block, up to twice that where they no longer fit
+/// into the cache; what a V-cycle takes to make.
+const INCOMPLETE: f64 = 3.6;
 const CYCLE: f64 = 6.0;
-const MAKING: f64 = 60.0;
+const MAKING: f64 = 100.0;
+
+/// Blocks of which half fit into the cache.
+const CACHED: f64 = 1e5;
+
+/// How many times as many iterations quadratic cells take as linear ones with as many layers of nodes.
+const ROUGH: f64 = 2.4;
+
+/// Slenderness from which on a body may bend so far that a factor has to begin again. Conjugate gradients must then be
+/// faster by the square of what it is beyond.
+const SLENDER: f64 = 2.0;
 
 /// Residual of linear systems: Newton's method then takes about as many iterations as with a factor.
 const TOLERANCE: f64 = 1e-4;
 
 /// How far iterations of one solution may go beyond the time of a factor.
-const PATIENCE: f64 = 1.0;
+const PATIENCE: f64 = 1.3;
 
-/// How much faster conjugate gradients must be to bother with tangents that are not positive definite.
+/// How much faster conjugate gradients must be to bother with tangents of a slender body that are not positive definite.
 const CLEARLY: f64 = 3.0;
 
 /// A body as the model sees it.
@@ -39,8 +55,17 @@ pub(super) struct Features {
     nodes: f64,
     blocks: f64,
     layers: f64,
+    is_quadratic: bool,
     /// Largest Poisson's ratio at rest.
     poisson: f64,
+}
+
+/// Conjugate gradients that may be chosen.
+struct Candidate {
+    preconditioner: Preconditioner,
+    /// Time of one solution, with its part of what is done once, and of an iteration.
+    solution: f64,
+    iteration: f64,
 }
 
 /// What was chosen for a body.
@@ -73,45 +98,101 @@ impl Choice {
 impl Features {
     fn of(body: &Body) -> Self {
         let n = body.points().len();
-        let numbering = Numbering::reverse_cuthill_mckee(n, body.pattern().pairs());
+        let n_corners = body.n_corners();
+        let numbering = Numbering::reverse_cuthill_mckee(n_corners, edges(body));
         let poisson = body.material().parameters().iter().map(|row| {
             let [shear, bulk] = body.material().moduli(row);
             (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
         });
+        let is_quadratic = n > n_corners;
+        // A layer of quadratic cells is one of corners and one of nodes between them.
+        let of_a_cell = if is_quadratic { 2 } else { 1 };
         Features {
             nodes: n as f64,
             blocks: body.pattern().pairs().count() as f64,
-            layers: numbering.n_levels() as f64,
+            layers: (of_a_cell * numbering.n_levels()) as f64,
+            is_quadratic,
             poisson: poisson.fold(0.0, f64::max).min(0.4999),
         }
     }
 
-    /// The time of an analysis, and of a factor.
-    fn factor(&self) -> [f64; 2] {
-        let section = self.nodes / self.layers;
-        [ANALYSIS * self.blocks, FACTOR * self.nodes * section.powf(1.5)]
+    /// Nodes of a cross-section.
+    fn section(&self) -> f64 {
+        self.nodes / self.layers
     }
 
-    /// Iterations to the tolerance, with an incomplete factor and with a V-cycle. The condition number grows with the
-    /// square of the layers, for a body that bends with their fourth power, and with the stiffness of volume.
-    fn iterations(&self) -> [f64; 2] {
-        let slenderness = (self.layers / self.nodes.cbrt()).max(1.0);
-        let volume = (1.0 - 2.0 * self.poisson).sqrt().recip();
-        [0.22 * self.layers * slenderness * volume.sqrt(), 3.6 * slenderness.sqrt() * volume]
+    /// How many times as many layers it has as a cube, one or more.
+    fn slenderness(&self) -> f64 {
+        (self.layers / self.nodes.cbrt()).max(1.0)
+    }
+
+    /// Stiffness of volume, over that of shape.
+    fn volume(&self) -> f64 {
+        (1.0 - 2.0 * self.poisson).recip()
+    }
+
+    /// Blocks, each by the time that it takes to read it.
+    fn reads(&self) -> f64 {
+        self.blocks * (1.0 + self.blocks / (self.blocks + CACHED))
+    }
+
+    /// How many times as many iterations the element takes as a linear one.
+    fn roughness(&self) -> f64 {
+        if self.is_quadratic { ROUGH } else { 1.0 }
+    }
+
+    /// The time of an analysis, and of a factor.
+    fn factor(&self) -> [f64; 2] {
+        [ANALYSIS * self.blocks, FACTOR * self.nodes * self.section().powf(1.5)]
+    }
+
+    /// With an incomplete factor. The condition number grows with the square of the layers, for a body that bends with
+    /// their fourth power, and with the stiffness of volume.
+    fn incomplete(&self) -> Candidate {
+        let volume = 0.29 + 0.03 * self.volume().powf(0.75);
+        let iterations = self.roughness() * volume * self.layers * self.slenderness();
+        let iteration = INCOMPLETE * self.reads();
+        Candidate {
+            preconditioner: Preconditioner::IncompleteCholesky,
+            solution: iterations * iteration,
+            iteration,
+        }
+    }
+
+    /// With multigrid.
+    fn multigrid(&self) -> Candidate {
+        let volume = 2.0 + 1.1 * self.volume().powf(0.75);
+        let iterations = self.roughness() * volume * self.slenderness();
+        let iteration = CYCLE * self.reads();
+        Candidate {
+            preconditioner: Preconditioner::Multigrid,
+            solution: iterations * iteration + MAKING * self.blocks,
+            iteration,
+        }
+    }
+
+    /// With a factor in single precision, which is renewed the more often the less volume changes.
+    fn lagged(&self) -> Candidate {
+        let [analysis, factor] = self.factor();
+        let stiffness = self.volume().sqrt();
+        let (factors, iterations) = (0.8 + 0.4 * stiffness, 2.5 + 0.4 * stiffness);
+        let iteration = SUBSTITUTION * self.nodes * self.section();
+        let once = analysis + SINGLE * factors * factor;
+        Candidate {
+            preconditioner: Preconditioner::LaggedCholesky,
+            solution: once / SOLUTIONS + iterations * self.slenderness() * iteration,
+            iteration,
+        }
     }
 
     fn choose(&self) -> Choice {
         let [analysis, factor] = self.factor();
-        let [incomplete, cycles] = self.iterations();
-        let (products, cycle) = (INCOMPLETE * self.blocks, CYCLE * self.blocks);
         let direct = analysis / SOLUTIONS + factor;
-        let iterative = [
-            (Preconditioner::IncompleteCholesky, incomplete * products, products),
-            (Preconditioner::Multigrid, cycles * cycle + MAKING * self.blocks, cycle),
-        ];
-        let fastest = iterative.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        let candidates = [self.incomplete(), self.multigrid(), self.lagged()];
+        let fastest = candidates.into_iter().min_by(|a, b| a.solution.total_cmp(&b.solution));
+        let risk = (self.slenderness() / SLENDER).max(1.0).powi(2);
         match fastest {
-            Some((preconditioner, time, iteration)) if time < direct => {
+            Some(Candidate { preconditioner, solution, iteration }) if risk * solution < direct => {
                 let budget = (PATIENCE * direct / iteration).ceil() as usize;
                 let method = Method::ConjugateGradients(ConjugateGradients {
                     preconditioner,
@@ -119,12 +200,18 @@ impl Features {
                     max_iterations: budget,
                     ..ConjugateGradients::default()
                 });
-                let shifts = CLEARLY * time < direct;
+                let shifts = risk == 1.0 || CLEARLY * solution < direct;
                 Choice { method, budget: Some(budget * SOLUTIONS as usize), shifts }
             }
             _ => Choice::given(Method::Cholesky),
         }
     }
+}
+
+/// The pairs of corners of all cells. Some elements couple more nodes, but that makes no layers fewer.
+fn edges(body: &Body) -> impl Iterator<Item = (u32, u32)> + Clone + '_ {
+    const ENDS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+    body.cells().iter().flat_map(|cell| ENDS.map(|[a, b]| (cell[a], cell[b])))
 }
 
 /// Forces at the points of a body that hold something of every motion: waves of all lengths, from twice its size to that of

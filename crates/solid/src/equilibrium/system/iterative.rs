@@ -54,6 +54,8 @@ pub(super) struct Iterative {
     remote: Remote,
     /// Whether the preconditioner must be renewed.
     is_stale: bool,
+    /// The shift of the tangent that it was made from: far too large for one that needs none.
+    shift: f64,
     /// Iterations of the first solve after the preconditioner was made.
     fresh_iterations: Option<usize>,
     /// Iterations beyond that number since then.
@@ -103,6 +105,7 @@ impl Iterative {
             inverse,
             remote: Remote::new(settings.device, body),
             is_stale: true,
+            shift: 0.0,
             fresh_iterations: None,
             further_iterations: 0,
             fewest_iterations: usize::MAX,
@@ -167,7 +170,8 @@ impl Iterative {
         has_patches: bool,
     ) -> Result<bool, FactorError> {
         let shift = self.operand.take(tangent, shift)?;
-        let (is_stale, is_formed) = (std::mem::take(&mut self.is_stale), self.is_formed());
+        let is_stale = std::mem::take(&mut self.is_stale) || shift < self.shift;
+        let is_formed = self.is_formed();
         let renewed = match &mut self.inverse {
             // The device has its own; this one only leads to steps that move the patches.
             Inverse::BlockJacobi(_) if !is_stale && is_formed => Ok(false),
@@ -186,6 +190,7 @@ impl Iterative {
         self.is_stale = is_stale && renewed.is_err();
         if *renewed.as_ref().unwrap_or(&false) {
             (self.fresh_iterations, self.further_iterations) = (None, 0);
+            self.shift = shift;
         }
         Ok(renewed? | self.correct(shift, has_patches))
     }
