@@ -149,9 +149,7 @@ def table() -> None:
     if ratios:
         beyond = [ratio for ratio in ratios if ratio > 1.3]
         share = f"{len(ratios) - len(beyond)} of {len(ratios)} solutions of more than {BRIEF} s"
-        print(
-            f"the choice takes at most 1.3 times as long as the best of them in {share}, at worst {max(ratios):.2f} times"
-        )
+        print(f"the choice takes at most 1.3 times as long as the best in {share}, at worst {max(ratios):.2f} times")
     if twice:
         print(f"the same solver twice, chosen and given: {min(twice):.2f} to {max(twice):.2f} times as long")
 

@@ -1,0 +1,55 @@
+"""A capsule dragged over the liver with friction: its mean force beside CalculiX's, mesh by mesh.
+
+    python benchmarks/drag.py [--write]
+
+The problem is "drag" of tests/reference/contact_problems.py: 8 mm down, then 2 cm along with a friction of 0.3. CalculiX's
+forces on each mesh, with a penalty of about our layer's and with four times that, are kept in tests/reference/data; ours
+are those of settled frames on the same cells.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import numpy as np
+from machine import ROOT, describe
+
+import viscera as vs
+
+REFERENCE = ROOT / "tests" / "reference"
+sys.path.insert(0, str(REFERENCE))
+
+from contact_problems import PROBLEMS, forces  # noqa: E402
+
+MESHES = ("coarse", "liver", "fine")
+PENALTIES = (1, 4)
+
+
+def main() -> None:
+    """One line for each mesh."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--write", action="store_true", help="keep it in benchmarks/results")
+    write = parser.parse_args().write
+    data, problem = np.load(REFERENCE / "data" / "contact.npz"), PROBLEMS["drag"]
+    along = problem.increments[1]
+    lines = [
+        describe(),
+        "mean force of a dragged capsule [N], and ours over CalculiX's with its penalty and with four times that",
+        "mesh      nodes     ours  CalculiX  with four times     ratios",
+    ]
+    for name in MESHES:
+        parts = (data[f"{name}/{part}"] for part in ("points", "cells")) if name != "liver" else ()
+        mesh = vs.mesh(*parts, {"hilum": data[f"{name}/hilum"]}) if parts else vs.organs.liver()
+        ours = np.linalg.norm(forces(problem, mesh)[-along:], axis=1).mean()
+        theirs = [np.linalg.norm(data[f"drag/{name}/{k}"][-along:, 1:], axis=1).mean() for k in PENALTIES]
+        ratios = "  ".join(f"{ours / force:.3f}" for force in theirs)
+        lines.append(f"{name:8s}{len(mesh.points):7d}{ours:9.3f}{theirs[0]:10.3f}{theirs[1]:17.3f}     {ratios}")
+        print(lines[-1], file=sys.stderr, flush=True)
+    print("\n".join(lines))
+    if write:
+        (ROOT / "benchmarks" / "results" / "drag.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
