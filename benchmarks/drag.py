@@ -2,9 +2,9 @@
 
     python benchmarks/drag.py [--write]
 
-The problem is "drag" of tests/reference/contact_problems.py: 8 mm down, then 2 cm along with a friction of 0.3. CalculiX's
-forces on each mesh, with a penalty of about our layer's and with four times that, are kept in tests/reference/data; ours
-are those of settled frames on the same cells.
+The problem is "drag" of tests/reference/contact_problems.py: 8 mm down, then 2 cm along with a friction of 0.3.
+CalculiX's forces on each mesh, with a penalty of about our layer's and with four times that, are kept in
+tests/reference/data; ours are those of settled frames on the same cells.
 """
 
 from __future__ import annotations
