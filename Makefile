@@ -177,8 +177,9 @@ bench: $(development) c-library out/liver.viscera ## the benchmarks
 bench-laws: $(development) ## cost and trust of every law and element against those kept in benchmarks/results
 	$(BIN)/viscera bench laws --against benchmarks/results/laws.json -o out/bench
 
-bench-haptic: c-library out/liver.viscera ## HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
+bench-haptic: c-library out/liver.viscera ## ticks of two fingers, and HAPTIC_SECONDS of a simulated haptic device at 1 kHz; kept in benchmarks/results
 	$(CC) -std=c11 -O2 -Ibindings/c/include bindings/c/device/*.c $(c_folder)/libviscera.a $(c_system) -lm -o out/haptic_loop
+	$(BIN)/python benchmarks/ticks.py --write
 	$(BIN)/python benchmarks/machine.py 1 > out/haptic.txt
 	out/haptic_loop out/liver.viscera bindings/c/device/palpation.csv $(HAPTIC_SECONDS) >> out/haptic.txt; status=$$?; \
 		{ cat out/haptic.txt; uptime | sed 's/.*load/\nload of the machine at the end,/'; } | tee benchmarks/results/haptic.txt; \
@@ -246,6 +247,7 @@ study-contact: $(development) ## tools and organs in contact: Hertz, what a fram
 
 study-calculix: $(development) $(VENV)/calculix ## rigid tools on the liver with CalculiX; decks and forces are kept in tests/reference/data
 	$(BIN)/python tests/reference/run_calculix_contact.py
+	$(BIN)/python benchmarks/drag.py --write
 
 study-probe: $(development) ## the rigid probe against true contact, and what a tick costs; kept in benchmarks/results
 	mkdir -p out
