@@ -27,8 +27,8 @@ const SINGLE: f64 = 0.5;
 /// An iteration with an incomplete factor and one with a V-cycle, for each block, up to twice that where they no longer fit
 /// into the cache; what a V-cycle takes to make.
 const INCOMPLETE: f64 = 3.6;
-const CYCLE: f64 = 6.0;
-const MAKING: f64 = 100.0;
+const CYCLE: f64 = 6.5;
+const MAKING: f64 = 135.0;
 
 /// Blocks of which half fit into the cache.
 const CACHED: f64 = 1e5;
@@ -76,7 +76,7 @@ pub struct Choice {
     /// Iterations of conjugate gradients in a load step beyond which it is a factor's turn; none where the caller
     /// chose, and for a factor.
     pub budget: Option<usize>,
-    /// Conjugate gradients are so much faster that they may shift a tangent that is not positive definite.
+    /// Conjugate gradients may shift a tangent that is not positive definite far from equilibrium.
     pub shifts: bool,
 }
 
@@ -149,7 +149,7 @@ impl Features {
     /// With an incomplete factor. The condition number grows with the square of the layers, for a body that bends with
     /// their fourth power, and with the stiffness of volume.
     fn incomplete(&self) -> Candidate {
-        let volume = 0.29 + 0.03 * self.volume().powf(0.75);
+        let volume = 0.26 + 0.027 * self.volume().powf(0.75);
         let iterations = self.roughness() * volume * self.layers * self.slenderness();
         let iteration = INCOMPLETE * self.reads();
         Candidate {
