@@ -149,7 +149,7 @@ impl Features {
     /// With an incomplete factor. The condition number grows with the square of the layers, for a body that bends with
     /// their fourth power, and with the stiffness of volume.
     fn incomplete(&self) -> Candidate {
-        let volume = 0.26 + 0.027 * self.volume().powf(0.75);
+        let volume = 0.29 + 0.03 * self.volume().powf(0.75);
         let iterations = self.roughness() * volume * self.layers * self.slenderness();
         let iteration = INCOMPLETE * self.reads();
         Candidate {
