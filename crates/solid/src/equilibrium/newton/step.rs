@@ -11,7 +11,7 @@ use crate::linear::{FactorError, next_shift};
 /// First shift of a tangent that is not positive definite, over its mean diagonal, if the last tangent needed none.
 const FIRST_SHIFT: f64 = 1e-6;
 
-/// The same where conjugate gradients were needed to find that out.
+/// The same where conjugate gradients have met negative curvature, so that each further shift costs them a solve.
 const FIRST_LIFT: f64 = 1e-2;
 
 /// Part of the descent that the slope promises which a step must keep (Armijo).

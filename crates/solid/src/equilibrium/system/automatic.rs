@@ -36,8 +36,8 @@ const CACHED: f64 = 1e5;
 /// How many times as many iterations quadratic cells take as linear ones with as many layers of nodes.
 const ROUGH: f64 = 2.4;
 
-/// Slenderness from which on a body may bend so far that a factor has to begin again. Conjugate gradients must then be
-/// faster by the square of what it is beyond.
+/// Slenderness beyond which a body may bend so far that a factor has to start again. Where it is so many times as large,
+/// conjugate gradients must promise to be faster by the square of that number.
 const SLENDER: f64 = 2.0;
 
 /// Residual of linear systems: Newton's method then takes about as many iterations as with a factor.
@@ -171,7 +171,7 @@ impl Features {
         }
     }
 
-    /// With a factor in single precision, which is renewed the more often the less volume changes.
+    /// With a factor in single precision, which is renewed the more often the stiffer the volume is.
     fn lagged(&self) -> Candidate {
         let [analysis, factor] = self.factor();
         let stiffness = self.volume().sqrt();
@@ -208,7 +208,8 @@ impl Features {
     }
 }
 
-/// The pairs of corners of all cells. Some elements couple more nodes, but that makes no layers fewer.
+/// The pairs of corners of all cells, those of a shared edge several times. An element may couple more nodes, which makes
+/// the body no shorter.
 fn edges(body: &Body) -> impl Iterator<Item = (u32, u32)> + Clone + '_ {
     const ENDS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
     body.cells().iter().flat_map(|cell| ENDS.map(|[a, b]| (cell[a], cell[b])))

@@ -54,7 +54,7 @@ pub(super) struct Iterative {
     remote: Remote,
     /// Whether the preconditioner must be renewed.
     is_stale: bool,
-    /// The shift of the tangent that it was made from: far too large for one that needs none.
+    /// The shift of the tangent that it was made from. It does not serve a tangent with a smaller one.
     shift: f64,
     /// Iterations of the first solve after the preconditioner was made.
     fresh_iterations: Option<usize>,
