@@ -36,7 +36,8 @@ use crate::error::Error;
 use crate::mesh::diagonal;
 use pair::ActivePair;
 use samples::Samples;
-use tool::{ActiveTool, Touching};
+use std::sync::Arc;
+use tool::ActiveTool;
 
 /// Largest depth of a tool at the start, over the diagonal of the body: it may have entered the layer in an earlier
 /// equilibrium.
@@ -45,13 +46,10 @@ const SHALLOW: f64 = 5e-3;
 /// The tools that may touch a body, and its surfaces that may touch each other.
 pub struct Contact {
     pairs: Vec<ActivePair>,
-    samples: Samples,
     /// By their numbers; none if a tool was taken away.
     tools: Vec<Option<ActiveTool>>,
     /// Displacement at the start of the step.
     start: Vec<f64>,
-    /// The contacts in the last tangent.
-    in_tangent: Vec<Touching>,
     diagonal: f64,
 }
 
@@ -60,10 +58,8 @@ impl Contact {
     pub fn new(body: &Body) -> Self {
         Contact {
             pairs: body.contact_pairs().iter().map(|pair| ActivePair::new(body, pair)).collect(),
-            samples: Samples::none(),
             tools: Vec::new(),
             start: vec![0.0; body.n_dofs()],
-            in_tangent: Vec::new(),
             diagonal: diagonal(body.points()),
         }
     }
@@ -86,12 +82,10 @@ impl Contact {
     pub fn add(&mut self, body: &Body, tool: Tool, u: &[f64]) -> Result<usize, Error> {
         let number = self.tools.len();
         tool.check(number)?;
-        if self.samples.is_empty() {
-            self.samples = Samples::new(body);
-        }
-        let mut held = ActiveTool::new(tool, &self.samples);
-        held.begin(&self.samples, u);
-        held.linearize(&self.samples, u, u);
+        let samples = self.samples_for(body, &tool.shape);
+        let mut held = ActiveTool::new(tool, samples);
+        held.begin(u);
+        held.linearize(u, u);
         let depth = -held.gap();
         if depth > SHALLOW * self.diagonal {
             return Err(Error::input(format!(
@@ -107,9 +101,17 @@ impl Contact {
                 held.tool.shape.name()
             )));
         }
-        held.end(&self.samples, u);
+        held.end(u);
         self.tools.push(Some(held));
         Ok(number)
+    }
+
+    /// Samples as close together as a shape needs; tools share them where they can.
+    fn samples_for(&self, body: &Body, shape: &Shape) -> Arc<Samples> {
+        let spacing = shape.width();
+        let mut all = self.tools.iter().flatten().map(|held| &held.samples);
+        let known = all.find(|samples| samples.are_those_of(spacing));
+        known.cloned().unwrap_or_else(|| Arc::new(Samples::new(body, spacing)))
     }
 
     /// Looks for tools that are inside the body although its samples do not touch them; the number of the first, and
@@ -150,32 +152,29 @@ impl Contact {
     pub fn begin(&mut self, u: &[f64]) {
         self.start.copy_from_slice(u);
         self.pairs.iter_mut().for_each(|pair| pair.begin(u));
-        let samples = &self.samples;
-        self.tools.iter_mut().flatten().for_each(|held| held.begin(samples, u));
+        self.each(|held| held.begin(u));
     }
 
     /// A step has ended at a displacement: slides become permanent.
     pub fn end(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(ActivePair::end);
-        let samples = &self.samples;
-        self.tools.iter_mut().flatten().for_each(|held| held.end(samples, u));
+        self.each(|held| held.end(u));
     }
 
     /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
-        let (samples, start) = (&self.samples, &self.start);
-        self.tools.iter_mut().flatten().for_each(|held| held.linearize(samples, u, start));
+        let start = &self.start;
+        self.tools.iter_mut().flatten().for_each(|held| held.linearize(u, start));
     }
 
     /// As [`Contact::linearize`], for the first step of a frame at its start, after one in equilibrium: tools are taken to
     /// lead what they touch.
     pub fn lead(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
-        let samples = &self.samples;
         for held in self.tools.iter_mut().flatten() {
-            if !held.lead(samples, u) {
-                held.linearize(samples, u, &self.start);
+            if !held.lead(u) {
+                held.linearize(u, &self.start);
             }
         }
     }
@@ -189,65 +188,32 @@ impl Contact {
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));
-        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(&self.samples, u, step));
+        let of_tools = self.tools.iter().flatten().map(|tool| tool.longest(u, step));
         of_pairs.chain(of_tools).fold(1.0, f64::min)
     }
 
     /// Adds the last forces on the body [N].
     pub fn add_force(&self, force: &mut [f64]) {
         self.pairs.iter().for_each(|pair| pair.add_force(force));
-        for touching in self.touching() {
-            for &(node, weight) in self.samples.nodes(touching.sample) {
-                (0..3).for_each(|i| force[3 * node as usize + i] += weight * touching.force[i]);
-            }
-        }
+        self.tools.iter().flatten().for_each(|held| held.add_force(force));
     }
 
     /// Adds the negative derivative of the forces to a tangent; the part by the gap's curvature only if the tangent is
     /// to be exact.
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
         self.pairs.iter_mut().for_each(|pair| pair.add_stiffness(curvature, blocks));
-        let mut touching = std::mem::take(&mut self.in_tangent);
-        touching.clear();
-        self.each(ActiveTool::soften);
-        touching.extend(self.touching().cloned());
-        for touching in &mut touching {
-            if curvature == Curvature::Exact {
-                for (sum, row) in touching.stiffness.iter_mut().zip(&touching.curvature) {
-                    sum.iter_mut().zip(row).for_each(|(sum, k)| *sum += k);
-                }
-            }
-            let nodes = self.samples.nodes(touching.sample);
-            for &(row, a) in nodes {
-                for &(column, b) in nodes.iter().filter(|(column, _)| *column >= row) {
-                    let block = std::array::from_fn(|k| a * b * touching.stiffness[k / 3][k % 3]);
-                    let position = blocks.pattern().position(row, column);
-                    position.into_iter().for_each(|position| blocks.add(position, &block));
-                }
-            }
-        }
-        self.in_tangent = touching;
+        self.tools.iter_mut().flatten().for_each(|held| held.add_stiffness(curvature, blocks));
     }
 
     /// Adds a multiple of the product of the last contribution to the tangent with `x`.
     pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
         self.pairs.iter().for_each(|pair| pair.add_product(factor, x, out));
-        for touching in &self.in_tangent {
-            let nodes = self.samples.nodes(touching.sample);
-            let at = self.samples.mean(touching.sample, x);
-            for &(node, weight) in nodes {
-                for (i, row) in touching.stiffness.iter().enumerate() {
-                    let force = row.iter().zip(&at).map(|(k, x)| k * x).sum::<f64>();
-                    out[3 * node as usize + i] += factor * weight * force;
-                }
-            }
-        }
+        self.tools.iter().flatten().for_each(|held| held.add_product(factor, x, out));
     }
 
     /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
     pub fn energy(&self, u: &[f64]) -> f64 {
-        let of_tools: f64 =
-            self.tools.iter().flatten().map(|held| held.energy(&self.samples, u)).sum();
+        let of_tools: f64 = self.tools.iter().flatten().map(|held| held.energy(u)).sum();
         of_tools + self.pairs.iter().map(|pair| pair.energy(u)).sum::<f64>()
     }
 
@@ -260,7 +226,7 @@ impl Contact {
     /// touches.
     pub fn pressures(&self, number: usize, n_nodes: usize) -> Vec<f64> {
         match self.tools.get(number) {
-            Some(Some(held)) => held.pressures(&self.samples, n_nodes),
+            Some(Some(held)) => held.pressures(n_nodes),
             _ => vec![0.0; n_nodes],
         }
     }
@@ -281,10 +247,6 @@ impl Contact {
             pair.linearize(u);
             pair.is_beyond(pattern)
         })
-    }
-
-    fn touching(&self) -> impl Iterator<Item = &Touching> {
-        self.tools.iter().flatten().flat_map(|held| &held.touching)
     }
 
     fn each(&mut self, change: impl Fn(&mut ActiveTool)) {

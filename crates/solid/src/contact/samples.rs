@@ -1,22 +1,22 @@
-//! Where a surface may touch: corners, middles of edges and centres of its faces, with the weights 1/20, 2/15 and 9/20
-//! of a rule exact to the third degree, so that a uniform pressure gives the nodal forces of the element, linear or
-//! quadratic. Where the surface has a sharp edge, a sample belongs to several sides, and a tool presses on those it meets.
+//! Where a surface may touch: places on its faces, see [`rule`], as close together as a tool needs. Where the surface has a
+//! sharp edge, a sample belongs to several sides, and a tool presses on those it meets.
+
+mod face;
+mod rule;
+mod sides;
 
 use super::layer::Layer;
 use crate::body::Body;
-use crate::mesh::{cell_volume, cross, diagonal, dot, norm, sub, surface};
-use std::collections::HashMap;
-
-const CORNER: f64 = 1.0 / 20.0;
-const MIDDLE: f64 = 2.0 / 15.0;
-const CENTRE: f64 = 9.0 / 20.0;
+use crate::mesh::{cell_volume, diagonal, norm};
+use face::{Border, Face, faces_of};
+use rule::{Place, parts, places};
+use sides::{Sides, sharp_edges};
+use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 
 /// Largest height of a cell that counts, over the diagonal of the body, so that tools do not enter coarse meshes
 /// deeper.
 const THICKEST: f64 = 0.015;
-
-/// Cosine between the normals of two faces below which their edge is sharp.
-const SHARP: f64 = 0.5;
 
 /// The samples of a body's surface.
 pub(super) struct Samples {
@@ -24,7 +24,13 @@ pub(super) struct Samples {
     /// Nodes with their weights in the place of a sample, by sample.
     nodes: Vec<(u32, f64)>,
     /// Those on sharp edges.
-    sharp: Vec<usize>,
+    sharp: BTreeMap<usize, Sides>,
+    faces: Vec<Face>,
+    /// Parts of the edges of each face, and the samples on it that no face before it has.
+    parts: Vec<u32>,
+    on: Vec<Range<usize>>,
+    /// Largest height of a cell behind the surface, as far as it counts [m].
+    thickest: f64,
 }
 
 struct Sample {
@@ -34,82 +40,77 @@ struct Sample {
     rest: [f64; 3],
     /// Its share of the surface at rest [m^2].
     area: f64,
-    /// Plane strain modulus times area [N], and height of the cells behind times area [m^3].
+    /// Plane strain modulus times area [N], height of the cells behind times area [m^3], and thickness of the layer times
+    /// area [m^3].
     modulus: f64,
     height: f64,
-    /// The smooth parts of the surface that meet here, where there are several.
-    sides: Vec<Side>,
-}
-
-/// Faces around a sample with about the same normal.
-#[derive(Default)]
-struct Side {
-    faces: Vec<Face>,
-    /// The sample's share of them at rest [m^2].
-    area: f64,
-}
-
-struct Face {
-    nodes: [u32; 3],
-    rest: [[f64; 3]; 3],
+    thickness: f64,
 }
 
 impl Samples {
-    pub fn none() -> Self {
-        Samples { samples: Vec::new(), nodes: Vec::new(), sharp: Vec::new() }
+    /// Samples at most `spacing` apart [m], as far as that can be afforded.
+    pub fn new(body: &Body, spacing: f64) -> Self {
+        let faces = faces_of(body);
+        let mut samples = Samples {
+            samples: Vec::new(),
+            nodes: Vec::new(),
+            sharp: BTreeMap::new(),
+            parts: parts(&faces, spacing),
+            on: Vec::with_capacity(faces.len()),
+            thickest: 0.0,
+            faces,
+        };
+        samples.fill(body);
+        samples
     }
 
-    pub fn new(body: &Body) -> Self {
-        let mut samples = Samples::none();
-        let mut known = HashMap::new();
-        let points = body.points();
-        let middles: HashMap<[u32; 2], u32> =
-            body.edges().iter().copied().zip(body.n_corners() as u32..).collect();
+    /// Whether they are those of another spacing, too.
+    pub fn are_those_of(&self, spacing: f64) -> bool {
+        self.parts == parts(&self.faces, spacing)
+    }
+
+    fn fill(&mut self, body: &Body) {
         let (behind, height) = (cells_behind(body), Height::new(body));
-        for triangle in surface(points, body.cells()) {
-            let x = triangle.map(|i| points[i as usize]);
-            let normal = area_vector(x);
-            let area = norm(normal);
-            let mut key = triangle;
+        let rules: HashMap<u32, Vec<Place>> = self.parts.iter().map(|&n| (n, places(n))).collect();
+        let faces = std::mem::take(&mut self.faces);
+        let (sharp, mut shared) = (sharp_edges(&faces), HashMap::new());
+        for (number, face) in faces.iter().enumerate() {
+            let whole = norm(face.normal());
+            let mut key = face.corners();
             key.sort_unstable();
             let cell = behind[&key];
-            let height = height.of(cell, area);
-            let modulus = modulus(body, cell);
-            let mut add = |key: [u32; 3], weight: f64, nodes: &[(u32, f64)]| {
-                let sample = *known.entry(key).or_insert_with(|| samples.push(points, nodes));
-                let sample: &mut Sample = &mut samples.samples[sample];
-                sample.area += weight * area;
-                let side = sample.side_towards(normal);
-                side.faces.push(Face { nodes: triangle, rest: x });
-                side.area += weight * area;
-                sample.modulus += weight * area * modulus;
-                sample.height += weight * area * height;
-            };
-            let middle = |i: usize| {
-                let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
-                middles.get(&[a.min(b), a.max(b)]).copied()
-            };
-            for i in 0..3 {
-                let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
-                add([a, a, a], CORNER, &[(a, 1.0)]);
-                let ends = [a.min(b), a.max(b)];
-                match middle(i) {
-                    Some(node) => add([ends[0], ends[0], ends[1]], MIDDLE, &[(node, 1.0)]),
-                    None => add([ends[0], ends[0], ends[1]], MIDDLE, &[(a, 0.5), (b, 0.5)]),
+            let (modulus, height) = (modulus(body, cell), height.of(cell, whole));
+            self.thickest = self.thickest.max(height);
+            let begin = self.samples.len();
+            for &Place { at, weight } in &rules[&self.parts[number]] {
+                let border = face.border(at);
+                let mut push = || self.push(body.points(), &face.weights(at));
+                let index = match border {
+                    Some(border) => *shared.entry(border).or_insert_with(push),
+                    None => push(),
+                };
+                let area = weight * whole;
+                let sample = &mut self.samples[index];
+                sample.area += area;
+                sample.modulus += area * modulus;
+                sample.height += area * height;
+                // What touches on a part of a face alone does so under a higher pressure.
+                sample.thickness += area * height / f64::from(self.parts[number]);
+                let at_edge = match border {
+                    Some(Border::Corner(_)) => Some(&[][..]),
+                    Some(Border::Edge(edge, _)) => sharp.get(&edge).map(|both| &both[..]),
+                    None => None,
+                };
+                if let Some(others) = at_edge {
+                    let sides = self.sharp.entry(index).or_default();
+                    others.iter().for_each(|&other| sides.add(&faces, other, 0.0));
+                    sides.add(&faces, number, area);
                 }
             }
-            let nodes: Vec<(u32, f64)> = match middle(0) {
-                Some(_) => (0..3)
-                    .flat_map(|i| [(triangle[i], -1.0 / 9.0), (middle(i).unwrap_or(0), 4.0 / 9.0)])
-                    .collect(),
-                None => triangle.map(|a| (a, 1.0 / 3.0)).to_vec(),
-            };
-            add(key, CENTRE, &nodes);
+            self.on.push(begin..self.samples.len());
         }
-        let all = samples.samples.iter().enumerate();
-        samples.sharp = all.filter(|(_, s)| s.sides.len() > 1).map(|(i, _)| i).collect();
-        samples.samples.iter_mut().filter(|s| s.sides.len() == 1).for_each(|s| s.sides.clear());
-        samples
+        self.sharp.retain(|_, sides| sides.are_several());
+        self.faces = faces;
     }
 
     fn push(&mut self, points: &[[f64; 3]], nodes: &[(u32, f64)]) -> usize {
@@ -120,17 +121,18 @@ impl Samples {
             (0..3).for_each(|i| rest[i] += weight * points[node as usize][i]);
         }
         let range = [start, self.nodes.len() as u32];
-        let (area, modulus, height) = (0.0, 0.0, 0.0);
-        self.samples.push(Sample { range, rest, area, modulus, height, sides: Vec::new() });
+        let (area, modulus, height, thickness) = (0.0, 0.0, 0.0, 0.0);
+        self.samples.push(Sample { range, rest, area, modulus, height, thickness });
         self.samples.len() - 1
-    }
-
-    pub fn is_empty(&self) -> bool {
-        self.samples.is_empty()
     }
 
     pub fn len(&self) -> usize {
         self.samples.len()
+    }
+
+    /// The faces of the surface, and the samples on each that no face before it has.
+    pub fn by_face(&self) -> impl Iterator<Item = (&Face, Range<usize>)> {
+        self.faces.iter().zip(self.on.iter().cloned())
     }
 
     /// Nodes and weights of a sample.
@@ -145,22 +147,15 @@ impl Samples {
     }
 
     /// The samples on sharp edges.
-    pub fn sharp(&self) -> &[usize] {
-        &self.sharp
+    pub fn sharp(&self) -> impl Iterator<Item = usize> {
+        self.sharp.keys().copied()
     }
 
-    /// The area at rest [m^2] with which a sample counts for a tool with a normal: the mean over its sides, weighted by
-    /// the square of the cosine between the normals of side and tool under a displacement.
+    /// The area at rest [m^2] with which a sample counts for a tool with a normal, see [`Sides::area_towards`].
     pub fn area_towards(&self, sample: usize, tool: [f64; 3], u: &[f64]) -> f64 {
-        let Sample { sides, area, .. } = &self.samples[sample];
-        let mut sums = [0.0; 2];
-        for side in sides {
-            let normal = side.normal(u);
-            let cosine = (-dot(normal, tool) / norm(normal)).max(0.0);
-            sums[0] += cosine * cosine * side.area;
-            sums[1] += cosine * cosine;
-        }
-        if sums[1] > 0.0 { sums[0] / sums[1] } else { *area }
+        let sides = self.sharp.get(&sample);
+        let area = sides.and_then(|sides| sides.area_towards(&self.faces, tool, u));
+        area.unwrap_or(self.area(sample))
     }
 
     /// A nodal field at a sample.
@@ -186,54 +181,14 @@ impl Samples {
 
     /// The layer at a sample, for a tool of a stiffness.
     pub fn layer(&self, sample: usize, factor: f64) -> Layer {
-        let Sample { area, modulus, .. } = self.samples[sample];
-        Layer::new(modulus / area, self.height(sample), factor)
+        let Sample { area, modulus, thickness, .. } = self.samples[sample];
+        Layer::new(modulus / area, thickness / area, factor)
     }
-}
 
-impl Sample {
-    /// The side that a face with this normal belongs to.
-    fn side_towards(&mut self, normal: [f64; 3]) -> &mut Side {
-        let is_near = |side: &Side| {
-            let first = side.faces[0].normal(&[]);
-            dot(first, normal) > SHARP * norm(first) * norm(normal)
-        };
-        let known = self.sides.iter().position(is_near);
-        let side = known.unwrap_or(self.sides.len());
-        if side == self.sides.len() {
-            self.sides.push(Side::default());
-        }
-        &mut self.sides[side]
+    /// The smallest gap at which no sample is in the layer of a tool of a stiffness [m].
+    pub fn out_of_layer(&self, factor: f64) -> f64 {
+        Layer::new(1.0, self.thickest, factor).smooth
     }
-}
-
-impl Side {
-    /// Sum of the area vectors of its faces under a displacement [m^2].
-    fn normal(&self, u: &[f64]) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for face in &self.faces {
-            let normal = face.normal(u);
-            (0..3).for_each(|i| sum[i] += normal[i]);
-        }
-        sum
-    }
-}
-
-impl Face {
-    /// Its area vector under a displacement, at rest where there is none [m^2].
-    fn normal(&self, u: &[f64]) -> [f64; 3] {
-        let at = |corner: usize| {
-            let node = 3 * self.nodes[corner] as usize;
-            let moved = u.get(node..node + 3).unwrap_or(&[0.0; 3]);
-            std::array::from_fn(|i| self.rest[corner][i] + moved[i])
-        };
-        area_vector([at(0), at(1), at(2)])
-    }
-}
-
-/// Normal of a triangle, as long as its area [m^2].
-fn area_vector([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
-    cross(sub(b, a), sub(c, a)).map(|n| 0.5 * n)
 }
 
 /// The cell behind each face of the surface, by its ascending corners.

@@ -45,6 +45,21 @@ impl Shape {
         }
     }
 
+    /// Half the second of its three extents along its axes [m]: the radius of a sphere or a capsule, and of a rod. What is
+    /// as narrow as that fits between samples that are farther apart.
+    pub fn width(&self) -> f64 {
+        let mut extents = match self {
+            Shape::Rounded { half, radius } => half.map(|h| h + radius),
+            Shape::HalfSpace => return f64::INFINITY,
+            Shape::Solid(solid) => {
+                let [low, high] = solid.bounds();
+                std::array::from_fn(|i| 0.5 * (high[i] - low[i]))
+            }
+        };
+        extents.sort_by(f64::total_cmp);
+        extents[1]
+    }
+
     /// The distance of a point.
     pub fn distance(&self, x: [f64; 3]) -> Distance {
         match self {

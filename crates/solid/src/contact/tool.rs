@@ -1,5 +1,6 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
+mod assembly;
 mod steps;
 mod touching;
 
@@ -7,7 +8,7 @@ pub(super) use touching::Touching;
 
 use super::distance::Distance;
 use super::entry::{depth, holds, spine};
-use super::friction::{Friction, spring};
+use super::friction::Friction;
 use super::layer::STIFFNESS;
 use super::pose::Pose;
 use super::samples::Samples;
@@ -16,7 +17,8 @@ use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
-use touching::{STEADY, along};
+use std::sync::Arc;
+use touching::along;
 
 /// Largest part of a cell's stiffness that the curvature of a shape may take from the tangent; at sharp edges it would
 /// be unbounded.
@@ -77,6 +79,7 @@ struct Anchor {
 pub(super) struct ActiveTool {
     pub tool: Tool,
     pub pose: Pose,
+    pub samples: Arc<Samples>,
     /// The pose at the end of the last step.
     before: Pose,
     anchors: Vec<Option<Anchor>>,
@@ -86,6 +89,8 @@ pub(super) struct ActiveTool {
     /// Which way each sample slid when the tangent was last formed.
     slides: Vec<[f64; 3]>,
     pub touching: Vec<Touching>,
+    /// The samples that touched in the last tangent.
+    in_tangent: Vec<Touching>,
     gap: f64,
     dissipation: f64,
     /// See [`spine`].
@@ -128,7 +133,7 @@ impl Tool {
 }
 
 impl ActiveTool {
-    pub fn new(tool: Tool, samples: &Samples) -> Self {
+    pub fn new(tool: Tool, samples: Arc<Samples>) -> Self {
         let n = samples.len();
         let anchors = if tool.friction.is_none() { Vec::new() } else { vec![None; n] };
         let spine = spine(&tool.shape);
@@ -143,7 +148,9 @@ impl ActiveTool {
             anchors,
             areas: (0..n).map(|sample| samples.area(sample)).collect(),
             kept: Vec::new(),
+            samples,
             touching: Vec::new(),
+            in_tangent: Vec::new(),
             gap: f64::INFINITY,
             dissipation: 0.0,
         }
@@ -161,8 +168,9 @@ impl ActiveTool {
     }
 
     /// A step begins at `u`: samples on a sharp edge choose the sides that the tool meets.
-    pub fn begin(&mut self, samples: &Samples, u: &[f64]) {
-        for &sample in samples.sharp() {
+    pub fn begin(&mut self, u: &[f64]) {
+        let samples = self.samples.clone();
+        for sample in samples.sharp() {
             if self.kept.binary_search(&sample).is_err() {
                 let normal = self.distance(&self.pose, samples.place(sample, u)).normal;
                 self.areas[sample] = samples.area_towards(sample, normal, u);
@@ -172,37 +180,58 @@ impl ActiveTool {
 
     /// Finds the samples that touch at `u`. Those that did not touch at the start of the step are tied to the point of
     /// the tool where they were then.
-    pub fn linearize(&mut self, samples: &Samples, u: &[f64], start: &[f64]) {
+    pub fn linearize(&mut self, u: &[f64], start: &[f64]) {
+        let samples = self.samples.clone();
         self.touching.clear();
         self.gap = f64::INFINITY;
-        let reach = self.tool.shape.reach();
-        for sample in 0..samples.len() {
-            let x = samples.place(sample, u);
-            let anchor = self.anchors.get(sample).copied().flatten();
-            if let Some(anchor) = anchor.filter(|anchor| anchor.is_bond) {
-                self.touching.push(self.bonded(samples, sample, x, anchor));
-                continue;
-            }
-            let layer = samples.layer(sample, self.tool.stiffness);
-            let least = norm(sub(x, self.pose.position)) - reach;
-            if least > layer.smooth && least >= self.gap {
-                continue;
-            }
-            let distance = self.distance(&self.pose, x);
-            self.gap = self.gap.min(distance.gap);
-            let pressed = layer.at(distance.gap);
-            if pressed[1] > 0.0 {
-                let from = samples.place(sample, start);
-                self.touching.push(self.touched(samples, sample, x, from, distance, pressed));
+        for &sample in &self.kept {
+            if let Some(anchor) = self.bond(sample) {
+                self.touching.push(self.bonded(sample, samples.place(sample, u), anchor));
             }
         }
+        let out_of_layer = samples.out_of_layer(self.tool.stiffness);
+        for (face, on_it) in samples.by_face() {
+            let (middle, radius) = face.ball(u);
+            let least = self.least(middle) - radius;
+            if least > out_of_layer && least >= self.gap {
+                continue;
+            }
+            for sample in on_it {
+                if self.bond(sample).is_none() {
+                    self.meet(sample, u, start);
+                }
+            }
+        }
+    }
+
+    /// Adds a sample to those that touch, if it does.
+    fn meet(&mut self, sample: usize, u: &[f64], start: &[f64]) {
+        let x = self.samples.place(sample, u);
+        let layer = self.samples.layer(sample, self.tool.stiffness);
+        let least = self.least(x);
+        if least > layer.smooth && least >= self.gap {
+            return;
+        }
+        let distance = self.distance(&self.pose, x);
+        self.gap = self.gap.min(distance.gap);
+        let pressed = layer.at(distance.gap);
+        if pressed[1] > 0.0 {
+            let from = self.samples.place(sample, start);
+            self.touching.push(self.touched(sample, x, from, distance, pressed));
+        }
+    }
+
+    /// The smallest gap that a point can have [m].
+    fn least(&self, x: [f64; 3]) -> f64 {
+        norm(sub(x, self.pose.position)) - self.tool.shape.reach()
     }
 
     /// Instead of [`ActiveTool::linearize`] at the start of a step, where the tool has moved and the body has not: the
     /// samples that touched are taken to stay on the tool, with the pressure and the stiffness that they had, and no
     /// others are taken to touch, though the tool is over them as long as the body has not given way. False if the tool
     /// has moved too far for that.
-    pub fn lead(&mut self, samples: &Samples, u: &[f64]) -> bool {
+    pub fn lead(&mut self, u: &[f64]) -> bool {
+        let samples = self.samples.clone();
         if self.kept.is_empty() || self.tool.friction == Friction::Bonded {
             return false;
         }
@@ -217,7 +246,7 @@ impl ActiveTool {
             }
             let [energy, pressure, slope] = layer.at(before);
             let pressed = [energy, pressure + slope * (before - distance.gap), slope];
-            self.touching.push(self.touched(samples, sample, x, x, distance, pressed));
+            self.touching.push(self.touched(sample, x, x, distance, pressed));
         }
         true
     }
@@ -225,14 +254,13 @@ impl ActiveTool {
     /// A sample at `x`, and `from` at the start of the step, under energy per area, pressure and slope of the layer.
     fn touched(
         &self,
-        samples: &Samples,
         sample: usize,
         x: [f64; 3],
         from: [f64; 3],
         distance: Distance,
         [energy, pressure, slope]: [f64; 3],
     ) -> Touching {
-        let layer = samples.layer(sample, self.tool.stiffness);
+        let layer = self.samples.layer(sample, self.tool.stiffness);
         let area = self.areas[sample];
         let Distance { normal: n, curvature, .. } = distance;
         // At sharp edges the curvature of the gap has no end.
@@ -265,29 +293,10 @@ impl ActiveTool {
         touching
     }
 
-    /// For samples that slide in the same direction as before, the tangent takes the derivative instead of the chord;
-    /// it has no stiffness along the slide. For others, steps would oscillate between two directions.
-    pub fn soften(&mut self) {
-        if self.anchors.is_empty() {
-            return;
-        }
-        let mut slides = vec![[0.0; 3]; self.slides.len()];
-        for touching in &mut self.touching {
-            let slide = touching.slide;
-            slides[touching.sample] = slide;
-            if dot(slide, self.slides[touching.sample]) > STEADY {
-                for (row, a) in touching.stiffness.iter_mut().zip(slide) {
-                    row.iter_mut().zip(slide).for_each(|(k, b)| *k -= touching.pull * a * b);
-                }
-            }
-        }
-        self.slides = slides;
-    }
-
     /// A sample tied across the surface as well as along it.
-    fn bonded(&self, samples: &Samples, sample: usize, x: [f64; 3], anchor: Anchor) -> Touching {
+    fn bonded(&self, sample: usize, x: [f64; 3], anchor: Anchor) -> Touching {
         let area = self.areas[sample];
-        let stiffness = area * samples.layer(sample, self.tool.stiffness).stiffness;
+        let stiffness = area * self.samples.layer(sample, self.tool.stiffness).stiffness;
         let point = self.pose.outward(anchor.point);
         let stretch = sub(x, point);
         let normal = self.distance(&self.pose, x).normal;
@@ -310,44 +319,19 @@ impl ActiveTool {
         }
     }
 
-    /// Energy at a displacement, with the bounds of friction found last [J].
-    pub fn energy(&self, samples: &Samples, u: &[f64]) -> f64 {
-        let reach = self.tool.shape.reach();
-        let mut energy = 0.0;
-        for sample in 0..samples.len() {
-            if self.is_bond(sample) {
-                continue;
-            }
-            let x = samples.place(sample, u);
-            let layer = samples.layer(sample, self.tool.stiffness);
-            if norm(sub(x, self.pose.position)) - reach < layer.smooth {
-                energy += self.areas[sample] * layer.at(self.distance(&self.pose, x).gap)[0];
-            }
-        }
-        for touching in self.touching.iter().filter(|touching| touching.bound > 0.0) {
-            let sample = touching.sample;
-            let layer = samples.layer(sample, self.tool.stiffness);
-            let stiffness = self.areas[sample] * layer.stiffness;
-            let mut stretch = sub(samples.place(sample, u), touching.anchor);
-            if !self.is_bond(sample) {
-                stretch = along(stretch, touching.normal);
-            }
-            energy += spring(norm(stretch), stiffness, touching.bound)[0];
-        }
-        energy
-    }
-
     /// Ends a step: samples that slid are tied to their new point, samples that touch a bonded tool to their present
     /// one.
-    pub fn end(&mut self, samples: &Samples, u: &[f64]) {
+    pub fn end(&mut self, u: &[f64]) {
+        let samples = self.samples.clone();
         self.dissipation = 0.0;
         self.before = self.pose;
-        self.kept.clear();
+        let before = std::mem::take(&mut self.kept);
         self.kept.extend(self.touching.iter().map(|touching| touching.sample));
+        self.kept.sort_unstable();
         if self.anchors.is_empty() {
             return;
         }
-        let mut ties = vec![None; self.anchors.len()];
+        before.iter().for_each(|&sample| self.anchors[sample] = None);
         for touching in &self.touching {
             let sample = touching.sample;
             let layer = samples.layer(sample, self.tool.stiffness);
@@ -363,9 +347,8 @@ impl ActiveTool {
                 self.dissipation += touching.bound * slip * size;
                 std::array::from_fn(|i| touching.anchor[i] + slip * stretch[i])
             };
-            ties[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
+            self.anchors[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
         }
-        self.anchors = ties;
     }
 
     pub fn report(&self) -> Report {
@@ -389,16 +372,17 @@ impl ActiveTool {
         report
     }
 
-    fn is_bond(&self, sample: usize) -> bool {
-        self.anchors.get(sample).copied().flatten().is_some_and(|anchor| anchor.is_bond)
+    /// The point that a sample is bonded to, if it is.
+    fn bond(&self, sample: usize) -> Option<Anchor> {
+        self.anchors.get(sample).copied().flatten().filter(|anchor| anchor.is_bond)
     }
 
     /// Mean pressure [Pa] of the touching samples around each node, weighted by their areas; zero if none touches.
-    pub fn pressures(&self, samples: &Samples, n_nodes: usize) -> Vec<f64> {
+    pub fn pressures(&self, n_nodes: usize) -> Vec<f64> {
         let mut sums = vec![[0.0; 2]; n_nodes];
         for touching in &self.touching {
             let area = self.areas[touching.sample];
-            for &(node, weight) in samples.nodes(touching.sample) {
+            for &(node, weight) in self.samples.nodes(touching.sample) {
                 let [force, whole] = &mut sums[node as usize];
                 *force += weight.abs() * area * touching.pressure;
                 *whole += weight.abs() * area;

@@ -16,7 +16,7 @@ fn no_step_leads_a_sample_to_the_middle_of_a_tool() {
         contact.linearize(&u);
         let tool = contact.tools[number].as_ref().unwrap();
         let gap = |u: &[f64], sample: usize| {
-            tool.tool.shape.distance(tool.pose.inward(contact.samples.place(sample, u))).gap
+            tool.tool.shape.distance(tool.pose.inward(tool.samples.place(sample, u))).gap
         };
         let deeper = match &tool.tool.shape {
             Shape::Rounded { half, radius } => {
@@ -30,7 +30,7 @@ fn no_step_leads_a_sample_to_the_middle_of_a_tool() {
             let length = contact.longest(&u, &step);
             is_cut |= length < 1.0;
             let after: Vec<f64> = step.iter().map(|s| length * s).collect();
-            for sample in 0..contact.samples.len() {
+            for sample in 0..tool.samples.len() {
                 let (from, to) = (gap(&u, sample), gap(&after, sample));
                 assert!(to > from.min(0.0) - deeper - 1e-12, "{:?}: {from} {to}", tool.tool.shape);
             }

@@ -1,9 +1,8 @@
 //! How far a step may go before the body is much deeper in a tool than it was.
 
-use super::super::samples::Samples;
 use super::super::shape::Shape;
 use super::ActiveTool;
-use crate::mesh::{dot, norm, sub};
+use crate::mesh::{dot, norm};
 
 /// How much deeper a step may lead a sample into a tool, over the depth of the tool's middle: what is beyond the middle is
 /// pushed out on the other side.
@@ -13,19 +12,19 @@ impl ActiveTool {
     /// The part of a step, possibly more than all of it, that leads no sample much deeper into the tool. The gap of a convex
     /// shape is convex, and along a step at least what the normal says. That of a closed surface falls at most as fast as the
     /// sample moves; samples that move away from its nearest point are not held back.
-    pub(in super::super) fn longest(&self, samples: &Samples, u: &[f64], step: &[f64]) -> f64 {
+    pub(in super::super) fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let deeper = DEEPER * self.depth;
         if deeper.is_infinite() {
             return f64::INFINITY;
         }
-        let reach = self.tool.shape.reach();
         let is_convex = !matches!(self.tool.shape, Shape::Solid(_));
+        let fast = self.samples.by_face().filter(|(face, _)| face.speed(step) > deeper);
         let mut longest = f64::INFINITY;
-        for sample in 0..samples.len() {
-            let (x, moved) = (samples.place(sample, u), samples.mean(sample, step));
+        for sample in fast.flat_map(|(_, on_it)| on_it) {
+            let (x, moved) = (self.samples.place(sample, u), self.samples.mean(sample, step));
             let speed = norm(moved);
-            let out_of_reach = norm(sub(x, self.pose.position)) - reach > speed;
-            if speed <= deeper || out_of_reach || self.is_bond(sample) {
+            let out_of_reach = self.least(x) > speed;
+            if speed <= deeper || out_of_reach || self.bond(sample).is_some() {
                 continue;
             }
             let distance = self.distance(&self.pose, x);

@@ -1,0 +1,57 @@
+//! Places on faces: their share of the surface, and what they feel between the nodes.
+
+use super::*;
+use crate::contact::samples::Samples;
+use crate::element::Element;
+
+/// Whatever the parts of the faces, a body within a layer is pressed by its consistent nodal forces, and the areas on both
+/// sides of a sharp edge add up to the surface.
+#[test]
+fn samples_of_every_spacing_share_the_surface_out() {
+    for (element, body) in [("linear", cube(2)), ("quadratic", quadratic_cube(2))] {
+        let reference = nodal_areas(&body, f64::INFINITY);
+        let whole: f64 = reference.iter().sum();
+        assert!((whole - 6.0 * SIDE * SIDE).abs() < 1e-12 * whole);
+        for spacing in [0.02, 0.01, 0.0] {
+            let areas = nodal_areas(&body, spacing);
+            let error =
+                areas.iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(error < 1e-12 * whole, "{element}, {spacing}: {error}");
+        }
+    }
+}
+
+fn quadratic_cube(n: usize) -> Body {
+    let (points, cells) = block([n; 3], [SIDE; 3]);
+    let material = Material::new("neo_hookean", vec![vec![4e3, 6e3]]).unwrap();
+    Body::with_element(Element::P2, points, cells, material).unwrap()
+}
+
+/// The area that each node has, by the weights of its samples [m^2].
+fn nodal_areas(body: &Body, spacing: f64) -> Vec<f64> {
+    let samples = Samples::new(body, spacing);
+    let mut areas = vec![0.0; body.points().len()];
+    for sample in 0..samples.len() {
+        for &(node, weight) in samples.nodes(sample) {
+            areas[node as usize] += weight * samples.area(sample);
+        }
+    }
+    areas
+}
+
+/// On the top of a cube whose edges are far apart, at a place between all of them.
+#[test]
+fn a_small_sphere_is_felt_between_the_nodes() {
+    let body = cube(1);
+    let problem = problem(&body, base(&body));
+    let above = Pose::at([0.037, 0.061, SIDE + 0.01]);
+    let mut tool = Tool::new(sphere(0.01), Friction::Coulomb(0.0), above);
+    tool.displacement = [0.0, 0.0, -0.002];
+    let mut contact = Contact::new(&body);
+    contact.add(&body, tool, &vec![0.0; body.n_dofs()]).unwrap();
+    let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
+    assert!(found.status.is_converged(), "{}", found.message);
+    let report = contact.report(0).unwrap();
+    assert!(report.touching > 0 && report.force[2] < -0.1, "{report:?}");
+    assert!(report.gap > -1e-3 * diagonal(body.points()), "{report:?}");
+}
