@@ -249,9 +249,10 @@ study-calculix: $(development) $(VENV)/calculix ## rigid tools on the liver with
 	$(BIN)/python tests/reference/run_calculix_contact.py
 	$(BIN)/python benchmarks/drag.py --write
 
-study-probe: $(development) ## the rigid probe against true contact, and what a tick costs; kept in benchmarks/results
+study-probe: $(development) ## rigid probes against true contact, one and two, and what a tick costs; kept in benchmarks/results
 	mkdir -p out
 	$(BIN)/python benchmarks/probe.py > out/probe.txt && mv out/probe.txt benchmarks/results/probe.txt
+	$(BIN)/python benchmarks/probes.py > out/probes.txt && mv out/probes.txt benchmarks/results/probes.txt
 
 study-registration: $(development) ## how well a liver is found again, over twenty truths; goes on where it was interrupted; kept in benchmarks/results
 	mkdir -p out

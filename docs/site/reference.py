@@ -42,7 +42,7 @@ GROUPS = {
     "Stress, strain and results": ("Deformed", "Moved", "PointValues", "principal", "write_series"),
     "Supports and scenes": ("ElasticSupport", "Spring", "Scene", "Bond", "ContactPair", "SceneCase"),
     "Contact": ("Tool", "Sphere", "Capsule", "Box", "HalfSpace", "Shape", "Contact", "Instrument", "Forceps"),
-    "Reduced models": ("Touch", "Answer", "RigidProbe", "Felt", "load", "Vary", "sweep"),
+    "Reduced models": ("Touch", "Answer", "RigidProbe", "Probes", "Felt", "load", "Vary", "sweep"),
     "Real time": ("Stepper", "Frame", "Hand", "BackwardEuler", "Newmark", "Prony"),
     "Errors": ("VisceraError", "NotConverged"),
 }

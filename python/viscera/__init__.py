@@ -49,7 +49,7 @@ from viscera.mesh import Mesh, mesh, read
 from viscera.meshing import mesh_surface
 from viscera.navigation import Unloaded
 from viscera.organ import Organ
-from viscera.probe import Felt, RigidProbe
+from viscera.probe import Felt, Probes, RigidProbe
 from viscera.registration import Registered
 from viscera.scan import Scan, image_fibres, scan
 from viscera.scene import Scene
@@ -98,6 +98,7 @@ __all__ = [
     "Ogden",
     "Organ",
     "PointValues",
+    "Probes",
     "Prony",
     "Registered",
     "RigidProbe",

@@ -426,6 +426,15 @@ class Probe:
         """The same after a step towards a device."""
     def lift(self) -> None: ...
 
+class Probes:
+    """Several probes on one model that feel each other."""
+
+    def __init__(self, probes: list[Probe]) -> None: ...
+    def place(self, centers: list[list[float]]) -> list[dict[str, Any]]:
+        """What each feels, as `Probe.place` tells it."""
+    def follow(self, devices: list[list[float]], dt: float) -> list[dict[str, Any]]:
+        """The same after a step towards their devices."""
+
 class Galerkin:
     """The series model of an organ with its body, for several touches at once."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -198,3 +199,112 @@ class RigidProbe:
 
     def __repr__(self) -> str:
         return f"RigidProbe(radius={self.radius:g}, friction={self.friction:g})"
+
+
+class Probes:
+    """Several rigid probes on one reduced model that feel each other through the organ (docs/probe.md).
+
+    Each meets the surface as the others leave it. To first order of the displacements this is exact; what large strains
+    add is part of the estimate. The probes are made by `Touch.probe`, each with its own radius, friction and coupling.
+
+    >>> import viscera as vs
+    >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+    >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
+    >>> hands = vs.Probes([touch.probe(friction=0.3), touch.probe(friction=0.3)])
+    >>> above = 0.2 + touch.radius
+    >>> left, right = hands.place([(0.65, 0.1, above - 0.01), (0.9, 0.1, above)])
+    >>> left.grip, right.grip
+    ('sticks', 'free')
+    >>> left, right = hands.move([(0, 0, 0), (0, 0, -0.03)])  # reaches the tip, which the other has pressed down
+    >>> left.force[2] < 0 and right.force[2] < 0
+    True
+    """
+
+    def __init__(self, probes: Sequence[RigidProbe]) -> None:
+        self.probes = tuple(probes)
+        if not self.probes:
+            raise VisceraError("there are no probes; give at least one, made by touch.probe()")
+        for number, probe in enumerate(self.probes):
+            if not isinstance(probe, RigidProbe):
+                raise VisceraError(f"probe {number} is {probe!r}; make it by touch.probe()")
+            if probe in self.probes[:number]:
+                raise VisceraError(f"probe {number} is the same as one before it; make one for each hand")
+            if probe._touch is not self.probes[0]._touch:
+                raise VisceraError(
+                    f"probe {number} is on another model than the first; probes of one organ feel each other"
+                )
+        self._touch = self.probes[0]._touch
+        self._core = _core.Probes([probe._core for probe in self.probes])
+        self._felt: tuple[Felt, ...] = ()
+
+    def place(self, positions: ArrayLike) -> tuple[Felt, ...]:
+        """Put the centres of the spheres at (k, 3) [m], and tell what each feels there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
+        >>> hands = vs.Probes([touch.probe(), touch.probe()])
+        >>> [felt.grip for felt in hands.place([(0.65, 0.1, 0.5), (0.9, 0.1, 0.5)])]
+        ['free', 'free']
+        """
+        return self._told(self._core.place(self._vectors(positions, "the positions of the probes").tolist()))
+
+    def move(self, by: ArrayLike) -> tuple[Felt, ...]:
+        """Move the spheres on by (k, 3) [m], and tell what each feels there.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
+        >>> hands = vs.Probes([touch.probe(), touch.probe()])
+        >>> felt = hands.place([(0.65, 0.1, 0.2 + touch.radius), (0.9, 0.1, 0.2 + touch.radius)])
+        >>> [felt.is_touching for felt in hands.move([(0, 0, 0.01), (0, 0, -0.01)])]
+        [False, True]
+        """
+        moved = self._vectors(by, "the motions of the probes")
+        for number, probe in enumerate(self.probes):
+            if probe.position is None:
+                raise VisceraError(f"probe {number} must be placed before it is moved: probes.place([(x, y, z), ...])")
+        return self.place(np.array([probe.position for probe in self.probes]) + moved)
+
+    def follow(self, devices: ArrayLike, dt: float) -> tuple[Felt, ...]:
+        """Draw the spheres by their couplings towards devices at (k, 3) [m], as `RigidProbe.follow`.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
+        >>> hands = vs.Probes([touch.probe(stiffness=500, damping=5) for _ in range(2)])
+        >>> down = [((x, 0.1, 0.2 + touch.radius - 1e-5 * n) for x in (0.65, 0.9)) for n in range(500)]
+        >>> left, right = [hands.follow([*devices], 0.001) for devices in down][-1]
+        >>> bool(left.force[2] < right.force[2] < 0)
+        True
+        """
+        poses = self._vectors(devices, "the positions of the devices")
+        return self._told(self._core.follow(poses.tolist(), Number(above=0)(dt, "the time step")))
+
+    @property
+    def displacement(self) -> Floats:
+        """Displacement of all nodes (n, 3) [m] under all probes: the sum of what each does alone.
+
+        >>> import viscera as vs
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
+        >>> hands = vs.Probes([touch.probe(), touch.probe()])
+        >>> felt = hands.place([(0.65, 0.1, 0.2 + touch.radius), (0.9, 0.1, 0.2 + touch.radius)])
+        >>> felt = hands.move([(0, 0, -0.01), (0, 0, -0.01)])
+        >>> bool(hands.displacement[:, 2].min() < -0.01)
+        True
+        """
+        return sum((felt.displacement for felt in self._felt), np.zeros((len(self._touch.mesh.points), 3)))
+
+    def _vectors(self, values: ArrayLike, name: str) -> Floats:
+        given = np.asarray(values, dtype=float)
+        if given.shape != (len(self.probes), 3):
+            raise VisceraError(f"{name} have the shape {given.shape}; give {len(self.probes)} vectors (x, y, z) [m]")
+        return np.array([vector(each, f"{name}, number {number}", "m") for number, each in enumerate(given)])
+
+    def _told(self, told: list[dict[str, Any]]) -> tuple[Felt, ...]:
+        self._felt = tuple(probe._felt(each) for probe, each in zip(self.probes, told, strict=True))
+        return self._felt
+
+    def __repr__(self) -> str:
+        return f"Probes({list(self.probes)})"

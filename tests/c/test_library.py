@@ -85,6 +85,22 @@ def test_a_probe_in_c_feels_what_it_feels_in_python(touch: vs.Touch, model: Path
     assert len(re.findall(r"the hand feels", output)) == 8
 
 
+def test_two_probes_in_c_feel_what_they_feel_in_python(
+    touch: vs.Touch, model: Path, build: Build, tmp_path: Path
+) -> None:
+    hands, lines = vs.Probes([touch.probe(friction=0.3), touch.probe(friction=0.3)]), []
+    for n in range(40):
+        entered = 0.0005 * n - 0.002
+        centers = [(0.41, 0.1, 0.2 + touch.radius - entered), (0.59, 0.1, 0.2 + touch.radius - 1.7 * entered)]
+        felt = hands.place(centers)
+        told = [[3 if not one.is_touching else 0 if one.is_trusted else 2, *one.force] for one in felt]
+        lines.append([*np.ravel(centers), *np.ravel(told)])
+    assert all(one.is_touching for one in felt)
+    np.savetxt(tmp_path / "poses.txt", lines, fmt=["%.17g"] * 6 + 2 * (["%d"] + ["%.17g"] * 3))
+    output = run(build("tests/probes.c", linkage="shared"), model, tmp_path / "poses.txt")
+    assert "40 poses of two; largest difference from Python" in output
+
+
 def write_inside(touch: vs.Touch, points: np.ndarray, path: Path) -> None:
     """Touches of a family at several values, with what Python answers to them inside."""
     random = np.random.default_rng(1)
@@ -170,7 +186,7 @@ def test_topology_is_that_of_the_model(touch: vs.Touch, model: Path, libraries: 
 RUST_TYPES = {
     **{"double": "f64", "float": "f32", "char": "c_char", "size_t": "usize"},
     **{"int32_t": "i32", "uint8_t": "u8", "uint32_t": "u32", "uint64_t": "u64"},
-    **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard", "Probe", "Felt")},
+    **{f"viscera_{name.lower()}": name for name in ("Model", "Answer", "Frame", "Guard", "Probe", "Probes", "Felt")},
     **{f"viscera_{name.lower()}": name for name in ("Places", "Parameter", "Hands", "Grasp", "Held")},
     "viscera_info_t": "Info",
     "viscera_sampling": "SamplingSettings",

@@ -300,6 +300,25 @@ int32_t viscera_probe_follow(viscera_probe *probe, const double device[3], doubl
 /* REAL TIME. Takes the probe from the organ: the next place is a first one, so it must be outside. */
 int32_t viscera_probe_lift(viscera_probe *probe);
 
+/* Several probes on one model that feel each other through the organ: each meets the surface as the others leave it. */
+typedef struct viscera_probes viscera_probes;
+
+/* Makes a group of `count` probes of one model, which must be freed after it. On failure *group is null and `message`,
+ * which may be null, says why in one sentence. Group and probes are used by one thread at a time. */
+int32_t viscera_probes_new(viscera_probe **probes, size_t count, viscera_probes **group, char *message,
+                           size_t message_len);
+
+/* Frees a group, not its probes; null is allowed. */
+void viscera_probes_free(viscera_probes *group);
+
+/* REAL TIME. Puts the centres of the spheres at places, three numbers for each, and tells what each feels there, with the
+ * status that viscera_probe_place would give. The fields of viscera_surface at each touch add up to that of the organ. */
+int32_t viscera_probes_place(viscera_probes *group, const double *centers, viscera_felt *felt, int32_t *status);
+
+/* REAL TIME. Draws the probes by their couplings towards devices, as viscera_probe_follow. */
+int32_t viscera_probes_follow(viscera_probes *group, const double *devices, double dt, viscera_felt *felt,
+                              int32_t *status);
+
 #if defined(__cplusplus) ? __cplusplus >= 201103L : (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 201112L)
 #ifdef __cplusplus
 #define VISCERA_ASSERT(claim) static_assert(claim, "viscera.h: a struct is not laid out as in the library")

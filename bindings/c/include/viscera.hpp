@@ -176,6 +176,8 @@ public:
         return viscera_probe_follow(handle.get(), device, dt, &felt);
     }
 
+    viscera_probe *get() const { return handle.get(); }
+
 private:
     static void check(int32_t status) {
         if (status != VISCERA_OK) throw Error(status, nullptr);
@@ -184,6 +186,38 @@ private:
         void operator()(viscera_probe *probe) const { viscera_probe_free(probe); }
     };
     std::unique_ptr<viscera_probe, Free> handle;
+};
+
+/// Probes on one model that feel each other, used by one thread at a time. They must outlive it.
+class Probes {
+public:
+    explicit Probes(const std::vector<const Probe *> &probes) : felt(probes.size()), status(probes.size()) {
+        std::vector<viscera_probe *> each;
+        for (const Probe *probe : probes) each.push_back(probe ? probe->get() : nullptr);
+        viscera_probes *made = nullptr;
+        char message[256] = "";
+        const int32_t told = viscera_probes_new(each.data(), each.size(), &made, message, sizeof message);
+        handle.reset(made);
+        if (told != VISCERA_OK) throw Error(told, message);
+    }
+
+    /// Centres of all probes, three numbers for each; what they feel is in `felt` and `status`.
+    int32_t place(const double *centers) {
+        return viscera_probes_place(handle.get(), centers, felt.data(), status.data());
+    }
+
+    int32_t follow(const double *devices, double dt) {
+        return viscera_probes_follow(handle.get(), devices, dt, felt.data(), status.data());
+    }
+
+    std::vector<viscera_felt> felt;
+    std::vector<int32_t> status;
+
+private:
+    struct Free {
+        void operator()(viscera_probes *group) const { viscera_probes_free(group); }
+    };
+    std::unique_ptr<viscera_probes, Free> handle;
 };
 
 } // namespace viscera

@@ -15,6 +15,7 @@ mod load;
 mod model;
 mod places;
 mod probe;
+mod probes;
 mod status;
 #[cfg(test)]
 mod tests;

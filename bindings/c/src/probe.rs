@@ -57,7 +57,24 @@ impl Probe {
     ) -> (Felt, viscera_status) {
         // SAFETY: it was not null, and outlives the probe by the caller's contract.
         let model = unsafe { &*self.model };
-        let (felt, frame) = (step(&mut self.sphere, model), &model.frame);
+        Felt::told(step(&mut self.sphere, model), model)
+    }
+
+    /// The model that it touches.
+    pub(crate) fn model(&self) -> *const Model {
+        self.model
+    }
+
+    /// The sphere itself.
+    pub(crate) fn sphere(&mut self) -> &mut viscera_touch::Probe {
+        &mut self.sphere
+    }
+}
+
+impl Felt {
+    /// What a probe of a model feels, in the caller's frame.
+    pub(crate) fn told(felt: viscera_touch::Felt, model: &Model) -> (Self, viscera_status) {
+        let frame = &model.frame;
         let (grip, status) = match felt.grip {
             Grip::Free => (PROBE_FREE, status::OFF_SURFACE),
             Grip::Sticks => (PROBE_STICKS, status_of(felt.trust)),

@@ -28,6 +28,17 @@ int main(int argc, char **argv) {
     if (!throws([&] { viscera::Probe(model, 0.1 * info.radius, 0.3); }, "radius of a probe")) return 6;
     if (!throws([&] { probe.couple(-1, 0); }, "setting")) return 7;
 
+    // One alone in a group feels what it feels by itself.
+    {
+        viscera::Probe again(model, info.radius, 0.3);
+        viscera::Probes group({&again});
+        for (const auto &center : centers) {
+            if (group.place(center) != VISCERA_OK || group.status[0] != VISCERA_OK) return 10;
+        }
+        if (group.felt[0].force[2] != felt.force[2]) return 11;
+        if (!throws([&] { viscera::Probes({&again, &again}); }, "in it twice")) return 12;
+    }
+
     // A reflected frame: the caller's x is the mesh's y and y is x; 0.001 m and 0.001 N; the origin at (0.1, 0.2, 0.3) m.
     viscera::Model other(argv[1]);
     other.set_frame({0.001, 0.001, {0, 1, 0, 1, 0, 0, 0, 0, 1}, {0.1, 0.2, 0.3}});

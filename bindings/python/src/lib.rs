@@ -64,6 +64,7 @@ fn _core(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<live::Live>()?;
     m.add_class::<model::Model>()?;
     m.add_class::<probe::Probe>()?;
+    m.add_class::<probe::Probes>()?;
     m.add("CONTACT_ERROR", viscera_core::reduced::CONTACT_ERROR)?;
     m.add("PROBE_TOLERANCE", viscera_core::reduced::TOLERANCE)?;
     m.add_class::<galerkin::Galerkin>()?;

@@ -6,7 +6,8 @@ use crate::model::{Model, reason};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use viscera_core::reduced::{self, Coupling, Felt, Grip, Trust, refused};
+use std::sync::MutexGuard;
+use viscera_core::reduced::{self, Coupling, Felt, Grip, ReducedModel, Together, Trust, refused};
 
 /// A sphere, and the model it touches.
 #[pyclass(frozen, module = "viscera._core")]
@@ -52,6 +53,59 @@ impl Probe {
     fn lift(&self) -> PyResult<()> {
         self.probe.claim()?.lift();
         Ok(())
+    }
+}
+
+/// Several spheres on one model that feel each other.
+#[pyclass(frozen, module = "viscera._core")]
+pub struct Probes {
+    probes: Vec<Py<Probe>>,
+    together: Exclusive<Together>,
+}
+
+#[pymethods]
+impl Probes {
+    /// At least one probe, all on one model, none of them twice.
+    #[new]
+    fn new(probes: Vec<Py<Probe>>) -> Self {
+        let together = Together::new(&probes[0].get().model.get().model, probes.len());
+        Probes { probes, together: Exclusive::new("group of probes", together) }
+    }
+
+    fn place<'py>(
+        &self,
+        py: Python<'py>,
+        centers: Vec<[f64; 3]>,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.step(py, |together, model, probes| together.place(model, probes, &centers))
+    }
+
+    fn follow<'py>(
+        &self,
+        py: Python<'py>,
+        devices: Vec<[f64; 3]>,
+        dt: f64,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.step(py, |together, model, probes| together.follow(model, probes, &devices, dt))
+    }
+}
+
+impl Probes {
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        step: impl for<'a> Fn(
+            &'a mut Together,
+            &ReducedModel,
+            &mut [MutexGuard<'_, reduced::Probe>],
+        ) -> &'a [Felt],
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let model = self.probes[0].get().model.get();
+        let mut together = self.together.claim()?;
+        let claimed = self.probes.iter().map(|probe| probe.get().probe.claim());
+        let mut claimed = claimed.collect::<PyResult<Vec<_>>>()?;
+        let felt = step(&mut together, &model.model, &mut claimed);
+        felt.iter().map(|felt| told(py, model, felt)).collect()
     }
 }
 

@@ -29,6 +29,7 @@ mod probe;
 mod resummation;
 mod supports;
 mod surface;
+mod together;
 mod walk;
 
 pub use arrays::{Answers, Arrays};
@@ -45,3 +46,4 @@ pub use places::Places;
 pub use press::CONTACT_ERROR;
 pub use probe::{Coupling, Felt, Grip, Probe, RADII, TOLERANCE};
 pub use resummation::{MAX_ORDER, SKETCH, pade_weights};
+pub use together::Together;

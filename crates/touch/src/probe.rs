@@ -14,6 +14,7 @@ use super::error::Error;
 use super::evaluate::Trust;
 use super::model::ReducedModel;
 use super::press::{CONTACT_ERROR, Press};
+use super::together::COUPLED;
 use viscera_mesh::{cross, dot, norm, sub};
 
 /// Radii of a probe, in units of the radius of the patch.
@@ -96,6 +97,14 @@ pub struct Probe {
     friction: f64,
     tolerance: f64,
     coupling: Option<Coupling>,
+    pub(super) state: State,
+    /// How far other probes move the surface where this one meets it [m].
+    pub(super) carried: [f64; 3],
+}
+
+/// Where a probe is and what it remembers from tick to tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct State {
     center: Option<[f64; 3]>,
     device: [f64; 3],
     anchor: Option<Anchor>,
@@ -151,10 +160,8 @@ impl Probe {
             friction,
             tolerance: TOLERANCE,
             coupling: None,
-            center: None,
-            device: [0.0; 3],
-            anchor: None,
-            is_inside: false,
+            state: State::default(),
+            carried: [0.0; 3],
         };
         probe.tolerate(tolerance)?;
         probe.couple(coupling)?;
@@ -200,7 +207,7 @@ impl Probe {
 
     /// Takes the probe from the organ: the next place is a first one.
     pub fn lift(&mut self) {
-        (self.center, self.anchor, self.is_inside) = (None, None, false);
+        self.state = State { device: self.state.device, ..State::default() };
     }
 
     /// Moves the centre of the sphere to a place, and tells what it feels there.
@@ -220,14 +227,15 @@ impl Probe {
         if !(is_finite(device) && dt > 0.0 && dt.is_finite()) {
             return self.lost(model);
         }
-        let (Some(Coupling { stiffness, damping }), Some(last)) = (self.coupling, self.center)
+        let (Some(Coupling { stiffness, damping }), Some(last)) =
+            (self.coupling, self.state.center)
         else {
             return self.place(model, device);
         };
         let rate = damping / dt;
         let total = stiffness + rate;
         let drawn: [f64; 3] = std::array::from_fn(|i| {
-            (stiffness * device[i] + rate * (last[i] + device[i] - self.device[i])) / total
+            (stiffness * device[i] + rate * (last[i] + device[i] - self.state.device[i])) / total
         });
         if !is_finite(drawn) {
             return self.lost(model);
@@ -251,13 +259,13 @@ impl Probe {
             let next: [f64; 3] = std::array::from_fn(|i| center[i] + step[i] + out * n[i]);
             if norm(sub(next, center)) <= BALANCED * self.radius {
                 let felt = self.take(model, tried, center);
-                self.device = device;
+                self.state.device = device;
                 return felt;
             }
             center = next;
         }
         let felt = self.place(model, center);
-        self.device = device;
+        self.state.device = device;
         felt
     }
 
@@ -267,8 +275,12 @@ impl Probe {
     }
 
     fn take(&mut self, model: &ReducedModel, tried: Tried, center: [f64; 3]) -> Felt {
-        (self.center, self.device, self.anchor) = (Some(center), center, tried.anchor);
-        self.is_inside = tried.felt.grip == Grip::Inside;
+        self.state = State {
+            center: Some(center),
+            device: center,
+            anchor: tried.anchor,
+            is_inside: tried.felt.grip == Grip::Inside,
+        };
         let is_touching = tried.anchor.is_some() && !self.is_beyond(model, -tried.felt.gap);
         // A support does not give way, and the patch knows nothing of it.
         match is_touching && model.supports.any_within(center, self.radius) {
@@ -279,20 +291,22 @@ impl Probe {
 
     /// No force, at the last place; the touch is over.
     fn lost(&mut self, model: &ReducedModel) -> Felt {
-        let center = self.center.unwrap_or(model.positions[model.triangles[0][0] as usize]);
-        self.anchor = None;
+        let center = self.state.center.unwrap_or(model.positions[model.triangles[0][0] as usize]);
+        self.state.anchor = None;
         let contact = model.locate(center).unwrap_or_else(|| model.centroid(0));
         untouched(Grip::Lost, center, contact, contact.distance - self.radius)
     }
 
     /// What the probe feels with its centre at a finite place; none if the model overflows there.
     fn attempt(&self, model: &ReducedModel, center: [f64; 3]) -> Option<Tried> {
-        let foot = match self.anchor {
-            Some(anchor) => model.walk(anchor.triangle, center),
-            None => model.locate(center)?,
+        // In the place of the surface before all touches.
+        let at = sub(center, self.carried);
+        let foot = match self.state.anchor {
+            Some(anchor) => model.walk(anchor.triangle, at),
+            None => model.locate(at)?,
         };
         let normal = model.normal(&foot);
-        let above = dot(sub(center, foot.point), normal) >= 0.0;
+        let above = dot(sub(at, foot.point), normal) >= 0.0;
         let entered = self.radius - if above { foot.distance } else { -foot.distance };
         let free = |grip| {
             let felt = untouched(grip, center, foot, -entered);
@@ -301,11 +315,11 @@ impl Probe {
         if !entered.is_finite() {
             return None;
         }
-        if entered <= 0.0 || model.overhang(&foot, center) > model.edge_length {
+        if entered <= 0.0 || model.overhang(&foot, at) > model.edge_length {
             return free(Grip::Free);
         }
         let deepest = self.deepest(model);
-        if self.is_inside || (self.anchor.is_none() && entered > ONSET * self.radius) {
+        if self.state.is_inside || (self.state.anchor.is_none() && entered > ONSET * self.radius) {
             return free(Grip::Inside);
         }
         let press = Press::new(model, self.radius, entered.min(deepest), normal);
@@ -325,7 +339,8 @@ impl Probe {
         let force = std::array::from_fn(|i| along[i] - pressing * normal[i]);
         let torque = cross(normal.map(|x| -self.radius * x), force);
         let is_beyond = self.is_beyond(model, entered);
-        let worth = |error, trust| self.worth([error, press.error], trust, is_beyond);
+        let carried = norm(self.carried) / entered;
+        let worth = |error, trust| self.worth([error, press.error], carried, trust, is_beyond);
         let (error_estimate, trust) = worth(answer.error_estimate, answer.trust);
         let (shape_error_estimate, shape_trust) =
             worth(answer.shape_error_estimate, answer.shape_trust);
@@ -359,7 +374,7 @@ impl Probe {
         press: &Press,
         foot: &Contact,
     ) -> (Contact, [f64; 3], Grip) {
-        let held = self.anchor.map_or(foot.point, |anchor| anchor.point);
+        let held = self.state.anchor.map_or(foot.point, |anchor| anchor.point);
         let most = DRAG * self.radius;
         let mut drag = within([0.0; 3], press.along(sub(foot.point, held)), most);
         let mut contact = model.walk(foot.triangle, sub(foot.point, drag));
@@ -389,10 +404,18 @@ impl Probe {
         entered > self.deepest(model) * (0.5 + 0.5 * BEYOND)
     }
 
-    /// Estimate and trust: errors of the model, and of the patch for the contact.
-    fn worth(&self, [model, contact]: [f64; 2], trust: Trust, is_beyond: bool) -> (f64, Trust) {
-        let error = (model + contact).min(1.0);
-        let is_within = (model + CONTACT_ERROR).min(1.0) <= self.tolerance;
+    /// Estimate and trust: errors of the model, of the patch for the contact, and of what others carry along, relative to
+    /// what has been entered.
+    fn worth(
+        &self,
+        [model, contact]: [f64; 2],
+        carried: f64,
+        trust: Trust,
+        is_beyond: bool,
+    ) -> (f64, Trust) {
+        let coupled = COUPLED * carried;
+        let error = (model + contact + coupled).min(1.0);
+        let is_within = (model + CONTACT_ERROR + coupled).min(1.0) <= self.tolerance;
         match trust {
             _ if is_beyond => (error, Trust::BeyondDepth),
             Trust::Trusted if !is_within => (error, Trust::ErrorTooLarge),

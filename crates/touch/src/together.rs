@@ -1,0 +1,143 @@
+//! Several probes on one model, which feel each other through the organ.
+//!
+//! Each meets the surface as the others leave it. The fields of single touches are superposed: with the contacts `s_j` and
+//! the displacements `d_j` of their patches, the surface at `s_k` has moved by `w_k = sum_{j != k} u(s_k; s_j, d_j)`, so
+//! probe `k` touches as if its centre were at `c_k - w_k`. The force of a touch acts at its own contact alone, so this is
+//! exact in linear elasticity; what large strains add is part of the estimate. A tick finds the common equilibrium by a
+//! bounded number of sweeps over the probes, from the touches of the last tick.
+
+use super::contact::Contact;
+use super::interpolation::Interpolation;
+use super::model::ReducedModel;
+use super::probe::{Felt, Grip, Probe, State};
+use std::ops::DerefMut;
+
+/// Sweeps over all probes in a tick.
+const SWEEPS: usize = 2;
+
+/// Error of a force, relative to its norm, that comes from the superposition, over how far the others have moved the surface,
+/// relative to how far the probe has entered it. Fitted to `benchmarks/probe.py tuning together`.
+pub(super) const COUPLED: f64 = 0.1;
+
+/// Memory of several probes on one model: what each felt last.
+#[derive(Clone, Debug)]
+pub struct Together {
+    touches: Vec<Option<Touch>>,
+    begun: Vec<State>,
+    felt: Vec<Felt>,
+    workspace: Vec<f32>,
+}
+
+/// A touch of the model.
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    contact: Contact,
+    displacement: [f64; 3],
+    is_pressed: bool,
+}
+
+impl Together {
+    /// For so many probes on a model.
+    pub fn new(model: &ReducedModel, probes: usize) -> Self {
+        Together {
+            touches: vec![None; probes],
+            begun: vec![State::default(); probes],
+            felt: Vec::with_capacity(probes),
+            workspace: vec![0.0; model.workspace_len()],
+        }
+    }
+
+    /// Moves the centres of all probes to places, and tells what each feels there. It allocates nothing.
+    ///
+    /// # Panics
+    /// If there are not as many probes and places as it was made for.
+    pub fn place(
+        &mut self,
+        model: &ReducedModel,
+        probes: &mut [impl DerefMut<Target = Probe>],
+        centers: &[[f64; 3]],
+    ) -> &[Felt] {
+        self.step(model, probes, |k, probe| probe.place(model, centers[k]))
+    }
+
+    /// Draws all probes by their couplings to devices, `dt` seconds after the last step, as [`Probe::follow`]. It allocates
+    /// nothing.
+    ///
+    /// # Panics
+    /// As [`Together::place`].
+    pub fn follow(
+        &mut self,
+        model: &ReducedModel,
+        probes: &mut [impl DerefMut<Target = Probe>],
+        devices: &[[f64; 3]],
+        dt: f64,
+    ) -> &[Felt] {
+        self.step(model, probes, |k, probe| probe.follow(model, devices[k], dt))
+    }
+
+    fn step(
+        &mut self,
+        model: &ReducedModel,
+        probes: &mut [impl DerefMut<Target = Probe>],
+        act: impl Fn(usize, &mut Probe) -> Felt,
+    ) -> &[Felt] {
+        assert_eq!(probes.len(), self.touches.len(), "probes that this was not made for");
+        self.begun.iter_mut().zip(probes.iter()).for_each(|(begun, probe)| *begun = probe.state);
+        for _ in 0..SWEEPS {
+            self.felt.clear();
+            for (k, probe) in probes.iter_mut().enumerate() {
+                probe.state = self.begun[k];
+                probe.carried = self.carried(model, k);
+                let felt = act(k, &mut *probe);
+                probe.carried = [0.0; 3];
+                self.touches[k] = Some(Touch {
+                    contact: felt.contact,
+                    displacement: felt.displacement,
+                    is_pressed: matches!(felt.grip, Grip::Sticks | Grip::Slides),
+                });
+                self.felt.push(felt);
+            }
+        }
+        &self.felt
+    }
+
+    /// How far the others have moved the surface where a probe met it last [m].
+    fn carried(&mut self, model: &ReducedModel, k: usize) -> [f64; 3] {
+        let mut carried = [0.0; 3];
+        let Some(here) = self.touches[k] else { return carried };
+        for (j, touch) in self.touches.iter().enumerate() {
+            if let Some(touch) = touch.filter(|touch| j != k && touch.is_pressed) {
+                let moved = model.moved_at(&here.contact, &touch, &mut self.workspace);
+                (0..3).for_each(|i| carried[i] += moved[i]);
+            }
+        }
+        carried
+    }
+}
+
+impl ReducedModel {
+    /// Displacement of a point of the touchable surface under a touch [m].
+    fn moved_at(&self, at: &Contact, touch: &Touch, workspace: &mut [f32]) -> [f64; 3] {
+        let here = Interpolation::new(self, &touch.contact);
+        let slots = here.amplitudes(touch.displacement, workspace);
+        let nodes = &self.arrays.surface_nodes;
+        let width = 3 * nodes.len();
+        let rows = self.triangles[at.triangle].map(|position| {
+            let node = self.arrays.positions[position as usize];
+            nodes.binary_search(&node).unwrap_or(0)
+        });
+        let mut moved = [0.0; 3];
+        for (slot, amplitudes) in slots.iter().zip(workspace.chunks_exact(self.largest_region)) {
+            let Some(region) = *slot else { continue };
+            for (mode, amplitude) in self.region_modes(region).zip(amplitudes) {
+                let factor = f64::from(amplitude * self.arrays.mode_scale[mode]);
+                let mode = &self.arrays.surface_modes[mode * width..(mode + 1) * width];
+                for (row, weight) in rows.iter().zip(at.weights) {
+                    let share = factor * weight;
+                    (0..3).for_each(|i| moved[i] += share * f64::from(mode[3 * row + i]));
+                }
+            }
+        }
+        moved
+    }
+}
