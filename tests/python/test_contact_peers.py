@@ -27,17 +27,16 @@ def problems(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 def test_a_sphere_pressed_deep_needs_the_force_that_calculix_finds(problems: ModuleType) -> None:
     """2 cm into the liver, a contact as wide as the sphere: 2 % from half the depth on, and 6 % with its direction."""
-    theirs = DATA["indentation/liver/1"][4:, 1:]
+    theirs = DATA["indentation/liver/1/1"][4:, 1:]
     ours = problems.forces(problems.PROBLEMS["indentation"], vs.organs.liver())[4:]
     sizes = np.linalg.norm(theirs, axis=1)
     assert np.linalg.norm(ours, axis=1) == pytest.approx(sizes, rel=0.02)
     assert (np.linalg.norm(ours - theirs, axis=1) < 0.06 * sizes).all()
 
 
-def test_a_dragged_capsule_takes_a_tenth_less_force_than_calculix_finds(problems: ModuleType) -> None:
-    """2 cm with friction over a dozen triangles: where a corner slips past the tool, our force drops at once and
-    theirs gradually, so the mean forces differ by 11 %."""
-    theirs = DATA["drag/liver/1"][-20:, 1:]
+def test_a_dragged_capsule_takes_the_mean_force_that_calculix_finds(problems: ModuleType) -> None:
+    """2 cm with friction over a dozen triangles, within 5 %; CalculiX goes in steps of a quarter of a millimetre."""
+    theirs = DATA["drag/liver/1/4"][-20:, 1:]
     ours = problems.forces(problems.PROBLEMS["drag"], vs.organs.liver())[-20:]
     mean, other = (np.linalg.norm(forces, axis=1).mean() for forces in (ours, theirs))
-    assert 0.85 < mean / other < 0.95
+    assert mean == pytest.approx(other, rel=0.05)
