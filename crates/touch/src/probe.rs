@@ -12,6 +12,7 @@
 use super::contact::Contact;
 use super::error::Error;
 use super::evaluate::Trust;
+use super::felt::{Felt, Grip};
 use super::model::ReducedModel;
 use super::press::{CONTACT_ERROR, Press};
 use super::together::COUPLED;
@@ -44,50 +45,6 @@ pub struct Coupling {
     pub stiffness: f64,
     /// Damping [N s/m].
     pub damping: f64,
-}
-
-/// What a probe does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Grip {
-    /// It is free of the organ.
-    Free,
-    /// It holds the point that it touches.
-    Sticks,
-    /// It slides along the surface.
-    Slides,
-    /// It has come into the organ in one step. There is no force until it has been lifted off.
-    Inside,
-    /// The pose or the time step is not a usable number. The probe stays where it was.
-    Lost,
-}
-
-/// What a probe feels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Felt {
-    /// What the probe does.
-    pub grip: Grip,
-    /// Centre of the sphere [m].
-    pub center: [f64; 3],
-    /// The point of the surface that is held; the closest if the probe is free.
-    pub contact: Contact,
-    /// Displacement of the patch there [m].
-    pub displacement: [f64; 3],
-    /// Distance of the sphere from the surface before the touch; negative by how far it has entered [m].
-    pub gap: f64,
-    /// Force of the probe on the organ [N].
-    pub force: [f64; 3],
-    /// Torque on the organ about the centre of the sphere [N m].
-    pub torque: [f64; 3],
-    /// Estimated error of the force, relative to its norm; at most 1: of the model, and of the patch for the contact.
-    pub error_estimate: f64,
-    /// Whether the force is trusted.
-    pub trust: Trust,
-    /// The same of the field.
-    pub shape_error_estimate: f64,
-    /// Whether the field is trusted.
-    pub shape_trust: Trust,
-    /// Whether the sphere has come to where the organ is fixed: neither is trusted there.
-    pub is_at_support: bool,
 }
 
 /// A rigid sphere on the touchable surface of a model.
@@ -294,7 +251,7 @@ impl Probe {
         let center = self.state.center.unwrap_or(model.positions[model.triangles[0][0] as usize]);
         self.state.anchor = None;
         let contact = model.locate(center).unwrap_or_else(|| model.centroid(0));
-        untouched(Grip::Lost, center, contact, contact.distance - self.radius)
+        Felt::untouched(Grip::Lost, center, contact, contact.distance - self.radius)
     }
 
     /// What the probe feels with its centre at a finite place; none if the model overflows there.
@@ -309,7 +266,7 @@ impl Probe {
         let above = dot(sub(at, foot.point), normal) >= 0.0;
         let entered = self.radius - if above { foot.distance } else { -foot.distance };
         let free = |grip| {
-            let felt = untouched(grip, center, foot, -entered);
+            let felt = Felt::untouched(grip, center, foot, -entered);
             Some(Tried { felt, anchor: None, normal, stiffness: [0.0; 2] })
         };
         if !entered.is_finite() {
@@ -421,41 +378,6 @@ impl Probe {
             Trust::Trusted if !is_within => (error, Trust::ErrorTooLarge),
             trust => (error, trust),
         }
-    }
-}
-
-impl Felt {
-    /// The same where the sphere contains a fixed node of the surface.
-    fn at_support(self) -> Self {
-        let (error, trust) = (1.0, Trust::ErrorTooLarge);
-        Felt {
-            error_estimate: error,
-            trust,
-            shape_error_estimate: error,
-            shape_trust: trust,
-            is_at_support: true,
-            ..self
-        }
-    }
-}
-
-/// A probe without force.
-fn untouched(grip: Grip, center: [f64; 3], contact: Contact, gap: f64) -> Felt {
-    let is_free = grip == Grip::Free;
-    let (error, trust) = if is_free { (0.0, Trust::Trusted) } else { (1.0, Trust::ErrorTooLarge) };
-    Felt {
-        grip,
-        center,
-        contact,
-        displacement: [0.0; 3],
-        gap,
-        force: [0.0; 3],
-        torque: [0.0; 3],
-        error_estimate: error,
-        trust,
-        shape_error_estimate: error,
-        shape_trust: trust,
-        is_at_support: false,
     }
 }
 

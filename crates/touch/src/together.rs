@@ -4,16 +4,21 @@
 //! the displacements `d_j` of their patches, the surface at `s_k` has moved by `w_k = sum_{j != k} u(s_k; s_j, d_j)`, so
 //! probe `k` touches as if its centre were at `c_k - w_k`. The force of a touch acts at its own contact alone, so this is
 //! exact in linear elasticity; what large strains add is part of the estimate. A tick finds the common equilibrium by a
-//! bounded number of sweeps over the probes, from the touches of the last tick.
+//! sweep or two over the probes, from the touches of the last tick.
 
 use super::contact::Contact;
+use super::felt::{Felt, Grip};
 use super::interpolation::Interpolation;
 use super::model::ReducedModel;
-use super::probe::{Felt, Grip, Probe, State};
+use super::probe::{Probe, State};
 use std::ops::DerefMut;
+use viscera_mesh::{norm, sub};
 
-/// Sweeps over all probes in a tick.
+/// Sweeps over all probes in a tick, at most.
 const SWEEPS: usize = 2;
+
+/// How far from where a probe has met it the others may leave the surface, in units of its radius, without another sweep.
+const STILL: f64 = 1e-3;
 
 /// Error of a force, relative to its norm, that comes from the superposition, over how far the others have moved the surface,
 /// relative to how far the probe has entered it. Fitted to `benchmarks/probe.py tuning together`.
@@ -23,6 +28,8 @@ pub(super) const COUPLED: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub struct Together {
     touches: Vec<Option<Touch>>,
+    /// How far the others had moved the surface where each probe met it [m].
+    carried: Vec<[f64; 3]>,
     begun: Vec<State>,
     felt: Vec<Felt>,
     workspace: Vec<f32>,
@@ -41,6 +48,7 @@ impl Together {
     pub fn new(model: &ReducedModel, probes: usize) -> Self {
         Together {
             touches: vec![None; probes],
+            carried: vec![[0.0; 3]; probes],
             begun: vec![State::default(); probes],
             felt: Vec::with_capacity(probes),
             workspace: vec![0.0; model.workspace_len()],
@@ -83,11 +91,15 @@ impl Together {
     ) -> &[Felt] {
         assert_eq!(probes.len(), self.touches.len(), "probes that this was not made for");
         self.begun.iter_mut().zip(probes.iter()).for_each(|(begun, probe)| *begun = probe.state);
-        for _ in 0..SWEEPS {
+        for sweep in 0..SWEEPS {
+            if sweep > 0 && self.is_still(model, probes) {
+                break;
+            }
             self.felt.clear();
             for (k, probe) in probes.iter_mut().enumerate() {
                 probe.state = self.begun[k];
-                probe.carried = self.carried(model, k);
+                self.carried[k] = self.carried(model, k);
+                probe.carried = self.carried[k];
                 let felt = act(k, &mut *probe);
                 probe.carried = [0.0; 3];
                 self.touches[k] = Some(Touch {
@@ -99,6 +111,14 @@ impl Together {
             }
         }
         &self.felt
+    }
+
+    /// Whether each probe has met the surface about where the others leave it.
+    fn is_still(&mut self, model: &ReducedModel, probes: &[impl DerefMut<Target = Probe>]) -> bool {
+        (0..probes.len()).all(|k| {
+            let off = sub(self.carried(model, k), self.carried[k]);
+            norm(off) <= STILL * probes[k].radius()
+        })
     }
 
     /// How far the others have moved the surface where a probe met it last [m].
