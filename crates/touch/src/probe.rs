@@ -57,6 +57,8 @@ pub struct Probe {
     pub(super) state: State,
     /// How far other probes move the surface where this one meets it [m].
     pub(super) carried: [f64; 3],
+    /// Where the next search for the balance begins, if not where the probe is.
+    pub(super) balanced: Option<[f64; 3]>,
 }
 
 /// Where a probe is and what it remembers from tick to tick.
@@ -119,6 +121,7 @@ impl Probe {
             coupling: None,
             state: State::default(),
             carried: [0.0; 3],
+            balanced: None,
         };
         probe.tolerate(tolerance)?;
         probe.couple(coupling)?;
@@ -198,7 +201,7 @@ impl Probe {
             return self.lost(model);
         }
         let goal = within(last, drawn, STRIDE * self.radius);
-        let mut center = last;
+        let mut center = self.balanced.take().unwrap_or(last);
         for _ in 0..BALANCES {
             let Some(tried) = self.attempt(model, center) else { return self.lost(model) };
             let rest: [f64; 3] =
