@@ -213,10 +213,10 @@ class Probes:
     >>> hands = vs.Probes([touch.probe(friction=0.3), touch.probe(friction=0.3)])
     >>> above = 0.2 + touch.radius
     >>> left, right = hands.place([(0.65, 0.1, above - 0.01), (0.9, 0.1, above)])
-    >>> left.grip, right.grip
-    ('sticks', 'free')
+    >>> left.is_touching, right.is_touching
+    (True, False)
     >>> left, right = hands.move([(0, 0, 0), (0, 0, -0.03)])  # reaches the tip, which the other has pressed down
-    >>> left.force[2] < 0 and right.force[2] < 0
+    >>> bool(left.force[2] < 0 and right.force[2] < 0)
     True
     """
 
@@ -270,12 +270,12 @@ class Probes:
         """Draw the spheres by their couplings towards devices at (k, 3) [m], as `RigidProbe.follow`.
 
         >>> import viscera as vs
-        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
+        >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="z < 1%")
         >>> touch = beam.reduce("x > 60% and z > 99%", depth="5%", order=3)
         >>> hands = vs.Probes([touch.probe(stiffness=500, damping=5) for _ in range(2)])
         >>> down = [((x, 0.1, 0.2 + touch.radius - 1e-5 * n) for x in (0.65, 0.9)) for n in range(500)]
         >>> left, right = [hands.follow([*devices], 0.001) for devices in down][-1]
-        >>> bool(left.force[2] < right.force[2] < 0)
+        >>> bool(left.force[2] < 0 and right.force[2] < 0)
         True
         """
         poses = self._vectors(devices, "the positions of the devices")

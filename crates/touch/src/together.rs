@@ -20,11 +20,6 @@ const SWEEPS: usize = 2;
 /// How far from where a probe has met it the others may leave the surface, in units of its radius, without another sweep.
 const STILL: f64 = 1e-3;
 
-/// Error of a force, relative to its norm, that comes from the superposition, over how far the others have moved the surface,
-/// relative to how far the probe has entered it. With it the estimates are above the errors of 96 of 100 forces of
-/// `benchmarks/probes.py 60 tuning`.
-pub(super) const COUPLED: f64 = 0.1;
-
 /// Memory of several probes on one model: what each felt last.
 #[derive(Clone, Debug)]
 pub struct Together {

@@ -55,7 +55,7 @@ impl Samples {
             samples: Vec::new(),
             nodes: Vec::new(),
             sharp: BTreeMap::new(),
-            parts: parts(&faces, spacing),
+            parts: parts(&longest_edges(&faces), spacing),
             on: Vec::with_capacity(faces.len()),
             thickest: 0.0,
             faces,
@@ -66,7 +66,7 @@ impl Samples {
 
     /// Whether they are those of another spacing, too.
     pub fn are_those_of(&self, spacing: f64) -> bool {
-        self.parts == parts(&self.faces, spacing)
+        self.parts == parts(&longest_edges(&self.faces), spacing)
     }
 
     fn fill(&mut self, body: &Body) {
@@ -189,6 +189,10 @@ impl Samples {
     pub fn out_of_layer(&self, factor: f64) -> f64 {
         Layer::new(1.0, self.thickest, factor).smooth
     }
+}
+
+fn longest_edges(faces: &[Face]) -> Vec<f64> {
+    faces.iter().map(Face::longest_edge).collect()
 }
 
 /// The cell behind each face of the surface, by its ascending corners.

@@ -2,7 +2,6 @@
 //! weights 1/20, 2/15 and 9/20 of a rule exact to the third degree, so that a uniform pressure gives the nodal forces of
 //! the element, linear or quadratic. A face is cut into as many parts as a tool needs that fits between its corners.
 
-use super::face::Face;
 use std::collections::BTreeMap;
 
 const CORNER: f64 = 1.0 / 20.0;
@@ -54,13 +53,8 @@ fn add_part(weights: &mut BTreeMap<[u32; 3], f64>, corners: [[u32; 3]; 3]) {
 }
 
 /// How many parts the edges of each face have, so that places are at most `spacing` apart [m], as far as that can be
-/// afforded.
-pub fn parts(faces: &[Face], spacing: f64) -> Vec<u32> {
-    parts_of_edges(&faces.iter().map(Face::longest_edge).collect::<Vec<_>>(), spacing)
-}
-
-/// Of faces with these longest edges [m].
-fn parts_of_edges(longest: &[f64], mut spacing: f64) -> Vec<u32> {
+/// afforded, by the longest edge of each [m].
+pub fn parts(longest: &[f64], mut spacing: f64) -> Vec<u32> {
     loop {
         let parts: Vec<u32> = longest.iter().map(|edge| parts_of(*edge, spacing)).collect();
         let whole: usize = parts.iter().map(|&n| (n * n) as usize).sum();
@@ -103,15 +97,15 @@ mod tests {
     #[test]
     fn faces_have_the_parts_that_the_spacing_asks_for() {
         let longest = [1.0, 2.0, 40.0];
-        assert_eq!(parts_of_edges(&longest, f64::INFINITY), [1, 1, 1]);
-        assert_eq!(parts_of_edges(&longest, 0.5), [1, 2, 8]);
-        assert_eq!(parts_of_edges(&longest, 0.0), [8, 8, 8]);
+        assert_eq!(parts(&longest, f64::INFINITY), [1, 1, 1]);
+        assert_eq!(parts(&longest, 0.5), [1, 2, 8]);
+        assert_eq!(parts(&longest, 0.0), [8, 8, 8]);
     }
 
     #[test]
     fn a_large_surface_has_no_more_parts_than_can_be_afforded() {
         let whole = |n: usize, spacing: f64| -> usize {
-            parts_of_edges(&vec![1.0; n], spacing).iter().map(|&n| (n * n) as usize).sum()
+            parts(&vec![1.0; n], spacing).iter().map(|&n| (n * n) as usize).sum()
         };
         assert_eq!(whole(1500, 0.0), 1500 * 64);
         assert_eq!(whole(2000, 0.0), 2000 * 16);
