@@ -159,7 +159,7 @@ class Stepper:
         >>> forceps.close("2 cm")
         >>> frame = stepper.frame()
         >>> frame.is_settled, f"{forceps.grip:.1f} N"
-        (True, '71.3 N')
+        (True, '71.1 N')
         """
         made = Forceps(self, jaw, position, rotation, opening=opening, friction=friction)
         self._forceps.append(made)

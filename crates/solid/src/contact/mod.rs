@@ -43,6 +43,10 @@ use tool::ActiveTool;
 /// equilibrium.
 const SHALLOW: f64 = 5e-3;
 
+/// How far apart samples are at most, over half the width of a tool. Closer ones share out less area each, and a tool that
+/// presses hard enters deeper than between those at the nodes.
+const SPACING: f64 = 2.0;
+
 /// The tools that may touch a body, and its surfaces that may touch each other.
 pub struct Contact {
     pairs: Vec<ActivePair>,
@@ -108,7 +112,7 @@ impl Contact {
 
     /// Samples as close together as a shape needs; tools share them where they can.
     fn samples_for(&self, body: &Body, shape: &Shape) -> Arc<Samples> {
-        let spacing = shape.width();
+        let spacing = SPACING * shape.width();
         let mut all = self.tools.iter().flatten().map(|held| &held.samples);
         let known = all.find(|samples| samples.are_those_of(spacing));
         known.cloned().unwrap_or_else(|| Arc::new(Samples::new(body, spacing)))
