@@ -196,17 +196,26 @@ def ticks(touch: vs.Touch, friction: float, n: int = 5_000, runs: int = 5) -> st
     )
 
 
-def main() -> None:
-    """Print the study, or the times."""
-    print(describe(), flush=True)
+def opened() -> vs.Touch:
+    """The model, made if none is kept."""
     path = ROOT / "out" / "probe.viscera"
     path.parent.mkdir(exist_ok=True)
     if not path.exists():
         model().save(path)
-    touch = vs.load(path)
-    print(f"{touch}, patch {1e3 * touch.radius:.1f} mm, contact term of the estimate {vs.probe.CONTACT_ERROR:.0%}")
+    return vs.load(path)
+
+
+def asked(default: int) -> tuple[int, str]:
+    """How many paths, and of which kind, by the words of the command."""
     words = sys.argv[1:]
-    n, kind = int(words[0]) if words else 200, words[1] if words[1:] else "study"
+    return int(words[0]) if words else default, words[1] if words[1:] else "study"
+
+
+def main() -> None:
+    """Print the study, or the times."""
+    print(describe(), flush=True)
+    touch, (n, kind) = opened(), asked(200)
+    print(f"{touch}, patch {1e3 * touch.radius:.1f} mm, contact term of the estimate {vs.probe.CONTACT_ERROR:.0%}")
     for friction in (0.0, 0.3):
         print(ticks(touch, friction), flush=True)
     print(table(kept(touch, n, kind), n))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from time import perf_counter_ns
@@ -22,7 +21,7 @@ os.environ.setdefault("RAYON_NUM_THREADS", "1")
 
 import numpy as np
 from machine import ROOT, describe
-from probe import DRAGS, PRESSES, Route, model, paths
+from probe import DRAGS, PRESSES, Route, asked, opened, paths
 
 import viscera as vs
 from viscera.mesh import Floats
@@ -191,14 +190,8 @@ def ticks(touch: vs.Touch, friction: float, n: int = 3_000, runs: int = 5) -> st
 def main() -> None:
     """Print the study, or the times."""
     print(describe(), flush=True)
-    path = ROOT / "out" / "probe.viscera"
-    path.parent.mkdir(exist_ok=True)
-    if not path.exists():
-        model().save(path)
-    touch = vs.load(path)
+    touch, (n, kind) = opened(), asked(60)
     print(f"{touch}, patch {1e3 * touch.radius:.1f} mm")
-    words = sys.argv[1:]
-    n, kind = int(words[0]) if words else 60, words[1] if words[1:] else "study"
     for friction in (0.0, 0.3):
         print(ticks(touch, friction), flush=True)
     print(table(kept(touch, n, kind), n))

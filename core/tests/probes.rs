@@ -6,7 +6,7 @@ mod counting;
 use block::{SIZE, block};
 use counting::allocations;
 use viscera_core::reduced::{
-    Coupling, Felt, Grip, Probe, ReducedModel, TOLERANCE, Together, Trust,
+    Coupling, Felt, Grip, Probe, ProbeGroup, ReducedModel, TOLERANCE, Trust,
 };
 
 const RADIUS: f64 = 0.012;
@@ -27,7 +27,7 @@ fn centers(apart: f64, entered: [f64; 2]) -> [[f64; 3]; 2] {
 fn pressed(model: &ReducedModel, friction: f64, apart: f64, entered: [f64; 2]) -> [Felt; 2] {
     let mut probes = [probe(model, friction), probe(model, friction)];
     let [one, other] = &mut probes;
-    let mut together = Together::new(model, 2);
+    let mut together = ProbeGroup::new(model, 2);
     let mut felt = [None; 2];
     for n in 0..=20 {
         let part = f64::from(n) / 20.0;
@@ -104,7 +104,7 @@ fn the_order_of_the_probes_does_not_matter() {
     let there = pressed(&model, 0.3, 0.03, entered);
     let mut probes = [probe(&model, 0.3), probe(&model, 0.3)];
     let [one, other] = &mut probes;
-    let mut together = Together::new(&model, 2);
+    let mut together = ProbeGroup::new(&model, 2);
     let mut back = Vec::new();
     for n in 0..=20 {
         let mut here = centers(0.03, entered.map(|depth| f64::from(n) / 20.0 * depth));
@@ -124,13 +124,13 @@ fn one_alone_feels_what_a_probe_feels_and_the_other_loses_only_its_own_touch() {
     let above = centers(0.03, [0.0, 0.0]);
     let mut alone = probe(&model, 0.3);
     let (mut first, mut second) = (probe(&model, 0.3), probe(&model, 0.3));
-    let mut single = Together::new(&model, 1);
+    let mut single = ProbeGroup::new(&model, 1);
     for at in [above[0], places[0]] {
         let mut group = [&mut first];
         assert_eq!(single.place(&model, &mut group, &[at]), [alone.place(&model, at)]);
     }
 
-    let mut both = Together::new(&model, 2);
+    let mut both = ProbeGroup::new(&model, 2);
     let mut group = [&mut first, &mut second];
     both.place(&model, &mut group, &[places[0], above[1]]);
     let felt = both.place(&model, &mut group, &[places[0], [f64::NAN, 0.0, 0.0]]);
@@ -145,7 +145,7 @@ fn ticks_of_a_group_allocate_nothing() {
     let coupling = Some(Coupling { stiffness: 300.0, damping: 1.0 });
     let made = || Probe::new(&model, RADIUS, 0.3, TOLERANCE, coupling).unwrap();
     let (mut one, mut other) = (made(), made());
-    let mut together = Together::new(&model, 2);
+    let mut together = ProbeGroup::new(&model, 2);
     let (count, touching) = allocations(|| {
         let mut touching = 0;
         for n in 0..200 {

@@ -297,7 +297,10 @@ class Probes:
         return sum((felt.displacement for felt in self._felt), np.zeros((len(self._touch.mesh.points), 3)))
 
     def _vectors(self, values: ArrayLike, name: str) -> Floats:
-        given = np.asarray(values, dtype=float)
+        try:
+            given = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise VisceraError(f"{name} are {values!r}; give {len(self.probes)} vectors (x, y, z) [m]") from None
         if given.shape != (len(self.probes), 3):
             raise VisceraError(f"{name} have the shape {given.shape}; give {len(self.probes)} vectors (x, y, z) [m]")
         return np.array([vector(each, f"{name}, number {number}", "m") for number, each in enumerate(given)])

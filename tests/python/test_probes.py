@@ -95,6 +95,8 @@ def test_poses_are_refused_before_they_reach_the_probes(beam: vs.Touch) -> None:
         hands.move([(0, 0, 1), (0, 0, 1)])
     with pytest.raises(VisceraError, match=r"have the shape \(3,\); give 2 vectors"):
         hands.place((0, 0, 1))
+    with pytest.raises(VisceraError, match="the positions of the probes are 'above'; give 2 vectors"):
+        hands.place("above")
     with pytest.raises(VisceraError, match="the positions of the probes, number 1"):
         hands.place([(0, 0, 1), (0, 0, float("nan"))])
     with pytest.raises(VisceraError, match="the time step"):

@@ -7,14 +7,14 @@ use crate::put;
 use crate::status::{self, viscera_status};
 use std::ffi::c_char;
 use std::ops::{Deref, DerefMut};
-use viscera_touch::Together;
+use viscera_touch::ProbeGroup;
 
 /// `viscera_probes`, opaque to C.
 pub struct Probes {
     /// The probes, and with them their model, outlive it by the caller's contract.
     probes: Vec<Handle>,
     model: *const Model,
-    together: Together,
+    together: ProbeGroup,
     /// Where the centres or the devices are to be, in the frame of the model.
     places: Vec<[f64; 3]>,
 }
@@ -94,7 +94,7 @@ unsafe fn together(probes: &[*mut Probe]) -> Result<Probes, (viscera_status, Str
     Ok(Probes {
         probes: probes.iter().map(|&probe| Handle(probe)).collect(),
         model,
-        together: Together::new(unsafe { &(*model).reduced }, probes.len()),
+        together: ProbeGroup::new(unsafe { &(*model).reduced }, probes.len()),
         places: vec![[0.0; 3]; probes.len()],
     })
 }

@@ -7,7 +7,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::MutexGuard;
-use viscera_core::reduced::{self, Coupling, Felt, Grip, ReducedModel, Together, Trust, refused};
+use viscera_core::reduced::{self, Coupling, Felt, Grip, ProbeGroup, ReducedModel, Trust, refused};
 
 /// A sphere, and the model it touches.
 #[pyclass(frozen, module = "viscera._core")]
@@ -60,7 +60,7 @@ impl Probe {
 #[pyclass(frozen, module = "viscera._core")]
 pub struct Probes {
     probes: Vec<Py<Probe>>,
-    together: Exclusive<Together>,
+    together: Exclusive<ProbeGroup>,
 }
 
 #[pymethods]
@@ -68,7 +68,7 @@ impl Probes {
     /// At least one probe, all on one model, none of them twice.
     #[new]
     fn new(probes: Vec<Py<Probe>>) -> Self {
-        let together = Together::new(&probes[0].get().model.get().model, probes.len());
+        let together = ProbeGroup::new(&probes[0].get().model.get().model, probes.len());
         Probes { probes, together: Exclusive::new("group of probes", together) }
     }
 
@@ -95,7 +95,7 @@ impl Probes {
         &self,
         py: Python<'py>,
         step: impl for<'a> Fn(
-            &'a mut Together,
+            &'a mut ProbeGroup,
             &ReducedModel,
             &mut [MutexGuard<'_, reduced::Probe>],
         ) -> &'a [Felt],

@@ -33,7 +33,7 @@ pub use refused::refused;
 pub use settings::{Family, Member, Progress, Reduction};
 pub use viscera_touch::{
     Answer, Answers, Arrays, CONTACT_ERROR, Contact, Coupling, Errors, Felt, Grip, Metadata, Notes,
-    Parameter, Probe, RADII, ReducedModel, TOLERANCE, Together, Trust, View, allowance,
+    Parameter, Probe, ProbeGroup, RADII, ReducedModel, TOLERANCE, Trust, View, allowance,
 };
 
 #[cfg(test)]

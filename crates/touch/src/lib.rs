@@ -27,10 +27,10 @@ mod notes;
 mod places;
 mod press;
 mod probe;
+mod probe_group;
 mod resummation;
 mod supports;
 mod surface;
-mod together;
 mod walk;
 
 pub use arrays::{Answers, Arrays};
@@ -47,5 +47,5 @@ pub use notes::Notes;
 pub use places::Places;
 pub use press::CONTACT_ERROR;
 pub use probe::{Coupling, Probe, RADII, TOLERANCE};
+pub use probe_group::ProbeGroup;
 pub use resummation::{MAX_ORDER, SKETCH, pade_weights};
-pub use together::Together;

@@ -22,7 +22,7 @@ const STILL: f64 = 1e-3;
 
 /// Memory of several probes on one model: what each felt last.
 #[derive(Clone, Debug)]
-pub struct Together {
+pub struct ProbeGroup {
     /// How far the others had moved the surface where each probe met it [m].
     carried: Vec<[f64; 3]>,
     begun: Vec<State>,
@@ -31,10 +31,10 @@ pub struct Together {
     workspace: Vec<f32>,
 }
 
-impl Together {
+impl ProbeGroup {
     /// For so many probes on a model.
     pub fn new(model: &ReducedModel, probes: usize) -> Self {
-        Together {
+        ProbeGroup {
             carried: vec![[0.0; 3]; probes],
             begun: vec![State::default(); probes],
             felt: Vec::with_capacity(probes),
@@ -59,7 +59,7 @@ impl Together {
     /// nothing.
     ///
     /// # Panics
-    /// As [`Together::place`].
+    /// As [`ProbeGroup::place`].
     pub fn follow(
         &mut self,
         model: &ReducedModel,
