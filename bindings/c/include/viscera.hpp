@@ -188,7 +188,7 @@ private:
     std::unique_ptr<viscera_probe, Free> handle;
 };
 
-/// Probes on one model that feel each other, used by one thread at a time. They must outlive it.
+/// A group of probes on one model that feel each other, used by one thread at a time. The probes must outlive the group.
 class Probes {
 public:
     explicit Probes(const std::vector<const Probe *> &probes) : felt(probes.size()), status(probes.size()) {
