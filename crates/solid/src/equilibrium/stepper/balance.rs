@@ -6,9 +6,13 @@ use crate::body::{Body, Curvature};
 /// Relative residual that is reported if the residual is rounding.
 const ROUNDED: f64 = 1e-9;
 
+/// Part of the residual at which a frame is settled that its linear systems may leave.
+const NEGLIGIBLE: f64 = 0.01;
+
 impl Stepper {
-    /// With inertia: the acceleration of the start, where it is not known, and the terms of the frame.
+    /// Tells the solver; with inertia, the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
+        self.solver.begin_frame(NEGLIGIBLE * self.settings.settled * self.magnitude);
         let Some(motion) = &mut self.motion else {
             return;
         };
@@ -111,7 +115,8 @@ impl Stepper {
         }
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
-        self.rounding.relative(square(&self.residual).sqrt(), scale.sqrt(), ROUNDED)
+        self.magnitude = scale.sqrt();
+        self.rounding.relative(square(&self.residual).sqrt(), self.magnitude, ROUNDED)
     }
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.

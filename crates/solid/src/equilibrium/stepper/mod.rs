@@ -75,6 +75,8 @@ pub struct Stepper {
     /// The body with the pattern of the tangent, where that has become wider.
     widened: Option<Arc<Body>>,
     rounding: Rounding,
+    /// Norm of the nodal forces to which the last residual was compared [N].
+    magnitude: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
     /// Keeps the volume ratios of cells within bounds.
@@ -181,6 +183,7 @@ impl Stepper {
             contact: Contact::new(body),
             widened: None,
             rounding: Rounding::of(body),
+            magnitude: 0.0,
             length: diagonal(body.points()),
             barrier,
             motion_fraction: 1.0,

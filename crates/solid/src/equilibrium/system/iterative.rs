@@ -3,6 +3,7 @@
 //! With patches the iteration runs in the space of steps that leave their means alone: residuals are projected,
 //! preconditioned residuals closed by the border. Every solve sets out from where the last steps lead.
 
+mod forcing;
 mod guess;
 mod refinement;
 
@@ -18,7 +19,8 @@ use crate::linear::conjugate_gradients::{
     self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
-use crate::number::dot;
+use crate::number::{dot, norm};
+use forcing::Forcing;
 use guess::Guess;
 
 /// A right-hand side counts as zero if only this part of it remains after the tools have carried their share.
@@ -68,6 +70,8 @@ pub(super) struct Iterative {
     /// What the guess leaves of the residual.
     left: Vec<f64>,
     guess: Guess,
+    /// Of frames.
+    forcing: Option<Forcing>,
 }
 
 impl Iterative {
@@ -114,15 +118,25 @@ impl Iterative {
             correction: vec![0.0; n_dofs],
             left: vec![0.0; n_dofs],
             guess: Guess::new(n_dofs),
+            forcing: None,
         })
     }
 
-    /// Solves follow each other as the frames of a motion: they set out from the last two, and a factor is renewed while the
-    /// last one stays in use.
+    /// Solves follow each other as the frames of a motion: they set out from the last steps, go no farther than Newton's
+    /// method gains from, and a factor is renewed while the last one stays in use.
     pub fn serve_frames(&mut self) {
         self.guess.follow_motion();
+        self.forcing = Some(Forcing::default());
         if let Inverse::Lagged(lagged) = &mut self.inverse {
             lagged.renew_beside();
+        }
+    }
+
+    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter.
+    pub fn begin_frame(&mut self, enough: f64) {
+        self.guess.begin_frame();
+        if let Some(forcing) = &mut self.forcing {
+            forcing.begin_frame(enough);
         }
     }
 
@@ -277,12 +291,16 @@ impl Iterative {
         border: &Border,
         deadline: Option<Instant>,
     ) -> Result<Solved, FactorError> {
-        self.set_out(border);
+        let whole = norm(&self.residual);
+        let tolerance = self.settings.tolerance;
+        let of_frame = self.forcing.as_mut().map(|forcing| forcing.tolerance(tolerance, whole));
+        let tolerance = of_frame.unwrap_or(tolerance);
+        self.set_out(border, tolerance);
         if let Some(solved) = self.iterate_on_device(border, deadline) {
             return Ok(solved);
         }
         let settings = Settings {
-            relative_tolerance: self.settings.tolerance,
+            relative_tolerance: tolerance,
             max_iterations: self.settings.max_iterations,
             deadline,
         };
@@ -305,11 +323,11 @@ impl Iterative {
     }
 
     /// Sets the correction to the guess.
-    fn set_out(&mut self, border: &Border) {
+    fn set_out(&mut self, border: &Border, tolerance: f64) {
         let is_formed = self.is_formed();
         let Iterative { operand, residual, correction, left, guess, remote, .. } = self;
         left.copy_from_slice(residual);
-        guess.start(correction, left, |step, product| {
+        guess.start(correction, left, tolerance, |step, product| {
             let remotely = || remote.multiply(border, operand.given(), step);
             let is_finite = |product: &Vec<f64>| product.iter().all(|k| k.is_finite());
             match is_formed.then(remotely).flatten().filter(is_finite) {

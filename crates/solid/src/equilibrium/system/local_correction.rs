@@ -13,7 +13,10 @@ use faer::{Mat, Side};
 /// Change of a node's own block beyond which it counts as changed, relative to what it was.
 const CHANGED: f64 = 0.05;
 
-/// Most nodes: to invert more takes longer than the iterations that it saves.
+/// Part of all nodes beyond which their change is not local, and the factor is old.
+const LOCAL: f64 = 0.1;
+
+/// Most nodes, those that have changed most: to invert more takes longer than the iterations that it saves.
 const MOST: usize = 64;
 
 /// Entries `[i][k]` of a block.
@@ -56,9 +59,19 @@ impl LocalCorrection {
     pub fn update(&mut self, given: Constrained<'_>, then: &[Block]) -> bool {
         let had_any = self.clear();
         let blocks = (0..).zip(given.diagonal()).zip(then);
-        let changed = blocks.filter(|((_, now), then)| has_changed(now, then));
-        self.nodes.extend(changed.map(|((node, _), _)| node).take(MOST + 1));
-        if self.nodes.len() > MOST || !self.nodes.is_empty() && !self.invert(given) {
+        let changes = blocks.map(|((node, now), then)| (node, change(&now, then)));
+        let mut changed: Vec<(u32, f64)> =
+            changes.filter(|&(_, change)| change > CHANGED).collect();
+        if changed.len() as f64 > LOCAL * then.len() as f64 {
+            return had_any;
+        }
+        if changed.len() > MOST {
+            changed.select_nth_unstable_by(MOST, |(_, a), (_, b)| b.total_cmp(a));
+            changed.truncate(MOST);
+        }
+        self.nodes.extend(changed.iter().map(|&(node, _)| node));
+        self.nodes.sort_unstable();
+        if !self.nodes.is_empty() && !self.invert(given) {
             self.nodes.clear();
         }
         had_any || !self.nodes.is_empty()
@@ -188,10 +201,11 @@ impl<'a> Constrained<'a> {
     }
 }
 
-fn has_changed(now: &Block, then: &Block) -> bool {
+/// How far a block is from what it was, relative to that.
+fn change(now: &Block, then: &Block) -> f64 {
     let change: f64 = now.iter().zip(then).map(|(a, b)| (a - b) * (a - b)).sum();
     let size: f64 = then.iter().map(|b| b * b).sum();
-    change > CHANGED * CHANGED * size
+    (change / size).sqrt()
 }
 
 #[cfg(test)]
@@ -294,16 +308,40 @@ mod tests {
         }
     }
 
+    /// The own blocks before the nodes from one on became stiffer, the last ones most.
+    fn softened(now: Constrained<'_>, from: usize) -> Vec<Block> {
+        let blocks = now.diagonal().enumerate();
+        let soften = |(node, block): (usize, Block)| match node.checked_sub(from) {
+            Some(beyond) => block.map(|k| k / (1.1 + 0.01 * beyond as f64)),
+            None => block,
+        };
+        blocks.map(soften).collect()
+    }
+
     #[test]
-    fn what_is_indefinite_or_too_much_is_left_to_the_old_inverse() {
+    fn of_too_many_nodes_those_that_have_changed_most_count() {
+        let (points, cells) = block([20, 6, 6], [1.0, 0.3, 0.3]);
+        let (n, is_held) = (points.len(), vec![false; 3 * points.len()]);
+        let material = Material::new("neo_hookean", vec![vec![1e4, 4e4]]).unwrap();
+        let body = Body::new(points, cells, material).unwrap();
+        let mut tangent = Tangent::matrix(&body);
+        tangent.linearize(&body, &vec![0.0; 3 * n], Curvature::Exact, &mut vec![0.0; 3 * n]);
+        let now = constrained(tangent.blocks().unwrap(), &is_held);
+        let mut local = LocalCorrection::default();
+        assert!(local.update(now, &softened(now, n - MOST - 10)));
+        assert_eq!(local.nodes, (n as u32 - MOST as u32..n as u32).collect::<Vec<_>>());
+        // Where it is not local, nothing counts, whatever did before.
+        assert!(local.update(now, &softened(now, n / 2)) && local.nodes.is_empty());
+        assert!(!local.update(now, &softened(now, n / 2)));
+    }
+
+    #[test]
+    fn what_is_indefinite_is_left_to_the_old_inverse() {
         let (then, is_held) = bar().unwrap();
         let known: Vec<Block> = constrained(&then, &is_held).diagonal().collect();
         let mut now = then.clone();
         let position = now.pattern().position(30, 30).unwrap();
         now.add(position, &[-1e6, 0.0, 0.0, 0.0, -1e6, 0.0, 0.0, 0.0, -1e6]);
         assert!(!LocalCorrection::default().update(constrained(&now, &is_held), &known));
-        let tiny = vec![[0.0; 9]; MOST + 1];
-        assert!(known.len() > MOST);
-        assert!(!LocalCorrection::default().update(constrained(&then, &is_held), &tiny));
     }
 }

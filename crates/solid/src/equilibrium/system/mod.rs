@@ -179,6 +179,14 @@ impl ConstrainedSystem {
         self
     }
 
+    /// The next system is the first of a frame: conjugate gradients set out from those that came first in the last ones, and
+    /// leave a residual of the norm `enough` [N].
+    pub fn begin_frame(&mut self, enough: f64) {
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            iterative.begin_frame(enough);
+        }
+    }
+
     /// The factorised tangent of a stable state `u`, `fixed` nodes held: for many right-hand sides.
     ///
     /// # Errors

@@ -52,6 +52,11 @@ impl Numbered {
         self.iterative.serve_frames();
     }
 
+    /// See [`Iterative::begin_frame`].
+    pub fn begin_frame(&mut self, enough: f64) {
+        self.iterative.begin_frame(enough);
+    }
+
     /// Holds what is said of all degrees of freedom, until the next call.
     pub fn hold(&mut self, is_held: &[bool]) {
         let mut held = is_held.to_vec();
