@@ -6,7 +6,7 @@ mod counting;
 use block::{SIZE, block};
 use counting::allocations;
 use viscera_core::mesh::samples;
-use viscera_core::reduced::{Coupling, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
+use viscera_core::reduced::{Beside, Coupling, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
 
 const RADIUS: f64 = 0.012;
 const MIDDLE: [f64; 3] = [0.5 * SIZE[0], 0.5 * SIZE[1], SIZE[2] + RADIUS];
@@ -112,8 +112,8 @@ fn it_is_not_trusted_where_the_organ_is_fixed() {
         let center = above(0.018 * way, 0.013 * way, 0.002);
         let felt = probe.place(&model, center);
         let away: [f64; 3] = std::array::from_fn(|i| center[i] - SIZE[i]);
-        assert_eq!(felt.is_at_support, size(away) < RADIUS);
-        if felt.is_at_support {
+        assert_eq!(felt.beside == Beside::Support, size(away) < RADIUS);
+        if felt.beside == Beside::Support {
             at_support += 1;
             assert_eq!((felt.trust, felt.error_estimate), (Trust::ErrorTooLarge, 1.0));
             assert_eq!((felt.shape_trust, felt.shape_error_estimate), (Trust::ErrorTooLarge, 1.0));

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import permutations
 from types import ModuleType
 
 import numpy as np
@@ -92,6 +93,41 @@ def test_a_probe_that_touches_the_clamp_is_not_trusted() -> None:
         felt = probe.place(above(touch, x, 0.2 * touch.radius))
         assert felt.is_touching
         assert (felt.reason, felt.shape_reason) == (reason, reason)
+
+
+def slotted() -> vs.Mesh:
+    """A block of 90 x 30 x 30 mm, with a slot 10 mm wide and 20 mm deep across its middle, in cubes of 5 mm."""
+    counts, side = (18, 6, 6), 0.005
+    solid = [(i, j, k) for i, j, k in np.ndindex(*counts) if not (8 <= i < 10 and k >= 2)]
+    corner = np.array(solid)
+    paths = [np.cumsum([(0, 0, 0), *np.eye(3, dtype=int)[list(order)]], axis=0) for order in permutations(range(3))]
+    nodes = np.concatenate([corner[:, None] + path for path in paths]).reshape(-1, 3)
+    points, cells = np.unique(nodes, axis=0, return_inverse=True)
+    return vs.mesh(side * points, _upright(side * points, cells.reshape(-1, 4)))
+
+
+def _upright(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Cells with a positive volume."""
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    is_inverted = np.linalg.det(edges) < 0
+    cells[is_inverted] = cells[is_inverted][:, [0, 1, 3, 2]]
+    return cells
+
+
+def test_a_probe_that_touches_both_sides_of_a_slot_is_not_trusted() -> None:
+    organ = vs.Organ(slotted(), vs.NeoHookean(young=1e4, poisson=0.3), fixed="z < 1%")
+    touch = organ.reduce("z > 99%", depth="3 mm", radius="8 mm", order=2)
+    probe = touch.probe()
+    for x, reason in ((0.0305, ""), (0.044, "the probe touches the organ at a second place")):
+        probe.lift()
+        probe.place((x, 0.015, 0.035 + probe.radius))
+        free = probe.place((x, 0.015, 0.0301 + probe.radius))
+        assert free.grip == "free"
+        assert free.is_trusted
+        felt = probe.place((x, 0.015, 0.0275 + probe.radius))
+        assert felt.is_touching
+        assert felt.reason == reason
+        assert not reason or felt.shape_reason == reason
 
 
 def test_a_probe_that_starts_inside_says_so(beam: vs.Touch) -> None:

@@ -7,7 +7,9 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::MutexGuard;
-use viscera_core::reduced::{self, Coupling, Felt, Grip, ProbeGroup, ReducedModel, Trust, refused};
+use viscera_core::reduced::{
+    self, Beside, Coupling, Felt, Grip, ProbeGroup, ReducedModel, Trust, refused,
+};
 
 /// A sphere, and the model it touches.
 #[pyclass(frozen, module = "viscera._core")]
@@ -122,7 +124,12 @@ fn told<'py>(py: Python<'py>, model: &Model, felt: &Felt) -> PyResult<Bound<'py,
                 -1e3 * felt.gap
             )
         }
-        _ if felt.is_at_support => "the probe touches where the organ is fixed".to_string(),
+        _ if felt.beside == Beside::Support => {
+            "the probe touches where the organ is fixed".to_string()
+        }
+        _ if felt.beside == Beside::SecondPlace => {
+            "the probe touches the organ at a second place".to_string()
+        }
         _ => reason(trust, kind, error, &model.model, d),
     };
     let told = PyDict::new(py);

@@ -92,6 +92,8 @@ struct Node {
     start: u32,
     end: u32,
     right: u32, // 0 for a leaf
+    /// The first node after all that it holds.
+    next: u32,
 }
 
 /// A balanced tree of boxes over triangles, split at the median centroid of the longest side.
@@ -131,19 +133,19 @@ impl TriangleTree {
             spread.include(centroids[t as usize]);
         }
         let here = self.nodes.len();
-        self.nodes.push(Node { bounds, start: start as u32, end: end as u32, right: 0 });
-        if end - start <= LEAF_SIZE {
-            return;
+        self.nodes.push(Node { bounds, start: start as u32, end: end as u32, right: 0, next: 0 });
+        if end - start > LEAF_SIZE {
+            let side = sub(spread.high, spread.low);
+            let axis = (0..3).max_by(|&i, &j| side[i].total_cmp(&side[j])).unwrap_or(0);
+            let middle = (end - start) / 2;
+            self.order[start..end].select_nth_unstable_by(middle, |&i, &j| {
+                centroids[i as usize][axis].total_cmp(&centroids[j as usize][axis]).then(i.cmp(&j))
+            });
+            self.split(points, triangles, centroids, start, start + middle);
+            self.nodes[here].right = self.nodes.len() as u32;
+            self.split(points, triangles, centroids, start + middle, end);
         }
-        let side = sub(spread.high, spread.low);
-        let axis = (0..3).max_by(|&i, &j| side[i].total_cmp(&side[j])).unwrap_or(0);
-        let middle = (end - start) / 2;
-        self.order[start..end].select_nth_unstable_by(middle, |&i, &j| {
-            centroids[i as usize][axis].total_cmp(&centroids[j as usize][axis]).then(i.cmp(&j))
-        });
-        self.split(points, triangles, centroids, start, start + middle);
-        self.nodes[here].right = self.nodes.len() as u32;
-        self.split(points, triangles, centroids, start + middle, end);
+        self.nodes[here].next = self.nodes.len() as u32;
     }
 
     /// The closest point, without allocating; `None` when there is no triangle or the query is not finite.
@@ -198,6 +200,40 @@ impl TriangleTree {
             }
         }
         best
+    }
+
+    /// Visits all triangles nearer to a point than `reach`, each with its closest point, without allocating; none if the
+    /// query is not finite.
+    pub fn visit_within(
+        &self,
+        points: &[Vector],
+        triangles: &[[u32; 3]],
+        p: Vector,
+        reach: f64,
+        mut visit: impl FnMut(Closest),
+    ) {
+        let mut here = 0;
+        // Nodes come in the order of a walk from left to right: one out of reach is skipped with what it holds.
+        while here < self.nodes.len() {
+            let node = &self.nodes[here];
+            if !(node.bounds.squared_distance(p) < reach * reach) {
+                here = node.next as usize;
+                continue;
+            }
+            here += 1;
+            if node.right != 0 {
+                continue;
+            }
+            for &t in &self.order[node.start as usize..node.end as usize] {
+                let x = triangles[t as usize].map(|i| points[i as usize]);
+                let barycentric = closest_point_on_triangle(p, x[0], x[1], x[2]);
+                let point = interpolate(x, barycentric);
+                let squared = dot(sub(p, point), sub(p, point));
+                if squared < reach * reach {
+                    visit(Closest { triangle: t, barycentric, point, distance: squared.sqrt() });
+                }
+            }
+        }
     }
 }
 
@@ -307,10 +343,38 @@ mod tests {
     }
 
     #[test]
+    fn all_triangles_within_a_reach_are_visited_once() {
+        let (points, cells) = block([5, 4, 3], [1.0, 0.8, 0.6]);
+        let triangles = surface(&points, &cells);
+        let tree = TriangleTree::new(&points, &triangles);
+        let mut random = numbers();
+        for reach in [0.0, 0.1, 0.4, 5.0] {
+            let p: Vector = std::array::from_fn(|_| 1.2 * random.next().unwrap());
+            let distance = |triangle: &[u32; 3]| {
+                let x = triangle.map(|i| points[i as usize]);
+                norm(sub(p, interpolate(x, closest_point_on_triangle(p, x[0], x[1], x[2]))))
+            };
+            let within = (0..).zip(&triangles).filter(|(_, t)| distance(t) < reach);
+            let expected: Vec<u32> = within.map(|(t, _)| t).collect();
+            let mut visited = Vec::new();
+            tree.visit_within(&points, &triangles, p, reach, |closest| {
+                assert_eq!(closest.distance, distance(&triangles[closest.triangle as usize]));
+                visited.push(closest.triangle);
+            });
+            visited.sort_unstable();
+            assert_eq!(visited, expected);
+        }
+    }
+
+    #[test]
     fn a_query_that_is_not_finite_finds_nothing() {
         let (points, cells) = block([1, 1, 1], [1.0; 3]);
         let tree = Surface::new(&points, &surface(&points, &cells));
         assert_eq!(tree.closest([f64::NAN, 0.0, 0.0]), None);
+        let triangles = surface(&points, &cells);
+        let none = |_| panic!("nothing is near");
+        let tree = TriangleTree::new(&points, &triangles);
+        tree.visit_within(&points, &triangles, [f64::NAN, 0.0, 0.0], 1.0, none);
         assert_eq!(Surface::new(&points, &[]).closest([0.0; 3]), None);
     }
 }

@@ -18,6 +18,17 @@ pub enum Grip {
     Lost,
 }
 
+/// What a sphere touches beside the place that a model answers for. With it, neither force nor field is trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beside {
+    /// Nothing.
+    Nothing,
+    /// Where the organ is fixed.
+    Support,
+    /// The organ at a second place.
+    SecondPlace,
+}
+
 /// What a probe feels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Felt {
@@ -43,20 +54,23 @@ pub struct Felt {
     pub shape_error_estimate: f64,
     /// Whether the field is trusted.
     pub shape_trust: Trust,
-    /// Whether the sphere has come to where the organ is fixed: neither is trusted there.
-    pub is_at_support: bool,
+    /// What else the sphere touches.
+    pub beside: Beside,
 }
 
 impl Felt {
-    /// The same where the sphere contains a fixed node of the surface.
-    pub(super) fn at_support(self) -> Self {
+    /// The same where the sphere touches something else as well.
+    pub(super) fn with(self, beside: Beside) -> Self {
+        if beside == Beside::Nothing {
+            return self;
+        }
         let (error, trust) = (1.0, Trust::ErrorTooLarge);
         Felt {
             error_estimate: error,
             trust,
             shape_error_estimate: error,
             shape_trust: trust,
-            is_at_support: true,
+            beside,
             ..self
         }
     }
@@ -78,7 +92,7 @@ impl Felt {
             trust,
             shape_error_estimate: error,
             shape_trust: trust,
-            is_at_support: false,
+            beside: Beside::Nothing,
         }
     }
 }

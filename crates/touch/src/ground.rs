@@ -1,13 +1,13 @@
 //! What a walk on the touchable surface looks up: the triangles around each position, normals, and where it ends.
 
+use super::around::Around;
 use viscera_mesh::{cross, norm, sub};
 
 /// What a walk looks up, made once for a model.
 #[derive(Clone, Debug)]
 pub(super) struct Ground {
-    /// Where the triangles around each position start in `around`, and where the last ones end.
-    start: Vec<u32>,
-    around: Vec<u32>,
+    /// The touchable triangles around each position.
+    pub(super) around: Around,
     /// Mean outward normal at each position, weighted by area.
     pub(super) normals: Vec<[f64; 3]>,
     /// Whether the touchable surface ends at the edge from corner k of a triangle to the next.
@@ -16,16 +16,10 @@ pub(super) struct Ground {
 
 impl Ground {
     pub(super) fn new(positions: &[[f64; 3]], triangles: &[[u32; 3]], edges: &[u32]) -> Self {
-        let mut start = vec![0u32; positions.len() + 1];
-        triangles.iter().flatten().for_each(|&p| start[p as usize + 1] += 1);
-        (0..positions.len()).for_each(|p| start[p + 1] += start[p]);
-        let (mut next, mut around) = (start.clone(), vec![0u32; 3 * triangles.len()]);
         let mut normals = vec![[0.0; 3]; positions.len()];
-        for (t, corners) in triangles.iter().enumerate() {
+        for corners in triangles {
             let normal = normal_of(corners.map(|p| positions[p as usize]));
             for p in corners.map(|p| p as usize) {
-                around[next[p] as usize] = t as u32;
-                next[p] += 1;
                 normals[p] = std::array::from_fn(|i| normals[p][i] + normal[i]);
             }
         }
@@ -36,13 +30,8 @@ impl Ground {
         let ends = |edge: &u32| sides[*edge as usize] == 1;
         let is_border =
             edges.chunks_exact(3).map(|e| [ends(&e[0]), ends(&e[1]), ends(&e[2])]).collect();
-        Ground { start, around, normals: normals.into_iter().map(unit).collect(), is_border }
-    }
-
-    /// The triangles around a position.
-    pub(super) fn around(&self, position: u32) -> &[u32] {
-        let p = position as usize;
-        &self.around[self.start[p] as usize..self.start[p + 1] as usize]
+        let around = Around::new(positions.len(), triangles);
+        Ground { around, normals: normals.into_iter().map(unit).collect(), is_border }
     }
 }
 

@@ -4,6 +4,7 @@
 //! touched. It takes memory that the caller owns and a fixed number of operations: no allocation, no lock, no system
 //! call, no panic. Nothing here depends on finite elements; `viscera_core::reduced` makes the models.
 
+mod around;
 mod arrays;
 mod check;
 mod checksum;
@@ -29,6 +30,7 @@ mod press;
 mod probe;
 mod probe_group;
 mod resummation;
+mod skin;
 mod supports;
 mod surface;
 mod walk;
@@ -38,7 +40,7 @@ pub use contact::Contact;
 pub use departure::{DIRECTIONS, directions};
 pub use error::Error;
 pub use evaluate::{Answer, Trust, allowance};
-pub use felt::{Felt, Grip};
+pub use felt::{Beside, Felt, Grip};
 pub use file::{View, to_bytes};
 pub use forms::{Cubic, N_CUBIC, cubic_index};
 pub use metadata::{Errors, FORMAT_VERSION, Metadata, Parameter};

@@ -5,6 +5,7 @@ use super::check::{check, offsets};
 use super::departure::{DIRECTIONS, directions};
 use super::ground::Ground;
 use super::metadata::Metadata;
+use super::skin::Skin;
 use super::supports::Supports;
 use crate::{Error, Notes};
 use viscera_mesh::TriangleTree;
@@ -31,6 +32,7 @@ pub struct ReducedModel {
     pub(super) interior_nodes: Vec<u32>,
     pub(super) supports: Supports,
     pub(super) ground: Ground,
+    pub(super) skin: Skin,
     /// In which departure is known.
     pub(super) directions: [[f64; 3]; DIRECTIONS],
 }
@@ -67,6 +69,9 @@ impl ReducedModel {
         let fixed = arrays.fixed.iter().filter(is_outside).map(position);
         let supports = Supports::new(fixed.collect());
         let ground = Ground::new(&positions, &triangles, &arrays.triangle_edges);
+        let (points, _) = arrays.points.as_chunks::<3>();
+        let (surface, _) = arrays.surface.as_chunks::<3>();
+        let skin = Skin::new(points, surface.to_vec());
         Ok(ReducedModel {
             exponents: Monomials::of(3, metadata.order).exponents()[1..].to_vec(),
             edge_terms: counts.edge_terms,
@@ -80,6 +85,7 @@ impl ReducedModel {
             interior_nodes,
             supports,
             ground,
+            skin,
             directions: directions(),
             metadata,
             arrays,

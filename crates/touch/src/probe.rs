@@ -12,9 +12,10 @@
 use super::contact::Contact;
 use super::error::Error;
 use super::evaluate::Trust;
-use super::felt::{Felt, Grip};
+use super::felt::{Beside, Felt, Grip};
 use super::model::ReducedModel;
 use super::press::{CONTACT_ERROR, Press};
+use super::skin::{Marks, Touching};
 use viscera_mesh::{cross, dot, norm, sub};
 
 /// Radii of a probe, in units of the radius of the patch.
@@ -63,6 +64,8 @@ pub struct Probe {
     pub(super) carried: [f64; 3],
     /// Where the next search for the balance begins, if not where the probe is.
     pub(super) balanced: Option<[f64; 3]>,
+    /// For the search for a second place that it touches.
+    marks: Marks,
 }
 
 /// Where a probe is and what it remembers from tick to tick.
@@ -126,6 +129,7 @@ impl Probe {
             state: State::default(),
             carried: [0.0; 3],
             balanced: None,
+            marks: model.skin.marks(),
         };
         probe.tolerate(tolerance)?;
         probe.couple(coupling)?;
@@ -245,11 +249,29 @@ impl Probe {
             anchor: tried.anchor,
             is_inside: tried.felt.grip == Grip::Inside,
         };
-        let is_touching = tried.anchor.is_some() && !self.is_beyond(model, -tried.felt.gap);
-        // A support does not give way, and the patch knows nothing of it.
-        match is_touching && model.supports.any_within(center, self.radius) {
-            true => tried.felt.at_support(),
-            false => tried.felt,
+        let is_touching = !self.is_beyond(model, -tried.felt.gap);
+        match tried.anchor.filter(|_| is_touching) {
+            Some(anchor) => tried.felt.with(self.beside(model, center, anchor.triangle)),
+            None => tried.felt,
+        }
+    }
+
+    /// What else the sphere touches than the surface around a triangle: a support does not give way, and the patch knows
+    /// nothing of it; nor does it know of a second place.
+    fn beside(&mut self, model: &ReducedModel, center: [f64; 3], triangle: usize) -> Beside {
+        if model.supports.any_within(center, self.radius) {
+            return Beside::Support;
+        }
+        let corners = model.triangles[triangle];
+        let sphere = Touching {
+            center: sub(center, self.carried),
+            radius: self.radius,
+            triangle: corners.map(|p| model.arrays.positions[p as usize]),
+        };
+        let (points, _) = model.arrays.points.as_chunks::<3>();
+        match model.skin.is_touched_twice(points, &sphere, &mut self.marks) {
+            true => Beside::SecondPlace,
+            false => Beside::Nothing,
         }
     }
 
@@ -320,7 +342,7 @@ impl Probe {
             trust,
             shape_error_estimate,
             shape_trust,
-            is_at_support: false,
+            beside: Beside::Nothing,
         };
         let anchor = Some(Anchor { point: contact.point, triangle: foot.triangle });
         Some(Tried {

@@ -16,7 +16,7 @@ impl ReducedModel {
         for _ in 0..STEPS {
             let here = best.triangle;
             for corner in self.triangles[here] {
-                for &triangle in self.ground.around(corner) {
+                for &triangle in self.ground.around.of(corner) {
                     let other = self.on_triangle(triangle as usize, to);
                     if other.distance < best.distance {
                         best = other;

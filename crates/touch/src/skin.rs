@@ -1,0 +1,175 @@
+//! The whole surface of the organ, beside what may be touched of it: whether a sphere touches it at a second place.
+
+use super::around::Around;
+use super::ground::normal_of;
+use viscera_mesh::{TriangleTree, dot, sub};
+
+/// The triangles of the surface, by node.
+#[derive(Clone, Debug)]
+pub(super) struct Skin {
+    triangles: Vec<[u32; 3]>,
+    around: Around,
+    tree: TriangleTree,
+}
+
+/// Marks on the triangles of a skin, so that a search allocates nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Marks {
+    /// Of each triangle, when it was last found in a sphere, or reached from the first place in it.
+    last: Vec<u32>,
+    now: u32,
+    found: Vec<u32>,
+    pending: Vec<u32>,
+}
+
+/// A sphere, where it touches the surface, and a triangle there by its nodes.
+pub(super) struct Touching {
+    pub center: [f64; 3],
+    pub radius: f64,
+    pub triangle: [u32; 3],
+}
+
+impl Skin {
+    pub fn new(points: &[[f64; 3]], triangles: Vec<[u32; 3]>) -> Self {
+        let around = Around::new(points.len(), &triangles);
+        let tree = TriangleTree::new(points, &triangles);
+        Skin { triangles, around, tree }
+    }
+
+    /// Marks for a search.
+    pub fn marks(&self) -> Marks {
+        let n = self.triangles.len();
+        let list = || Vec::with_capacity(n);
+        Marks { last: vec![0; n], now: 0, found: list(), pending: list() }
+    }
+
+    /// Whether there is surface in the sphere that no way within the sphere leads to along the surface, and that faces its
+    /// centre: behind a thin lobe the other side does not.
+    pub fn is_touched_twice(
+        &self,
+        points: &[[f64; 3]],
+        sphere: &Touching,
+        marks: &mut Marks,
+    ) -> bool {
+        let [found, reached] = marks.begin();
+        let Marks { last, found: faces, pending, .. } = marks;
+        self.tree.visit_within(points, &self.triangles, sphere.center, sphere.radius, |closest| {
+            last[closest.triangle as usize] = found;
+            let corners = self.triangles[closest.triangle as usize];
+            let normal = normal_of(corners.map(|node| points[node as usize]));
+            if dot(normal, sub(sphere.center, closest.point)) > 0.0 {
+                faces.push(closest.triangle);
+            }
+        });
+        let mut reach = |corners: [u32; 3], pending: &mut Vec<u32>| {
+            for &triangle in corners.iter().flat_map(|&node| self.around.of(node)) {
+                if last[triangle as usize] == found {
+                    last[triangle as usize] = reached;
+                    pending.push(triangle);
+                }
+            }
+        };
+        reach(sphere.triangle, pending);
+        while let Some(triangle) = pending.pop() {
+            reach(self.triangles[triangle as usize], pending);
+        }
+        faces.iter().any(|&triangle| last[triangle as usize] == found)
+    }
+}
+
+impl Marks {
+    /// The marks of a new search.
+    fn begin(&mut self) -> [u32; 2] {
+        if self.now > u32::MAX - 2 {
+            self.last.fill(0);
+            self.now = 0;
+        }
+        self.now += 2;
+        self.found.clear();
+        self.pending.clear();
+        [self.now - 1, self.now]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RADIUS: f64 = 0.02;
+
+    /// Squares of `n` by `n` cells of a millimetre, each spanned from a corner by two directions; their nodes are not shared.
+    fn squares(of: &[[[f64; 3]; 3]], n: usize) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let (mut points, mut triangles) = (Vec::new(), Vec::new());
+        for [corner, along, across] in of {
+            let first = points.len();
+            let side = n + 1;
+            for (i, k) in (0..side * side).map(|p| (p / side, p % side)) {
+                let (a, b) = (1e-3 * i as f64, 1e-3 * k as f64);
+                points.push(std::array::from_fn(|x| corner[x] + a * along[x] + b * across[x]));
+            }
+            for (i, k) in (0..n * n).map(|cell| (cell / n, cell % n)) {
+                let at = |i: usize, k: usize| (first + i * side + k) as u32;
+                triangles.push([at(i, k), at(i + 1, k), at(i + 1, k + 1)]);
+                triangles.push([at(i, k), at(i + 1, k + 1), at(i, k + 1)]);
+            }
+        }
+        (points, triangles)
+    }
+
+    /// A floor below z = 0, and beside it what else there is.
+    fn touched_twice(others: &[[[f64; 3]; 3]], height: f64) -> bool {
+        let floor = [[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let mut all = vec![floor];
+        all.extend(others);
+        let (points, triangles) = squares(&all, 60);
+        let center = [0.0, 0.0, height];
+        let tree = TriangleTree::new(&points, &triangles);
+        let closest = tree.closest(&points, &triangles, center).unwrap();
+        let triangle = triangles[closest.triangle as usize];
+        let skin = Skin::new(&points, triangles);
+        let mut marks = skin.marks();
+        let sphere = Touching { center, radius: RADIUS, triangle };
+        let found = skin.is_touched_twice(&points, &sphere, &mut marks);
+        marks.now = u32::MAX - 1;
+        assert_eq!(skin.is_touched_twice(&points, &sphere, &mut marks), found, "marks begin anew");
+        found
+    }
+
+    #[test]
+    fn a_wall_beside_the_floor_is_a_second_place() {
+        // It faces the sphere, and stands free on the floor.
+        let wall = |x: f64| [[x, -0.03, 0.002], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        assert!(!touched_twice(&[], 0.015), "the floor alone");
+        assert!(touched_twice(&[wall(-0.018)], 0.018));
+        assert!(!touched_twice(&[wall(-0.021)], 0.018), "out of reach");
+    }
+
+    #[test]
+    fn the_back_of_what_is_touched_is_none() {
+        let below = [[-0.03, -0.03, -0.002], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+        assert!(!touched_twice(&[below], 0.012));
+        let above = [[-0.03, -0.03, 0.032], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+        assert!(touched_twice(&[above], 0.015), "a ceiling faces it");
+    }
+
+    /// A step of the floor, of one piece with it: a way within the sphere leads up only where it reaches into the corner.
+    #[test]
+    fn what_the_sphere_reaches_on_a_way_within_it_is_the_same_place() {
+        let (mut points, triangles) =
+            squares(&[[[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], 60);
+        // What lies beyond x = 5 mm is turned up.
+        for point in points.iter_mut().filter(|point| point[0] > 0.005) {
+            (point[0], point[2]) = (0.005, point[0] - 0.005);
+        }
+        let skin = Skin::new(&points, triangles.clone());
+        let twice = |center: [f64; 3]| {
+            let closest = skin.tree.closest(&points, &triangles, center).unwrap();
+            let triangle = triangles[closest.triangle as usize];
+            let sphere = Touching { center, radius: RADIUS, triangle };
+            skin.is_touched_twice(&points, &sphere, &mut skin.marks())
+        };
+        assert!(!twice([-0.015, 0.0, 0.018]), "the floor alone");
+        assert!(twice([-0.013, 0.0, 0.018]), "floor and wall, and not the corner between them");
+        assert!(!twice([-0.005, 0.0, 0.012]), "the corner, too");
+    }
+}
