@@ -338,6 +338,7 @@ class Stepper:
         solver: Solver,
         iterations: int,  # Newton iterations a frame at most
         settled: float,  # residual at which a frame ends, and counts as settled
+        extrapolate: bool,  # frames set out from where the last motion leads
         budget: float | None,  # wall time of a frame [s]
         density: Floats,  # (0,), (1,) or (m,) [kg/m^3]
         time_step: float | None,  # [s]

@@ -84,6 +84,7 @@ class Organ(Statics, Reducible):
         solver: Solver = "cholesky",
         iterations: int = 1,
         settled: float = 1e-3,
+        extrapolate: bool = True,
         budget: float | None = None,
         density: Density | None = None,
         time_step: float | None = None,
@@ -99,6 +100,8 @@ class Organ(Statics, Reducible):
         solver: "cholesky", "cg" (conjugate gradients with a lagged factor), "multigrid", "gpu" or a
             `ConjugateGradients`.
         iterations: largest number of Newton iterations in a frame. A frame ends earlier at a residual of `settled`.
+        extrapolate: whether a frame sets out from where the motion of the last one leads, as far as the hands repeat
+            theirs, instead of from the last state; with dynamics it never does.
         budget: wall time [s] after which conjugate gradients stop and no further iteration begins.
         density [kg/m^3], one number or one per cell: needed for gravity and inertia.
         time_step [s] between frames: needed for inertia and relaxation.
@@ -117,6 +120,7 @@ class Organ(Statics, Reducible):
             solver=solver,
             iterations=iterations,
             settled=settled,
+            extrapolate=extrapolate,
             budget=budget,
             density=density,
             time_step=time_step,

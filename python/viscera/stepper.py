@@ -327,6 +327,7 @@ def settings_of(
     solver: Solver,
     iterations: int,
     settled: float,
+    extrapolate: bool,
     budget: float | None,
     density: Density | None,
     time_step: float | None,
@@ -338,6 +339,8 @@ def settings_of(
     """A stepper's settings as the core takes them; raises `VisceraError` if one is wrong or missing."""
     iterations = Whole(1, 1_000)(iterations, "iterations")
     settled = Number(above=0, below=1)(settled, "settled, a relative residual,")
+    if not isinstance(extrapolate, bool):
+        raise refused("extrapolate", "True or False", extrapolate)
     if time_step is not None:
         Number("s", above=0)(time_step, "time_step")
     if budget is not None:
@@ -364,6 +367,7 @@ def settings_of(
         "solver": core_solver(solver),
         "iterations": iterations,
         "settled": settled,
+        "extrapolate": extrapolate,
         "budget": budget,
         "density": np.empty(0) if density is None else density_per_cell(mesh, density),
         "time_step": time_step,

@@ -24,7 +24,7 @@ pub struct Stepper {
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (body, *, start, solver, iterations, settled, budget, density, time_step, dynamics, relaxation))]
+    #[pyo3(signature = (body, *, start, solver, iterations, settled, extrapolate, budget, density, time_step, dynamics, relaxation))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         body: Py<Body>,
@@ -32,6 +32,7 @@ impl Stepper {
         solver: Solver,
         iterations: usize,
         settled: f64,
+        extrapolate: bool,
         budget: Option<f64>,
         density: PyReadonlyArray1<f64>,
         time_step: Option<f64>,
@@ -44,6 +45,7 @@ impl Stepper {
             method: solver.method()?,
             iterations,
             settled,
+            extrapolates: extrapolate,
             budget,
             time_step,
             density: density.as_array().to_vec(),

@@ -47,6 +47,9 @@ const SHALLOW: f64 = 5e-3;
 /// presses hard enters deeper than between those at the nodes.
 const SPACING: f64 = 2.0;
 
+/// Arm at which a turn of a tool counts as a motion, over the diagonal of the body.
+const LEVER: f64 = 0.1;
+
 /// The tools that may touch a body, and its surfaces that may touch each other.
 pub struct Contact {
     pairs: Vec<ActivePair>,
@@ -145,6 +148,16 @@ impl Contact {
             _ => return Err(Error::input(format!("there is no tool {number}; add it first"))),
         }
         Ok(())
+    }
+
+    /// Where the tools are to be, and where points of theirs that lie a tenth of the body's diagonal from their origins [m].
+    pub fn places(&self) -> impl Iterator<Item = f64> + '_ {
+        let lever = LEVER * self.diagonal;
+        self.tools.iter().flatten().flat_map(move |held| {
+            let Pose { rotation, position } = held.pose;
+            let turned = rotation.into_iter().flatten().map(move |entry| lever * entry);
+            position.into_iter().chain(turned)
+        })
     }
 
     /// Moves every tool to the part `load` of its motion.

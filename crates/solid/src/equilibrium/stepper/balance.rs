@@ -12,7 +12,8 @@ const NEGLIGIBLE: f64 = 0.01;
 impl Stepper {
     /// Tells the solver; with inertia, the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
-        self.solver.begin_frame(NEGLIGIBLE * self.settings.settled * self.magnitude);
+        let enough = NEGLIGIBLE * self.settings.settled * self.magnitude;
+        self.solver.begin_frame(enough, self.unbalanced);
         let Some(motion) = &mut self.motion else {
             return;
         };
@@ -116,7 +117,8 @@ impl Stepper {
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
         self.magnitude = scale.sqrt();
-        self.rounding.relative(square(&self.residual).sqrt(), self.magnitude, ROUNDED)
+        self.unbalanced = square(&self.residual).sqrt();
+        self.rounding.relative(self.unbalanced, self.magnitude, ROUNDED)
     }
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.

@@ -21,6 +21,7 @@ impl Stepper {
     /// # Errors
     /// Values out of range; a tool that starts inside the body.
     pub fn add_tool(&mut self, body: &Body, tool: Tool) -> Result<usize, Error> {
+        self.extrapolation.forget();
         self.contact.add(body, tool, &self.displacement)
     }
 
@@ -34,6 +35,7 @@ impl Stepper {
 
     /// Removes a tool with the next frame.
     pub fn remove_tool(&mut self, tool: usize) {
+        self.extrapolation.forget();
         self.contact.remove(tool);
     }
 

@@ -9,6 +9,7 @@
 mod balance;
 mod barrier;
 mod contact;
+mod extrapolation;
 mod frame;
 mod mass;
 mod motion;
@@ -37,6 +38,7 @@ use crate::element::Element;
 use crate::error::Error;
 use crate::mesh::{Patch, diagonal};
 use barrier::VolumeBarrier;
+use extrapolation::Extrapolation;
 use frame::check_vector;
 use mass::{MassMatrix, nodal_weight};
 use motion::Motion;
@@ -75,7 +77,8 @@ pub struct Stepper {
     /// The body with the pattern of the tangent, where that has become wider.
     widened: Option<Arc<Body>>,
     rounding: Rounding,
-    /// Norm of the nodal forces to which the last residual was compared [N].
+    /// Norm of the last residual, and of the nodal forces to which it was compared [N].
+    unbalanced: f64,
     magnitude: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -86,6 +89,9 @@ pub struct Stepper {
     hands_move: bool,
     /// Whether the last frame settled: tools may then lead what they touch.
     was_settled: bool,
+    extrapolation: Extrapolation,
+    /// Whether the first iteration of this frame takes tools to lead what they touch.
+    leads: bool,
     /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
     /// Time of the last convex tangent.
@@ -183,12 +189,15 @@ impl Stepper {
             contact: Contact::new(body),
             widened: None,
             rounding: Rounding::of(body),
+            unbalanced: 0.0,
             magnitude: 0.0,
             length: diagonal(body.points()),
             barrier,
             motion_fraction: 1.0,
             hands_move: false,
             was_settled: true,
+            extrapolation: Extrapolation::default(),
+            leads: true,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
             projects_next: false,
@@ -230,6 +239,7 @@ impl Stepper {
         self.grasped = dofs.to_vec();
         self.patches = patches.to_vec();
         self.turning.clear();
+        self.extrapolation.forget();
         self.solver.hold(dofs, mean_rows(patches));
         self.motion_fraction = 1.0;
         Ok(())
@@ -306,15 +316,20 @@ impl Stepper {
         self.start.copy_from_slice(&self.displacement);
         self.contact.begin(&self.displacement);
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
+        let hands = self.places_of_hands(input);
+        let is_ahead = self.extrapolate(body, &hands);
+        self.leads = self.was_settled && !is_ahead;
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {
             Ok(progress) => progress,
             Err(error) => {
                 self.displacement.copy_from_slice(&self.start);
                 self.barrier.begin(body, &self.displacement);
+                self.extrapolation.forget();
                 return Err(error);
             }
         };
+        self.keep_motion(hands, progress.is_whole());
         self.end(body);
         let is_entered = self.contact.find_entry(body, &self.displacement).is_some();
         self.tail = progress.solved_at.elapsed().max(self.tail.mul_f64(TAIL_KEPT));

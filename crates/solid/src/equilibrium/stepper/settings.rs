@@ -14,6 +14,9 @@ pub struct StepperSettings {
     pub iterations: usize,
     /// Residual at which a frame counts as settled, and needs no further iteration.
     pub settled: f64,
+    /// Whether a frame sets out from where the motion of the last one leads, as far as hands and tools repeat theirs; with
+    /// inertia it always sets out from the last state.
+    pub extrapolates: bool,
     /// Wall time [s] after which a frame stops iterating.
     pub budget: Option<f64>,
     /// Time between frames [s], for inertia and relaxation.
@@ -32,6 +35,7 @@ impl Default for StepperSettings {
             method: Method::default(),
             iterations: 1,
             settled: 1e-3,
+            extrapolates: true,
             budget: None,
             time_step: None,
             density: Vec::new(),

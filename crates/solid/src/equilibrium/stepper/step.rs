@@ -82,6 +82,11 @@ impl Progress {
         }
     }
 
+    /// Whether hands and body have gone all the way.
+    pub fn is_whole(&self) -> bool {
+        self.has_arrived && self.taken == 1.0
+    }
+
     /// Whether what is left is no more than this, with the hands where they are to be.
     pub fn is_settled(&self, residual: f64) -> bool {
         self.residual <= residual && self.has_arrived
@@ -193,7 +198,7 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.press(body, is_first && self.was_settled);
+        self.press(body, is_first && self.leads);
         self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
@@ -332,7 +337,7 @@ impl Stepper {
     }
 
     /// Evaluates the displacement after a part of the step.
-    fn try_at(&mut self, length: f64) {
+    pub(super) fn try_at(&mut self, length: f64) {
         let places = self.displacement.iter().zip(&self.step);
         self.trial.iter_mut().zip(places).for_each(|(trial, (u, s))| *trial = u + length * s);
     }

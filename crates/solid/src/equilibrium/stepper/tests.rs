@@ -1,6 +1,7 @@
 //! Frames against full solutions, motion against its conservation laws and beam theory, relaxation against Prony's
 //! curve.
 
+mod extrapolation;
 mod inertia;
 mod memory;
 mod overload;
