@@ -27,8 +27,8 @@ def organ(block: Block) -> vs.Organ:
 
 
 def gripping(organ: vs.Organ, opening: float = 0.021) -> tuple[vs.Stepper, vs.Forceps]:
-    """Forceps whose jaws are larger than the upper part of the tab, on both sides of it."""
-    stepper = organ.stepper(iterations=30)
+    """Forceps whose jaws are larger than the upper part of the tab, on both sides of it; forces balance to 1e-4."""
+    stepper = organ.stepper(iterations=30, settled=1e-4)
     return stepper, stepper.forceps(JAW, (0.02, 0.01, 0.055), ALONG_Y, opening=opening, friction=FRICTION)
 
 

@@ -13,7 +13,7 @@ impl Stepper {
     /// Tells the solver; with inertia, the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
         let enough = NEGLIGIBLE * self.settings.settled * self.magnitude;
-        self.solver.begin_frame(enough, self.unbalanced);
+        self.solver.begin_frame(enough);
         let Some(motion) = &mut self.motion else {
             return;
         };
@@ -117,8 +117,7 @@ impl Stepper {
         self.forces = self.solver.patch_forces(&self.residual);
         self.solver.project(&mut self.residual);
         self.magnitude = scale.sqrt();
-        self.unbalanced = square(&self.residual).sqrt();
-        self.rounding.relative(self.unbalanced, self.magnitude, ROUNDED)
+        self.rounding.relative(square(&self.residual).sqrt(), self.magnitude, ROUNDED)
     }
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.

@@ -77,8 +77,7 @@ pub struct Stepper {
     /// The body with the pattern of the tangent, where that has become wider.
     widened: Option<Arc<Body>>,
     rounding: Rounding,
-    /// Norm of the last residual, and of the nodal forces to which it was compared [N].
-    unbalanced: f64,
+    /// Norm of the nodal forces to which the last residual was compared [N].
     magnitude: f64,
     /// Diagonal of the box around the body [m].
     length: f64,
@@ -189,7 +188,6 @@ impl Stepper {
             contact: Contact::new(body),
             widened: None,
             rounding: Rounding::of(body),
-            unbalanced: 0.0,
             magnitude: 0.0,
             length: diagonal(body.points()),
             barrier,

@@ -132,12 +132,11 @@ impl Iterative {
         }
     }
 
-    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter; the last one ended
-    /// with one of the norm `left`.
-    pub fn begin_frame(&mut self, enough: f64, left: f64) {
+    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter.
+    pub fn begin_frame(&mut self, enough: f64) {
         self.guess.begin_frame();
         if let Some(forcing) = &mut self.forcing {
-            forcing.begin_frame(enough, left);
+            forcing.begin_frame(enough);
         }
     }
 

@@ -180,10 +180,10 @@ impl ConstrainedSystem {
     }
 
     /// The next system is the first of a frame: conjugate gradients set out from those that came first in the last ones, and
-    /// leave a residual of the norm `enough` [N], or a part of what the last frame `left`.
-    pub fn begin_frame(&mut self, enough: f64, left: f64) {
+    /// leave a residual of the norm `enough` [N].
+    pub fn begin_frame(&mut self, enough: f64) {
         if let Solver::Iterative(iterative) = &mut self.solver {
-            iterative.begin_frame(enough, left);
+            iterative.begin_frame(enough);
         }
     }
 
