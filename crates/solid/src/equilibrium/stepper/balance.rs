@@ -13,7 +13,8 @@ impl Stepper {
     /// Tells the solver; with inertia, the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
         let enough = NEGLIGIBLE * self.settings.settled * self.magnitude;
-        self.solver.begin_frame(enough);
+        let extrapolated = self.extrapolated_force();
+        self.solver.begin_frame(enough, extrapolated);
         let Some(motion) = &mut self.motion else {
             return;
         };

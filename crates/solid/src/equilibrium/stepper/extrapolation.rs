@@ -4,6 +4,7 @@
 
 use super::{Input, Stepper};
 use crate::body::Body;
+use crate::number::norm;
 
 /// Part of the last motion below which a frame sets out from the last state.
 const LEAST: f64 = 0.01;
@@ -69,6 +70,21 @@ impl Stepper {
             std::mem::swap(&mut self.displacement, &mut self.trial);
         }
         is_sound
+    }
+
+    /// Norm of the force that the extrapolation has balanced, by the tangent of its end [N].
+    pub(super) fn extrapolated_force(&mut self) -> f64 {
+        if !self.is_ahead {
+            return 0.0;
+        }
+        let solver = &self.solver;
+        let moves = self.displacement.iter().zip(&self.start).enumerate();
+        self.step.iter_mut().zip(moves).for_each(|(step, (dof, (u, start)))| {
+            *step = if solver.is_held(dof) { 0.0 } else { u - start };
+        });
+        self.tangent.multiply(&self.step, &mut self.residual);
+        self.solver.project(&mut self.residual);
+        norm(&self.residual)
     }
 
     /// Keeps the motion of the frame that ends, if hands and body are where they were to be.

@@ -89,8 +89,8 @@ pub struct Stepper {
     /// Whether the last frame settled: tools may then lead what they touch.
     was_settled: bool,
     extrapolation: Extrapolation,
-    /// Whether the first iteration of this frame takes tools to lead what they touch.
-    leads: bool,
+    /// Whether this frame has set out from where the last motion leads.
+    is_ahead: bool,
     /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
     /// Time of the last convex tangent.
@@ -195,7 +195,7 @@ impl Stepper {
             hands_move: false,
             was_settled: true,
             extrapolation: Extrapolation::default(),
-            leads: true,
+            is_ahead: false,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
             projects_next: false,
@@ -315,8 +315,7 @@ impl Stepper {
         self.contact.begin(&self.displacement);
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let hands = self.places_of_hands(input);
-        let is_ahead = self.extrapolate(body, &hands);
-        self.leads = self.was_settled && !is_ahead;
+        self.is_ahead = self.extrapolate(body, &hands);
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {
             Ok(progress) => progress,

@@ -198,7 +198,7 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.press(body, is_first && self.leads);
+        self.press(body, is_first && self.was_settled && !self.is_ahead);
         self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();

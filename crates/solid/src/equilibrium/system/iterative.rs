@@ -132,11 +132,12 @@ impl Iterative {
         }
     }
 
-    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter.
-    pub fn begin_frame(&mut self, enough: f64) {
+    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter, and before which a
+    /// force of the norm `balanced` has been balanced.
+    pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
         self.guess.begin_frame();
         if let Some(forcing) = &mut self.forcing {
-            forcing.begin_frame(enough);
+            forcing.begin_frame(enough, balanced);
         }
     }
 

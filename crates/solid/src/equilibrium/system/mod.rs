@@ -180,10 +180,11 @@ impl ConstrainedSystem {
     }
 
     /// The next system is the first of a frame: conjugate gradients set out from those that came first in the last ones, and
-    /// leave a residual of the norm `enough` [N].
-    pub fn begin_frame(&mut self, enough: f64) {
+    /// leave a residual of the norm `enough` [N]. A force of the norm `balanced` has been balanced before the frame, of which
+    /// they would have left as much as of the rest.
+    pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
         if let Solver::Iterative(iterative) = &mut self.solver {
-            iterative.begin_frame(enough);
+            iterative.begin_frame(enough, balanced);
         }
     }
 

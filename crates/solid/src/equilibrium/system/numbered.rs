@@ -53,8 +53,8 @@ impl Numbered {
     }
 
     /// See [`Iterative::begin_frame`].
-    pub fn begin_frame(&mut self, enough: f64) {
-        self.iterative.begin_frame(enough);
+    pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
+        self.iterative.begin_frame(enough, balanced);
     }
 
     /// Holds what is said of all degrees of freedom, until the next call.

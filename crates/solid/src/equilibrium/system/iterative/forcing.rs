@@ -13,6 +13,8 @@ const LOOSEST: f64 = 30.0;
 pub(super) struct Forcing {
     /// Norm of a residual that matters to nobody.
     enough: f64,
+    /// Norm of the force that has been balanced before the next solve.
+    balanced: f64,
     /// By iteration: the residual after its step over that before. The last one of a frame is not known.
     left: Vec<f64>,
     /// The iteration that comes next.
@@ -22,9 +24,10 @@ pub(super) struct Forcing {
 }
 
 impl Forcing {
-    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter.
-    pub fn begin_frame(&mut self, enough: f64) {
-        self.enough = enough;
+    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter, and before which a
+    /// force of the norm `balanced` has been balanced.
+    pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
+        (self.enough, self.balanced) = (enough, balanced);
         self.left.truncate(self.iteration.saturating_sub(1));
         self.iteration = 0;
     }
@@ -39,7 +42,8 @@ impl Forcing {
         self.before = whole;
         let expected = self.left.get(self.iteration).map_or(0.0, |left| SHARE * left);
         self.iteration += 1;
-        expected.max(self.enough / whole).clamp(tolerance, LOOSEST * tolerance)
+        let enough = self.enough.max(tolerance * std::mem::take(&mut self.balanced));
+        expected.max(enough / whole).clamp(tolerance, LOOSEST * tolerance)
     }
 }
 
@@ -52,7 +56,7 @@ mod tests {
 
     /// The tolerances of a frame whose right-hand sides have these norms.
     fn frame(forcing: &mut Forcing, enough: f64, norms: &[f64]) -> Vec<f64> {
-        forcing.begin_frame(enough);
+        forcing.begin_frame(enough, 0.0);
         norms.iter().map(|&whole| forcing.tolerance(TOLERANCE, whole)).collect()
     }
 
@@ -82,7 +86,16 @@ mod tests {
         let known = frame(&mut forcing, 1e-5, &[1.0, 1e-3, 1e-6]);
         assert!(is_close(&known, &[TOLERANCE, 1e-2, MOST]), "{known:?}");
         // Who asks for an exact solution gets one.
-        forcing.begin_frame(1e-5);
+        forcing.begin_frame(1e-5, 0.0);
         assert!(forcing.tolerance(1e-12, 1.0) <= LOOSEST * 1e-12);
+    }
+
+    /// A frame that sets out from nearer by leaves what it would have left from farther off.
+    #[test]
+    fn what_has_been_balanced_before_counts_as_part_of_the_first_right_hand_side() {
+        let mut forcing = Forcing::default();
+        forcing.begin_frame(0.0, 4.0);
+        assert!((forcing.tolerance(TOLERANCE, 0.4) - 10.0 * TOLERANCE).abs() < 1e-15);
+        assert_eq!(forcing.tolerance(TOLERANCE, 0.4), TOLERANCE);
     }
 }
