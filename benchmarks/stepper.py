@@ -3,8 +3,8 @@
 Each case is one organ of linear cells, a law and a solver: 300 frames, five runs. Every run takes the same steps, so
 the time of a frame, of the whole Python call, is the least of its five: medians of processor and wall time, and of
 processor time the 99th percentile. The ratio is that of the median processor time to the limit: up to 1 keeps it.
-`residual` is the median of what the frames left behind the moving hand, beside the largest. The meshes of SOFA's liver are read from the folder
-VISCERA_SHARED, and their cases left out, in words, where it is missing.
+`residual` is the median of what the frames left behind the moving hand, `worst` the largest. The meshes of SOFA's liver
+are read from the folder VISCERA_SHARED, and their cases left out, in words, where it is missing.
 """
 
 import os
@@ -54,7 +54,7 @@ def run(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) ->
 
 
 def frames(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) -> tuple[float, ...]:
-    """Median and 99th percentile of the processor time, median wall time [ms], mean iterations, median and worst residual."""
+    """Median and 99th percentile of processor time, median wall time [ms], mean iterations, median and worst residual."""
     runs = np.array([run(mesh, law, solver) for _ in range(RUNS)])
     busy, wall = runs[..., 0].min(axis=0), runs[..., 1].min(axis=0)
     iterations, residuals = runs[0, :, 2], runs[0, :, 3]
