@@ -54,7 +54,7 @@ def run(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) ->
 
 
 def frames(mesh: vs.Mesh, law: vs.laws.Law, solver: str | vs.ConjugateGradients) -> tuple[float, ...]:
-    """Median and 99th percentile of processor time, median wall time [ms], mean iterations, residuals: median, worst."""
+    """Median and 99th percentile of processor time, median wall time [ms], iterations, residuals: median, worst."""
     runs = np.array([run(mesh, law, solver) for _ in range(RUNS)])
     busy, wall = runs[..., 0].min(axis=0), runs[..., 1].min(axis=0)
     iterations, residuals = runs[0, :, 2], runs[0, :, 3]
