@@ -153,6 +153,7 @@ Make = Callable[[vs.Organ], Any]
         (lambda o: o.stepper(start=np.zeros((3, 3))), "belongs to another mesh"),
         (lambda o: o.stepper(damping=0.1), r"damping must be a pair \(alpha \[1/s\], beta \[s\]\)"),
         (lambda o: o.stepper(relaxation=0.1), "relaxation must be a viscera.Prony"),
+        (lambda o: o.stepper(extrapolate="yes"), "extrapolate must be True or False"),
         (lambda o: o.stepper(iterations="1"), "iterations must be a whole number from 1 to 1000, got '1'"),
         (lambda o: o.stepper(budget="soon"), "budget must be a number above 0"),
         (lambda o: o.stepper([0.1]), "grasped must be {where: value}"),

@@ -15,6 +15,13 @@ pub struct Closest {
     pub distance: f64,
 }
 
+impl Closest {
+    /// With its distance, the root of this square: one root for a query, not one for each triangle.
+    fn measured(self, squared: f64) -> Self {
+        Closest { distance: squared.sqrt(), ..self }
+    }
+}
+
 /// Barycentric coordinates of the point of triangle `a b c` closest to `p`, by the Voronoi regions of corners and
 /// edges (Ericson, Real-Time Collision Detection, 2005, section 5.1.5). Each is in [0, 1] and they sum to 1, also on a
 /// triangle flattened to a segment or a point.
@@ -181,37 +188,46 @@ impl TriangleTree {
                     here = near;
                     continue;
                 }
-                for &t in &self.order[node.start as usize..node.end as usize] {
-                    let x = triangles[t as usize].map(|i| points[i as usize]);
-                    let barycentric = closest_point_on_triangle(p, x[0], x[1], x[2]);
-                    let point = interpolate(x, barycentric);
-                    let squared = dot(sub(p, point), sub(p, point));
+                for (squared, closest) in self.in_leaf(node, points, triangles, p) {
                     if squared < best_squared {
                         best_squared = squared;
-                        best = Some(Closest {
-                            triangle: t,
-                            barycentric,
-                            point,
-                            distance: squared.sqrt(),
-                        });
+                        best = Some(closest);
                     }
                 }
                 break;
             }
         }
-        best
+        best.map(|closest| closest.measured(best_squared))
     }
 
-    /// Visits all triangles nearer to a point than `reach`, each with its closest point, without allocating; none if the
-    /// query is not finite.
+    /// The triangles of a leaf: their squared distances from a point, and their closest points, not measured yet.
+    #[inline]
+    fn in_leaf<'a>(
+        &'a self,
+        node: &Node,
+        points: &'a [Vector],
+        triangles: &'a [[u32; 3]],
+        p: Vector,
+    ) -> impl Iterator<Item = (f64, Closest)> + 'a {
+        self.order[node.start as usize..node.end as usize].iter().map(move |&triangle| {
+            let x = triangles[triangle as usize].map(|i| points[i as usize]);
+            let barycentric = closest_point_on_triangle(p, x[0], x[1], x[2]);
+            let point = interpolate(x, barycentric);
+            let away = sub(p, point);
+            (dot(away, away), Closest { triangle, barycentric, point, distance: f64::NAN })
+        })
+    }
+
+    /// Visits triangles nearer to a point than `reach`, each with its closest point, as long as the visit says so; whether
+    /// it has visited all. It allocates nothing. None is near a query that is not finite.
     pub fn visit_within(
         &self,
         points: &[Vector],
         triangles: &[[u32; 3]],
         p: Vector,
         reach: f64,
-        mut visit: impl FnMut(Closest),
-    ) {
+        mut visit: impl FnMut(Closest) -> bool,
+    ) -> bool {
         let mut here = 0;
         // Nodes come in the order of a walk from left to right: one out of reach is skipped with what it holds.
         while here < self.nodes.len() {
@@ -224,16 +240,13 @@ impl TriangleTree {
             if node.right != 0 {
                 continue;
             }
-            for &t in &self.order[node.start as usize..node.end as usize] {
-                let x = triangles[t as usize].map(|i| points[i as usize]);
-                let barycentric = closest_point_on_triangle(p, x[0], x[1], x[2]);
-                let point = interpolate(x, barycentric);
-                let squared = dot(sub(p, point), sub(p, point));
-                if squared < reach * reach {
-                    visit(Closest { triangle: t, barycentric, point, distance: squared.sqrt() });
+            for (squared, closest) in self.in_leaf(node, points, triangles, p) {
+                if squared < reach * reach && !visit(closest.measured(squared)) {
+                    return false;
                 }
             }
         }
+        true
     }
 }
 
@@ -357,10 +370,22 @@ mod tests {
             let within = (0..).zip(&triangles).filter(|(_, t)| distance(t) < reach);
             let expected: Vec<u32> = within.map(|(t, _)| t).collect();
             let mut visited = Vec::new();
-            tree.visit_within(&points, &triangles, p, reach, |closest| {
+            let are_all = tree.visit_within(&points, &triangles, p, reach, |closest| {
                 assert_eq!(closest.distance, distance(&triangles[closest.triangle as usize]));
                 visited.push(closest.triangle);
+                true
             });
+            assert!(are_all);
+            let mut count = 0;
+            let mut first = |_| {
+                count += 1;
+                false
+            };
+            assert_eq!(
+                tree.visit_within(&points, &triangles, p, reach, &mut first),
+                visited.is_empty()
+            );
+            assert_eq!(count, visited.len().min(1), "the visit ends when it says so");
             visited.sort_unstable();
             assert_eq!(visited, expected);
         }

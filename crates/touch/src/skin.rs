@@ -4,6 +4,9 @@ use super::around::Around;
 use super::ground::normal_of;
 use viscera_mesh::{TriangleTree, dot, sub};
 
+/// Triangles in a sphere beyond which none is looked for in a tick: they would take longer than the touch.
+const MOST: usize = 2000;
+
 /// The triangles of the surface, by node.
 #[derive(Clone, Debug)]
 pub(super) struct Skin {
@@ -18,7 +21,9 @@ pub(super) struct Marks {
     /// Of each triangle, when it was last found in a sphere, or reached from the first place in it.
     last: Vec<u32>,
     now: u32,
-    found: Vec<u32>,
+    /// Found ones that face the centre.
+    facing: Vec<u32>,
+    /// Reached ones whose neighbours have not been looked at.
     pending: Vec<u32>,
 }
 
@@ -40,11 +45,12 @@ impl Skin {
     pub fn marks(&self) -> Marks {
         let n = self.triangles.len();
         let list = || Vec::with_capacity(n);
-        Marks { last: vec![0; n], now: 0, found: list(), pending: list() }
+        Marks { last: vec![0; n], now: 0, facing: list(), pending: list() }
     }
 
     /// Whether there is surface in the sphere that no way within the sphere leads to along the surface, and that faces its
-    /// centre: behind a thin lobe the other side does not.
+    /// centre: behind a thin lobe the other side does not. Where more than [`MOST`] triangles are in the sphere it is not
+    /// known, and none is said to be there.
     pub fn is_touched_twice(
         &self,
         points: &[[f64; 3]],
@@ -52,15 +58,21 @@ impl Skin {
         marks: &mut Marks,
     ) -> bool {
         let [found, reached] = marks.begin();
-        let Marks { last, found: faces, pending, .. } = marks;
-        self.tree.visit_within(points, &self.triangles, sphere.center, sphere.radius, |closest| {
+        let Marks { last, facing, pending, .. } = marks;
+        let (center, radius, mut count) = (sphere.center, sphere.radius, 0);
+        let are_few = self.tree.visit_within(points, &self.triangles, center, radius, |closest| {
+            count += 1;
             last[closest.triangle as usize] = found;
             let corners = self.triangles[closest.triangle as usize];
             let normal = normal_of(corners.map(|node| points[node as usize]));
-            if dot(normal, sub(sphere.center, closest.point)) > 0.0 {
-                faces.push(closest.triangle);
+            if dot(normal, sub(center, closest.point)) > 0.0 {
+                facing.push(closest.triangle);
             }
+            count < MOST
         });
+        if !are_few {
+            return false;
+        }
         let mut reach = |corners: [u32; 3], pending: &mut Vec<u32>| {
             for &triangle in corners.iter().flat_map(|&node| self.around.of(node)) {
                 if last[triangle as usize] == found {
@@ -73,7 +85,7 @@ impl Skin {
         while let Some(triangle) = pending.pop() {
             reach(self.triangles[triangle as usize], pending);
         }
-        faces.iter().any(|&triangle| last[triangle as usize] == found)
+        facing.iter().any(|&triangle| last[triangle as usize] == found)
     }
 }
 
@@ -85,7 +97,7 @@ impl Marks {
             self.now = 0;
         }
         self.now += 2;
-        self.found.clear();
+        self.facing.clear();
         self.pending.clear();
         [self.now - 1, self.now]
     }
@@ -97,14 +109,17 @@ mod tests {
 
     const RADIUS: f64 = 0.02;
 
-    /// Squares of `n` by `n` cells of a millimetre, each spanned from a corner by two directions; their nodes are not shared.
+    /// Edge of a cell [m].
+    const EDGE: f64 = 2e-3;
+
+    /// Squares of `n` by `n` cells, each spanned from a corner by two directions; their nodes are not shared.
     fn squares(of: &[[[f64; 3]; 3]], n: usize) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for [corner, along, across] in of {
             let first = points.len();
             let side = n + 1;
             for (i, k) in (0..side * side).map(|p| (p / side, p % side)) {
-                let (a, b) = (1e-3 * i as f64, 1e-3 * k as f64);
+                let (a, b) = (EDGE * i as f64, EDGE * k as f64);
                 points.push(std::array::from_fn(|x| corner[x] + a * along[x] + b * across[x]));
             }
             for (i, k) in (0..n * n).map(|cell| (cell / n, cell % n)) {
@@ -121,7 +136,7 @@ mod tests {
         let floor = [[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         let mut all = vec![floor];
         all.extend(others);
-        let (points, triangles) = squares(&all, 60);
+        let (points, triangles) = squares(&all, 30);
         let center = [0.0, 0.0, height];
         let tree = TriangleTree::new(&points, &triangles);
         let closest = tree.closest(&points, &triangles, center).unwrap();
@@ -152,11 +167,26 @@ mod tests {
         assert!(touched_twice(&[above], 0.015), "a ceiling faces it");
     }
 
+    /// The walls of a narrow slot, so finely meshed that there is no time to look at all of them.
+    #[test]
+    fn a_surface_too_fine_for_a_tick_is_not_searched() {
+        let twice = |n: usize| {
+            let (y, z) = ([0.0, 10.0 / n as f64, 0.0], [0.0, 0.0, 10.0 / n as f64]);
+            let walls = [[[0.0; 3], y, z], [[0.001, 0.0, 0.0], z, y]];
+            let (points, triangles) = squares(&walls, n);
+            let triangle = triangles[0];
+            let skin = Skin::new(&points, triangles);
+            let sphere = Touching { center: [0.0005, 0.001, 0.001], radius: 0.1, triangle };
+            skin.is_touched_twice(&points, &sphere, &mut skin.marks())
+        };
+        assert!(twice(10) && !twice(40));
+    }
+
     /// A step of the floor, of one piece with it: a way within the sphere leads up only where it reaches into the corner.
     #[test]
     fn what_the_sphere_reaches_on_a_way_within_it_is_the_same_place() {
         let (mut points, triangles) =
-            squares(&[[[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], 60);
+            squares(&[[[-0.03, -0.03, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], 30);
         // What lies beyond x = 5 mm is turned up.
         for point in points.iter_mut().filter(|point| point[0] > 0.005) {
             (point[0], point[2]) = (0.005, point[0] - 0.005);

@@ -132,8 +132,7 @@ impl Iterative {
         }
     }
 
-    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter, and before which a
-    /// force of the norm `balanced` has been balanced.
+    /// The next solve is the first of a frame; see [`Forcing::begin_frame`].
     pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
         self.guess.begin_frame();
         if let Some(forcing) = &mut self.forcing {

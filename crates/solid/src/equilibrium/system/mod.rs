@@ -180,8 +180,8 @@ impl ConstrainedSystem {
     }
 
     /// The next system is the first of a frame: conjugate gradients set out from those that came first in the last ones, and
-    /// leave a residual of the norm `enough` [N]. A force of the norm `balanced` has been balanced before the frame, of which
-    /// they would have left as much as of the rest.
+    /// may leave a residual of the norm `enough` [N]; of the first system also the tolerance times `balanced`, the norm of the
+    /// force [N] that the extrapolated motion has balanced before.
     pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
         if let Solver::Iterative(iterative) = &mut self.solver {
             iterative.begin_frame(enough, balanced);

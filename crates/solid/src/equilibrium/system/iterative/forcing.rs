@@ -11,7 +11,7 @@ const LOOSEST: f64 = 30.0;
 /// What the steps of the last frame left out of balance, and what matters.
 #[derive(Default)]
 pub(super) struct Forcing {
-    /// Norm of a residual that matters to nobody.
+    /// Norm of a residual that is negligible.
     enough: f64,
     /// Norm of the force that has been balanced before the next solve.
     balanced: f64,
@@ -24,8 +24,8 @@ pub(super) struct Forcing {
 }
 
 impl Forcing {
-    /// The next solve is the first of a frame, in which a residual of the norm `enough` does not matter, and before which a
-    /// force of the norm `balanced` has been balanced.
+    /// The next solve is the first of a frame, in which a residual of the norm `enough` is negligible. It may also leave the
+    /// tolerance times `balanced`, the norm of the force that the extrapolated motion has balanced before.
     pub fn begin_frame(&mut self, enough: f64, balanced: f64) {
         (self.enough, self.balanced) = (enough, balanced);
         self.left.truncate(self.iteration.saturating_sub(1));
