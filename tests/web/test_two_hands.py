@@ -1,8 +1,9 @@
-"""Two hands on a reduced model, which has one contact: while both hold on, the page steps the organ."""
+"""Two hands on a reduced model: with probes it answers both; else the page steps its organ."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from tests.web.test_headset import EMULATOR, HEADSET, SIDES, SIGNS, UP, frames, in_room, point, pull, put_on
 
 import viscera as vs
-from viscera.viewer import Server, page, serve
+from viscera.viewer import Server, export, page, serve
 
 if TYPE_CHECKING:
     from tests.web.conftest import Viewer
@@ -20,9 +21,28 @@ if TYPE_CHECKING:
 LEFT, RIGHT = (0.15, 0.0, 0.05), (0.37, 0.0, 0.05)
 TELEPHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
 SETTLED = """() => {
-    const { isShown, conversation } = viscera.duet;
+    const { isShown, conversation } = viscera.two.duet;
     const { isSettled, residual } = viscera.state().two;
     return isShown && !conversation.isWaiting && !conversation.hasWishes && isSettled && residual < 1e-6;
+}"""
+
+# Keeps where the probes of both hands go, and what they feel there: of one alone, or of two.
+RECORD = """() => {
+    const { evaluator } = viscera;
+    window.felt = [];
+    const told = ({ grip, force, error, trust }, center) => [center, grip, force, error, trust];
+    const keep = (centers, felt) => window.felt.push(felt.map((each, k) => told(each, centers[k])));
+    const [place, placePair] = [evaluator.place.bind(evaluator), evaluator.placePair.bind(evaluator)];
+    evaluator.place = (center) => {
+        const felt = place(center);
+        keep([center], [felt]);
+        return felt;
+    };
+    evaluator.placePair = (centers) => {
+        const felt = placePair(centers);
+        keep(centers, felt);
+        return felt;
+    };
 }"""
 
 
@@ -95,10 +115,97 @@ def test_two_fingers_hold_the_organ_of_a_model(telephone: Viewer, touch: vs.Touc
     # One finger again: by the model.
     fingers("touchStart", (x0, y0))
     fingers("touchMove", (x0, y0 - 8))
-    again = viewer.state
-    assert again["two"] is None
-    assert again["force"] == pytest.approx(one["force"], rel=1e-6)
+    after = viewer.state
+    assert after["two"] is None
+    assert after["force"] == pytest.approx(touch(after["point"], after["displacement"]).force, rel=1e-5, abs=1e-6)
     fingers("touchEnd")
+
+
+def again(touch: vs.Touch, told: list[list[Any]]) -> list[vs.Felt]:
+    """Takes probes in Python the way that those of the page went, compares all they feel, and gives the last it is."""
+    alone, other = touch.probe(), touch.probe()
+    both = vs.Probes([alone, other])
+    size = max(np.linalg.norm(force) for step in told for _, _, force, *_ in step)
+    felt: list[vs.Felt] = []
+    for step in told:
+        centers = [center for center, *_ in step]
+        felt = [alone.place(centers[0])] if len(step) == 1 else [*both.place(centers)]
+        assert [grip for _, grip, *_ in step] == [each.grip for each in felt]
+        for (_, _, force, error, trust), each in zip(step, felt, strict=True):
+            assert force == pytest.approx(each.force.tolist(), abs=1e-5 * size)
+            assert error == pytest.approx(each.error_estimate, rel=1e-5)
+            assert (trust == "trusted") == each.is_trusted
+    return felt
+
+
+def test_two_fingers_hold_a_probe_each(look_at: Look, server: Server, touch: vs.Touch) -> None:
+    """The model answers both at once, by the numbers of Python."""
+    viewer = look_at(server.url, **TELEPHONE)
+    viewer.page.evaluate(RECORD)
+    viewer.call("toggleProbe")
+    fingers = Fingers(viewer)
+    (x0, y0), (x1, y1) = viewer.place(LEFT), viewer.place(RIGHT)
+    fingers("touchStart", (x0, y0))
+    fingers("touchMove", (x0, y0 + 12))
+    assert viewer.state["two"] is None
+    fingers("touchStart", (x0, y0 + 12), (x1, y1))
+    fingers("touchMove", (x0, y0 + 12), (x1, y1 + 16))
+    fingers("touchMove", (x0, y0 + 14), (x1, y1 + 16))
+    viewer.page.wait_for_function("(y) => viscera.pointer.holding.values().next().value.last.offsetY >= y", arg=y0 + 13)
+    two, told = viewer.page.evaluate("() => [viscera.state().two, window.felt]")
+    viewer.shoot("two-probes")
+    assert [len(step) for step in told] == sorted(len(step) for step in told)
+    felt = again(touch, told)
+    assert [each.is_touching for each in felt] == [True, True]
+    assert [hand["grip"] for hand in two["hands"]] == [each.grip for each in felt]
+    expected = np.sum([each.displacement for each in felt], axis=0)[touch.surface_nodes]
+    assert np.ravel(two["field"]) == pytest.approx(expected.ravel(), abs=1e-5 * np.abs(expected).max())
+    said = viewer.page.get_by_role("region", name="two probes")
+    assert said.is_visible()
+    numbers = [float(words) for words in said.locator(".force").all_inner_texts()]
+    assert numbers == pytest.approx([float(np.linalg.norm(each.force)) for each in felt], rel=0.01)
+    assert viewer.page.locator(".force-label:visible").count() == 2
+    assert viewer.page.get_by_role("region", name="readings").is_hidden()
+    # Neither is put away while both hold on, and a lower order is one of both.
+    viewer.call("toggleProbe")
+    viewer.call("setOrder", 1)
+    first = viewer.state["two"]
+    assert [hand["center"] for hand in first["hands"]] == [hand["center"] for hand in two["hands"]]
+    pushes = [(hand["point"], hand["displacement"]) for hand in two["hands"]]
+    linear = np.sum([touch.surface_displacement(*push, order=1) for push in pushes], axis=0)
+    assert np.ravel(first["field"]) == pytest.approx(linear.ravel(), abs=1e-5 * np.abs(linear).max())
+    viewer.call("setOrder", touch.metadata["order"])
+    # One lets go: the other one goes on alone, from where it is.
+    fingers("touchEnd", (x0, y0 + 14))
+    viewer.page.wait_for_function("() => viscera.state().two === null")
+    alone = viewer.state
+    assert said.is_hidden()
+    assert viewer.page.get_by_role("region", name="readings").is_visible()
+    assert alone["activity"] == "held"
+    assert alone["probe"]["center"] in [hand["center"] for hand in two["hands"]]
+    assert np.linalg.norm(alone["force"]) > 0
+    fingers("touchEnd")
+    viewer.page.wait_for_function("() => viscera.state().activity === 'rest'")
+    assert viewer.complaints == []
+    viewer.close()
+
+
+def test_a_file_that_knows_no_case_has_two_probes(look_at: Look, touch: vs.Touch, tmp_path: Path) -> None:
+    export(touch, tmp_path / "bar.html", "Bar")
+    viewer = look_at((tmp_path / "bar.html").as_uri(), **TELEPHONE)
+    fingers, (x0, y0), (x1, y1) = Fingers(viewer), viewer.place(LEFT), viewer.place(RIGHT)
+    viewer.call("toggleProbe")
+    fingers("touchStart", (x0, y0))
+    fingers("touchStart", (x0, y0), (x1, y1))
+    fingers("touchMove", (x0, y0 + 8), (x1, y1 + 24))
+    assert [hand["grip"] for hand in viewer.state["two"]["hands"]] == ["slides", "slides"]
+    # Whatever moved the organ is over with Escape.
+    viewer.call("rest")
+    assert viewer.state["two"] is None
+    assert viewer.page.locator(".force-label:visible").count() == 0
+    fingers("touchEnd")
+    assert viewer.complaints == []
+    viewer.close()
 
 
 def test_a_second_finger_beside_the_organ_turns_the_view(telephone: Viewer) -> None:
@@ -106,7 +213,7 @@ def test_a_second_finger_beside_the_organ_turns_the_view(telephone: Viewer) -> N
     (x0, y0) = viewer.place(LEFT)
     fingers("touchStart", (x0, y0))
     viewer.page.wait_for_function("() => viscera.hands === 2")
-    fingers("touchStart", (x0, y0), (x0, y0 + 220))
+    fingers("touchStart", (x0, y0), (x0, y0 - 130))
     assert viewer.page.evaluate("() => viscera.pointer.holding.size") == 0
     fingers("touchEnd")
     assert viewer.state["two"] is None
@@ -157,6 +264,37 @@ def test_two_controllers_hold_the_organ_of_a_model(look_at: Look, server: Server
     assert [worth for _, worth in signs] == ["settled", "settled"]
     sizes = [np.linalg.norm(force) for force in forces]
     assert [float(force) for force, _ in signs] == pytest.approx(sizes, rel=0.01)  # three digits are written
+    for side in held:
+        pull(viewer, 0, side)
+    viewer.page.wait_for_function("() => viscera.state().two === null")
+    assert viewer.complaints == []
+    viewer.close()
+
+
+def test_two_controllers_hold_a_probe_each(look_at: Look, server: Server, touch: vs.Touch) -> None:
+    if not EMULATOR.exists():
+        pytest.skip("no WebXR emulator here; `npm --prefix viewer ci` brings it")
+    viewer = look_at(server.url, scripts=[EMULATOR.read_text(encoding="utf-8"), HEADSET])
+    viewer.page.evaluate(RECORD)
+    viewer.call("toggleProbe")
+    put_on(viewer)
+    diagonal = touch.metadata["diagonal"]
+    held = {"left": (0.2, 0.05, 0.1), "right": (0.35, 0.05, 0.1)}
+    for side, place in held.items():
+        target = in_room(viewer, place)
+        point(viewer, target + 0.2 * UP, target, side)
+        pull(viewer, 1, side)
+    # Whoever presses near the root takes the tip along, away from the other one.
+    for side, depth in {"left": 0.008, "right": 0.016}.items():
+        at = in_room(viewer, held[side]) - depth * 0.6 / diagonal * UP
+        point(viewer, at + 0.2 * UP, at, side)
+    frames(viewer)
+    felt = again(touch, viewer.page.evaluate("() => window.felt"))
+    assert [each.is_touching for each in felt] == [True, True]
+    signs = [words.split(" N · ") for words, _ in viewer.page.evaluate(SIGNS)]
+    sizes = [float(np.linalg.norm(each.force)) for each in felt]
+    assert sorted(float(force) for force, _ in signs) == pytest.approx(sorted(sizes), rel=0.01)
+    assert {worth for _, worth in signs} == {"trusted" if each.is_trusted else "not trusted" for each in felt}
     for side in held:
         pull(viewer, 0, side)
     viewer.page.wait_for_function("() => viscera.state().two === null")

@@ -271,18 +271,3 @@ function edges(rest: Float32Array, triangles: Uint32Array): THREE.BufferGeometry
   geometry.setAttribute("position", new THREE.BufferAttribute(rest, 3));
   return geometry.setIndex(pairs);
 }
-
-/** What a field (s, 3) is at the node closest to a point at rest, among those that count. */
-export function displacementAt(
-  rest: Float32Array,
-  field: Float32Array,
-  point: Vec3,
-  counts: (node: number) => boolean = () => true,
-): Vec3 {
-  let [best, least] = [0, Infinity];
-  for (let n = 0; n < rest.length; n += 3) {
-    const distance = Math.hypot(rest[n]! - point[0], rest[n + 1]! - point[1], rest[n + 2]! - point[2]);
-    if (distance < least && counts(n / 3)) [best, least] = [n, distance];
-  }
-  return [...field.subarray(best, best + 3)] as Vec3;
-}

@@ -2,12 +2,18 @@
 import type { Body } from "./body";
 import { INFERNO, PLASMA, VIRIDIS, type ColourMap } from "./colour";
 import type { Evaluator } from "./evaluator";
+import { lengths } from "./field";
 import { MILLIMETRES, PERCENT, type Legend, type Unit } from "./legend";
 import { SurfaceStrain } from "./strain";
-import type { TouchState } from "./touchstate";
 
 export const COLOURINGS = ["tissue", "displacement", "strain", "error"] as const;
 export type Colouring = (typeof COLOURINGS)[number];
+
+/** What is shown of one touch or more: the field of an order (s, 3) [m], and the length of its error (s,) [m]. */
+export interface Coloured {
+  readonly field: Float32Array;
+  localError(order: number, out: Float32Array): void;
+}
 
 /** The scale of strains reaches to this at least. */
 const STRAIN = 0.1;
@@ -30,7 +36,7 @@ export class Painter {
   }
 
   /** Colours the surface by a touch, in the field of an order; null is nobody touching. */
-  show(touching: TouchState | null, order: number): void {
+  show(touching: Coloured | null, order: number): void {
     const { values, evaluator } = this;
     const { depth, order: highest } = evaluator.about.metadata;
     values.fill(0);
@@ -55,13 +61,5 @@ export class Painter {
   private paint(name: string, map: ColourMap, unit: Unit, least: number): void {
     const largest = this.values.reduce((most, x) => Math.max(most, x), 0);
     this.body.paint(this.values, 0, this.legend.show(name, map, unit, least, largest), map);
-  }
-}
-
-/** Lengths (s,) of the vectors of a field (s, 3). */
-export function lengths(field: Float32Array, out: Float32Array): void {
-  for (let n = 0; n < out.length; n++) {
-    const [x, y, z] = [field[3 * n]!, field[3 * n + 1]!, field[3 * n + 2]!];
-    out[n] = Math.sqrt(x * x + y * y + z * z);
   }
 }

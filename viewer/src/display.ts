@@ -1,7 +1,7 @@
 // How a touch is shown: shape and colour of the organ, the arrow with its number, what lies within, readings and words.
 import { Arrow } from "./arrow";
 import { Body } from "./body";
-import { Painter } from "./colouring";
+import { Painter, type Coloured } from "./colouring";
 import { element, newtons } from "./dom";
 import type { Evaluator, Vec3 } from "./evaluator";
 import { Gauge } from "./gauge";
@@ -28,7 +28,7 @@ export class Display {
   readonly speech: Speech;
   readonly clock = element("div", { class: "clock" });
   /** The longest arrow's force [N]. */
-  private readonly reference: number;
+  readonly reference: number;
 
   constructor(
     private readonly evaluator: Evaluator,
@@ -51,29 +51,41 @@ export class Display {
   /** Shows a touch in the field of an order; null is nobody touching. */
   show(touching: TouchState | null, order: number, caption: string): void {
     if (touching) {
-      this.body.move(touching.field);
-      this.inside.move(touching.field);
       const at = touching.point.map((x, i) => x + touching.displacement[i]!) as Vec3;
       const center = touching.felt?.center ?? null;
       this.arrow.show(at, touching.force, touching.normal, this.reference, touching.standing(order), center);
       touching.orders.forEach((reading, k) => this.readings.showOrder(k + 1, reading));
     }
-    this.inside.show(this.shifts(touching, order), touching?.answer.shapeTrust === "trusted" && !touching.doubt(order));
     const [force, depth] = [Math.hypot(...(touching?.force ?? [])), touching?.depth ?? 0];
     this.readings.show(touching?.answer ?? null, force, depth);
     this.readings.draw(touching?.curves ?? null, order, this.evaluator.about.metadata.depth, touching && { depth, force });
-    this.painter.show(touching, order);
+    const isTrusted = touching?.answer.shapeTrust === "trusted" && !touching.doubt(order);
+    this.showField(touching, order, this.shifts(touching, order), isTrusted);
     this.speech.say(caption, touching?.warning(order) ?? "");
   }
 
-  /** Leaves the stage to a stepped organ, or takes it back. */
+  /** Shows the field of an order and what lies within; null is nobody touching. */
+  showField(shown: Coloured | null, order: number, shifts: Shift[] | null, isTrusted: boolean): void {
+    if (shown) {
+      this.body.move(shown.field);
+      this.inside.move(shown.field);
+    }
+    this.inside.show(shifts, isTrusted);
+    this.painter.show(shown, order);
+  }
+
+  /** Leaves the place of the readings and of the arrow to two hands, or takes it back. */
+  set isPassive(isPassive: boolean) {
+    this.readings.root.hidden = isPassive;
+    if (isPassive) this.arrow.hide();
+  }
+
+  /** Leaves the whole stage to a stepped organ, or takes it back. */
   set isAway(isAway: boolean) {
+    this.isPassive = isAway;
     this.body.mesh.visible = this.inside.group.visible = !isAway;
-    this.readings.root.hidden = isAway;
     this.inside.root.hidden = isAway || this.inside.isEmpty;
-    if (!isAway) return;
-    this.arrow.hide();
-    this.legend.hide();
+    if (isAway) this.legend.hide();
   }
 
   /** Marks where a press would touch; null is nowhere. */

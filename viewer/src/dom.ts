@@ -107,3 +107,8 @@ export function fixed(value: number, decimals: number): string {
 export function newtons(force: number): string {
   return `${fixed(force, force < 0.0995 ? 3 : force < 9.995 ? 2 : force < 999.5 ? 1 : 0)} N`;
 }
+
+/** A share as a percentage. */
+export function percent(share: number): string {
+  return `${digits(100 * share, 2)} %`;
+}

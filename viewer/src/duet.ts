@@ -1,24 +1,23 @@
 // Two hands on a reduced model, which knows one contact: while both hold on, its organ is stepped by a worker of the page.
 import type { Body, Hit } from "./body";
 import { Conversation, introduction } from "./conversation";
+import type { Display } from "./display";
 import { element } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { load } from "./files";
-import type { Gauge } from "./gauge";
 import { lawName } from "./lawname";
 import { WorkerLink, type Link } from "./link";
 import type { Reading } from "./pointer";
 import { indices } from "./safetensors";
 import { Specimen, type Hand } from "./specimen";
 import type { Stage } from "./stage";
-import type { TouchState } from "./touchstate";
+import type { Told, TouchState } from "./touchstate";
 import { forces, trouble } from "./verdict";
 
 /** Frames after which the stepped organ is shown even if it has not settled. */
 const PATIENCE = 20;
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
 const AT_REST = 1e-8;
-const NOWHERE: Vec3 = [0, 0, 0];
 
 export class Duet {
   /** Whether two hands have taken hold, and not yet all let go. */
@@ -27,13 +26,9 @@ export class Duet {
   isShown = false;
   /** Why it cannot go on; empty while it can. */
   complaint = "";
-  /** Work when the stepped organ takes the place of the model's. */
-  onShow: () => void = () => {};
   readonly holding: [Hand | null, Hand | null] = [null, null];
   /** All stiffnesses of the organ, in units of its own. */
   factor = 1;
-  /** How much farther a contact has come than its hand has moved [m]: a probe's goes its own way. */
-  private ahead: [Vec3, Vec3] = [NOWHERE, NOWHERE];
   /** What is read off, in the place of the model's readings. */
   readonly root: HTMLElement;
   private readonly conversation: Conversation;
@@ -43,7 +38,7 @@ export class Duet {
   private peak = 0;
 
   /** Loads a case of the model's organ, and what steps it. */
-  static async prepare(stage: Stage, gauge: Gauge, labels: HTMLElement, caseUrl: string): Promise<Duet> {
+  static async prepare(stage: Stage, display: Display, labels: HTMLElement, caseUrl: string): Promise<Duet> {
     const bytes = await load(caseUrl, () => {});
     const touchable = Uint32Array.from(indices(bytes, "touchable"));
     const link = new WorkerLink(bytes.buffer);
@@ -52,9 +47,9 @@ export class Duet {
       const [rest, triangles] = [Float32Array.from(hello.rest), Uint32Array.from(hello.triangles)];
       const surface = { rest, triangles, touchable, diagonal: hello.diagonal };
       const own: [string, string] = [hello.law, lawName(hello.law)];
-      const specimen = new Specimen(surface, hello.radius, stage, gauge.root, [own], hello.law, "", () => {});
+      const specimen = new Specimen(surface, hello.radius, stage, display.gauge.root, [own], hello.law, "", () => {});
       labels.append(...specimen.grips.map(({ label }) => label.root));
-      return new Duet(stage, link, specimen, hello.radius);
+      return new Duet(stage, display, link, specimen, hello.radius);
     } catch (error) {
       link.close();
       throw error;
@@ -63,6 +58,7 @@ export class Duet {
 
   private constructor(
     private readonly stage: Stage,
+    private readonly display: Display,
     private readonly link: Link,
     readonly specimen: Specimen,
     private readonly radius: number,
@@ -84,12 +80,10 @@ export class Duet {
   /** A second hand joins the one that touches the model: from now on the organ is stepped, from rest. */
   join(touching: TouchState, owner: number, hit: Hit, hand: number): void {
     if (!this.isPlaying) {
-      const { point, normal, displacement, motion } = touching;
+      const { point, normal, displacement } = touching;
       this.isPlaying = true;
       this.isShown = this.isFresh = false;
       this.frames = this.peak = 0;
-      this.ahead = [NOWHERE, NOWHERE];
-      this.ahead[owner] = displacement.map((x, i) => x - motion[i]!) as Vec3;
       this.conversation.forget();
       this.conversation.want({ laws: [this.specimen.law] });
       this.grab({ point, normal, displacement }, owner);
@@ -102,15 +96,14 @@ export class Duet {
   move(displacement: Vec3, hand: number): void {
     const held = this.holding[hand];
     if (!held) return;
-    held.displacement = displacement.map((x, i) => x + this.ahead[hand]![i]!) as Vec3;
-    this.conversation.gesture(hand, { move: held.displacement });
+    held.displacement = displacement;
+    this.conversation.gesture(hand, { move: displacement });
     this.ask();
   }
 
   /** Outward normal where a hand took hold, and how far it has moved. */
-  contact(hand: number): { normal: Vec3; displacement: Vec3 } | null {
-    const held = this.holding[hand];
-    return held ? { normal: held.normal, displacement: held.displacement.map((x, i) => x - this.ahead[hand]![i]!) as Vec3 } : null;
+  contact(hand: number): Hand | null {
+    return this.holding[hand] ?? null;
   }
 
   /** A hand lets go. What it held if it was the last one: then the stage is the model's again. */
@@ -125,7 +118,7 @@ export class Duet {
   /** Leaves the stage to the model. */
   end(): void {
     this.holding.forEach((held, hand) => held && this.release(hand));
-    this.isPlaying = this.isShown = this.specimen.place.visible = false;
+    this.isPlaying = this.isShown = this.specimen.place.visible = this.display.isAway = false;
     this.root.hidden = true;
     this.follow();
   }
@@ -169,6 +162,13 @@ export class Duet {
     return { hands: this.holding, ...facts, field: Array.from(field) };
   }
 
+  /** What the first hand does, to whom it is told; null where it has let go. */
+  get told(): Told | null {
+    const [held] = this.holding;
+    const { force, isSettled } = this.specimen.facts;
+    return held && { point: held.point, displacement: held.displacement, force, is_trusted: isSettled };
+  }
+
   dispose(): void {
     this.link.close();
     this.stage.world.remove(this.specimen.place);
@@ -205,7 +205,7 @@ export class Duet {
     if (!this.isShown && (this.specimen.facts.isSettled || this.frames > PATIENCE)) {
       this.isShown = this.specimen.place.visible = true;
       this.root.hidden = false;
-      this.onShow();
+      this.display.isAway = true;
     }
     // An organ on its way, or a hand that has moved, does not wait for the drawing.
     if (!this.specimen.facts.isSettled || this.conversation.hasWishes) this.ask();

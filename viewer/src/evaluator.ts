@@ -82,6 +82,10 @@ interface Exports {
   organ_place(organ: number, x: number, y: number, z: number): number;
   organ_felt(organ: number): number;
   organ_lift(organ: number): void;
+  organ_pair_begin(organ: number, hand: number): void;
+  organ_pair_place(organ: number, ax: number, ay: number, az: number, bx: number, by: number, bz: number): void;
+  organ_pair_choose(organ: number, hand: number): number;
+  organ_pair_end(organ: number, hand: number): void;
   organ_force(organ: number, x: number, y: number, z: number, order: number): number;
   organ_surface(organ: number, x: number, y: number, z: number, order: number, slot: number): number;
   organ_volume(organ: number, slot: number): number;
@@ -167,14 +171,39 @@ export class Evaluator {
 
   /** Moves a sphere, as wide as the patch, to a place [m]; what it holds there is the contact from now on. */
   place(center: Vec3): Felt {
-    const answer = this.answer(this.wasm.organ_place(this.organ, ...center));
-    const [x, y, z, gap, grip] = [...this.doubles(this.wasm.organ_felt(this.organ), 5)] as [number, number, number, number, number];
-    return { ...answer, center, displacement: [x, y, z], gap, grip: GRIP[grip] ?? "lost" };
+    return this.felt(this.wasm.organ_place(this.organ, ...center), center);
   }
 
   /** Takes the sphere from the organ: the next place is a first one. */
   lift(): void {
     this.wasm.organ_lift(this.organ);
+  }
+
+  /** A second sphere joins the one in a hand, 0 or 1; both feel each other until one of them is left. */
+  beginPair(hand: number): void {
+    this.wasm.organ_pair_begin(this.organ, hand);
+  }
+
+  /** Moves the spheres of both hands to places [m]. */
+  placePair(centers: readonly [Vec3, Vec3]): [Felt, Felt] {
+    this.wasm.organ_pair_place(this.organ, ...centers[0], ...centers[1]);
+    return [this.choose(0, centers[0]), this.choose(1, centers[1])];
+  }
+
+  /** Of the two spheres that of a hand, at this place [m]: its contact is the one from now on. */
+  choose(hand: number, center: Vec3): Felt {
+    return this.felt(this.wasm.organ_pair_choose(this.organ, hand), center);
+  }
+
+  /** The sphere in a hand goes on alone. */
+  endPair(hand: number): void {
+    this.wasm.organ_pair_end(this.organ, hand);
+  }
+
+  private felt(trust: number, center: Vec3): Felt {
+    const answer = this.answer(trust);
+    const [x, y, z, gap, grip] = [...this.doubles(this.wasm.organ_felt(this.organ), 5)] as [number, number, number, number, number];
+    return { ...answer, center, displacement: [x, y, z], gap, grip: GRIP[grip] ?? "lost" };
   }
 
   private answer(trust: number): Answer {

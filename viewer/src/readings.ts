@@ -1,6 +1,6 @@
 // What is read off: the force, the curve, and what every order says about the same touch.
 import { CurvePlot, type Curves } from "./curve";
-import { button, digits, element, fact, fixed, newtons, write } from "./dom";
+import { button, digits, element, fact, fixed, newtons, percent, write } from "./dom";
 import type { Answer } from "./evaluator";
 
 /** What one order of the series answers: force [N], relative volume change, relative distance from the highest order. */
@@ -93,10 +93,6 @@ export class Readings {
   draw(curves: Curves | null, order: number, depth: number, now: { depth: number; force: number } | null): void {
     this.plot.draw(curves, order, depth, now);
   }
-}
-
-export function percent(share: number): string {
-  return `${digits(100 * share, 2)} %`;
 }
 
 function signed(value: number): string {

@@ -1,11 +1,11 @@
 // An organ under one law: on the stage with its arrow, and in the readings.
 import * as THREE from "three";
-import { Arrow, type Standing } from "./arrow";
-import { Body, displacementAt, lookOver, type Hit, type Surface } from "./body";
-import { lengths } from "./colouring";
+import type { Standing } from "./arrow";
+import { Body, lookOver, type Hit, type Surface } from "./body";
 import { choice, digits, element, fact, fixed, newtons, write } from "./dom";
 import type { Vec3 } from "./evaluator";
-import { ForceLabel } from "./label";
+import { displacementAt, lengths } from "./field";
+import { Grip } from "./grip";
 import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
 import { Surroundings } from "./surroundings";
@@ -20,12 +20,6 @@ export interface Hand {
   displacement: Vec3;
   /** Of a scene, the name of the organ that it holds. */
   organ?: string;
-}
-
-/** A hand on this organ: its force as an arrow, and a number beside it. */
-export interface Grip {
-  readonly arrow: Arrow;
-  readonly label: ForceLabel;
 }
 
 /** What a frame says of an organ (live/src/lib.rs). */
@@ -98,13 +92,9 @@ export class Specimen {
     this.body = new Body(surface);
     const { centre } = lookOver(surface);
     this.surroundings = new Surroundings(surface.around ?? { bodies: [], springs: 0 }, surface.diagonal, centre);
-    const grip = (): Grip => {
-      const arrow = new Arrow(surface.diagonal, 0.5 * radius);
-      const label = new ForceLabel(stage, arrow, gauge);
-      label.root.dataset.side = side;
-      return { arrow, label };
-    };
+    const grip = () => new Grip(stage, gauge, surface.diagonal, radius);
     this.grips = [grip(), grip()];
+    this.grips.forEach(({ label }) => (label.root.dataset.side = side));
     this.place.add(this.body.mesh, this.body.outline, this.surroundings.group, ...this.grips.map(({ arrow }) => arrow.group));
     this.field = new Float32Array(surface.rest.length);
     this.lengths = new Float32Array(surface.rest.length / 3);
@@ -236,10 +226,7 @@ export class Specimen {
   }
 
   dispose(): void {
-    for (const { arrow, label } of this.grips) {
-      arrow.dispose();
-      label.root.remove();
-    }
+    this.grips.forEach((grip) => grip.dispose());
     this.body.dispose();
     this.surroundings.dispose();
   }

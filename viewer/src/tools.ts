@@ -1,10 +1,9 @@
 // The controls: name of the organ above, tools below, and the help.
 import type { Colouring } from "./colouring";
-import { button, digits, element, helpDialog, Segments } from "./dom";
+import { button, digits, element, helpDialog, percent, Segments } from "./dom";
 import { KEYS } from "./keys";
 import { lawName } from "./lawname";
 import type { Tool } from "./pointer";
-import { percent } from "./readings";
 import type { View } from "./view";
 
 type Switch = "keep" | "outline" | "probe" | "path" | "modes";

@@ -1,19 +1,28 @@
 // One touch and everything that follows from it: the answer, the field of the chosen order, what every order says.
 import type { Standing } from "./arrow";
-import { displacementAt } from "./body";
 import { sample, type Curves } from "./curve";
-import { fixed, newtons } from "./dom";
+import { fixed, newtons, percent } from "./dom";
+import { doubtOf, doubtOfOrder } from "./doubt";
 import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
+import { displacementAt, distance, distances, norm, typical } from "./field";
 import type { OrderReading } from "./readings";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 const BEYOND = 1.3;
 
 /** How far a probe goes in one step, in units of its radius: one that comes into the organ at once feels nothing. */
-const STRIDE = 0.25;
+export const STRIDE = 0.25;
 
 /** Directions that differ by no more than this, in each component, have the same curves. */
 const SAME = 1e-6;
+
+/** A probe in a hand: what it feels, the normal where the hand took hold, and where its centre was then and went since [m]. */
+export interface Held {
+  felt: Felt;
+  normal: Vec3;
+  outset: Vec3;
+  motion: Vec3;
+}
 
 /** The numbers of a touch for programs, where nobody touches. */
 export const NOBODY = {
@@ -39,7 +48,7 @@ export class TouchState {
   /** What a probe in the hand feels; null without one. */
   felt: Felt | null = null;
   /** Where its centre was when the hand took hold [m]. */
-  private readonly outset: Vec3 = [0, 0, 0];
+  outset: Vec3 = [0, 0, 0];
   answer: Answer;
   force: Vec3 = [0, 0, 0];
   curves: Curves | null = null;
@@ -69,6 +78,15 @@ export class TouchState {
     evaluator.lift();
     this.outset = this.point.map((x, i) => x + evaluator.about.metadata.radius * normal[i]!) as Vec3;
     this.felt = evaluator.place(this.outset);
+  }
+
+  /** A probe that goes on alone from where it is, as one of two did. */
+  static resumed(evaluator: Evaluator, { felt, normal, outset, motion }: Held, order: number): TouchState {
+    const touching = new TouchState(evaluator, felt.point, normal);
+    touching.outset = outset;
+    touching.felt = evaluator.place(felt.center);
+    touching.displace(motion, order);
+    return touching;
   }
 
   get depth(): number {
@@ -120,27 +138,16 @@ export class TouchState {
     const doubt = this.doubt(order);
     if (doubt) return `Not trusted: ${doubt}.`;
     if (shapeTrust === "trusted") return "";
-    return `The force is trusted, the shape is not: its estimated error is ${(100 * shapeError).toPrecision(2)} % here.`;
+    return `The force is trusted, the shape is not: its estimated error is ${percent(shapeError)} here.`;
   }
 
   /** Whether the chosen order's answer may be relied on, in words; empty where it may. */
   doubt(order: number): string {
     const { metadata } = this.evaluator.about;
-    const { felt } = this;
-    if (felt?.grip === "inside") return "the probe is inside the organ; let go and touch again";
-    switch (this.answer.trust) {
-      case "beyond-depth":
-        if (felt) return `the probe has entered by ${mm(-felt.gap)}, beyond the ${mm(Math.min(metadata.depth, metadata.radius))} that it may`;
-        return `a depth of ${mm(this.depth)} exceeds the ${mm(metadata.depth)} that this model is made for`;
-      case "error-too-large":
-        return `the estimated error is ${(100 * this.answer.error).toPrecision(2)} % here`;
-      case "no-number":
-        return "the answer is not a finite number here";
-    }
-    const off = this.orders[order - 1]?.off ?? 0;
-    if (order === metadata.order || off <= 0.05) return "";
-    const name = order === 1 ? "linear theory" : `order ${order}`;
-    return `${name} is ${(100 * off).toPrecision(2)} % away from order ${metadata.order} here`;
+    return (
+      doubtOf(this.answer, this.felt, this.depth, metadata) ||
+      doubtOfOrder(order, metadata.order, this.orders[order - 1]?.off ?? 0)
+    );
   }
 
   /** Moves the hand to a displacement from where it took hold [m]: what every order says, force and field of one of them. */
@@ -193,15 +200,11 @@ export class TouchState {
   /** Fills an order's reading from its field, which is also in slot 1. */
   private read(order: number, field: Float32Array): void {
     const { evaluator, best } = this;
-    let [difference, size] = [0, 0];
-    for (let i = 0; i < best.length; i++) {
-      difference += (field[i]! - best[i]!) ** 2;
-      size += best[i]! ** 2;
-    }
+    const size = norm(best);
     this.orders[order - 1] = {
       force: Math.hypot(...evaluator.force(this.displacement, order)),
       volume: evaluator.volume(1) / this.restVolume - 1,
-      off: size > 0 ? Math.sqrt(difference / size) : 0,
+      off: size > 0 ? distance(field, best) / size : 0,
     };
   }
 
@@ -213,9 +216,7 @@ export class TouchState {
 
   /** Root mean square of the surface nodes' displacement [m]. */
   get typical(): number {
-    const { field, evaluator } = this;
-    const sum = evaluator.outer.reduce((sum, n) => sum + field[3 * n]! ** 2 + field[3 * n + 1]! ** 2 + field[3 * n + 2]! ** 2, 0);
-    return Math.sqrt(sum / evaluator.outer.length);
+    return typical(this.field, this.evaluator.outer);
   }
 
   /** Length of the field's error at every node [m] (s,): from the highest order, or as estimated where that is chosen. */
@@ -223,17 +224,10 @@ export class TouchState {
     const { evaluator, best } = this;
     const highest = evaluator.about.metadata.order;
     const other = order < highest ? this.field : evaluator.surface(this.displacement, highest - 1, 0);
-    let [difference, size] = [0, 0];
-    for (let i = 0; i < best.length; i++) {
-      difference += (other[i]! - best[i]!) ** 2;
-      size += best[i]! ** 2;
-    }
+    const last = distance(other, best);
     // The estimate is of the whole field; over the surface it is spread like the last order.
-    const scale = order < highest ? 1 : difference > 0 ? (this.answer.shapeError * Math.sqrt(size)) / Math.sqrt(difference) : 0;
-    for (let n = 0; n < out.length; n++) {
-      const at = 3 * n;
-      out[n] = scale * Math.hypot(other[at]! - best[at]!, other[at + 1]! - best[at + 1]!, other[at + 2]! - best[at + 2]!);
-    }
+    const scale = order < highest ? 1 : last > 0 ? (this.answer.shapeError * norm(best)) / last : 0;
+    distances(other, best, scale, out);
   }
 }
 
@@ -249,8 +243,4 @@ export function told(touching: TouchState | null): Told {
   if (!touching) return { point: null, displacement: null, force: null, is_trusted: null };
   const { point, displacement, force, answer } = touching;
   return { point, displacement, force, is_trusted: answer.trust === "trusted" };
-}
-
-function mm(length: number): string {
-  return `${(1000 * length).toFixed(1)} mm`;
 }

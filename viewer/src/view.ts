@@ -3,7 +3,6 @@ import * as THREE from "three";
 import { lookOver, type Hit } from "./body";
 import { COLOURINGS, type Colouring } from "./colouring";
 import { Display } from "./display";
-import { Duet } from "./duet";
 import { element, followTheme, toggleTheme } from "./dom";
 import { Evaluator, type Vec3 } from "./evaluator";
 import { read, written } from "./address";
@@ -19,6 +18,7 @@ import { Spring } from "./spring";
 import { Stage } from "./stage";
 import { Tools } from "./tools";
 import { NOBODY, told, TouchState, type Told } from "./touchstate";
+import { TwoHands } from "./twohands";
 import { Walk } from "./walk";
 import { headsetButton } from "./xr";
 
@@ -32,13 +32,9 @@ export class View implements Touched, Keyed, Shared {
   readonly depth: number;
   private activity: Activity = "rest";
   private isKeeping = false;
-  private hasProbe = false;
   private touching: TouchState | null = null;
   /** The hand that touches the model. */
   private owner = 0;
-  /** What answers two hands; null until it has been asked for and is there. */
-  private duet: Duet | null = null;
-  private isExpecting = false;
   private readonly spring = new Spring();
   private readonly plan: Plan;
   /** Work after a touch has changed. */
@@ -54,9 +50,7 @@ export class View implements Touched, Keyed, Shared {
   private readonly pointer: Pointer;
   private readonly deaf: (() => void)[];
   private readonly walk: Walk;
-  /** Where the readings of two hands stand, and the numbers beside their arrows. */
-  private readonly second = element("div");
-  private readonly labels = element("div");
+  private readonly two: TwoHands;
 
   /**
    * Reads a model file and fills the place with its view; throws a sentence where the file is no model, or nothing can be
@@ -70,8 +64,8 @@ export class View implements Touched, Keyed, Shared {
     place: HTMLElement,
     readonly evaluator: Evaluator,
     isEmbedded = false,
-    /** A case of the same organ, which answers two hands. */
-    private readonly caseUrl: string | null = null,
+    /** A case of the same organ, which answers two hands without probes. */
+    caseUrl: string | null = null,
   ) {
     const { metadata } = evaluator.about;
     this.depth = metadata.depth;
@@ -83,18 +77,19 @@ export class View implements Touched, Keyed, Shared {
     this.stage = new Stage(this.plan.canvas, centre, metadata.diagonal, facing);
     this.display = new Display(evaluator, this.stage, (order) => this.setOrder(order));
     const { body, inside, readings, speech, gauge, legend, clock, label } = this.display;
-    this.sight = new Sight(this.stage, () => (this.duet ? [body, this.duet.body] : [body]));
+    this.two = new TwoHands(evaluator, this.stage, this.display, caseUrl, () => this.sight.renew());
+    this.sight = new Sight(this.stage, () => this.two.bodies);
     this.walk = new Walk(evaluator, body, this.stage.world);
     if (evaluator.notes.inside?.length) this.sight.choose("translucent");
     this.modes = new Modes(evaluator, body, this.stage.towards, () => this.stage.invalidate());
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const touchable = { hit: (ray: THREE.Raycaster) => (this.duet?.isShown ? this.duet.body : body).hit(ray) };
+    const touchable = { hit: (ray: THREE.Raycaster) => this.two.body.hit(ray) };
     this.tools = new Tools(this, headsetButton(this.stage, touchable, this));
-    const side = element("div", { class: "side" }, this.second, readings.root, inside.root, this.modes.root, clock);
+    const side = element("div", { class: "side" }, readings.root, this.two.readings, inside.root, this.modes.root, clock);
     this.plan.fill(
       place,
-      [label.root, this.labels, this.hint.root],
+      [label.root, this.two.labels, this.hint.root],
       [this.stage.clearing, this.tools.header, speech.warning, gauge.root, legend.root, side, this.tools.root],
       [this.help, speech.summary.root],
     );
@@ -112,46 +107,36 @@ export class View implements Touched, Keyed, Shared {
 
   /** How many hands may touch at once. */
   get hands(): number {
-    return this.duet ? 2 : 1;
+    return this.two.count;
   }
 
-  /** Loads what answers two hands, where a second one may come. */
   expectTwo(): void {
-    if (this.caseUrl === null || this.isExpecting) return;
-    this.isExpecting = true;
-    const enter = (duet: Duet) => {
-      this.second.append(duet.root);
-      duet.onShow = () => (this.display.isAway = true);
-      duet.specimen.hasProbe = this.hasProbe;
-      duet.factor = this.evaluator.factor;
-      this.duet = duet;
-      this.sight.renew();
-    };
-    // Where it cannot be loaded, one hand touches as before.
-    Duet.prepare(this.stage, this.display.gauge, this.labels, this.caseUrl).then(enter, (error: unknown) => console.info(error));
+    this.two.expect();
   }
 
   grab(hit: Hit, hand = 0): void {
-    if (this.joins(hand)) return this.duet!.join(this.touching!, this.owner, hit, hand);
+    if (this.joins(hand)) {
+      this.two.join(this.touching!, this.owner, hit, hand);
+      return this.show();
+    }
     this.owner = hand;
     this.stop();
-    if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest, this.hasProbe);
+    if (!(this.isKeeping && this.touching?.covers(hit.rest))) this.touchAt(hit.rest, this.two.hasProbe);
     this.activity = "held";
     this.hint.end();
   }
 
   move(displacement: Vec3, hand = this.owner): void {
-    if (this.duet?.isPlaying) return this.duet.move(displacement, hand);
     if (!this.touching) return;
     const began = performance.now();
-    this.touching.displace(displacement, this.order);
+    if (!this.two.isPlaying) this.touching.displace(displacement, this.order);
+    else if (!this.two.move(displacement, hand)) return;
     this.answering.add(performance.now() - began);
     this.show();
   }
 
   release(hand = this.owner): void {
-    if (this.activity !== "held") return;
-    if (this.duet?.isPlaying && !this.ends(this.duet, hand)) return;
+    if (this.activity !== "held" || (this.two.isPlaying && this.leaves(hand))) return;
     if (this.isKeeping || !this.touching) {
       this.activity = "kept";
       return;
@@ -165,37 +150,27 @@ export class View implements Touched, Keyed, Shared {
   }
 
   contact(hand = this.owner): { normal: Vec3; displacement: Vec3 } | null {
-    if (this.duet?.isPlaying) return this.duet.contact(hand);
+    if (this.two.isPlaying) return this.two.contact(hand);
     return this.touching && { normal: this.touching.normal, displacement: this.touching.motion };
   }
 
   reading(hand = this.owner): Reading | null {
-    if (this.duet?.isShown) return this.duet.reading(hand);
+    if (this.two.isShown) return this.two.reading(hand);
     return this.touching && hand === this.owner ? this.display.reading(this.touching, this.order) : null;
   }
 
   /** Whether a hand takes hold while another one does. */
   private joins(hand: number): boolean {
-    return this.duet !== null && this.activity === "held" && this.touching !== null && (this.duet.isPlaying || hand !== this.owner);
+    return this.hands > 1 && this.activity === "held" && this.touching !== null && (this.two.isPlaying || hand !== this.owner);
   }
 
-  /** One of two hands lets go. Whether it was the last one, whose touch the model then answers again. */
-  private ends(duet: Duet, hand: number): boolean {
-    const last = duet.leave(hand);
-    if (!last) {
-      this.owner = 1 - hand;
-      return false;
-    }
-    this.takeStage();
-    this.touchAt(last.point);
-    this.move(last.displacement);
-    return true;
-  }
-
-  /** Shows the model again. */
-  private takeStage(): void {
-    this.display.isAway = false;
-    this.setColouring(this.display.painter.colouring);
+  /** One of two hands lets go: whether the other one holds on. */
+  private leaves(hand: number): boolean {
+    const { isHeld, touching } = this.two.leave(hand, this.order);
+    if (isHeld) this.owner = 1 - hand;
+    this.touching = touching ?? this.touching;
+    this.show();
+    return isHeld;
   }
 
   // What tools, keys and programs do.
@@ -210,7 +185,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** Touches what lies under the middle of the canvas. */
   touchMiddle(): void {
-    const hit = this.pointer.near(this.middle);
+    const hit = this.two.isPlaying ? null : this.pointer.near(this.middle);
     if (!hit) return;
     this.grab(hit);
     this.activity = "kept";
@@ -220,7 +195,7 @@ export class View implements Touched, Keyed, Shared {
   nudge(right: number, up: number, inward: number): void {
     if (!this.touching) return this.touchMiddle();
     const by = [right * this.depth, up * this.depth, inward * this.depth] as const;
-    if (!this.duet?.isPlaying) this.activity = "kept";
+    if (!this.two.isPlaying) this.activity = "kept";
     this.move(nudged(this.stage, this.contact()!, by));
   }
 
@@ -256,8 +231,9 @@ export class View implements Touched, Keyed, Shared {
     if (!this.evaluator.notes.is_stress_free || !(factor > 0)) return;
     this.evaluator.factor = factor;
     this.tools.sayStiffness(factor);
-    if (this.duet) this.duet.factor = factor;
-    if (this.touching && !this.duet?.isPlaying) this.move(this.touching.motion);
+    this.two.factor = factor;
+    if (this.touching && !this.two.isPlaying) this.move(this.touching.motion);
+    else this.show();
   }
 
   /** Whether the wheel is meant for the view. */
@@ -294,15 +270,16 @@ export class View implements Touched, Keyed, Shared {
     this.stage.invalidate();
   }
 
-  /** Takes a probe into the hand, or puts it away; a touch goes on with it or without. */
+  /** Takes a probe into the hand, or puts it away; a touch goes on with it or without. Two hands keep what they hold. */
   toggleProbe(): void {
-    this.hasProbe = !this.hasProbe;
-    this.display.arrow.hasProbe = this.hasProbe;
-    this.tools.press("probe", this.hasProbe);
-    if (this.duet) this.duet.specimen.hasProbe = this.hasProbe;
-    if (this.touching && !this.duet?.isPlaying && (this.activity === "held" || this.activity === "kept")) {
+    const { two } = this;
+    if (two.isPlaying) return;
+    two.hasProbe = !two.hasProbe;
+    this.display.arrow.hasProbe = two.hasProbe;
+    this.tools.press("probe", two.hasProbe);
+    if (this.touching && (this.activity === "held" || this.activity === "kept")) {
       const { point, displacement } = this.touching;
-      this.touchAt(point, this.hasProbe);
+      this.touchAt(point, two.hasProbe);
       this.move(displacement);
     }
     this.show();
@@ -360,7 +337,7 @@ export class View implements Touched, Keyed, Shared {
       looking: this.sight.looking,
       stiffness_factor: this.evaluator.factor,
       inside: this.display.shifts(touching, this.order),
-      two: this.duet?.isPlaying ? this.duet.state : null,
+      two: this.two.state,
       shapes: this.walk.shapes,
       frame: { rate: this.stage.pace.rate, answer: this.answering.value, drawing: this.stage.drawing.value },
     };
@@ -368,11 +345,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** The touch, for whom it is told to. */
   get told(): Told {
-    const { duet } = this;
-    const held = duet?.isShown ? duet.holding[0] : null;
-    if (!held) return told(this.touching);
-    const { force, isSettled } = duet!.specimen.facts;
-    return { point: held.point, displacement: held.displacement, force, is_trusted: isSettled };
+    return this.two.told ?? told(this.touching);
   }
 
   /** The middle of the organ at rest [m]. */
@@ -389,7 +362,7 @@ export class View implements Touched, Keyed, Shared {
     this.deaf.forEach((end) => end());
     this.share.dispose();
     this.pointer.dispose();
-    this.duet?.dispose();
+    this.two.dispose();
     this.walk.dispose();
     this.display.dispose();
     this.stage.dispose();
@@ -403,8 +376,8 @@ export class View implements Touched, Keyed, Shared {
 
   /** The touch as one would say it: the sentence below a picture. */
   caption(): string {
-    const { touching, duet } = this;
-    if (duet?.isShown) return duet.inWords[0];
+    const { touching, two } = this;
+    if (two.isShown) return two.inWords[0];
     return touching && this.activity !== "path" ? this.display.caption(touching, this.order) : "";
   }
 
@@ -444,8 +417,8 @@ export class View implements Touched, Keyed, Shared {
       this.display.inside.move(this.modes.advance(seconds));
       this.stage.invalidate();
     }
-    if (this.duet?.advance()) this.stage.shape(() => this.shape());
-    if (this.duet?.isPlaying) this.duet.follow();
+    if (this.two.advance()) this.stage.shape(() => this.shape());
+    this.two.follow();
     this.sight.follow();
     this.hint.follow(this.activity === "rest");
     this.display.follow(this.touching, this.order, this.answering.value);
@@ -471,10 +444,7 @@ export class View implements Touched, Keyed, Shared {
 
   /** Ends what moved the organ by itself. */
   private stop(): void {
-    if (this.duet?.isPlaying) {
-      this.duet.end();
-      this.takeStage();
-    }
+    this.two.end();
     if (this.activity === "modes") this.modes.hide();
     this.display.readings.root.hidden = false;
     this.display.inside.root.hidden = this.display.inside.isEmpty;
@@ -492,10 +462,8 @@ export class View implements Touched, Keyed, Shared {
   }
 
   private shape(): void {
-    if (this.duet?.isShown) {
-      this.duet.show();
-      this.display.speech.say(...this.duet.inWords);
-    } else this.display.show(this.touching, this.order, this.caption());
+    if (this.two.isShown) this.two.show(this.order);
+    else this.display.show(this.touching, this.order, this.caption());
     this.onTouch();
   }
 }

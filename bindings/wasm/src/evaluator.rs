@@ -128,6 +128,50 @@ pub unsafe extern "C" fn organ_lift(organ: *mut Model) {
     unsafe { &mut *organ }.lift();
 }
 
+/// A second probe joins the one of [`organ_place`], which is in a hand, 0 or 1; both feel each other.
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_pair_begin(organ: *mut Model, hand: usize) {
+    unsafe { &mut *organ }.begin_pair(hand);
+}
+
+/// Moves the centres of both probes, to (ax, ay, az) and (bx, by, bz) [m].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_pair_place(
+    organ: *mut Model,
+    ax: f64,
+    ay: f64,
+    az: f64,
+    bx: f64,
+    by: f64,
+    bz: f64,
+) {
+    unsafe { &mut *organ }.place_pair([[ax, ay, az], [bx, by, bz]]);
+}
+
+/// The probe in a hand, whose contact every other function is about from now on; returns as [`organ_place`].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_pair_choose(organ: *mut Model, hand: usize) -> u32 {
+    unsafe { &mut *organ }.choose_of_pair(hand)
+}
+
+/// The probe in a hand goes on alone, as that of [`organ_place`].
+///
+/// # Safety
+/// See [`organ_describe`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn organ_pair_end(organ: *mut Model, hand: usize) {
+    unsafe { &mut *organ }.end_pair(hand);
+}
+
 /// Force (3) [N] of the series cut after an order.
 ///
 /// # Safety

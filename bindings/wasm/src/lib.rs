@@ -7,6 +7,8 @@
 mod evaluator;
 #[cfg(feature = "evaluator")]
 mod model;
+#[cfg(feature = "evaluator")]
+mod pair;
 #[cfg(feature = "stepper")]
 mod stepper;
 

@@ -1,5 +1,6 @@
 //! A model as a page uses it: one contact at a time, surface nodes only, buffers that are reused.
 
+use crate::pair::Pair;
 use serde_json::json;
 use viscera_touch::{Contact, Felt, Grip, Probe, ReducedModel, TOLERANCE, Trust};
 
@@ -18,6 +19,8 @@ pub struct Model {
     shape_trust: u32,
     /// A sphere as wide as the patch, without friction.
     probe: Probe,
+    /// Two of them, while two hands hold one each.
+    pair: Option<Pair>,
     felt: [f64; FELT_LEN],
     force: [f64; 3],
     rest: Vec<f32>,
@@ -55,6 +58,7 @@ impl Model {
         let probe = Probe::new(&model, radius, 0.0, TOLERANCE, None).map_err(|e| e.to_string())?;
         Ok(Model {
             probe,
+            pair: None,
             felt: [0.0; FELT_LEN],
             contact: None,
             answer: [0.0; ANSWER_LEN],
@@ -142,12 +146,17 @@ impl Model {
     /// Moves the centre of the probe to a point: contact, answer and trust are those of what it feels there.
     pub fn place(&mut self, center: [f64; 3]) -> u32 {
         let felt = self.probe.place(&self.model, center);
+        self.take(felt)
+    }
+
+    fn take(&mut self, felt: Felt) -> u32 {
         self.contact = Some(felt.contact);
         self.answer[..3].copy_from_slice(&felt.contact.point);
         let [x, y, z] = felt.displacement;
         self.felt = [x, y, z, felt.gap, number_of_grip(felt.grip)];
         // For the stiffness.
         if self.evaluate(felt.displacement) == NO_NUMBER || felt.grip == Grip::Lost {
+            self.shape_trust = NO_NUMBER;
             return NO_NUMBER;
         }
         let Felt { force, error_estimate, shape_error_estimate, .. } = felt;
@@ -155,6 +164,31 @@ impl Model {
         self.answer[15..].copy_from_slice(&[error_estimate, shape_error_estimate]);
         self.shape_trust = number_of(felt.shape_trust);
         number_of(felt.trust)
+    }
+
+    /// A second probe joins the one that a hand, 0 or 1, holds.
+    pub fn begin_pair(&mut self, hand: usize) {
+        self.pair = Some(Pair::new(&self.model, &self.probe, hand));
+    }
+
+    /// Moves the centres of both.
+    pub fn place_pair(&mut self, centers: [[f64; 3]; 2]) {
+        if let Some(pair) = &mut self.pair {
+            pair.place(&self.model, centers);
+        }
+    }
+
+    /// Contact, answer and trust are those of what one of two probes has felt last.
+    pub fn choose_of_pair(&mut self, hand: usize) -> u32 {
+        let felt = self.pair.as_ref().and_then(|pair| pair.felt(hand));
+        felt.map_or(NO_NUMBER, |felt| self.take(felt))
+    }
+
+    /// One of two probes goes on alone.
+    pub fn end_pair(&mut self, left: usize) {
+        if let Some(pair) = self.pair.take() {
+            self.probe = pair.into_probe(left);
+        }
     }
 
     pub fn felt(&self) -> &[f64; FELT_LEN] {
