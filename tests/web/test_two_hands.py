@@ -169,7 +169,7 @@ def test_two_fingers_hold_a_probe_each(look_at: Look, server: Server, touch: vs.
     # Neither is put away while both hold on, and a lower order is one of both.
     viewer.call("toggleProbe")
     viewer.call("setOrder", 1)
-    first = viewer.state["two"]
+    first = viewer.page.evaluate("() => viscera.state().two")
     assert [hand["center"] for hand in first["hands"]] == [hand["center"] for hand in two["hands"]]
     pushes = [(hand["point"], hand["displacement"]) for hand in two["hands"]]
     linear = np.sum([touch.surface_displacement(*push, order=1) for push in pushes], axis=0)
