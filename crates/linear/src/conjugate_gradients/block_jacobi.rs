@@ -2,6 +2,10 @@
 
 use super::super::FactorError;
 use super::Preconditioner;
+use crate::threads::for_parts;
+
+/// Nodes that a thread takes at once.
+const PART: usize = 4_096;
 
 /// Block-Jacobi preconditioner.
 pub struct BlockJacobi {
@@ -39,16 +43,20 @@ impl Preconditioner for BlockJacobi {
     }
 
     fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        for ((inverse, r), z) in
-            self.inverses.iter().zip(r.chunks_exact(3)).zip(z.chunks_exact_mut(3))
-        {
-            for i in 0..3 {
-                z[i] = inverse[i][0] * r[0] + inverse[i][1] * r[1] + inverse[i][2] * r[2];
+        let (r, _) = r.as_chunks::<3>();
+        let (z, _) = z.as_chunks_mut::<3>();
+        let (is_held, _) = self.is_held.as_chunks::<3>();
+        for_parts(z, PART, |number, z| {
+            let nodes = number * PART..number * PART + z.len();
+            let of_nodes = self.inverses[nodes.clone()].iter().zip(&r[nodes.clone()]);
+            for ((z, (inverse, r)), is_held) in z.iter_mut().zip(of_nodes).zip(&is_held[nodes]) {
+                for i in 0..3 {
+                    let product =
+                        inverse[i][0] * r[0] + inverse[i][1] * r[1] + inverse[i][2] * r[2];
+                    z[i] = if is_held[i] { 0.0 } else { product };
+                }
             }
-        }
-        for (z, &held) in z.iter_mut().zip(&self.is_held) {
-            *z = if held { 0.0 } else { *z };
-        }
+        });
     }
 }
 

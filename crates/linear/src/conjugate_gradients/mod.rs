@@ -8,10 +8,11 @@ mod error;
 mod incomplete_cholesky;
 #[cfg(test)]
 mod tests;
+mod vectors;
 
 use super::Pattern;
 use crate::clock::Instant;
-use viscera_number::simd::{Kernel, dispatch};
+use vectors::{advance, dot, norm, turn};
 
 pub use block_jacobi::BlockJacobi;
 pub use error::Error;
@@ -184,8 +185,7 @@ fn step(
     if *energy <= 0.0 {
         return Err(Error::IndefinitePreconditioner { iterations });
     }
-    let turn = *energy / previous;
-    dispatch(Turn { direction, preconditioned, turn });
+    turn(direction, preconditioned, *energy / previous);
     operator.apply(direction, image);
     let curvature = dot(direction, image);
     if !(curvature.is_finite() && energy.is_finite()) {
@@ -198,65 +198,12 @@ fn step(
         });
     }
     let length = *energy / curvature;
-    dispatch(Advance { y: x, length, direction });
-    dispatch(Advance { y: residual, length: -length, direction: image });
+    advance(x, length, direction);
+    advance(residual, -length, image);
     Ok(norm(residual))
 }
 
 fn check_settings(&Settings { relative_tolerance, .. }: &Settings) -> Result<(), Error> {
     let is_valid = relative_tolerance > 0.0 && relative_tolerance.is_finite();
     if is_valid { Ok(()) } else { Err(Error::InvalidTolerance { relative_tolerance }) }
-}
-
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    dispatch(Dot(x, y))
-}
-
-fn norm(x: &[f64]) -> f64 {
-    dot(x, x).sqrt()
-}
-
-/// `x . y`, by what vector instructions there are.
-struct Dot<'a>(&'a [f64], &'a [f64]);
-
-impl Kernel for Dot<'_> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn run(self) -> f64 {
-        viscera_number::dot(self.0, self.1)
-    }
-}
-
-/// `y += length * direction`.
-struct Advance<'a> {
-    y: &'a mut [f64],
-    length: f64,
-    direction: &'a [f64],
-}
-
-impl Kernel for Advance<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        self.y.iter_mut().zip(self.direction).for_each(|(y, p)| *y += self.length * p);
-    }
-}
-
-/// `direction <- preconditioned + turn * direction`.
-struct Turn<'a> {
-    direction: &'a mut [f64],
-    preconditioned: &'a [f64],
-    turn: f64,
-}
-
-impl Kernel for Turn<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let terms = self.direction.iter_mut().zip(self.preconditioned);
-        terms.for_each(|(p, z)| *p = z + self.turn * *p);
-    }
 }

@@ -1,7 +1,7 @@
 //! The tangent as symmetric 3x3 node blocks, its pattern, and its restriction to free degrees of freedom.
 
+use super::block_product::{Columns, Stretch, Upper, stretches};
 use crate::linear::{Numbering, Pattern};
-use crate::simd::{Kernel, dispatch};
 use std::sync::Arc;
 
 /// Upper triangle (row node <= column node) of a symmetric block matrix, in compressed columns.
@@ -10,8 +10,8 @@ pub struct SymmetricBlocks {
     pattern: Arc<BlockPattern>,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
-    /// Memory for the blocks of single cells if threads share the evaluation. It is kept, because new memory costs as
-    /// much as filling it.
+    /// Memory for the blocks of the cells of a wave if threads share the evaluation. It is kept, because new memory costs
+    /// as much as filling it.
     pub(super) of_cells: Vec<f64>,
 }
 
@@ -40,7 +40,10 @@ impl SymmetricBlocks {
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         if x.iter().filter(|x| **x != 0.0).count() > x.len() / 4 {
-            return dispatch(Product { blocks: self, x, y });
+            let BlockPattern { column_start, row, stretches } = &*self.pattern;
+            let columns = Columns { start: column_start, row };
+            let (blocks, _) = self.values.as_chunks();
+            return Upper { columns, blocks }.multiply(stretches, x, y);
         }
         for column in 0..self.pattern.n() {
             for block in self.pattern.column(column) {
@@ -115,6 +118,8 @@ pub struct Source {
 pub struct BlockPattern {
     column_start: Vec<u32>,
     row: Vec<u32>,
+    /// What threads may take of a product.
+    stretches: Vec<Stretch>,
 }
 
 impl BlockPattern {
@@ -126,7 +131,12 @@ impl BlockPattern {
         let mut column_start = vec![0; n + 1];
         entries.iter().for_each(|&[column, _]| column_start[column as usize + 1] += 1);
         (0..n).for_each(|column| column_start[column + 1] += column_start[column]);
-        BlockPattern { column_start, row: entries.iter().map(|&[_, row]| row).collect() }
+        BlockPattern::of_columns(column_start, entries.iter().map(|&[_, row]| row).collect())
+    }
+
+    fn of_columns(column_start: Vec<u32>, row: Vec<u32>) -> Self {
+        let stretches = stretches(Columns { start: &column_start, row: &row });
+        BlockPattern { column_start, row, stretches }
     }
 
     /// Row and column node of every block, row <= column, in the order of [`SymmetricBlocks::values`].
@@ -165,7 +175,7 @@ impl BlockPattern {
             blocks[range[0] as usize..range[1] as usize].sort_unstable_by_key(|&(row, _)| row);
         }
         let (row, sources) = blocks.into_iter().unzip();
-        (BlockPattern { column_start: start, row }, sources)
+        (BlockPattern::of_columns(start, row), sources)
     }
 
     /// The pattern of the rows and columns listed in `free` (sorted degrees of freedom), and for
@@ -191,6 +201,11 @@ impl BlockPattern {
             column_start.push(row.len() as u32);
         }
         (Pattern { n: free.len(), column_start, row }, position)
+    }
+
+    /// Stretches of columns that threads may take of a product.
+    pub fn n_stretches(&self) -> usize {
+        self.stretches.len()
     }
 
     /// Number of blocks.
@@ -232,49 +247,18 @@ pub fn add_block_product(block: &[f64], (row, column): (usize, usize), x: &[f64]
     }
 }
 
-/// `y += A x`, each block read once for both triangles: in double precision that is as quick as a matrix in single
-/// precision that keeps them both.
-struct Product<'a> {
-    blocks: &'a SymmetricBlocks,
-    x: &'a [f64],
-    y: &'a mut [f64],
-}
-
-impl Kernel for Product<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let BlockPattern { column_start, row } = self.blocks.pattern();
-        let (blocks, _) = self.blocks.values.as_chunks::<9>();
-        let (x, _) = self.x.as_chunks::<3>();
-        let (y, _) = self.y.as_chunks_mut::<3>();
-        for (column, range) in column_start.windows(2).enumerate() {
-            let (own, mut sum) = (x[column], [0.0; 3]);
-            // The diagonal block comes last.
-            let (start, last) = (range[0] as usize, range[1] as usize - 1);
-            for (block, &row) in blocks[start..last].iter().zip(&row[start..last]) {
-                let (other, out) = (x[row as usize], &mut y[row as usize]);
-                for i in 0..3 {
-                    let products = block[3 * i] * own[0] + block[3 * i + 1] * own[1];
-                    out[i] += products + block[3 * i + 2] * own[2];
-                }
-                for k in 0..3 {
-                    let products = block[k] * other[0] + block[3 + k] * other[1];
-                    sum[k] += products + block[6 + k] * other[2];
-                }
-            }
-            let block = &blocks[last];
-            for i in 0..3 {
-                let products = block[3 * i] * own[0] + block[3 * i + 1] * own[1];
-                y[column][i] += sum[i] + products + block[3 * i + 2] * own[2];
-            }
-        }
-    }
-}
-
 fn is_zero(x: &[f64]) -> bool {
     x.iter().all(|&x| x == 0.0)
+}
+
+/// Adds entries `[i][k]`, or their transposed, to a block.
+#[inline(always)]
+pub(super) fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
+    if transposed {
+        (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
+    } else {
+        (0..9).for_each(|entry| sum[entry] += block[entry]);
+    }
 }
 
 /// Items sorted into numbered groups.

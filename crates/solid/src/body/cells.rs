@@ -3,6 +3,7 @@
 
 use super::blocks::{BlockPattern, Grouped};
 use super::cell_order::cell_order;
+use super::waves::{Destination, NOWHERE, Waves};
 
 use crate::element::{Geometry, Shape};
 use crate::law::Material;
@@ -10,6 +11,7 @@ use crate::number::{LANES, Lane, Lanes, Scalar};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::{array, each, tabulate};
 use std::marker::PhantomData;
+use std::sync::OnceLock;
 
 /// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
 pub(super) struct Batch<const N: usize> {
@@ -27,22 +29,6 @@ pub(super) struct Slot {
     pub lane: u8,
 }
 
-/// A contribution of a cell to a block: its number among the blocks of all cells, and whether it comes transposed.
-#[derive(Clone, Copy)]
-pub(super) struct Contribution {
-    pub of_cell: u32,
-    pub transposed: bool,
-}
-
-/// Where a cell's block goes: its number in the tangent, and whether it goes there transposed.
-#[derive(Clone, Copy)]
-pub(super) struct Destination {
-    pub block: u32,
-    pub transposed: bool,
-}
-
-pub(super) const NOWHERE: u32 = u32::MAX;
-
 /// Cells of an element with `N` nodes.
 pub(super) struct CellBatches<E, const N: usize> {
     pub nodes: Vec<[u32; N]>,
@@ -52,10 +38,10 @@ pub(super) struct CellBatches<E, const N: usize> {
     pub slots: Vec<Slot>,
     /// Slot and local number of every cell at a node.
     pub incidence: Grouped<(Slot, u8)>,
-    /// What adds up to each block of the tangent.
-    pub contributions: Grouped<Contribution>,
-    /// The same from the cells' side: by batch, lane and pair, where its block goes; [`NOWHERE`] for lanes left over.
+    /// By batch, lane and pair, where a cell's block goes; [`NOWHERE`] for lanes left over.
     pub destinations: Vec<Destination>,
+    /// The same from the side of the tangent's blocks, once threads have shared an evaluation.
+    pub waves: OnceLock<Waves>,
     shape: PhantomData<E>,
 }
 
@@ -92,7 +78,7 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         let mut at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
             .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
             .collect();
-        // As for the blocks below: in the order in which one thread adds them up.
+        // In the order in which one thread adds them up, so that any number of threads gets the same sums.
         at_nodes.sort_by_key(|(_, (slot, _))| (slot.batch, slot.lane));
         let nowhere = Destination { block: NOWHERE, transposed: false };
         let mut destinations = vec![nowhere; LANES * batches.len() * Self::PAIRS];
@@ -103,16 +89,10 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                 *destination = Destination { block: pattern.block(a, b), transposed: a > b };
             }
         }
-        // In the order in which one thread adds them up, so that any number of threads gets the same sums.
-        let at_blocks: Vec<(u32, Contribution)> = (0u32..)
-            .zip(&destinations)
-            .filter(|(_, d)| d.block != NOWHERE)
-            .map(|(of_cell, d)| (d.block, Contribution { of_cell, transposed: d.transposed }))
-            .collect();
         CellBatches {
             incidence: Grouped::new(n_points, &at_nodes),
-            contributions: Grouped::new(pattern.len(), &at_blocks),
             destinations,
+            waves: OnceLock::new(),
             nodes,
             batches,
             tissues: rows,

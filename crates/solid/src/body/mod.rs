@@ -4,6 +4,7 @@
 //! their results are gathered node by node (and block by block) through maps made once, so sums
 //! come out the same whatever the number of threads.
 
+mod block_product;
 mod blocks;
 mod cell_order;
 mod cell_tangent;
@@ -31,6 +32,7 @@ mod tasks;
 #[cfg(test)]
 mod tests;
 mod ties;
+mod waves;
 
 pub use blocks::{BlockPattern, Source, SymmetricBlocks, add_block_product};
 pub use clusters::SharedTangent;

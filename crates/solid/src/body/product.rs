@@ -58,6 +58,11 @@ impl TangentProduct {
         self.shared = self.integrals.shared(self.material.law(), (u, curvature));
     }
 
+    /// Tasks of a product that threads share.
+    pub fn n_tasks(&self) -> usize {
+        self.integrals.n_tasks()
+    }
+
     /// The displacement, and what clusters share there.
     pub fn at(&self) -> (&[f64], &SharedTangent) {
         (&self.u, &self.shared)

@@ -2,20 +2,24 @@
 
 use super::blocks::SymmetricBlocks;
 use super::cell_tangent::{StressTangent, add, add_times};
-use super::cells::{Batch, CellBatches, Destination, NOWHERE};
+use super::cells::{Batch, CellBatches};
 use super::clusters::Around;
 use super::convex::make_convex;
 use super::curvature::Curvature;
 use super::tasks::TASK;
+use super::waves::{Destination, NOWHERE, Waves};
 use crate::element::Shape;
 use crate::law::LawKernels;
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver, prefetch};
 use crate::tensor::{Mat3, Vec3};
-use crate::threads::share;
+use crate::threads::{among_threads, for_parts, share_among_many};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::slice::{from_mut, from_ref};
+
+/// Blocks that a thread takes at once.
+const PART: usize = 4_096;
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Internal force and tangent, to each block of which `rest` adds.
@@ -29,20 +33,22 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
         let SymmetricBlocks { values, of_cells, .. } = tangent;
-        let of_batch = LANES * 9 * Self::PAIRS;
         let of_task = TangentLoop { cells: self, law, around, u, curvature };
-        if share(self.n_tasks()) {
-            of_cells.resize(of_batch * self.batches.len(), 0.0);
+        let (values, _) = values.as_chunks_mut::<9>();
+        if share_among_many(self.n_tasks()) {
             let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-            let of_tasks = of_cells.par_chunks_mut(TASK * of_batch);
-            let tasks = forces.par_chunks_mut(TASK).zip(of_tasks).enumerate();
-            tasks.for_each(|(task, (forces, of_cells))| {
-                of_task.run(task, forces, Purpose::OfCells(of_cells));
+            among_threads(self.n_tasks(), || {
+                let run = |task: usize, forces: &mut [_], blocks: &mut [f64]| {
+                    of_task.run(task, forces, Purpose::OfCells(blocks));
+                };
+                self.gather_tangents(run, &mut forces, of_cells, values);
+                for_parts(values, PART, |number, values| {
+                    let blocks = values.iter_mut().enumerate();
+                    blocks.for_each(|(k, sum)| rest(number * PART + k, sum));
+                });
+                self.gather_forces(&forces, out);
             });
-            self.gather_tangents(of_cells, values, rest);
-            self.gather_forces(&forces, out);
         } else {
-            let (values, _) = values.as_chunks_mut::<9>();
             values.fill([0.0; 9]);
             self.forces_by_one(out, |task, forces| {
                 let destinations = &self.destinations[task * TASK * LANES * Self::PAIRS..];
@@ -53,31 +59,23 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         }
     }
 
-    /// Sums the contributions of the cells of all batches to each block.
+    /// Sums the blocks of all cells, which `of_task` finds for the batches of a task, with their forces.
     fn gather_tangents(
         &self,
-        of_cells: &[f64],
-        values: &mut [f64],
-        rest: impl Fn(usize, &mut [f64; 9]) + Sync,
+        of_task: impl Fn(usize, &mut [[Vec3<Lane>; N]], &mut [f64]) + Sync,
+        forces: &mut [[Vec3<Lane>; N]],
+        of_cells: &mut Vec<f64>,
+        values: &mut [[f64; 9]],
     ) {
-        let (of_cells, _) = of_cells.as_chunks::<9>();
-        values.par_chunks_mut(9).enumerate().with_min_len(1024).for_each(|(block, out)| {
-            let mut sum = [0.0; 9];
-            for c in self.contributions.of(block) {
-                add_block(&of_cells[c.of_cell as usize], c.transposed, &mut sum);
-            }
-            rest(block, &mut sum);
-            out.copy_from_slice(&sum);
-        });
-    }
-}
-
-#[inline(always)]
-fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
-    if transposed {
-        (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
-    } else {
-        (0..9).for_each(|entry| sum[entry] += block[entry]);
+        let in_task = TASK * LANES * Self::PAIRS;
+        let waves = self.waves.get_or_init(|| Waves::new(&self.destinations, in_task));
+        of_cells.resize(9 * in_task * waves.n_tasks(), 0.0);
+        for_parts(values, PART, |_, values| values.fill([0.0; 9]));
+        for ((tasks, wave), forces) in waves.iter().zip(forces.chunks_mut(TASK * waves.n_tasks())) {
+            let parts = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(9 * in_task));
+            parts.zip(tasks).for_each(|((forces, blocks), task)| of_task(task, forces, blocks));
+            wave.gather(of_cells.as_chunks().0, values);
+        }
     }
 }
 

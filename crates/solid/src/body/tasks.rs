@@ -1,7 +1,6 @@
 //! How loops over batches of cells are cut into parallel tasks.
 
-use crate::threads::share;
-use rayon::prelude::*;
+use crate::threads::for_parts;
 
 /// Number of batches that are given to the law together, so that their data stay in the first level
 /// of cache.
@@ -18,9 +17,5 @@ pub(super) fn tasks(batches: usize) -> usize {
 
 /// Runs every task, with its number, on what belongs to its batches.
 pub(super) fn for_tasks<T: Send>(of_batches: &mut [T], run: impl Fn(usize, &mut [T]) + Sync) {
-    if share(tasks(of_batches.len())) {
-        of_batches.par_chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
-    } else {
-        of_batches.chunks_mut(TASK).enumerate().for_each(|(task, part)| run(task, part));
-    }
+    for_parts(of_batches, TASK, run);
 }

@@ -182,6 +182,11 @@ pub struct ProductOperator {
 pub type RestBlock = (u32, u32, [f64; 9]);
 
 impl ProductOperator {
+    /// Tasks of a product that threads share.
+    pub fn n_tasks(&self) -> usize {
+        self.cells.n_tasks()
+    }
+
     /// What a device forms it from: the law's tangent, its factor, and what is added to it.
     pub fn parts(&self) -> (&TangentProduct, f64, &[RestBlock]) {
         (&self.cells, self.factor, &self.rest)

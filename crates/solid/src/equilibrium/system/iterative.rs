@@ -20,6 +20,7 @@ use crate::linear::conjugate_gradients::{
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
 use crate::number::{dot, norm};
+use crate::threads::among_threads;
 use forcing::Forcing;
 use guess::Guess;
 
@@ -305,14 +306,17 @@ impl Iterative {
             deadline,
         };
         let n = self.residual.len();
-        let outcome = cg::solve(
-            &mut self.correction,
-            &Projected { operand: &self.operand, border },
-            &mut Closed { inverse: &mut self.inverse, n, border, forces: Vec::new() },
-            &self.residual,
-            &settings,
-            &mut self.workspace,
-        );
+        let Iterative { operand, inverse, correction, residual, workspace, .. } = self;
+        let mut solve = || {
+            let operator = Projected { operand, border };
+            let mut inverse = Closed { inverse, n, border, forces: Vec::new() };
+            cg::solve(correction, &operator, &mut inverse, residual, &settings, workspace)
+        };
+        // A frame stays on its own thread: one of those that share loops might meanwhile take up all of another solution.
+        let outcome = match self.forcing {
+            Some(_) => solve(),
+            None => among_threads(operand.n_shared(), solve),
+        };
         let solved = self.judge(outcome);
         if solved.is_ok() && self.correction.iter().all(|x| x.is_finite()) {
             return solved;

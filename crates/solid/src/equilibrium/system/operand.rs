@@ -9,6 +9,10 @@ use crate::equilibrium::Tangent;
 use crate::equilibrium::tangent::{Product, ProductOperator};
 use crate::linear::conjugate_gradients::{BlockJacobi, Operator};
 use crate::linear::{FactorError, Numbering};
+use crate::threads::for_parts;
+
+/// Rows that a thread takes at once.
+const PART: usize = 16_384;
 
 /// A tangent with a multiple of the identity added; held rows are zero.
 pub(super) struct Operand {
@@ -90,6 +94,14 @@ impl Operand {
         mean(&self.diagonal())
     }
 
+    /// Tasks of a product that threads share.
+    pub fn n_shared(&self) -> usize {
+        match &self.kind {
+            Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => matrix.pattern().n_stretches(),
+            Kind::Product(operator) => operator.n_tasks(),
+        }
+    }
+
     /// The blocks that it has, where it is assembled.
     pub fn pattern(&self) -> Option<&BlockPattern> {
         self.blocks().map(SymmetricBlocks::pattern)
@@ -141,9 +153,12 @@ impl Operator for Operand {
             Kind::Matrix(matrix) | Kind::Renumbered(matrix, _) => matrix.multiply(x, y),
             Kind::Product(operator) => operator.multiply(x, y),
         }
-        for ((y, x), &held) in y.iter_mut().zip(x).zip(&self.is_held) {
-            *y = if held { 0.0 } else { *y + self.shift * x };
-        }
+        for_parts(y, PART, |number, y| {
+            let own = number * PART..number * PART + y.len();
+            for ((y, x), &held) in y.iter_mut().zip(&x[own.clone()]).zip(&self.is_held[own]) {
+                *y = if held { 0.0 } else { *y + self.shift * x };
+            }
+        });
     }
 }
 

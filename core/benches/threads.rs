@@ -1,0 +1,141 @@
+//! What further threads gain: assembly, products, and whole solutions, beside a loop that only reads and writes memory.
+//!
+//! It runs itself twice, since the number of threads is chosen when a process starts.
+
+use std::hint::black_box;
+use std::process::Command;
+use std::time::Instant;
+use viscera_core::body::Body;
+use viscera_core::element::Element;
+use viscera_core::equilibrium::{
+    ConjugateGradients, Method, Newton, Preconditioner, Pressure, Problem, Status,
+};
+use viscera_core::law::Material;
+use viscera_core::mesh::samples::block;
+
+const SIDE: f64 = 0.1;
+const YOUNG: f64 = 1e4;
+const POISSON: f64 = 0.45;
+const STRETCH: f64 = 0.25;
+
+/// Cubes of six tetrahedra along an edge.
+const EDGES: [usize; 2] = [22, 37];
+
+/// Numbers of each array of the triad.
+const TRIAD: usize = 16_000_000;
+
+/// What is measured says on the command line that it is to be.
+const MEASURE: &str = "--measure";
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    if arguments.iter().any(|argument| argument == MEASURE) {
+        return measure();
+    }
+    let all = std::thread::available_parallelism().map_or(1, usize::from);
+    let [one, more] = [1, all].map(|threads| {
+        let mut command = Command::new(&arguments[0]);
+        let command = command.arg(MEASURE).env("RAYON_NUM_THREADS", threads.to_string());
+        let output = command.output().expect("the measurement runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stdout).into_owned()
+    });
+    println!("{:45}{:>11}{:>11}{:>7}", "", "1 thread", format!("{all} threads"), "gain");
+    for (one, more) in one.lines().zip(more.lines()) {
+        let [(name, before), (_, after)] = [one, more].map(|line| {
+            let (name, number) = line.rsplit_once(' ').expect("a name and a number");
+            (name, number.parse::<f64>().expect("a number"))
+        });
+        println!("{name:45}{before:11.3}{after:11.3}{:7.2}", before / after);
+    }
+}
+
+fn measure() {
+    triad();
+    for edge in EDGES {
+        let body = cube(edge);
+        let (n, cells) = (body.n_dofs(), body.cells().len());
+        let u: Vec<f64> = (0..n).map(|dof| 2e-4 * (dof as f64).sin()).collect();
+        let (mut force, mut tangent) = (vec![0.0; n], body.zero_tangent());
+        let assembly = least(20, || body.internal_force_and_tangent(&u, &mut force, &mut tangent));
+        println!("{cells} cells, force and tangent [ms] {}", 1e3 * assembly);
+        let product = least(100, || tangent.multiply(&u, black_box(&mut force)));
+        println!("{cells} cells, product with a vector [ms] {}", 1e3 * product);
+        for preconditioner in [
+            Preconditioner::BlockJacobi,
+            Preconditioner::IncompleteCholesky,
+            Preconditioner::Multigrid,
+        ] {
+            let seconds = least(2, || solve(&body, preconditioner));
+            println!("{cells} cells, solution by {} [s] {seconds}", preconditioner.name());
+        }
+    }
+}
+
+/// `a = b + 3 c` (McCalpin's STREAM), by the threads that share all other loops.
+fn triad() {
+    use rayon::prelude::*;
+    let (b, c) = (vec![1.0f64; TRIAD], vec![2.0f64; TRIAD]);
+    let mut a = vec![0.0f64; TRIAD];
+    let seconds = least(10, || {
+        let parts = a.par_chunks_mut(100_000).zip(b.par_chunks(100_000)).zip(c.par_chunks(100_000));
+        parts.for_each(|((a, b), c)| {
+            a.iter_mut().zip(b).zip(c).for_each(|((a, b), c)| *a = b + 3.0 * c);
+        });
+        black_box(&a);
+    });
+    println!("triad of {TRIAD} numbers [ms] {}", 1e3 * seconds);
+}
+
+fn cube(edge: usize) -> Body {
+    let (points, cells) = block([edge; 3], [SIDE; 3]);
+    let (mu, lam) = (
+        YOUNG / (2.0 * (1.0 + POISSON)),
+        YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)),
+    );
+    let material =
+        Material::new("neo_hookean", vec![vec![mu, lam]]).expect("parameters are admissible");
+    Body::with_element(Element::P1, points, cells, material).expect("cubes are sound")
+}
+
+/// Clamped at one side, the opposite one drawn out, in four steps.
+fn solve(body: &Body, preconditioner: Preconditioner) {
+    let side = |x: f64| {
+        let at = move |&node: &usize| (body.points()[node][0] - x).abs() < 1e-9;
+        (0..body.points().len()).filter(at).map(|node| 3 * node as u32)
+    };
+    let held = side(0.0).flat_map(|dof| (0..3).map(move |i| (dof + i, 0.0)));
+    let moved = side(SIDE)
+        .flat_map(|dof| (0..3).map(move |i| (dof + i, if i == 0 { STRETCH * SIDE } else { 0.0 })));
+    let problem = Problem {
+        body,
+        prescribed: held.chain(moved).collect(),
+        force: vec![0.0; body.n_dofs()],
+        pressure: Pressure::default(),
+        patches: Vec::new(),
+        start: None,
+    };
+    let settings = ConjugateGradients {
+        preconditioner,
+        max_iterations: 2000,
+        ..ConjugateGradients::default()
+    };
+    let newton = Newton {
+        steps: 4,
+        tolerance: 1e-8,
+        method: Method::ConjugateGradients(settings),
+        ..Newton::default()
+    };
+    let solved = newton.solve(&problem, &mut |_| true).expect("the problem is sound");
+    assert_eq!(solved.status, Status::Converged);
+}
+
+/// Least time of some runs [s].
+fn least(runs: usize, mut run: impl FnMut()) -> f64 {
+    let time = |_| {
+        let clock = Instant::now();
+        run();
+        clock.elapsed().as_secs_f64()
+    };
+    (0..runs).map(time).fold(f64::INFINITY, f64::min)
+}
