@@ -170,6 +170,7 @@ install-c: c-library ## headers and libraries for C, and what pkg-config and CMa
 bench: $(development) c-library out/liver.viscera ## the benchmarks
 	for script in benchmarks/*.py; do $(BIN)/python $$script || exit; done
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) bench --quiet --package viscera-core --bench assembly; }
+	{ $(BIN)/python benchmarks/machine.py; $(CARGO) bench --quiet --package viscera-core --bench threads; }
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) run --quiet --release --package viscera-linear --example fronts; }
 	{ $(BIN)/python benchmarks/machine.py 1; $(CARGO) test --quiet --release --package viscera-galerkin panels_beside_units -- --ignored --nocapture; }
 	$(CARGO) bench --quiet --package viscera-core --bench online -- $(CURDIR)/out/liver.viscera
