@@ -1,5 +1,5 @@
-"""Photographs the viewer for docs/viewer.md: a liver pushed in, wide and on a telephone in the dark, two arteries, and
-a scene of two beams.
+"""Photographs the viewer for docs/viewer.md: a liver pushed in, wide and on a telephone in the dark, and held by two
+probes, two arteries, and a scene of two beams.
 
 python scripts/viewer_pictures.py out/liver.viscera
 """
@@ -34,6 +34,25 @@ def photograph(browser: Any, url: str, name: str, settings: dict[str, Any], colo
     page.mouse.move(at["x"], at["y"])
     page.mouse.down()
     page.mouse.move(at["x"], at["y"] + drag, steps=5)
+    shoot(page, name)
+
+
+def photograph_probes(browser: Any, url: str, name: str) -> None:
+    """A probe in each of two hands, at both sides of the middle."""
+    page = browser.new_context(**WIDE).new_page()
+    page.goto(url)
+    page.wait_for_selector(".view canvas.stage")
+    page.evaluate(
+        """() => {
+            const { stage, pointer, middle, depth } = viscera;
+            viscera.toggleProbe();
+            [-1, 1].forEach((side, hand) => {
+                const aim = middle.map((x, i) => x + 0.16 * side * stage.diagonal * stage.right[i]);
+                viscera.grab(pointer.near(aim), hand);
+                viscera.move(viscera.contact(hand).normal.map((n) => -0.35 * depth * n), hand);
+            });
+        }"""
+    )
     shoot(page, name)
 
 
@@ -80,6 +99,7 @@ def main(model: str) -> None:
         browser = driver.chromium.launch(executable_path=program, args=FLAGS)
         photograph(browser, server.url, "viewer.png", WIDE, "tissue", 26)
         photograph(browser, server.url, "viewer-telephone.png", TELEPHONE, "displacement", 12)
+        photograph_probes(browser, server.url, "viewer-probes.png")
         with serve_live(read_case(ROOT / "examples" / "artery.toml"), "Artery") as live:
             photograph_pair(browser, live.url, "viewer-pair.png")
         with serve_live(vs.case(ROOT / "examples" / "scene.toml"), "Two beams") as live:

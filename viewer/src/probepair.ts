@@ -14,7 +14,7 @@ import type { Stage } from "./stage";
 import { STRIDE, TouchState, type Held, type Told } from "./touchstate";
 
 const NAMES = ["first probe", "second probe"] as const;
-const WORDS = "Two probes feel each other through the organ. What the model does not know of both at once is part of the estimate.";
+const WORDS = "Each probe feels the other through the organ. The shape is the sum of both touches; the estimate includes the error of that.";
 
 export class ProbePair implements Coloured {
   /** What is read off, in the place of the readings of one touch. */
