@@ -69,6 +69,7 @@ export class ProbePair implements Coloured {
     this.evaluator.beginPair(1 - hand);
     this.holding = hand === 0 ? [there, here] : [here, there];
     this.renew();
+    this.renew();
     this.places.readings.append(this.root);
     this.places.labels.append(...this.grips.map(({ label }) => label.root));
     this.display.isPassive = true;
@@ -88,6 +89,7 @@ export class ProbePair implements Coloured {
       centers[hand] = from.map((x, i) => x + (k / strides) * way[i]!) as Vec3;
       this.place(centers);
     }
+    this.renew();
   }
 
   /** Outward normal where a hand took hold, and how far it has moved. */
@@ -104,7 +106,7 @@ export class ProbePair implements Coloured {
     return TouchState.resumed(this.evaluator, left, order);
   }
 
-  /** Asks anew what both feel where they are, by other stiffnesses. */
+  /** Asks anew what both feel where they are: each then presses the surface as the other one left it at last. */
   renew(): void {
     this.place(this.holding!.map(({ felt }) => felt.center) as [Vec3, Vec3]);
   }
