@@ -24,7 +24,7 @@ const EDGES: [usize; 2] = [22, 37];
 /// Numbers of each array of the triad.
 const TRIAD: usize = 16_000_000;
 
-/// What is measured says on the command line that it is to be.
+/// An argument of the processes that measure.
 const MEASURE: &str = "--measure";
 
 fn main() {

@@ -2,6 +2,7 @@
 
 use viscera_touch::{Felt, Probe, ProbeGroup, ReducedModel};
 
+/// The probes of the first hand and of the second, and what each has felt last.
 pub struct Pair {
     probes: [Probe; 2],
     group: ProbeGroup,
@@ -16,6 +17,7 @@ impl Pair {
         Pair { probes, group: ProbeGroup::new(model, 2), felt: [None; 2] }
     }
 
+    /// Moves the centres of both.
     pub fn place(&mut self, model: &ReducedModel, centers: [[f64; 3]; 2]) {
         let [one, other] = &mut self.probes;
         let told = self.group.place(model, &mut [one, other], &centers);

@@ -2,6 +2,8 @@
 
 use faer::Par;
 use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use std::sync::OnceLock;
 
 /// Tasks of some tens of microseconds from which threads share a loop.
 pub const FEWEST: usize = 8;
@@ -19,15 +21,24 @@ pub fn share(tasks: usize) -> bool {
     tasks >= FEWEST && rayon::current_num_threads() > 1
 }
 
-/// Whether more than two threads share a loop of so many tasks, which takes together twice the time that one would take.
+/// The same for a loop that costs all threads together twice the time of one: two would gain nothing.
 pub fn share_among_many(tasks: usize) -> bool {
     share(tasks) && rayon::current_num_threads() > 2
 }
 
-/// Does work with many loops of so many tasks on one of the threads that share them: from another thread each loop would wait
-/// for them to wake.
+/// Does long work with many loops of so many tasks on a thread of a pool of its own, so that its loops need not wake threads
+/// each time. In the common pool, who waits for a short loop might meanwhile take up all of the long work: a frame would
+/// be late. On a thread of any pool it is done where it is.
 pub fn among_threads<T: Send>(tasks: usize, work: impl FnOnce() -> T + Send) -> T {
-    if share(tasks) { rayon::scope(|_| work()) } else { work() }
+    static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
+    if !share(tasks) || rayon::current_thread_index().is_some() {
+        return work();
+    }
+    let of_as_many = || ThreadPoolBuilder::new().num_threads(rayon::current_num_threads());
+    match POOL.get_or_init(|| of_as_many().build().ok()) {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }
 }
 
 /// Runs every part of so many items, with its number. What a part does must not depend on who runs it.

@@ -143,63 +143,72 @@ impl Kernel for Product<'_> {
         let Upper { columns: Columns { start: starts, row }, blocks } = matrix;
         let Stretch { start, end, coupled, lowest } = stretch;
         own.fill([0.0; 3]);
-        for (column, ends) in (start..coupled).zip(starts[start..].windows(2)) {
+        let column = |ends: &[u32], own: [f64; 3]| {
             let places = ends[0] as usize..ends[1] as usize;
-            let (blocks, row) = (&blocks[places.clone()], &row[places]);
-            let split = row.partition_point(|&row| (row as usize) < start);
-            let apart = pass(&blocks[..split], &row[..split], x, x[column], before, lowest);
-            let sum = pass_to_diagonal(&blocks[split..], &row[split..], x, x[column], own, start);
-            (0..3).for_each(|i| own[column - start][i] += apart[i] + sum[i]);
+            Column { blocks: &blocks[places.clone()], rows: &row[places], own }
+        };
+        for (number, ends) in (start..coupled).zip(starts[start..].windows(2)) {
+            let (other, rest) = column(ends, x[number]).split(start);
+            let apart = other.pass(x, before, lowest);
+            let sum = rest.pass_to_diagonal(x, own, start);
+            (0..3).for_each(|i| own[number - start][i] += apart[i] + sum[i]);
         }
-        for (column, ends) in (coupled..end).zip(starts[coupled..].windows(2)) {
-            let places = ends[0] as usize..ends[1] as usize;
-            let (blocks, row) = (&blocks[places.clone()], &row[places]);
-            let sum = pass_to_diagonal(blocks, row, x, x[column], own, start);
-            (0..3).for_each(|i| own[column - start][i] += sum[i]);
+        for (number, ends) in (coupled..end).zip(starts[coupled..].windows(2)) {
+            let sum = column(ends, x[number]).pass_to_diagonal(x, own, start);
+            (0..3).for_each(|i| own[number - start][i] += sum[i]);
         }
     }
 }
 
-/// As [`pass`], for blocks the last of which is that of the diagonal.
-#[inline(always)]
-fn pass_to_diagonal(
-    blocks: &[[f64; 9]],
-    rows: &[u32],
-    x: &[[f64; 3]],
+/// Blocks of a column and their rows, with the column's own entry of `x`.
+#[derive(Clone, Copy)]
+struct Column<'a> {
+    blocks: &'a [[f64; 9]],
+    rows: &'a [u32],
     own: [f64; 3],
-    y: &mut [[f64; 3]],
-    offset: usize,
-) -> [f64; 3] {
-    let last = rows.len() - 1;
-    let sum = pass(&blocks[..last], &rows[..last], x, own, y, offset);
-    let diagonal = times(&blocks[last], own);
-    std::array::from_fn(|i| sum[i] + diagonal[i])
 }
 
-/// Adds the products of the blocks of a column with its entry of `x` to rows from `offset` on; the sum of those of the
-/// transposed blocks.
-#[inline(always)]
-fn pass(
-    blocks: &[[f64; 9]],
-    rows: &[u32],
-    x: &[[f64; 3]],
-    own: [f64; 3],
-    y: &mut [[f64; 3]],
-    offset: usize,
-) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for (block, &row) in blocks.iter().zip(rows) {
-        let (other, out) = (x[row as usize], &mut y[row as usize - offset]);
-        let product = times(block, own);
-        for i in 0..3 {
-            out[i] += product[i];
-            let products = block[i] * other[0] + block[3 + i] * other[1];
-            sum[i] += products + block[6 + i] * other[2];
-        }
+impl Column<'_> {
+    /// Those of the rows before one, and the others.
+    #[inline(always)]
+    fn split(self, row: usize) -> (Self, Self) {
+        let at = self.rows.partition_point(|&other| (other as usize) < row);
+        let (blocks, rows) = (self.blocks.split_at(at), self.rows.split_at(at));
+        (
+            Column { blocks: blocks.0, rows: rows.0, ..self },
+            Column { blocks: blocks.1, rows: rows.1, ..self },
+        )
     }
-    sum
+
+    /// Adds the products of the blocks with the column's entry to `y`, which begins at the row `first`; the sum of those of
+    /// the transposed blocks.
+    #[inline(always)]
+    fn pass(self, x: &[[f64; 3]], y: &mut [[f64; 3]], first: usize) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (block, &row) in self.blocks.iter().zip(self.rows) {
+            let (other, out) = (x[row as usize], &mut y[row as usize - first]);
+            let product = times(block, self.own);
+            for i in 0..3 {
+                out[i] += product[i];
+                let products = block[i] * other[0] + block[3 + i] * other[1];
+                sum[i] += products + block[6 + i] * other[2];
+            }
+        }
+        sum
+    }
+
+    /// The same where the last block is that of the diagonal, which counts once.
+    #[inline(always)]
+    fn pass_to_diagonal(self, x: &[[f64; 3]], y: &mut [[f64; 3]], first: usize) -> [f64; 3] {
+        let last = self.rows.len() - 1;
+        let above = Column { blocks: &self.blocks[..last], rows: &self.rows[..last], ..self };
+        let sum = above.pass(x, y, first);
+        let diagonal = times(&self.blocks[last], self.own);
+        std::array::from_fn(|i| sum[i] + diagonal[i])
+    }
 }
 
+/// `A x` of a block.
 #[inline(always)]
 fn times(block: &[f64; 9], x: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| {

@@ -13,7 +13,7 @@ use crate::law::LawKernels;
 use crate::number::{LANES, Lane};
 use crate::simd::{Kernel, dispatch_solver, prefetch};
 use crate::tensor::{Mat3, Vec3};
-use crate::threads::{among_threads, for_parts, share_among_many};
+use crate::threads::{for_parts, share_among_many};
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::slice::{from_mut, from_ref};
@@ -37,17 +37,15 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         let (values, _) = values.as_chunks_mut::<9>();
         if share_among_many(self.n_tasks()) {
             let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-            among_threads(self.n_tasks(), || {
-                let run = |task: usize, forces: &mut [_], blocks: &mut [f64]| {
-                    of_task.run(task, forces, Purpose::OfCells(blocks));
-                };
-                self.gather_tangents(run, &mut forces, of_cells, values);
-                for_parts(values, PART, |number, values| {
-                    let blocks = values.iter_mut().enumerate();
-                    blocks.for_each(|(k, sum)| rest(number * PART + k, sum));
-                });
-                self.gather_forces(&forces, out);
+            let run = |task: usize, forces: &mut [_], blocks: &mut [f64]| {
+                of_task.run(task, forces, Purpose::OfCells(blocks));
+            };
+            self.gather_tangents(run, &mut forces, of_cells, values);
+            for_parts(values, PART, |number, values| {
+                let blocks = values.iter_mut().enumerate();
+                blocks.for_each(|(k, sum)| rest(number * PART + k, sum));
             });
+            self.gather_forces(&forces, out);
         } else {
             values.fill([0.0; 9]);
             self.forces_by_one(out, |task, forces| {

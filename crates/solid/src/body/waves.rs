@@ -45,10 +45,11 @@ struct Contribution {
 }
 
 impl Waves {
-    /// For cells whose blocks have these destinations, so many in a task.
+    /// For cells whose blocks have these destinations, so many in a task. Made by one thread: others may wait for it, and
+    /// one that waits for them would meanwhile take up tasks which wait for this.
     pub fn new(destinations: &[Destination], of_task: usize) -> Self {
         let n_tasks = (CACHED / of_task).max(FEWEST);
-        let waves = destinations.par_chunks(n_tasks * of_task).map(Wave::new).collect();
+        let waves = destinations.chunks(n_tasks * of_task).map(Wave::new).collect();
         Waves { n_tasks, waves }
     }
 
@@ -66,22 +67,23 @@ impl Waves {
 
 impl Wave {
     fn new(destinations: &[Destination]) -> Self {
-        let mut order: Vec<u32> = (0u32..)
+        let mut order: Vec<(u32, u32)> = (0u32..)
             .zip(destinations)
-            .filter_map(|(of_cell, to)| (to.block != NOWHERE).then_some(of_cell))
+            .filter_map(|(of_cell, to)| (to.block != NOWHERE).then_some((to.block, of_cell)))
             .collect();
-        let block = |of_cell: u32| destinations[of_cell as usize].block;
-        order.sort_unstable_by_key(|&of_cell| (block(of_cell), of_cell));
+        order.sort_unstable();
         let (mut blocks, mut start) = (Vec::new(), Vec::new());
-        for (at, &of_cell) in (0u32..).zip(&order) {
-            if blocks.last() != Some(&block(of_cell)) {
-                blocks.push(block(of_cell));
+        for (at, &(block, _)) in (0u32..).zip(&order) {
+            if blocks.last() != Some(&block) {
+                blocks.push(block);
                 start.push(at);
             }
         }
         start.push(order.len() as u32);
-        let transposed = |of_cell: u32| destinations[of_cell as usize].transposed;
-        let contribution = |of_cell| Contribution { of_cell, transposed: transposed(of_cell) };
+        let contribution = |(_, of_cell): (u32, u32)| Contribution {
+            of_cell,
+            transposed: destinations[of_cell as usize].transposed,
+        };
         Wave { blocks, start, contributions: order.into_iter().map(contribution).collect() }
     }
 
@@ -103,5 +105,35 @@ impl Wave {
                 }
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::Body;
+    use crate::element::Element;
+    use crate::law::Material;
+    use crate::mesh::samples::{block, noise};
+
+    fn tangent(body: &Body, u: &[f64]) -> Vec<f64> {
+        let (mut force, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
+        body.internal_force_and_tangent(u, &mut force, &mut tangent);
+        tangent.values().to_vec()
+    }
+
+    /// Tasks of one pool that are the first to need the waves of a body, all at once.
+    #[test]
+    fn tasks_that_share_a_body_add_up_the_same_tangent() {
+        let (points, cells) = block([7; 3], [0.1; 3]);
+        let material = Material::new("neo_hookean", vec![vec![1e3, 4e3]]).unwrap();
+        let body = Body::with_element(Element::P2, points, cells, material).unwrap();
+        let u: Vec<f64> = noise(body.n_dofs(), 1).iter().map(|u| 1e-4 * u).collect();
+        let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let of_tasks: Vec<Vec<f64>> =
+            pool(4).install(|| (0..16).into_par_iter().map(|_| tangent(&body, &u)).collect());
+        let alone = pool(1).install(|| tangent(&body, &u));
+        assert!(alone.iter().any(|&k| k != 0.0));
+        assert!(of_tasks.iter().all(|found| *found == alone));
     }
 }

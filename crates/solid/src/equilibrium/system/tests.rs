@@ -1,6 +1,7 @@
 //! Every method on one bordered system, while grasps change; and what an indefinite tangent does to each.
 
 mod device;
+mod threads;
 
 use super::*;
 use crate::body::{Body, Curvature};
