@@ -29,6 +29,15 @@ export function distances(one: Float32Array, other: Float32Array, factor: number
   }
 }
 
+/**
+ * Lengths (s,) of the error of a field, of which the whole is estimated, relative to the norm: over the surface it is
+ * spread like the difference from another field, that of one order less.
+ */
+export function spreadError(field: Float32Array, other: Float32Array, error: number, out: Float32Array): void {
+  const last = distance(other, field);
+  distances(other, field, last > 0 ? (error * norm(field)) / last : 0, out);
+}
+
 /** Root mean square of the displacement of some nodes [m]. */
 export function typical(field: Float32Array, nodes: Uint32Array): number {
   const sum = nodes.reduce((sum, n) => sum + field[3 * n]! ** 2 + field[3 * n + 1]! ** 2 + field[3 * n + 2]! ** 2, 0);

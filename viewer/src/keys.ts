@@ -25,6 +25,7 @@ export interface Keyed {
 export const KEYS: readonly [string, string][] = [
   ["drag on the organ", "push it in (down) or pull it out (up); Shift switches push and drag"],
   ["wheel while holding", "push in or pull out along the normal"],
+  ["two fingers on it", "touch it with two hands; with the probe, one in each"],
   ["drag beside it", "turn the view; zoom with the wheel or with two fingers"],
   ["Enter", "touch the middle"],
   ["↑ ↓ ← →", "move the contact; Shift for small steps"],

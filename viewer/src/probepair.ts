@@ -6,12 +6,13 @@ import type { Display } from "./display";
 import { element, fact, fixed, newtons, percent, write } from "./dom";
 import { doubtOf, doubtOfOrder } from "./doubt";
 import type { Evaluator, Felt, Vec3 } from "./evaluator";
-import { distance, distances, norm, typical } from "./field";
+import { distance, distances, norm, spreadError, typical } from "./field";
 import { Grip } from "./grip";
 import type { Shift } from "./inside";
 import type { Reading } from "./pointer";
 import type { Stage } from "./stage";
-import { STRIDE, TouchState, type Held, type Told } from "./touchstate";
+import { strides } from "./strides";
+import { TouchState, type HeldProbe, type Told } from "./touchstate";
 
 const NAMES = ["first probe", "second probe"] as const;
 const WORDS = "Each probe feels the other through the organ. The shape is the sum of both touches; the estimate includes the error of that.";
@@ -23,14 +24,14 @@ export class ProbePair implements Coloured {
   readonly field: Float32Array;
   private readonly best: Float32Array;
   /** By the hand that holds it; null where there are not two. */
-  private holding: [Held, Held] | null = null;
+  private holding: [HeldProbe, HeldProbe] | null = null;
   private forces: [Vec3, Vec3] = [[0, 0, 0], [0, 0, 0]];
   /** Relative distance of the chosen order's field from the highest one's, and the estimated error of that. */
   private off = 0;
   private error = 0;
   private order = 1;
   private readonly grips: readonly [Grip, Grip];
-  private readonly rows = NAMES.map((name) => new Row(name));
+  private readonly rows = NAMES.map((name) => new ProbeReadings(name));
 
   constructor(
     private readonly evaluator: Evaluator,
@@ -81,13 +82,10 @@ export class ProbePair implements Coloured {
     if (!holding) return;
     const held = holding[hand]!;
     held.motion = displacement;
-    const from = held.felt.center;
-    const way = held.outset.map((x, i) => x + displacement[i]! - from[i]!);
-    const strides = Math.max(1, Math.ceil(Math.hypot(...way) / (STRIDE * this.evaluator.about.metadata.radius)));
-    for (let k = 1; k <= strides; k++) {
-      const centers: [Vec3, Vec3] = [holding[0].felt.center, holding[1].felt.center];
-      centers[hand] = from.map((x, i) => x + (k / strides) * way[i]!) as Vec3;
-      this.place(centers);
+    const goal = held.outset.map((x, i) => x + displacement[i]!) as Vec3;
+    for (const center of strides(held.felt.center, goal, this.evaluator.about.metadata.radius)) {
+      const other = holding[1 - hand]!.felt.center;
+      this.place(hand === 0 ? [center, other] : [other, center]);
     }
     this.renew();
   }
@@ -132,7 +130,7 @@ export class ProbePair implements Coloured {
       this.rows[k]!.show(this.size(k), felt, this.standing(k));
     });
     const isTrusted = this.holding.every(({ felt }, k) => felt.shapeTrust === "trusted" && !this.doubt(k));
-    this.display.showField(this, order, this.shifts(), isTrusted);
+    this.display.showField(this, order, this.shifts, isTrusted);
   }
 
   /** Writes the forces beside the probes. */
@@ -156,7 +154,7 @@ export class ProbePair implements Coloured {
   }
 
   /** How far the parts within have moved. */
-  shifts(): Shift[] {
+  private get shifts(): Shift[] {
     const { evaluator, field, order } = this;
     const error = this.error + (order < evaluator.about.metadata.order ? this.off : 0);
     return this.display.inside.shifts(field, error, typical(field, evaluator.outer));
@@ -175,7 +173,7 @@ export class ProbePair implements Coloured {
       error_estimate: felt.error,
       is_trusted: felt.trust === "trusted",
     }));
-    return { hands, field: Array.from(this.field) };
+    return { hands, field: Array.from(this.field), inside: this.shifts };
   }
 
   /** What the first hand's probe does, to whom it is told. */
@@ -190,8 +188,7 @@ export class ProbePair implements Coloured {
     if (order < highest) return distances(this.field, best, 1, out);
     const other = new Float32Array(best.length);
     this.add(highest - 1, other);
-    const last = distance(other, best);
-    distances(other, best, last > 0 ? (this.error * norm(best)) / last : 0, out);
+    spreadError(best, other, this.error, out);
   }
 
   dispose(): void {
@@ -253,7 +250,7 @@ export class ProbePair implements Coloured {
 }
 
 /** What is read off of one of the probes. */
-class Row {
+class ProbeReadings {
   readonly root: HTMLElement;
   private readonly force = element("span", { class: "force" });
   private readonly depth = element("span");

@@ -4,20 +4,18 @@ import { sample, type Curves } from "./curve";
 import { fixed, newtons, percent } from "./dom";
 import { doubtOf, doubtOfOrder } from "./doubt";
 import type { Answer, Evaluator, Felt, Vec3 } from "./evaluator";
-import { displacementAt, distance, distances, norm, typical } from "./field";
+import { displacementAt, distance, distances, norm, spreadError, typical } from "./field";
 import type { OrderReading } from "./readings";
+import { strides } from "./strides";
 
 /** A tool may be moved this much beyond the depth the model is made for; then it slips. */
 const BEYOND = 1.3;
-
-/** How far a probe goes in one step, in units of its radius: one that comes into the organ at once feels nothing. */
-export const STRIDE = 0.25;
 
 /** Directions that differ by no more than this, in each component, have the same curves. */
 const SAME = 1e-6;
 
 /** A probe in a hand: what it feels, the normal where the hand took hold, and where its centre was then and went since [m]. */
-export interface Held {
+export interface HeldProbe {
   felt: Felt;
   normal: Vec3;
   outset: Vec3;
@@ -81,7 +79,7 @@ export class TouchState {
   }
 
   /** A probe that goes on alone from where it is, as one of two did. */
-  static resumed(evaluator: Evaluator, { felt, normal, outset, motion }: Held, order: number): TouchState {
+  static resumed(evaluator: Evaluator, { felt, normal, outset, motion }: HeldProbe, order: number): TouchState {
     const touching = new TouchState(evaluator, felt.point, normal);
     touching.outset = outset;
     touching.felt = evaluator.place(felt.center);
@@ -173,9 +171,8 @@ export class TouchState {
 
   /** The hand holds a probe, which goes along a straight line. */
   private press(d: Vec3, { center: from }: Felt): Felt {
-    const way = this.outset.map((x, i) => x + d[i]! - from[i]!);
-    const strides = Math.max(1, Math.ceil(Math.hypot(...way) / (STRIDE * this.evaluator.about.metadata.radius)));
-    for (let k = 1; k <= strides; k++) this.felt = this.evaluator.place(from.map((x, i) => x + (k / strides) * way[i]!) as Vec3);
+    const goal = this.outset.map((x, i) => x + d[i]!) as Vec3;
+    for (const center of strides(from, goal, this.evaluator.about.metadata.radius)) this.felt = this.evaluator.place(center);
     const felt = this.felt!;
     [this.point, this.displacement, this.motion] = [felt.point, felt.displacement, d];
     return felt;
@@ -224,10 +221,8 @@ export class TouchState {
     const { evaluator, best } = this;
     const highest = evaluator.about.metadata.order;
     const other = order < highest ? this.field : evaluator.surface(this.displacement, highest - 1, 0);
-    const last = distance(other, best);
-    // The estimate is of the whole field; over the surface it is spread like the last order.
-    const scale = order < highest ? 1 : last > 0 ? (this.answer.shapeError * norm(best)) / last : 0;
-    distances(other, best, scale, out);
+    if (order < highest) distances(other, best, 1, out);
+    else spreadError(best, other, this.answer.shapeError, out);
   }
 }
 
