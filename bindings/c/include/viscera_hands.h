@@ -7,9 +7,7 @@
  * in a span of modes and on a few weighted cells, as by Touch.galerkin in Python. Vectors of several contacts are
  * three doubles each, one after the other. Units and frame are those that the model had at viscera_hands_new.
  *
- * With linear cells ("P1") calls marked REAL TIME stay on the thread that calls, allocate nothing, take no lock and make
- * no system call. With other elements they allocate and free again the same memory in every search, and from some 1,800
- * sampled cells on threads share the work.
+ * Calls marked REAL TIME stay on the thread that calls, allocate nothing, take no lock and make no system call.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  */

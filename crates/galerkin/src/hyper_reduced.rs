@@ -103,8 +103,7 @@ impl HyperReducedModel {
         Ok(is_wrong)
     }
 
-    /// With linear cells, searches stay on the thread that asks and allocate nothing, for loops that wait for nobody.
-    /// Answers are the same.
+    /// Searches stay on the thread that asks and allocate nothing, for loops that wait for nobody. Answers are the same.
     pub fn stay_on_one_thread(&mut self) {
         self.is_alone = true;
         self.now.solver.share(false);

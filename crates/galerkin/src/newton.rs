@@ -160,9 +160,9 @@ impl ReducedNewton {
         self.factor.stiffness(out);
     }
 
-    /// Whether threads share the work for a tangent.
+    /// Whether threads share the work.
     pub fn share(&mut self, is_shared: bool) {
-        self.sampled.is_shared = is_shared;
+        self.sampled.share(is_shared);
     }
 
     /// Iterates from `q`, where the energy was evaluated last, to the equilibrium under `A q = d`, or as far as

@@ -18,7 +18,7 @@ enum SampledEnergy {
     /// Linear cells.
     Cells(SampledCells),
     /// Cells of other elements, or clusters of them.
-    Units(SamplingUnits),
+    Units(Box<SamplingUnits>),
 }
 
 impl SampledEnergy {
@@ -33,7 +33,8 @@ impl SampledEnergy {
             Element::P1 => SampledEnergy::Cells(SampledCells::new(origin, units, weights, modes)),
             Element::P1MeanVolume | Element::P2 => {
                 let subset = origin.body.subset(units, weights, shared);
-                SampledEnergy::Units(SamplingUnits::new(subset, &origin.displacement, modes))
+                let units = SamplingUnits::new(subset, &origin.displacement, modes);
+                SampledEnergy::Units(Box::new(units))
             }
         }
     }
@@ -42,6 +43,13 @@ impl SampledEnergy {
         match self {
             SampledEnergy::Cells(cells) => cells.evaluate(q, wanted, reduced),
             SampledEnergy::Units(units) => units.evaluate(q, wanted, reduced),
+        }
+    }
+
+    fn share(&mut self, is_shared: bool) {
+        match self {
+            SampledEnergy::Cells(_) => {}
+            SampledEnergy::Units(units) => units.stay_on_one_thread(!is_shared),
         }
     }
 
@@ -61,18 +69,26 @@ pub(super) struct Sampled {
     energy: f64,
     force: Vec<f64>,
     rounding: Rounding,
-    /// Whether threads share the work for a tangent.
-    pub is_shared: bool,
+    is_shared: bool,
 }
 
 impl Sampled {
-    /// Some units, each counting `weights` times; `modes` are runs of all degrees of freedom.
+    /// Some units, each counting `weights` times; `modes` are runs of all degrees of freedom. It has all the memory that
+    /// its evaluations on one thread need.
     pub fn new(origin: &Origin, units: &[usize], weights: &[f64], modes: &[Vec<f64>]) -> Self {
         let mut sum = SampledEnergy::new(origin, units, weights, SharedNodes::Merged, modes);
         let mut there = Reduced::new(modes.len());
-        sum.evaluate(&vec![0.0; modes.len()], Wanted::Force, &mut there);
+        sum.share(false);
+        sum.evaluate(&vec![0.0; modes.len()], Wanted::Tangent, &mut there);
+        sum.share(true);
         let (energy, force, rounding) = (there.energy, there.force, origin.rounding);
         Sampled { sum, energy, force, rounding, is_shared: true }
+    }
+
+    /// Whether threads share the work.
+    pub fn share(&mut self, is_shared: bool) {
+        self.sum.share(is_shared);
+        self.is_shared = is_shared;
     }
 
     /// Energy and force at `q`, and the tangent where asked for.

@@ -5,33 +5,39 @@
 //! `E^T K E`. The modes are held in single precision, as they are for [linear cells](super::panels).
 
 use super::reduced_energy::{Reduced, Wanted};
-use crate::body::{Body, SymmetricBlocks, WeightedSubset};
+use crate::body::{Body, Curvature, SymmetricBlocks, UPRIGHT, WeightedSubset, Workspace};
 use crate::linear::Precision;
 use crate::simd::{WideKernel, dispatch_wide};
-use crate::threads::all_threads;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, MatMut, MatRef, Par};
+use crate::threads::for_parts;
+use crate::unroll::each;
 use std::sync::Arc;
 
 /// Numbers of a row come in runs of so many, with zeros after the last mode.
 const RUN: usize = 16;
 /// Rows that are processed together: those of a node.
 const ABREAST: usize = 3;
+/// Modes whose products with all others a thread finds at once.
+const MODES: usize = 8;
+/// Rows that are gone through together, which stay in the cache.
+const CACHED: usize = 384;
 
 /// Sampling units and the modes on their nodes.
 #[derive(Clone)]
 pub(super) struct SamplingUnits {
     subset: Arc<WeightedSubset>,
     modes: Arc<Rows>,
-    /// `u_0 + E q`, and the force there.
+    /// `q` with zeros after the last mode, `u_0 + E q`, and the force there.
+    q: Vec<f64>,
     u: Vec<f64>,
     f: Vec<f64>,
     tangent: SymmetricBlocks,
     /// Row and column node of each of its blocks.
     pairs: Arc<Vec<(u32, u32)>>,
-    /// `K E`, and `E^T K E` up to its diagonal.
+    /// `E^T f`; `K E`, and `E^T K E` up to its diagonal.
+    sums: Vec<f64>,
     stresses: Vec<f32>,
     products: Vec<f32>,
+    workspace: Workspace,
 }
 
 impl SamplingUnits {
@@ -40,12 +46,15 @@ impl SamplingUnits {
         let (n, tangent) = (subset.body.n_dofs(), subset.body.zero_tangent());
         let modes = Rows::new(&subset.nodes, displacement, modes);
         SamplingUnits {
+            q: vec![0.0; modes.stride],
             u: vec![0.0; n],
             f: vec![0.0; n],
             pairs: Arc::new(tangent.pattern().pairs().collect()),
             tangent,
+            sums: vec![0.0; modes.stride],
             stresses: Vec::new(),
             products: Vec::new(),
+            workspace: Workspace::default(),
             modes: Arc::new(modes),
             subset: Arc::new(subset),
         }
@@ -56,47 +65,57 @@ impl SamplingUnits {
         self.subset.body.cells().len()
     }
 
+    /// Evaluations stay on the thread that asks; from the second tangent on they allocate nothing.
+    pub fn stay_on_one_thread(&mut self, is_alone: bool) {
+        self.workspace.stay_on_one_thread(is_alone);
+    }
+
     /// Energy and force at `q`, and the tangent where asked for.
     pub fn evaluate(&mut self, q: &[f64], wanted: Wanted, reduced: &mut Reduced) {
-        let SamplingUnits { subset, modes, u, f, .. } = self;
-        modes.combine(q, u);
-        reduced.energy = subset.body.internal_force(u, f);
+        reduced.energy = self.find_force(q);
+        let SamplingUnits { subset, modes, u, f, sums, .. } = self;
         reduced.jacobian = smallest_jacobian(&subset.body, u);
-        modes.project(f, &mut reduced.force);
+        modes.project(f, sums);
+        reduced.force.copy_from_slice(&sums[..modes.r]);
         if wanted != Wanted::Force {
             self.curve(wanted, reduced);
         }
     }
 
+    /// Displacement and force at `q`; returns the energy.
+    fn find_force(&mut self, q: &[f64]) -> f64 {
+        let SamplingUnits { subset, modes, q: padded, u, f, workspace, .. } = self;
+        padded[..q.len()].copy_from_slice(q);
+        modes.combine(padded, u);
+        subset.body.internal_force_in(workspace, (u, UPRIGHT), f)
+    }
+
     /// `E^T K E` at `u`.
     fn curve(&mut self, wanted: Wanted, reduced: &mut Reduced) {
-        let SamplingUnits { subset, modes, u, f, tangent, pairs, stresses, products } = self;
-        subset.body.internal_force_and_tangent(u, f, tangent);
+        let SamplingUnits { subset, modes, u, f, tangent, pairs, stresses, products, .. } = self;
+        subset.body.linearize_in(&mut self.workspace, (u, Curvature::Exact), f, tangent);
         stresses.clear();
         stresses.resize(modes.values.len(), 0.0);
         dispatch_wide(Stress { tangent, pairs, modes, out: stresses });
         let r = modes.r;
         products.resize(r * r, 0.0);
-        triangular::matmul(
-            MatMut::from_row_major_slice_mut(products, r, r),
-            BlockStructure::TriangularLower,
-            Accum::Replace,
-            modes.matrix(&modes.values).transpose(),
-            BlockStructure::Rectangular,
-            modes.matrix(stresses),
-            BlockStructure::Rectangular,
-            1.0,
-            if wanted == Wanted::SharedTangent { all_threads() } else { Par::Seq },
-        );
+        let of_modes = |part: usize, out: &mut [f32]| {
+            dispatch_wide(Products { modes, stresses, first: part * MODES, out });
+        };
+        if wanted == Wanted::SharedTangent {
+            for_parts(products, MODES * r, of_modes);
+        } else {
+            let parts = products.chunks_mut(MODES * r).enumerate();
+            parts.for_each(|(part, out)| of_modes(part, out));
+        }
         reduced.tangent.iter_mut().zip(&*products).for_each(|(k, &x)| *k = f64::from(x));
         reduced.mirror();
     }
 
     /// The force of each unit along each mode at `q`, of units that have no node in common.
     pub fn forces(&mut self, q: &[f64]) -> Vec<f64> {
-        let SamplingUnits { subset, modes, u, f, .. } = self;
-        modes.combine(q, u);
-        subset.body.internal_force(u, f);
+        self.find_force(q);
+        let SamplingUnits { subset, modes, f, .. } = self;
         let (r, count) = (modes.r, subset.body.n_sampling_units());
         let mut forces = vec![0.0; count * r];
         for (dof, &f) in f.iter().enumerate() {
@@ -143,28 +162,15 @@ impl Rows {
         &self.values[row * self.stride..row * self.stride + self.r]
     }
 
-    /// `E`, or what has its shape.
-    fn matrix<'a>(&self, values: &'a [f32]) -> MatRef<'a, f32> {
-        let rows = values.len() / self.stride;
-        MatRef::from_row_major_slice_with_stride(values, rows, self.r, self.stride)
-    }
-
-    /// `u_0 + E q`.
+    /// `u_0 + E q`, with zeros after the last coordinate.
     fn combine(&self, q: &[f64], out: &mut [f64]) {
-        dispatch_wide(Combine { rows: self, q: &self.padded(q), out });
+        dispatch_wide(Combine { rows: self, q, out });
     }
 
-    /// `E^T f`.
-    fn project(&self, f: &[f64], out: &mut [f64]) {
-        let mut sums = vec![0.0; self.stride];
-        dispatch_wide(Project { rows: self, f, sums: &mut sums });
-        out.copy_from_slice(&sums[..self.r]);
-    }
-
-    fn padded(&self, q: &[f64]) -> Vec<f64> {
-        let mut padded = q.to_vec();
-        padded.resize(self.stride, 0.0);
-        padded
+    /// `E^T f`, with zeros after the last coordinate.
+    fn project(&self, f: &[f64], sums: &mut [f64]) {
+        sums.fill(0.0);
+        dispatch_wide(Project { rows: self, f, sums });
     }
 }
 
@@ -291,4 +297,57 @@ fn add_product<const BITS: usize>(block: &[f32; 9], e: &Node, sum: &mut Node) {
             }
         }
     }
+}
+
+/// `out[k r + l] = sum_i E_ik (K E)_il` for [`MODES`] modes `k` from `first` on and the `l` up to them; what is beyond
+/// the diagonal has no meaning. A general kernel would take memory in every tick.
+struct Products<'a> {
+    modes: &'a Rows,
+    stresses: &'a [f32],
+    first: usize,
+    out: &'a mut [f32],
+}
+
+impl WideKernel for Products<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<const BITS: usize>(self) {
+        let Products { modes: Rows { r, stride, values, .. }, stresses, first, out } = self;
+        out.fill(0.0);
+        let (last, chunk) = (first + out.len() / r, CACHED * stride);
+        for (values, stresses) in values.chunks(chunk).zip(stresses.chunks(chunk)) {
+            for k in (first..last).step_by(PAIRED) {
+                for l in (0..last.min(k + PAIRED)).step_by(RUN) {
+                    let sums = products::<BITS>(values, stresses, *stride, [k, l]);
+                    for (k, sums) in (k - first..last - first).zip(sums) {
+                        let out = &mut out[k * r + l..(k * r + l + RUN).min((k + 1) * r)];
+                        out.iter_mut().zip(sums).for_each(|(out, sum)| *out += sum);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Modes whose products with a run of others stay in registers.
+const PAIRED: usize = 4;
+
+/// The products of modes from `k` on with those from `l` on, over some rows.
+#[inline(always)]
+fn products<const BITS: usize>(
+    values: &[f32],
+    stresses: &[f32],
+    stride: usize,
+    [k, l]: [usize; 2],
+) -> [[f32; RUN]; PAIRED] {
+    let mut sums = [[0.0; RUN]; PAIRED];
+    for (e, s) in values.chunks_exact(stride).zip(stresses.chunks_exact(stride)) {
+        let (e, s) = (&e[k..k + PAIRED], &s[l..l + RUN]);
+        each!(PAIRED, |i| {
+            for j in 0..RUN {
+                sums[i][j] = e[i].times_plus::<BITS>(s[j], sums[i][j]);
+            }
+        });
+    }
+    sums
 }

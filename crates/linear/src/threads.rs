@@ -21,11 +21,6 @@ pub fn share(tasks: usize) -> bool {
     tasks >= FEWEST && rayon::current_num_threads() > 1
 }
 
-/// The same for a loop that costs all threads together twice the time of one: two would gain nothing.
-pub fn share_among_many(tasks: usize) -> bool {
-    share(tasks) && rayon::current_num_threads() > 2
-}
-
 /// Does long work with many loops of so many tasks on a thread of a pool of its own, so that its loops need not wake threads
 /// each time. In the common pool, who waits for a short loop might meanwhile take up all of the long work: a frame would
 /// be late. On a thread of any pool it is done where it is.

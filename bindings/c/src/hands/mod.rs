@@ -1,7 +1,7 @@
 //! Several touches at once: `include/viscera_hands.h` in Rust.
 //!
-//! Training and what is asked of the whole organ allocate and take locks. With linear cells the functions of a haptic loop
-//! work in memory that was made before, on the thread that calls them.
+//! Training and what is asked of the whole organ allocate and take locks. The functions of a haptic loop work in memory
+//! that was made before, on the thread that calls them.
 
 mod grasp;
 mod held;

@@ -10,15 +10,15 @@ pub struct SymmetricBlocks {
     pattern: Arc<BlockPattern>,
     /// Entries `[i][k]` of each block, 9 per block.
     pub(super) values: Vec<f64>,
-    /// Memory for the blocks of the cells of a wave if threads share the evaluation. It is kept, because new memory costs
+    /// Memory for the blocks of the tasks of a wave if threads share the evaluation. It is kept, because new memory costs
     /// as much as filling it.
-    pub(super) of_cells: Vec<f64>,
+    pub(super) of_tasks: Vec<[f64; 9]>,
 }
 
 impl SymmetricBlocks {
     pub(super) fn zeros(pattern: &Arc<BlockPattern>) -> Self {
         let values = vec![0.0; 9 * pattern.len()];
-        SymmetricBlocks { pattern: pattern.clone(), values, of_cells: Vec::new() }
+        SymmetricBlocks { pattern: pattern.clone(), values, of_tasks: Vec::new() }
     }
 
     /// The pattern of its blocks.
@@ -249,16 +249,6 @@ pub fn add_block_product(block: &[f64], (row, column): (usize, usize), x: &[f64]
 
 fn is_zero(x: &[f64]) -> bool {
     x.iter().all(|&x| x == 0.0)
-}
-
-/// Adds entries `[i][k]`, or their transposed, to a block.
-#[inline(always)]
-pub(super) fn add_block(block: &[f64; 9], transposed: bool, sum: &mut [f64; 9]) {
-    if transposed {
-        (0..9).for_each(|entry| sum[entry] += block[3 * (entry % 3) + entry / 3]);
-    } else {
-        (0..9).for_each(|entry| sum[entry] += block[entry]);
-    }
 }
 
 /// Items sorted into numbered groups.

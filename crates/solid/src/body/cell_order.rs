@@ -1,12 +1,11 @@
-//! The order in which the cells of a large body are gone through: neighbours after each other, so that nodes and blocks
-//! that they share are still in the cache. Results are told in the caller's numbers whatever the order.
+//! The order in which the cells of a body are gone through: neighbours after each other, so that a task has few nodes and
+//! blocks. Results are told in the caller's numbers whatever the order.
 
 use super::blocks::BlockPattern;
 use crate::linear::Numbering;
 
-/// Cells that lie on average between the first and the last at a node before their order matters: the tangents of fewer
-/// fit into the cache of a core.
-const FAR: f64 = 20_000.0;
+/// Cells that lie on average between the first and the last at a node before their order matters: those of some tasks.
+const FAR: f64 = 1_000.0;
 
 /// How much less of that is worth another order.
 const BETTER: f64 = 0.5;

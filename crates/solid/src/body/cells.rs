@@ -1,17 +1,15 @@
-//! The cells of a body in batches of [`LANES`] with one set of law parameters, and the maps that gather their
-//! results node by node and block by block.
+//! The cells of a body in batches of [`LANES`] with one set of law parameters.
 
-use super::blocks::{BlockPattern, Grouped};
+use super::blocks::BlockPattern;
 use super::cell_order::cell_order;
-use super::waves::{Destination, NOWHERE, Waves};
-
+use super::task_sums::TaskSums;
+use super::tasks::task;
 use crate::element::{Geometry, Shape};
 use crate::law::Material;
 use crate::number::{LANES, Lane, Lanes, Scalar};
 use crate::tensor::{Mat3, Vec3};
 use crate::unroll::{array, each, tabulate};
 use std::marker::PhantomData;
-use std::sync::OnceLock;
 
 /// Some cells with one set of law parameters; the last of a group repeats a cell with no volume.
 pub(super) struct Batch<const N: usize> {
@@ -20,6 +18,8 @@ pub(super) struct Batch<const N: usize> {
     /// Volume of the cell.
     pub volume: Lane,
     pub tissue: u32,
+    /// How many of the lanes are cells of their own.
+    pub n_cells: u32,
 }
 
 /// Where a cell's results are: batch and lane.
@@ -36,16 +36,15 @@ pub(super) struct CellBatches<E, const N: usize> {
     /// The rows of parameters of the tissues.
     pub tissues: Vec<Vec<f64>>,
     pub slots: Vec<Slot>,
-    /// Slot and local number of every cell at a node.
-    pub incidence: Grouped<(Slot, u8)>,
-    /// By batch, lane and pair, where a cell's block goes; [`NOWHERE`] for lanes left over.
-    pub destinations: Vec<Destination>,
-    /// The same from the side of the tangent's blocks, once threads have shared an evaluation.
-    pub waves: OnceLock<Waves>,
+    /// Where their contributions are added up.
+    pub sums: TaskSums<N>,
     shape: PhantomData<E>,
 }
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
+    /// Batches of a task.
+    pub const TASK: usize = task(N);
+
     /// Local pairs `a <= b`, whose blocks a cell contributes.
     pub const PAIRS: usize = N * (N + 1) / 2;
 
@@ -75,24 +74,8 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
                 batches.push(batch(members, &nodes, geometry, tissue));
             }
         }
-        let mut at_nodes: Vec<(u32, (Slot, u8))> = (nodes.iter().zip(&slots))
-            .flat_map(|(nodes, &slot)| (0u8..).zip(nodes).map(move |(a, &n)| (n, (slot, a))))
-            .collect();
-        // In the order in which one thread adds them up, so that any number of threads gets the same sums.
-        at_nodes.sort_by_key(|(_, (slot, _))| (slot.batch, slot.lane));
-        let nowhere = Destination { block: NOWHERE, transposed: false };
-        let mut destinations = vec![nowhere; LANES * batches.len() * Self::PAIRS];
-        for (nodes, &slot) in nodes.iter().zip(&slots) {
-            let cell = slot.batch as usize * LANES + slot.lane as usize;
-            let own = &mut destinations[cell * Self::PAIRS..(cell + 1) * Self::PAIRS];
-            for (destination, [a, b]) in own.iter_mut().zip(pairs_of(nodes)) {
-                *destination = Destination { block: pattern.block(a, b), transposed: a > b };
-            }
-        }
         CellBatches {
-            incidence: Grouped::new(n_points, &at_nodes),
-            destinations,
-            waves: OnceLock::new(),
+            sums: TaskSums::new(&nodes, &slots, batches.len(), pattern, n_points),
             nodes,
             batches,
             tissues: rows,
@@ -136,6 +119,7 @@ fn batch<const N: usize>(
         gradients: std::array::from_fn(|k| std::array::from_fn(|i| lanes(&|g| g.gradients[k][i]))),
         volume,
         tissue,
+        n_cells: members.len() as u32,
     }
 }
 

@@ -13,16 +13,18 @@ use super::cells::{CellBatches, Slot, tissues};
 use super::curvature::Curvature;
 use super::partition::Partition;
 use super::programmed::ClusterNodes;
-use super::tasks::{RUN, TASK, tasks};
+use super::tasks::RUN;
 use crate::element::{Geometry, Shape, Tet4};
 use crate::law::{LawKernels, Material, Shared};
 use crate::number::{LANES, Lane, Lanes};
 use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3, mul_vector};
-use crate::threads::share;
 use crate::unroll::array;
 use rayon::prelude::*;
 use std::ops::Range;
+
+/// Batches of a task.
+const BATCHES: usize = CellBatches::<Tet4, 4>::TASK;
 
 /// The clusters over which volume ratios are averaged, with their nodes and blocks.
 pub(super) struct Clusters {
@@ -59,6 +61,7 @@ pub(super) struct ClusterBatch {
 }
 
 /// Volume ratios at a displacement.
+#[derive(Clone, Default)]
 pub(super) struct Volumes {
     /// `J_e` of each batch.
     cells: Vec<Lane>,
@@ -77,6 +80,15 @@ pub struct SharedTangent {
     pub slopes: Vec<[f64; 3]>,
     /// The same times `s V_c U''(J_c)`.
     pub weighted: Vec<[f64; 3]>,
+}
+
+/// Memory for the evaluation of the clusters of a body.
+#[derive(Clone, Default)]
+pub(super) struct ClusterWorkspace {
+    pub volumes: Volumes,
+    pub shared: SharedTangent,
+    /// `s V_c U''(J_c)`.
+    moduli: Vec<f64>,
 }
 
 impl Clusters {
@@ -136,33 +148,43 @@ impl Clusters {
         ClusterNodes { of, starts, nodes: nodes.collect() }
     }
 
-    /// Volume ratios of cells and clusters.
-    pub fn volumes(&self, law: &dyn LawKernels, of: &CellBatches<Tet4, 4>, u: &[f64]) -> Volumes {
+    /// Volume ratios of cells and clusters; by all threads if `is_shared`.
+    pub fn volumes(
+        &self,
+        (law, of): (&dyn LawKernels, &CellBatches<Tet4, 4>),
+        u: &[f64],
+        is_shared: bool,
+        Volumes { cells, slopes, clusters }: &mut Volumes,
+    ) {
         let n = of.batches.len();
-        let mut cells = vec![Lane::default(); n];
-        let mut slopes = vec![[[Lane::default(); 3]; 3]; n];
+        cells.resize(n, Lane::default());
+        slopes.resize(n, [[Lane::default(); 3]; 3]);
+        clusters.resize(self.members.len(), 0.0);
         let of_task = |(task, (ratios, slopes)): (usize, (&mut [Lane], &mut [_]))| {
-            dispatch_solver(VolumeKernel { cells: of, first: task * TASK, law, u, ratios, slopes });
+            dispatch_solver(VolumeKernel {
+                cells: of,
+                first: task * BATCHES,
+                law,
+                u,
+                ratios,
+                slopes,
+            });
         };
-        let is_shared = share(tasks(n));
         if is_shared {
-            let results = cells.par_chunks_mut(TASK).zip(slopes.par_chunks_mut(TASK));
+            let results = cells.par_chunks_mut(BATCHES).zip(slopes.par_chunks_mut(BATCHES));
             results.enumerate().for_each(of_task);
         } else {
-            cells.chunks_mut(TASK).zip(slopes.chunks_mut(TASK)).enumerate().for_each(of_task);
+            cells.chunks_mut(BATCHES).zip(slopes.chunks_mut(BATCHES)).enumerate().for_each(of_task);
         }
-        let mut volumes = Volumes { cells, slopes, clusters: Vec::new() };
-        let mean = |cluster: usize| -> f64 {
-            let ratio = |m: &Member| volumes.cells[m.slot.batch as usize][m.slot.lane as usize];
-            self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum()
+        let mean = |(cluster, mean): (usize, &mut f64)| {
+            let ratio = |m: &Member| cells[m.slot.batch as usize][m.slot.lane as usize];
+            *mean = self.members.of(cluster).iter().map(|m| m.part * ratio(m)).sum();
         };
-        let clusters = 0..self.members.len();
-        volumes.clusters = if is_shared {
-            clusters.into_par_iter().with_min_len(1024).map(mean).collect()
+        if is_shared {
+            clusters.par_iter_mut().enumerate().with_min_len(1024).for_each(mean);
         } else {
-            clusters.map(mean).collect()
-        };
-        volumes
+            clusters.iter_mut().enumerate().for_each(mean);
+        }
     }
 
     /// `sum_c s V_c U(J_c)`.
@@ -176,10 +198,14 @@ impl Clusters {
         self.batches.iter().map(batch).sum()
     }
 
-    /// `s U'(J_c)` and `s V_c U''(J_c)`.
-    pub fn pressures(&self, law: &dyn LawKernels, volumes: &Volumes) -> (Vec<f64>, Vec<f64>) {
-        let count = self.members.len();
-        let (mut pressures, mut moduli) = (vec![0.0; count], vec![0.0; count]);
+    /// `s U'(J_c)` and `s V_c U''(J_c)` at the volume ratios.
+    pub fn pressures(&self, law: &dyn LawKernels, workspace: &mut ClusterWorkspace) {
+        let ClusterWorkspace { volumes, shared: SharedTangent { pressures, .. }, moduli } =
+            workspace;
+        for sums in [&mut *pressures, &mut *moduli] {
+            sums.clear();
+            sums.resize(self.members.len(), 0.0);
+        }
         for batch in &self.batches {
             let ratio = Lanes(batch.cluster.map(|c| volumes.clusters[c as usize]));
             let mut answer = [[Lane::default(); 2]];
@@ -191,7 +217,6 @@ impl Clusters {
                 moduli[cluster] += weight * modulus[lane];
             }
         }
-        (pressures, moduli)
     }
 
     /// The pressures of the clusters on their cells.
@@ -199,30 +224,32 @@ impl Clusters {
         Around { clusters: Some((self, pressure)) }
     }
 
-    /// Contribution of the clusters to the tangent.
+    /// Contribution of the clusters to the tangent, at the volume ratios.
     pub fn tangent(
         &self,
         law: &dyn LawKernels,
-        volumes: &Volumes,
         curvature: Curvature,
-    ) -> SharedTangent {
-        let (pressures, mut moduli) = self.pressures(law, volumes);
+        workspace: &mut ClusterWorkspace,
+    ) {
+        self.pressures(law, workspace);
+        let ClusterWorkspace { volumes, shared: SharedTangent { slopes, weighted, .. }, moduli } =
+            workspace;
         if curvature == Curvature::Projected {
             moduli.iter_mut().for_each(|modulus| *modulus = modulus.abs());
         }
-        let slopes = self.slopes(volumes);
-        let mut weighted = slopes.clone();
+        self.slopes(volumes, slopes);
+        weighted.clone_from(slopes);
         for (cluster, modulus) in moduli.iter().enumerate() {
             for slope in &mut weighted[self.nodes.range(cluster)] {
                 *slope = slope.map(|s| modulus * s);
             }
         }
-        SharedTangent { pressures, slopes, weighted }
     }
 
     /// `j_c` over the nodes of the clusters.
-    fn slopes(&self, volumes: &Volumes) -> Vec<[f64; 3]> {
-        let mut slopes = vec![[0.0; 3]; self.nodes.total()];
+    fn slopes(&self, volumes: &Volumes, slopes: &mut Vec<[f64; 3]>) {
+        slopes.clear();
+        slopes.resize(self.nodes.total(), [0.0; 3]);
         for cluster in 0..self.members.len() {
             let out = &mut slopes[self.nodes.range(cluster)];
             for m in self.members.of(cluster) {
@@ -236,7 +263,6 @@ impl Clusters {
                 }
             }
         }
-        slopes
     }
 
     /// Adds `sum_c s V_c U'' j_c (j_c . x)` to `y`.

@@ -10,6 +10,7 @@ use super::outliers::Outlier;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
 use super::series::{Along, AroundSeries, SeriesIntegrals};
+use super::workspace::Workspace;
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::{Real, Wide};
@@ -21,8 +22,8 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     /// Number of tasks that its loops make.
     fn n_tasks(&self) -> usize;
 
-    /// `F` at the quadrature points, cell by cell.
-    fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>>;
+    /// Runs through `F` at the quadrature points, cell by cell.
+    fn for_each_gradient(&self, geometry: &[Geometry], u: &[f64], run: &mut dyn FnMut(&Mat3<f64>));
 
     /// The quadrature points whose volume ratio is outside a range.
     fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier>;
@@ -34,13 +35,20 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     fn energy(&self, law: &dyn LawKernels, u: &[f64]) -> f64;
 
     /// Internal force, in place; returns the energy, infinite if a volume ratio is out of a range.
-    fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64;
+    fn force(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], [f64; 2]),
+        workspace: &mut Workspace,
+        force: &mut [f64],
+    ) -> f64;
 
     /// Internal force and tangent, in place.
     fn force_and_tangent(
         &self,
         law: &dyn LawKernels,
         at: (&[f64], Curvature),
+        workspace: &mut Workspace,
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     );
@@ -87,14 +95,33 @@ pub trait ElementIntegrals: SeriesIntegrals<f64> + SeriesIntegrals<Wide> + Send 
     }
 }
 
-/// `det F` at the quadrature points, cell by cell.
-pub(super) fn jacobians(
-    integrals: &dyn ElementIntegrals,
-    geometry: &[Geometry],
-    u: &[f64],
-) -> Vec<f64> {
-    let gradients = integrals.gradients(geometry, u);
-    gradients.iter().map(|f| determinant(f, &cofactor(f))).collect()
+impl dyn ElementIntegrals {
+    /// `F` at the quadrature points, cell by cell.
+    pub(super) fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
+        let mut gradients = Vec::with_capacity(geometry.len());
+        self.for_each_gradient(geometry, u, &mut |f| gradients.push(*f));
+        gradients
+    }
+
+    /// `det F` at the quadrature points, cell by cell.
+    pub(super) fn jacobians(&self, geometry: &[Geometry], u: &[f64]) -> Vec<f64> {
+        let mut jacobians = Vec::with_capacity(geometry.len());
+        self.for_each_gradient(geometry, u, &mut |f| jacobians.push(determinant(f, &cofactor(f))));
+        jacobians
+    }
+
+    /// The smallest `det F` at a quadrature point, and its cell; infinite if none is known.
+    pub(super) fn smallest_jacobian(&self, geometry: &[Geometry], u: &[f64]) -> (f64, usize) {
+        let (mut smallest, mut at, mut count) = (f64::INFINITY, 0, 0);
+        self.for_each_gradient(geometry, u, &mut |f| {
+            let jacobian = determinant(f, &cofactor(f));
+            if jacobian < smallest {
+                (smallest, at) = (jacobian, count);
+            }
+            count += 1;
+        });
+        (smallest, at * geometry.len() / count.max(1))
+    }
 }
 
 impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
@@ -102,8 +129,8 @@ impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
         CellBatches::n_tasks(self)
     }
 
-    fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
-        CellBatches::gradients(self, geometry, u)
+    fn for_each_gradient(&self, geometry: &[Geometry], u: &[f64], run: &mut dyn FnMut(&Mat3<f64>)) {
+        CellBatches::for_each_gradient(self, geometry, u, run);
     }
 
     fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
@@ -123,19 +150,27 @@ impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
         CellBatches::energy(self, law, Around::default(), u)
     }
 
-    fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64 {
-        CellBatches::force(self, law, Around::default(), at, force)
+    fn force(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], [f64; 2]),
+        workspace: &mut Workspace,
+        force: &mut [f64],
+    ) -> f64 {
+        CellBatches::force(self, law, Around::default(), at, &mut workspace.of_cells, force)
     }
 
     fn force_and_tangent(
         &self,
         law: &dyn LawKernels,
         at: (&[f64], Curvature),
+        workspace: &mut Workspace,
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
         let nothing = |_: usize, _: &mut [f64; 9]| ();
-        CellBatches::force_and_tangent(self, law, Around::default(), at, force, tangent, nothing);
+        let (law, workspace) = ((law, Around::default()), &mut workspace.of_cells);
+        CellBatches::force_and_tangent(self, law, at, workspace, force, tangent, nothing);
     }
 
     fn tangent_times(

@@ -2,7 +2,8 @@
 
 use super::cells::{Batch, CellBatches, add_product};
 use super::clusters::Around;
-use super::tasks::{RUN, TASK, tasks};
+use super::tasks::RUN;
+use super::workspace::CellWorkspace;
 use crate::element::Shape;
 use crate::law::LawKernels;
 use crate::number::Lane;
@@ -18,14 +19,14 @@ pub const UPRIGHT: [f64; 2] = [0.0, f64::INFINITY];
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Number of tasks that the batches make.
     pub fn n_tasks(&self) -> usize {
-        tasks(self.batches.len())
+        self.batches.len().div_ceil(Self::TASK)
     }
 
     /// Strain energy [J]; infinite if a cell is inverted and the law forbids that.
     pub fn energy(&self, law: &dyn LawKernels, around: Around<'_>, u: &[f64]) -> f64 {
         let of_task = |task: usize| {
-            let first = task * TASK;
-            let last = self.batches.len().min(first + TASK);
+            let first = task * Self::TASK;
+            let last = self.batches.len().min(first + Self::TASK);
             dispatch_solver(EnergyKernel { cells: self, first, last, law, around, u })
         };
         let n = self.n_tasks();
@@ -43,49 +44,66 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         law: &dyn LawKernels,
         around: Around<'_>,
         (u, range): (&[f64], [f64; 2]),
+        workspace: &mut CellWorkspace,
         out: &mut [f64],
     ) -> f64 {
         let of_task = |task: usize, forces: &mut [[Vec3<Lane>; N]]| {
-            let first = task * TASK;
+            let first = task * Self::TASK;
             dispatch_solver(ForceKernel { cells: self, first, law, around, u, range, forces })
         };
-        if share(self.n_tasks()) {
+        if workspace.shares(self.n_tasks()) {
             self.forces_by_threads(out, of_task)
         } else {
-            self.forces_by_one(out, of_task)
+            let CellWorkspace { forces, nodal, .. } = workspace;
+            self.forces_by_one((forces, nodal), out, of_task)
         }
     }
 
-    /// Sums at the nodes the forces that each task finds for its batches, task after task, so that they stay in the cache
-    /// until they are added; and what the tasks return.
+    /// Sums at the nodes the forces that each task finds for its batches; returns the sum of what the tasks return.
     pub(super) fn forces_by_one(
         &self,
+        (forces, nodal): (&mut Vec<Vec3<Lane>>, &mut Vec<[f64; 3]>),
         out: &mut [f64],
         mut of_task: impl FnMut(usize, &mut [[Vec3<Lane>; N]]) -> f64,
     ) -> f64 {
-        let mut forces = vec![[[Lane::default(); 3]; N]; TASK.min(self.batches.len())];
-        let (mut sum, (nodal, _)) = (0.0, out.as_chunks_mut::<3>());
-        nodal.fill([0.0; 3]);
-        for (task, batches) in self.batches.chunks(TASK).enumerate() {
-            let forces = &mut forces[..batches.len()];
+        forces.resize(Self::TASK.min(self.batches.len()) * N, Vec3::default());
+        nodal.resize(self.sums.most[0], [0.0; 3]);
+        let (mut sum, out) = (0.0, out.as_chunks_mut::<3>().0);
+        out.fill([0.0; 3]);
+        for (task, batches) in self.batches.chunks(Self::TASK).enumerate() {
+            let forces = &mut forces.as_chunks_mut::<N>().0[..batches.len()];
             sum += of_task(task, forces);
-            batches.iter().zip(&*forces).for_each(|(batch, forces)| batch.scatter(forces, nodal));
+            let nodal = &mut nodal[..self.sums.n_nodes(task)];
+            self.sums.sum_forces(task, batches, forces, nodal);
+            self.sums.add_forces(task, nodal, out);
         }
         sum
     }
 
-    /// The same by all threads, which gather node by node when the forces of all batches are there. The order of the sums
-    /// is the same.
+    /// The same by all threads, which add the sums of the tasks when those of all are there.
     pub(super) fn forces_by_threads(
         &self,
         out: &mut [f64],
         of_task: impl Fn(usize, &mut [[Vec3<Lane>; N]]) -> f64 + Sync,
     ) -> f64 {
-        let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-        let tasks = forces.par_chunks_mut(TASK).enumerate();
-        let sums: Vec<f64> = tasks.map(|(task, forces)| of_task(task, forces)).collect();
-        self.gather_forces(&forces, out);
+        let mut nodal = self.sums.room();
+        let parts = self.sums.nodes_by_task(&mut nodal).into_par_iter().enumerate();
+        let task = |forces: &mut Vec<_>, (task, nodal): (usize, &mut [[f64; 3]])| {
+            let batches = self.batches_of(task);
+            let forces = &mut forces[..batches.len()];
+            let sum = of_task(task, forces);
+            self.sums.sum_forces(task, batches, forces, nodal);
+            sum
+        };
+        let sums: Vec<f64> =
+            parts.map_init(|| vec![[[Lane::default(); 3]; N]; Self::TASK], task).collect();
+        self.sums.gather_forces(&nodal, out.as_chunks_mut().0);
         sums.into_iter().sum()
+    }
+
+    /// The batches of a task.
+    pub(super) fn batches_of(&self, task: usize) -> &[Batch<N>] {
+        &self.batches[task * Self::TASK..self.batches.len().min((task + 1) * Self::TASK)]
     }
 
     /// The next batches of one tissue from `first` on, [`RUN`] at most and none from `last` on.
@@ -95,32 +113,9 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
         let next = (first..end).find(|&batch| self.batches[batch].tissue != tissue);
         first..next.unwrap_or(end)
     }
-
-    /// Sums the forces of the cells at each node.
-    pub(super) fn gather_forces(&self, forces: &[[Vec3<Lane>; N]], out: &mut [f64]) {
-        let (out, _) = out.as_chunks_mut::<3>();
-        let gather = |(node, out): (usize, &mut [f64; 3])| {
-            *out = [0.0; 3];
-            for &(slot, a) in self.incidence.of(node) {
-                let f = &forces[slot.batch as usize][a as usize];
-                (0..3).for_each(|i| out[i] += f[i][slot.lane as usize]);
-            }
-        };
-        out.par_iter_mut().enumerate().with_min_len(1024).for_each(gather);
-    }
 }
 
 impl<const N: usize> Batch<N> {
-    /// Adds the forces of its cells to those of the nodes; lanes left over have none.
-    fn scatter(&self, forces: &[Vec3<Lane>; N], nodal: &mut [[f64; 3]]) {
-        for (lane, nodes) in self.nodes.iter().enumerate() {
-            for (force, &node) in forces.iter().zip(nodes) {
-                let sum = &mut nodal[node as usize];
-                (0..3).for_each(|i| sum[i] += force[i][lane]);
-            }
-        }
-    }
-
     /// Adds `f_a = w P grad N_a` of a quadrature point of weight `w`.
     #[inline(always)]
     pub(super) fn add_forces(

@@ -2,7 +2,7 @@
 
 use super::blocks::{BlockPattern, SymmetricBlocks};
 use super::cells::CellBatches;
-use super::clusters::{Clusters, SharedTangent};
+use super::clusters::{ClusterWorkspace, Clusters, SharedTangent};
 use super::curvature::Curvature;
 use super::integrals::ElementIntegrals;
 use super::layout::Layout;
@@ -11,6 +11,7 @@ use super::partition::Partition;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
 use super::series::{Along, AroundSeries, SeriesIntegrals};
+use super::workspace::Workspace;
 use crate::element::{Geometry, Tet4};
 use crate::law::{LawKernels, Material, SeriesKernels};
 use crate::number::Real;
@@ -33,6 +34,19 @@ impl MeanVolume {
         let clusters = Clusters::new(parts, cells, slots, geometry, material, &pattern);
         (pattern, MeanVolume { cells: batches, clusters })
     }
+
+    /// The volume ratios at a displacement, with room for what follows from them.
+    fn at(&self, law: &dyn LawKernels, u: &[f64]) -> ClusterWorkspace {
+        let mut workspace = Workspace::default();
+        self.find_volumes(law, u, &mut workspace);
+        workspace.of_clusters
+    }
+
+    fn find_volumes(&self, law: &dyn LawKernels, u: &[f64], workspace: &mut Workspace) {
+        let Workspace { of_cells, of_clusters } = workspace;
+        let is_shared = of_cells.shares(self.cells.n_tasks());
+        self.clusters.volumes((law, &self.cells), u, is_shared, &mut of_clusters.volumes);
+    }
 }
 
 impl ElementIntegrals for MeanVolume {
@@ -40,8 +54,8 @@ impl ElementIntegrals for MeanVolume {
         self.cells.n_tasks()
     }
 
-    fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
-        self.cells.gradients(geometry, u)
+    fn for_each_gradient(&self, geometry: &[Geometry], u: &[f64], run: &mut dyn FnMut(&Mat3<f64>)) {
+        self.cells.for_each_gradient(geometry, u, run);
     }
 
     fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
@@ -58,35 +72,50 @@ impl ElementIntegrals for MeanVolume {
         if local.is_infinite() {
             return local;
         }
-        local + clusters.energy(law, &clusters.volumes(law, cells, u))
+        local + clusters.energy(law, &self.at(law, u).volumes)
     }
 
-    fn force(&self, law: &dyn LawKernels, at: (&[f64], [f64; 2]), force: &mut [f64]) -> f64 {
+    fn force(
+        &self,
+        law: &dyn LawKernels,
+        at: (&[f64], [f64; 2]),
+        workspace: &mut Workspace,
+        force: &mut [f64],
+    ) -> f64 {
         let MeanVolume { cells, clusters } = self;
-        let volumes = clusters.volumes(law, cells, at.0);
-        let (pressures, _) = clusters.pressures(law, &volumes);
-        let local = cells.force(law, clusters.around(&pressures), at, force);
-        if local.is_infinite() { local } else { local + clusters.energy(law, &volumes) }
+        self.find_volumes(law, at.0, workspace);
+        let Workspace { of_cells, of_clusters } = workspace;
+        clusters.pressures(law, of_clusters);
+        let around = clusters.around(&of_clusters.shared.pressures);
+        let local = cells.force(law, around, at, of_cells, force);
+        if local.is_infinite() {
+            return local;
+        }
+        local + clusters.energy(law, &of_clusters.volumes)
     }
 
     fn force_and_tangent(
         &self,
         law: &dyn LawKernels,
         at: (&[f64], Curvature),
+        workspace: &mut Workspace,
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
         let MeanVolume { cells, clusters } = self;
-        let shared = self.shared(law, at);
-        let products =
-            |block: usize, out: &mut [f64; 9]| clusters.add_products(&shared, block, out);
-        let around = clusters.around(&shared.pressures);
-        cells.force_and_tangent(law, around, at, force, tangent, products);
+        self.find_volumes(law, at.0, workspace);
+        let Workspace { of_cells, of_clusters } = workspace;
+        clusters.tangent(law, at.1, of_clusters);
+        let shared = &of_clusters.shared;
+        let products = |block: usize, out: &mut [f64; 9]| clusters.add_products(shared, block, out);
+        let law = (law, clusters.around(&shared.pressures));
+        cells.force_and_tangent(law, at, of_cells, force, tangent, products);
     }
 
     fn shared(&self, law: &dyn LawKernels, (u, curvature): (&[f64], Curvature)) -> SharedTangent {
-        let volumes = self.clusters.volumes(law, &self.cells, u);
-        self.clusters.tangent(law, &volumes, curvature)
+        let mut workspace = self.at(law, u);
+        self.clusters.tangent(law, curvature, &mut workspace);
+        workspace.shared
     }
 
     fn tangent_times(
@@ -116,8 +145,9 @@ impl ElementIntegrals for MeanVolume {
 
     fn clusters(&self, law: &dyn LawKernels, u: &[f64]) -> Vec<Cluster> {
         let MeanVolume { cells, clusters } = self;
-        let volumes = clusters.volumes(law, cells, u);
-        let (pressures, _) = clusters.pressures(law, &volumes);
+        let mut workspace = self.at(law, u);
+        clusters.pressures(law, &mut workspace);
+        let ClusterWorkspace { volumes, shared: SharedTangent { pressures, .. }, .. } = workspace;
         let mut of_cells = vec![Cluster { ratio: 1.0, pressure: 0.0 }; cells.nodes.len()];
         for cluster in 0..clusters.members.len() {
             let (ratio, pressure) = (volumes.clusters[cluster], pressures[cluster]);

@@ -28,11 +28,13 @@ mod quadrature_points;
 mod series;
 mod subset;
 mod tangent;
+mod task_sums;
 mod tasks;
 #[cfg(test)]
 mod tests;
 mod ties;
 mod waves;
+mod workspace;
 
 pub use blocks::{BlockPattern, Source, SymmetricBlocks, add_block_product};
 pub use clusters::SharedTangent;
@@ -47,6 +49,7 @@ pub use programmed::{ClusterNodes, ProgrammedCells};
 pub use quadrature_points::QuadraturePoint;
 pub use subset::{SharedNodes, WeightedSubset};
 pub use ties::Ties;
+pub use workspace::Workspace;
 
 use crate::element::{Element, Geometry};
 use crate::error::Error;
@@ -55,7 +58,7 @@ use crate::mesh;
 use crate::number::{Monomials, Real};
 use crate::simd;
 use crate::threads::share;
-use integrals::{ElementIntegrals, jacobians};
+use integrals::ElementIntegrals;
 use layout::Layout;
 use partition::Partition;
 use series::{Along, SeriesIntegrals};
@@ -259,16 +262,12 @@ impl Body {
 
     /// Volume ratios `J` at the quadrature points, cell by cell.
     pub fn volume_ratios(&self, u: &[f64]) -> Vec<f64> {
-        jacobians(&*self.integrals, &self.geometry, u)
+        self.integrals.jacobians(&self.geometry, u)
     }
 
     /// The smallest volume ratio `J` at a quadrature point, and its cell.
     pub fn smallest_jacobian(&self, u: &[f64]) -> (f64, usize) {
-        let jacobians = self.volume_ratios(u);
-        let points = jacobians.len() / self.cells.len();
-        jacobians.iter().enumerate().fold((f64::INFINITY, 0), |best, (k, &j)| {
-            if j < best.0 { (j, k / points) } else { best }
-        })
+        self.integrals.smallest_jacobian(&self.geometry, u)
     }
 
     /// The quadrature points whose `J` is outside an open range, cell by cell; none for laws that do not forbid
@@ -311,7 +310,17 @@ impl Body {
     /// As [`Body::internal_force`], but for laws that forbid inversion the energy is infinite if the `J` of a cell is
     /// outside a range.
     pub fn internal_force_within(&self, u: &[f64], range: [f64; 2], force: &mut [f64]) -> f64 {
-        let energy = self.integrals.force(self.material.law(), (u, range), force);
+        self.internal_force_in(&mut Workspace::default(), (u, range), force)
+    }
+
+    /// As [`Body::internal_force_within`], with memory that is kept from one evaluation to the next.
+    pub fn internal_force_in(
+        &self,
+        workspace: &mut Workspace,
+        (u, range): (&[f64], [f64; 2]),
+        force: &mut [f64],
+    ) -> f64 {
+        let energy = self.integrals.force(self.material.law(), (u, range), workspace, force);
         self.tied.as_ref().map_or(energy, |tied| energy + tied.ties.add_internal_force(u, force))
     }
 
@@ -333,7 +342,19 @@ impl Body {
         force: &mut [f64],
         tangent: &mut SymmetricBlocks,
     ) {
-        self.integrals.force_and_tangent(self.material.law(), (u, curvature), force, tangent);
+        self.linearize_in(&mut Workspace::default(), (u, curvature), force, tangent);
+    }
+
+    /// As [`Body::linearize`], with memory that is kept from one evaluation to the next.
+    pub fn linearize_in(
+        &self,
+        workspace: &mut Workspace,
+        (u, curvature): (&[f64], Curvature),
+        force: &mut [f64],
+        tangent: &mut SymmetricBlocks,
+    ) {
+        let law = self.material.law();
+        self.integrals.force_and_tangent(law, (u, curvature), workspace, force, tangent);
         if let Some(tied) = &self.tied {
             tied.ties.add_internal_force(u, force);
             tied.add_stiffness(u, curvature, tangent);

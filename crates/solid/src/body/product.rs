@@ -9,14 +9,13 @@ use super::clusters::{Around, SharedTangent};
 use super::curvature::Curvature;
 use super::integrals::ElementIntegrals;
 use super::tangent::{Purpose, TangentLoop};
-use super::tasks::for_tasks;
 use super::ties::Tied;
 use super::{Body, SymmetricBlocks};
 use crate::element::Shape;
 use crate::law::{LawKernels, Material};
 use crate::number::Lane;
 use crate::tensor::{Mat3, Vec3};
-use crate::threads::share;
+use crate::threads::{for_parts, share};
 use std::sync::Arc;
 
 /// The tangent of a body at a displacement, as a product with vectors.
@@ -106,13 +105,13 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     ) {
         let tangents = TangentLoop { cells: self, law, around, u, curvature };
         let of_task = |task: usize, products: &mut [[Vec3<Lane>; N]]| {
-            tangents.run(task, products, Purpose::Product(x));
+            tangents.run(task, products, &mut [], Purpose::Product(x));
             0.0
         };
         if share(self.n_tasks()) {
             self.forces_by_threads(y, of_task);
         } else {
-            self.forces_by_one(y, of_task);
+            self.forces_by_one((&mut Vec::new(), &mut Vec::new()), y, of_task);
         }
     }
 
@@ -125,19 +124,20 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     ) -> Vec<[f64; 9]> {
         let mut of_cells = vec![[Mat3::<Lane>::default(); N]; self.batches.len()];
         let of_task = TangentLoop { cells: self, law, around, u, curvature };
-        for_tasks(&mut of_cells, |task, blocks| {
+        for_parts(&mut of_cells, Self::TASK, |task, blocks| {
             let mut forces = vec![[[Lane::default(); 3]; N]; blocks.len()];
-            of_task.run(task, &mut forces, Purpose::Diagonal(blocks));
+            let mut tangents = vec![Mat3::default(); Self::PAIRS];
+            of_task.run(task, &mut forces, &mut tangents, Purpose::Diagonal(blocks));
         });
-        let sum = |node: usize| {
-            let mut sum = [0.0; 9];
-            for &(slot, a) in self.incidence.of(node) {
-                let block = &of_cells[slot.batch as usize][a as usize];
-                let lane = slot.lane as usize;
-                (0..9).for_each(|entry| sum[entry] += block[entry / 3][entry % 3][lane]);
+        let mut diagonal = vec![[0.0; 9]; self.sums.n_points()];
+        for (batch, blocks) in self.batches.iter().zip(&of_cells) {
+            for (lane, nodes) in batch.nodes[..batch.n_cells as usize].iter().enumerate() {
+                for (block, &node) in blocks.iter().zip(nodes) {
+                    let sum = &mut diagonal[node as usize];
+                    (0..9).for_each(|entry| sum[entry] += block[entry / 3][entry % 3][lane]);
+                }
             }
-            sum
-        };
-        (0..self.incidence.len()).map(sum).collect()
+        }
+        diagonal
     }
 }

@@ -41,14 +41,19 @@ impl Body {
 }
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
-    /// `F` at the quadrature points, cell by cell.
-    pub(super) fn gradients(&self, geometry: &[Geometry], u: &[f64]) -> Vec<Mat3<f64>> {
-        let at = |nodes: &[u32; N], geometry: &Geometry, point: usize| {
+    /// Runs through `F` at the quadrature points, cell by cell.
+    pub(super) fn for_each_gradient(
+        &self,
+        geometry: &[Geometry],
+        u: &[f64],
+        run: &mut dyn FnMut(&Mat3<f64>),
+    ) {
+        for (nodes, geometry) in self.nodes.iter().zip(geometry) {
             let value = |a: usize, i: usize| u[3 * nodes[a] as usize + i];
-            deformation(E::slopes(point), &geometry.gradients, value)
-        };
-        let cells = self.nodes.iter().zip(geometry);
-        cells.flat_map(|(nodes, g)| (0..E::POINTS).map(move |point| at(nodes, g, point))).collect()
+            for point in 0..E::POINTS {
+                run(&deformation(E::slopes(point), &geometry.gradients, value));
+            }
+        }
     }
 }
 

@@ -6,14 +6,14 @@ use super::cells::{Batch, CellBatches};
 use super::clusters::Around;
 use super::convex::make_convex;
 use super::curvature::Curvature;
-use super::tasks::TASK;
-use super::waves::{Destination, NOWHERE, Waves};
+use super::task_sums::{BlockPlace, add_to_blocks};
+use super::workspace::CellWorkspace;
 use crate::element::Shape;
 use crate::law::LawKernels;
-use crate::number::{LANES, Lane};
-use crate::simd::{Kernel, dispatch_solver, prefetch};
+use crate::number::Lane;
+use crate::simd::{Kernel, dispatch_solver};
 use crate::tensor::{Mat3, Vec3};
-use crate::threads::{for_parts, share_among_many};
+use crate::threads::for_parts;
 use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::slice::{from_mut, from_ref};
@@ -25,64 +25,86 @@ impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
     /// Internal force and tangent, to each block of which `rest` adds.
     pub fn force_and_tangent(
         &self,
-        law: &dyn LawKernels,
-        around: Around<'_>,
+        (law, around): (&dyn LawKernels, Around<'_>),
         (u, curvature): (&[f64], Curvature),
+        workspace: &mut CellWorkspace,
         out: &mut [f64],
         tangent: &mut SymmetricBlocks,
         rest: impl Fn(usize, &mut [f64; 9]) + Sync,
     ) {
-        let SymmetricBlocks { values, of_cells, .. } = tangent;
         let of_task = TangentLoop { cells: self, law, around, u, curvature };
-        let (values, _) = values.as_chunks_mut::<9>();
-        if share_among_many(self.n_tasks()) {
-            let mut forces = vec![[[Lane::default(); 3]; N]; self.batches.len()];
-            let run = |task: usize, forces: &mut [_], blocks: &mut [f64]| {
-                of_task.run(task, forces, Purpose::OfCells(blocks));
-            };
-            self.gather_tangents(run, &mut forces, of_cells, values);
+        let SymmetricBlocks { values, of_tasks, .. } = tangent;
+        let values = values.as_chunks_mut::<9>().0;
+        if workspace.shares(self.n_tasks()) {
+            self.tangents_by_threads(&of_task, of_tasks, out, values);
             for_parts(values, PART, |number, values| {
                 let blocks = values.iter_mut().enumerate();
                 blocks.for_each(|(k, sum)| rest(number * PART + k, sum));
             });
-            self.gather_forces(&forces, out);
         } else {
-            values.fill([0.0; 9]);
-            self.forces_by_one(out, |task, forces| {
-                let destinations = &self.destinations[task * TASK * LANES * Self::PAIRS..];
-                of_task.run(task, forces, Purpose::Summed { destinations, values });
-                0.0
-            });
+            self.tangents_by_one(&of_task, workspace, out, values);
             values.iter_mut().enumerate().for_each(|(k, sum)| rest(k, sum));
         }
     }
 
-    /// Sums the blocks of all cells, which `of_task` finds for the batches of a task, with their forces.
-    fn gather_tangents(
+    /// Sums forces and tangents of all cells, task after task.
+    fn tangents_by_one(
         &self,
-        of_task: impl Fn(usize, &mut [[Vec3<Lane>; N]], &mut [f64]) + Sync,
-        forces: &mut [[Vec3<Lane>; N]],
-        of_cells: &mut Vec<f64>,
+        of_task: &TangentLoop<'_, E, N>,
+        workspace: &mut CellWorkspace,
+        out: &mut [f64],
         values: &mut [[f64; 9]],
     ) {
-        let in_task = TASK * LANES * Self::PAIRS;
-        let waves = self.waves.get_or_init(|| Waves::new(&self.destinations, in_task));
-        of_cells.resize(9 * in_task * waves.n_tasks(), 0.0);
-        for_parts(values, PART, |_, values| values.fill([0.0; 9]));
-        for ((tasks, wave), forces) in waves.iter().zip(forces.chunks_mut(TASK * waves.n_tasks())) {
-            let parts = forces.par_chunks_mut(TASK).zip(of_cells.par_chunks_mut(9 * in_task));
-            parts.zip(tasks).for_each(|((forces, blocks), task)| of_task(task, forces, blocks));
-            wave.gather(of_cells.as_chunks().0, values);
+        let CellWorkspace { forces, tangents, nodal, blocks, .. } = workspace;
+        tangents.resize(Self::PAIRS, Mat3::default());
+        blocks.resize(self.sums.most[1], [0.0; 9]);
+        self.sums.clear_others(values);
+        self.forces_by_one((forces, nodal), out, |task, forces| {
+            let blocks = &mut blocks[..self.sums.n_blocks(task)];
+            blocks.fill([0.0; 9]);
+            of_task.run(task, forces, tangents, Purpose::Blocks(blocks));
+            self.sums.add_blocks(task, blocks, values);
+            0.0
+        });
+    }
+
+    /// The same by all threads, wave by wave.
+    fn tangents_by_threads(
+        &self,
+        of_task: &TangentLoop<'_, E, N>,
+        of_tasks: &mut Vec<[f64; 9]>,
+        out: &mut [f64],
+        values: &mut [[f64; 9]],
+    ) {
+        let mut nodal = self.sums.room();
+        let mut of_nodes = self.sums.nodes_by_task(&mut nodal).into_iter();
+        let room =
+            || (vec![[[Lane::default(); 3]; N]; Self::TASK], vec![Mat3::default(); Self::PAIRS]);
+        self.sums.clear_others(values);
+        for wave in self.sums.waves().iter() {
+            of_tasks.resize(of_tasks.len().max(wave.n_blocks), [0.0; 9]);
+            let of_blocks = self.sums.blocks_by_task(wave, of_tasks);
+            let parts: Vec<_> = wave.tasks.clone().zip(of_nodes.by_ref().zip(of_blocks)).collect();
+            parts.into_par_iter().for_each_init(
+                room,
+                |(forces, tangents), (task, (nodal, blocks))| {
+                    let batches = self.batches_of(task);
+                    let forces = &mut forces[..batches.len()];
+                    blocks.fill([0.0; 9]);
+                    of_task.run(task, forces, tangents, Purpose::Blocks(blocks));
+                    self.sums.sum_forces(task, batches, forces, nodal);
+                },
+            );
+            wave.gather(of_tasks, values);
         }
+        self.sums.gather_forces(&nodal, out.as_chunks_mut().0);
     }
 }
 
 /// Use of the tangents of a task's cells.
 pub(super) enum Purpose<'a, const N: usize> {
-    /// Blocks one after the other, to be gathered when all threads are done.
-    OfCells(&'a mut [f64]),
-    /// Blocks into the tangent, by one thread.
-    Summed { destinations: &'a [Destination], values: &'a mut [[f64; 9]] },
+    /// Sums at the blocks of the task.
+    Blocks(&'a mut [[f64; 9]]),
     /// The blocks of each node with itself.
     Diagonal(&'a mut [[Mat3<Lane>; N]]),
     /// Products with a vector, instead of the forces.
@@ -90,61 +112,21 @@ pub(super) enum Purpose<'a, const N: usize> {
 }
 
 impl<const N: usize> Purpose<'_, N> {
-    /// Asks for the blocks to which the next batch adds, while its law is evaluated: their places are as good as random.
-    #[inline(always)]
-    fn prefetch(&self, number: usize, pairs: usize) {
-        if let Purpose::Summed { destinations, values } = self {
-            let cells = LANES * pairs;
-            for d in &destinations[number * cells..(number + 1) * cells] {
-                if let Some(block) = values.get(d.block as usize) {
-                    prefetch(block);
-                }
-            }
-        }
-    }
-
-    /// Takes the blocks of a batch's cells, pair by pair; `number` is that of the batch in its task.
-    fn take(&mut self, number: usize, sums: &[Mat3<Lane>]) {
-        let cells = LANES * sums.len();
+    /// Takes the blocks of a batch's cells, pair by pair; `local` is the number of the batch in its task.
+    fn take(
+        &mut self,
+        local: usize,
+        n_cells: usize,
+        tangents: &[Mat3<Lane>],
+        places: &[BlockPlace],
+    ) {
         match self {
-            Purpose::OfCells(of_cells) => {
-                let of_batch = &mut of_cells[9 * number * cells..9 * (number + 1) * cells];
-                spread(sums, of_batch);
-            }
-            Purpose::Summed { destinations, values } => {
-                scatter(sums, &destinations[number * cells..(number + 1) * cells], values);
-            }
+            Purpose::Blocks(blocks) => add_to_blocks(tangents, n_cells, places, blocks),
             Purpose::Diagonal(blocks) => {
-                let own = |a: usize| sums[a * (2 * N + 1 - a) / 2];
-                blocks[number].iter_mut().enumerate().for_each(|(a, block)| *block = own(a));
+                let own = |a: usize| tangents[a * (2 * N + 1 - a) / 2];
+                blocks[local].iter_mut().enumerate().for_each(|(a, block)| *block = own(a));
             }
             Purpose::Product(_) => {}
-        }
-    }
-}
-
-/// Cell by cell, so that the gathering finds the nine entries of a block side by side.
-fn spread(sums: &[Mat3<Lane>], of_cells: &mut [f64]) {
-    for (lane, cell) in of_cells.chunks_exact_mut(9 * sums.len()).enumerate() {
-        for (out, block) in cell.as_chunks_mut::<9>().0.iter_mut().zip(sums) {
-            (0..9).for_each(|entry| out[entry] = block[entry / 3][entry % 3][lane]);
-        }
-    }
-}
-
-/// Adds the blocks of each cell to those of the tangent.
-fn scatter(sums: &[Mat3<Lane>], destinations: &[Destination], values: &mut [[f64; 9]]) {
-    for (lane, destinations) in destinations.chunks_exact(sums.len()).enumerate() {
-        for (block, d) in sums.iter().zip(destinations) {
-            if d.block == NOWHERE {
-                continue;
-            }
-            let sum = &mut values[d.block as usize];
-            if d.transposed {
-                (0..9).for_each(|entry| sum[entry] += block[entry % 3][entry / 3][lane]);
-            } else {
-                (0..9).for_each(|entry| sum[entry] += block[entry / 3][entry % 3][lane]);
-            }
         }
     }
 }
@@ -159,16 +141,20 @@ pub(super) struct TangentLoop<'a, E, const N: usize> {
 }
 
 impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
-    /// Goes through a task: as many batches as there are `forces`.
-    pub fn run(&self, task: usize, forces: &mut [[Vec3<Lane>; N]], mut purpose: Purpose<'_, N>) {
+    /// Goes through a task: as many batches as there are `forces`; `tangents` is where those of a batch are put.
+    pub fn run(
+        &self,
+        task: usize,
+        forces: &mut [[Vec3<Lane>; N]],
+        tangents: &mut [Mat3<Lane>],
+        mut purpose: Purpose<'_, N>,
+    ) {
         let &TangentLoop { cells, law, around, u, curvature } = self;
-        let mut sums = vec![Mat3::<Lane>::default(); CellBatches::<E, N>::PAIRS];
         let mut response = StressTangent::default();
         let mut pressure = [Lane::default()];
         for (local, forces) in forces.iter_mut().enumerate() {
-            let number = task * TASK + local;
+            let number = task * CellBatches::<E, N>::TASK + local;
             let batch = &cells.batches[number];
-            purpose.prefetch(local, CellBatches::<E, N>::PAIRS);
             let (row, g) = (&cells.tissues[batch.tissue as usize], &batch.gradients);
             let shared = around.of(number..number + 1, &mut pressure);
             for point in 0..E::POINTS {
@@ -181,10 +167,11 @@ impl<E: Shape<N>, const N: usize> TangentLoop<'_, E, N> {
                 if let Purpose::Product(x) = purpose {
                     add_times::<E, N>(batch, point, &response.1, x, forces);
                 } else {
-                    add::<E, N>(batch, point, &response, forces, &mut sums);
+                    add::<E, N>(batch, point, &response, forces, tangents);
                 }
             }
-            purpose.take(local, &sums);
+            let places = cells.sums.block_places(number);
+            purpose.take(local, batch.n_cells as usize, tangents, places);
         }
     }
 }

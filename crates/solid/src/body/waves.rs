@@ -1,108 +1,104 @@
-//! How threads add up the blocks of cells: wave by wave. The blocks of the cells of a wave are put one after the other, and
-//! stay in the cache until they are gathered, each sum by one thread. The order of the sums is that of one thread, which
-//! scatters them cell by cell.
+//! How threads add up a tangent: wave by wave. The blocks of the tasks of a wave are put one after the other, and stay in
+//! the cache until they are gathered, each sum by one thread. The order of the sums is that of one thread, which adds
+//! task after task.
 
-use super::blocks::add_block;
-use crate::threads::FEWEST;
+use super::blocks::Grouped;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Blocks of cells of a wave: about six megabytes.
-const CACHED: usize = 80_000;
+/// Blocks of the tasks of a wave: about two megabytes.
+const CACHED: usize = 32_000;
 
 /// Sums that a thread takes at once.
 const PIECE: usize = 1_024;
 
-/// Where a cell's block goes: its number in the tangent, and whether it goes there transposed.
-#[derive(Clone, Copy)]
-pub(super) struct Destination {
-    pub block: u32,
-    pub transposed: bool,
-}
-
-pub(super) const NOWHERE: u32 = u32::MAX;
-
-/// What the cells of all waves add to the blocks of the tangent.
+/// What the tasks of all waves add to the blocks of the tangent.
 pub(super) struct Waves {
-    /// Tasks of a wave.
-    n_tasks: usize,
     waves: Vec<Wave>,
 }
 
-/// What the cells of some tasks add.
+/// What some tasks add.
 pub(super) struct Wave {
-    /// Blocks of the tangent, ascending, and where the contributions to each begin.
-    blocks: Vec<u32>,
-    start: Vec<u32>,
-    contributions: Vec<Contribution>,
+    pub tasks: Range<usize>,
+    /// Number of blocks of all its tasks.
+    pub n_blocks: usize,
+    sums: Vec<Sum>,
+    /// Places among the blocks of the tasks.
+    contributions: Vec<u32>,
 }
 
-/// A contribution of a cell: its number among the blocks of the wave's cells, and whether it comes transposed.
+/// A block of the tangent to which a wave adds.
 #[derive(Clone, Copy)]
-struct Contribution {
-    of_cell: u32,
-    transposed: bool,
+struct Sum {
+    block: u32,
+    /// Where its contributions begin.
+    start: u32,
+    /// Whether no wave before has added to it.
+    is_new: bool,
 }
 
 impl Waves {
-    /// For cells whose blocks have these destinations, so many in a task. Made by one thread: others may wait for it, and
-    /// one that waits for them would meanwhile take up tasks which wait for this.
-    pub fn new(destinations: &[Destination], of_task: usize) -> Self {
-        let n_tasks = (CACHED / of_task).max(FEWEST);
-        let waves = destinations.chunks(n_tasks * of_task).map(Wave::new).collect();
-        Waves { n_tasks, waves }
+    /// Of tasks with these blocks, of which so many are in no task before. Made by one thread: others may wait for it,
+    /// and one that waits for them would meanwhile take up tasks which wait for this.
+    pub fn new(of_tasks: &Grouped<u32>, n_new: &[u32]) -> Self {
+        let (mut waves, mut first) = (Vec::new(), 0);
+        while first < of_tasks.len() {
+            let begin = of_tasks.range(first).start;
+            let fits = |&task: &usize| of_tasks.range(task).end - begin <= CACHED;
+            let end = (first + 1..of_tasks.len()).take_while(fits).last().unwrap_or(first) + 1;
+            waves.push(Wave::new(of_tasks, n_new, first..end));
+            first = end;
+        }
+        Waves { waves }
     }
 
-    /// Each wave with its tasks.
-    pub fn iter(&self) -> impl Iterator<Item = (Range<usize>, &Wave)> {
-        let tasks = |number: usize| number * self.n_tasks..(number + 1) * self.n_tasks;
-        self.waves.iter().enumerate().map(move |(number, wave)| (tasks(number), wave))
-    }
-
-    /// Tasks of a wave, the last of which may have fewer.
-    pub fn n_tasks(&self) -> usize {
-        self.n_tasks
+    pub fn iter(&self) -> impl Iterator<Item = &Wave> {
+        self.waves.iter()
     }
 }
 
 impl Wave {
-    fn new(destinations: &[Destination]) -> Self {
-        let mut order: Vec<(u32, u32)> = (0u32..)
-            .zip(destinations)
-            .filter_map(|(of_cell, to)| (to.block != NOWHERE).then_some((to.block, of_cell)))
-            .collect();
+    fn new(of_tasks: &Grouped<u32>, n_new: &[u32], tasks: Range<usize>) -> Self {
+        let of_task = |task: usize| {
+            let n_new = n_new[task] as usize;
+            of_tasks.of(task).iter().enumerate().map(move |(k, &block)| (block, k < n_new))
+        };
+        let blocks = tasks.clone().flat_map(of_task).zip(0u32..);
+        let mut order: Vec<(u32, u32, bool)> =
+            blocks.map(|((block, is_new), place)| (block, place, is_new)).collect();
         order.sort_unstable();
-        let (mut blocks, mut start) = (Vec::new(), Vec::new());
-        for (at, &(block, _)) in (0u32..).zip(&order) {
-            if blocks.last() != Some(&block) {
-                blocks.push(block);
-                start.push(at);
+        let mut sums: Vec<Sum> = Vec::new();
+        for (start, &(block, _, is_new)) in (0u32..).zip(&order) {
+            if sums.last().is_none_or(|last| last.block != block) {
+                sums.push(Sum { block, start, is_new });
             }
         }
-        start.push(order.len() as u32);
-        let contribution = |(_, of_cell): (u32, u32)| Contribution {
-            of_cell,
-            transposed: destinations[of_cell as usize].transposed,
-        };
-        Wave { blocks, start, contributions: order.into_iter().map(contribution).collect() }
+        let contributions = order.iter().map(|&(_, place, _)| place).collect();
+        Wave { tasks, n_blocks: order.len(), sums, contributions }
     }
 
-    /// Adds the blocks of its cells to those of the tangent.
-    pub fn gather(&self, of_cells: &[[f64; 9]], values: &mut [[f64; 9]]) {
-        let mut pieces = Vec::with_capacity(self.blocks.len().div_ceil(PIECE));
+    /// Adds the blocks of its tasks to those of the tangent.
+    pub fn gather(&self, of_tasks: &[[f64; 9]], values: &mut [[f64; 9]]) {
+        let mut pieces = Vec::with_capacity(self.sums.len().div_ceil(PIECE));
         let (mut rest, mut before) = (values, 0);
-        for (number, blocks) in self.blocks.chunks(PIECE).enumerate() {
-            let (first, end) = (blocks[0] as usize, blocks[blocks.len() - 1] as usize + 1);
+        for (number, sums) in self.sums.chunks(PIECE).enumerate() {
+            let (first, end) = (sums[0].block as usize, sums[sums.len() - 1].block as usize + 1);
             let (own, next) = rest[first - before..].split_at_mut(end - first);
-            pieces.push((number * PIECE, blocks, own));
+            pieces.push((number * PIECE, sums, own));
             (rest, before) = (next, end);
         }
-        pieces.into_par_iter().for_each(|(at, blocks, values)| {
-            for (ends, &block) in self.start[at..].windows(2).zip(blocks) {
-                let sum = &mut values[(block - blocks[0]) as usize];
-                for c in &self.contributions[ends[0] as usize..ends[1] as usize] {
-                    add_block(&of_cells[c.of_cell as usize], c.transposed, sum);
+        pieces.into_par_iter().for_each(|(at, sums, values)| {
+            let next = self.sums.get(at + sums.len());
+            let end = next.map_or(self.contributions.len(), |next| next.start as usize);
+            let ends = sums[1..].iter().map(|sum| sum.start as usize).chain([end]);
+            for (sum, end) in sums.iter().zip(ends) {
+                let out = &mut values[(sum.block - sums[0].block) as usize];
+                let mut total = if sum.is_new { [0.0; 9] } else { *out };
+                for &place in &self.contributions[sum.start as usize..end] {
+                    let contribution = &of_tasks[place as usize];
+                    (0..9).for_each(|entry| total[entry] += contribution[entry]);
                 }
+                *out = total;
             }
         });
     }
@@ -116,24 +112,30 @@ mod tests {
     use crate::law::Material;
     use crate::mesh::samples::{block, noise};
 
-    fn tangent(body: &Body, u: &[f64]) -> Vec<f64> {
-        let (mut force, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
+    /// Forces, and forces with the tangent.
+    fn evaluated(body: &Body, u: &[f64]) -> [Vec<f64>; 3] {
+        let (mut alone, mut force) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        let mut tangent = body.zero_tangent();
+        body.internal_force(u, &mut alone);
         body.internal_force_and_tangent(u, &mut force, &mut tangent);
-        tangent.values().to_vec()
+        [alone, force, tangent.values().to_vec()]
     }
 
     /// Tasks of one pool that are the first to need the waves of a body, all at once.
     #[test]
-    fn tasks_that_share_a_body_add_up_the_same_tangent() {
-        let (points, cells) = block([7; 3], [0.1; 3]);
-        let material = Material::new("neo_hookean", vec![vec![1e3, 4e3]]).unwrap();
-        let body = Body::with_element(Element::P2, points, cells, material).unwrap();
-        let u: Vec<f64> = noise(body.n_dofs(), 1).iter().map(|u| 1e-4 * u).collect();
+    fn tasks_that_share_a_body_find_the_same_sums() {
+        let (points, cells) = block([8; 3], [0.1; 3]);
         let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let of_tasks: Vec<Vec<f64>> =
-            pool(4).install(|| (0..16).into_par_iter().map(|_| tangent(&body, &u)).collect());
-        let alone = pool(1).install(|| tangent(&body, &u));
-        assert!(alone.iter().any(|&k| k != 0.0));
-        assert!(of_tasks.iter().all(|found| *found == alone));
+        for element in Element::ALL {
+            let law = Material::new("neo_hookean", vec![vec![1e3, 4e3]]).unwrap();
+            let body = Body::with_element(element, points.clone(), cells.clone(), law).unwrap();
+            let u: Vec<f64> = noise(body.n_dofs(), 1).iter().map(|u| 1e-4 * u).collect();
+            let by_tasks = || (0..8).into_par_iter().map(|_| evaluated(&body, &u)).collect();
+            let of_tasks: Vec<[Vec<f64>; 3]> = pool(3).install(by_tasks);
+            assert!(pool(3).install(|| body.is_shared()), "a body that threads share");
+            let alone = pool(1).install(|| evaluated(&body, &u));
+            assert!(alone.iter().all(|sums| sums.iter().any(|&x| x != 0.0)));
+            assert!(of_tasks.iter().all(|found| *found == alone), "{element:?}");
+        }
     }
 }
