@@ -34,7 +34,7 @@ def held(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     """A model of each kind of element that a grasp sums over in its own way."""
     poisson = 0.3 if request.param == "P1" else 0.48
     organ = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=poisson), fixed="clamp", element=request.param)
-    touch = organ.reduce("z > 99% and x > 30% and x < 70%", radius=0.1, depth=0.08, order=3)
+    touch = organ.reduce("z > 99% and x > 30% and x < 70%", radius=0.1, depth=0.08, order=4)
     path = tmp_path_factory.mktemp("held") / "beam.viscera"
     touch.save(path)
     return touch, path
