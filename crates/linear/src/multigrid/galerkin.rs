@@ -1,14 +1,24 @@
-//! The matrix of the next level, `Pᵀ A P`, in double precision.
+//! The matrix of the next level, `Pᵀ A P`, in double precision. Threads share the columns of `A` by stretches, whose
+//! products are added one after the other, so that the sums do not depend on the number of threads.
 
 use super::blocks::Upper;
 use super::prolongation::{MODES, Prolongation};
 use crate::neighbours::Neighbours;
+use crate::threads::share;
+use rayon::prelude::*;
+use std::ops::Range;
 use viscera_number::simd::{Kernel, dispatch};
 
 /// Values of a block of the next level.
 pub(super) const SQUARE: usize = MODES * MODES;
 
 const NONE: u32 = u32::MAX;
+
+/// Columns of a stretch.
+const COLUMNS: usize = 1_024;
+
+/// Stretches whose products are held at once.
+const HELD: usize = 16;
 
 /// Where the product has blocks.
 pub(super) fn pattern<const B: usize>(p: &Prolongation<B>, neighbours: &Neighbours) -> Upper {
@@ -38,38 +48,137 @@ pub(super) fn pattern<const B: usize>(p: &Prolongation<B>, neighbours: &Neighbou
     Upper::sorted(p.n_coarse(), &pairs)
 }
 
+/// Some columns of the finer matrix, and the blocks of the next level to which their products add, ascending.
+pub(super) struct Stretch {
+    columns: Range<usize>,
+    places: Vec<u32>,
+}
+
+/// All columns, stretch by stretch.
+pub(super) fn stretches<const B: usize>(
+    fine: &Upper,
+    p: &Prolongation<B>,
+    coarse: &Upper,
+) -> Vec<Stretch> {
+    let mut last_pair = vec![NONE; coarse.len()];
+    let of_columns = |first: usize| {
+        let (columns, number) = (first..fine.n().min(first + COLUMNS), (first / COLUMNS) as u32);
+        let mut places = Vec::new();
+        let mut left: Vec<u32> = Vec::new();
+        for column in columns.clone() {
+            left.clear();
+            left.extend(fine.rows(column).iter().flat_map(|&row| p.row(row as usize).0));
+            left.sort_unstable();
+            left.dedup();
+            for &right in p.row(column).0 {
+                for &left in &left {
+                    let place = coarse.place(right.min(left), right.max(left));
+                    if std::mem::replace(&mut last_pair[place], number) != number {
+                        places.push(place as u32);
+                    }
+                }
+            }
+        }
+        places.sort_unstable();
+        Stretch { columns, places }
+    };
+    (0..fine.n()).step_by(COLUMNS).map(of_columns).collect()
+}
+
 /// Its values, for a matrix with `shift` added to its diagonal.
+#[derive(Clone, Copy)]
 pub(super) struct Product<'a, const B: usize> {
     pub fine: &'a Upper,
     pub values: &'a [f64],
     pub shift: f64,
     pub prolongation: &'a Prolongation<B>,
     pub coarse: &'a Upper,
-    pub out: &'a mut [f64],
 }
 
-impl<const B: usize> Product<'_, B> {
-    pub fn compute(self) {
-        dispatch(self);
-    }
-}
+/// A block of the next level, by rows.
+type Block = [f64; SQUARE];
 
 /// `P_rᵀ A_rc` summed over the blocks of a column, for an aggregate.
 type Half<const B: usize> = [[f64; B]; MODES];
 
-impl<const B: usize> Kernel for Product<'_, B> {
+/// What the products of a stretch need, one after the other.
+struct Workspace<const B: usize> {
+    halves: Vec<(u32, Half<B>)>,
+    /// By aggregate: where its half is, if it has one.
+    slot: Vec<u32>,
+    /// By block: where it is among those of the stretch, if it is one of them.
+    local: Vec<u32>,
+    sums: Vec<Block>,
+}
+
+impl<const B: usize> Product<'_, B> {
+    pub fn compute(self, stretches: &[Stretch], out: &mut [f64]) {
+        out.fill(0.0);
+        let out = out.as_chunks_mut::<SQUARE>().0;
+        if !share(stretches.len()) {
+            let mut workspace = self.workspace();
+            for stretch in stretches {
+                self.sum(stretch, &mut workspace);
+                stretch.add(&workspace.sums, out);
+            }
+            return;
+        }
+        for some in stretches.chunks(HELD) {
+            let sums = |workspace: &mut Workspace<B>, stretch: &Stretch| {
+                self.sum(stretch, workspace);
+                std::mem::take(&mut workspace.sums)
+            };
+            let sums: Vec<_> = some.par_iter().map_init(|| self.workspace(), sums).collect();
+            some.iter().zip(&sums).for_each(|(stretch, sums)| stretch.add(sums, out));
+        }
+    }
+
+    fn workspace(&self) -> Workspace<B> {
+        Workspace {
+            halves: Vec::new(),
+            slot: vec![NONE; self.prolongation.n_coarse()],
+            local: vec![0; self.coarse.len()],
+            sums: Vec::new(),
+        }
+    }
+
+    /// The sums of a stretch, at its blocks.
+    fn sum(&self, stretch: &Stretch, workspace: &mut Workspace<B>) {
+        for (local, &place) in (0u32..).zip(&stretch.places) {
+            workspace.local[place as usize] = local;
+        }
+        workspace.sums.clear();
+        workspace.sums.resize(stretch.places.len(), [0.0; SQUARE]);
+        dispatch(OfStretch { product: self, columns: stretch.columns.clone(), workspace });
+    }
+}
+
+impl Stretch {
+    fn add(&self, sums: &[Block], out: &mut [Block]) {
+        for (&place, sum) in self.places.iter().zip(sums) {
+            let out = &mut out[place as usize];
+            (0..SQUARE).for_each(|entry| out[entry] += sum[entry]);
+        }
+    }
+}
+
+struct OfStretch<'a, 'p, const B: usize> {
+    product: &'a Product<'p, B>,
+    columns: Range<usize>,
+    workspace: &'a mut Workspace<B>,
+}
+
+impl<const B: usize> Kernel for OfStretch<'_, '_, B> {
     type Output = ();
 
     /// Column by column, `T += P_rᵀ A_rc P_c` over the blocks above the diagonal, with half the diagonal ones; the
     /// product is `T + Tᵀ`.
     #[inline(always)]
     fn run(self) {
-        let Product { fine, values, shift, prolongation: p, coarse, out } = self;
-        out.fill(0.0);
-        let (out, _) = out.as_chunks_mut::<SQUARE>();
-        let mut slot = vec![NONE; p.n_coarse()];
-        let mut halves: Vec<(u32, Half<B>)> = Vec::new();
-        for column in 0..fine.n() {
+        let OfStretch { product, columns, workspace } = self;
+        let Product { fine, values, shift, prolongation: p, coarse } = *product;
+        let Workspace { halves, slot, local, sums } = workspace;
+        for column in columns {
             halves.clear();
             for (place, &row) in fine.column(column).zip(fine.rows(column)) {
                 let is_diagonal = row as usize == column;
@@ -99,14 +208,15 @@ impl<const B: usize> Kernel for Product<'_, B> {
             let (aggregates, blocks) = p.row(column);
             for (&right, block) in aggregates.iter().zip(blocks) {
                 let part = block.map(|row| row.map(f64::from));
-                for (left, half) in &halves {
+                for (left, half) in &*halves {
                     let mut product = [[0.0f64; 8]; MODES];
                     for i in 0..MODES {
                         for b in 0..B {
                             (0..8).for_each(|k| product[i][k] += half[i][b] * part[b][k]);
                         }
                     }
-                    let out = &mut out[coarse.place(right.min(*left), right.max(*left))];
+                    let place = coarse.place(right.min(*left), right.max(*left));
+                    let out = &mut sums[local[place] as usize];
                     if *left <= right {
                         for i in 0..MODES {
                             (0..MODES).for_each(|k| out[MODES * i + k] += product[i][k]);

@@ -55,6 +55,7 @@ struct Level<const B: usize, const W: usize> {
     /// The matrix below.
     below: Vec<f64>,
     below_upper: Upper,
+    stretches: Vec<galerkin::Stretch>,
 }
 
 /// The matrix of the last level, factorised.
@@ -227,6 +228,7 @@ impl<const B: usize, const W: usize> Level<B, W> {
         let prolongation = Prolongation::new(&aggregates, &neighbours);
         let coarse = galerkin::pattern(&prolongation, &neighbours);
         let zeros = vec![[0.0; W]; upper.n()];
+        let stretches = galerkin::stretches(&upper, &prolongation, &coarse);
         let level = Level {
             smoother: Smoother::new(upper),
             prolongation,
@@ -235,6 +237,7 @@ impl<const B: usize, const W: usize> Level<B, W> {
             x: zeros,
             below: vec![0.0; SQUARE * coarse.len()],
             below_upper: coarse.clone(),
+            stretches,
         };
         (level, coarse)
     }
@@ -246,13 +249,12 @@ impl<const B: usize, const W: usize> Level<B, W> {
         shift: f64,
         has_unknown: impl Fn(usize) -> bool,
     ) -> Result<(), usize> {
-        let Level { smoother, prolongation, b, x, below, below_upper, .. } = self;
+        let Level { smoother, prolongation, b, x, below, below_upper, stretches, .. } = self;
         smoother.fill(values, shift, has_unknown)?;
         let omega = DAMPING / largest_eigenvalue(smoother, b, x);
         prolongation.smooth(smoother, values, shift, omega);
-        let fine = &smoother.pattern;
-        galerkin::Product { fine, values, shift, prolongation, coarse: below_upper, out: below }
-            .compute();
+        let (fine, coarse) = (&smoother.pattern, &*below_upper);
+        galerkin::Product { fine, values, shift, prolongation, coarse }.compute(stretches, below);
         Ok(())
     }
 
