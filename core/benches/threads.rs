@@ -1,6 +1,6 @@
 //! What further threads gain: assembly, products, and whole solutions, beside a loop that only reads and writes memory.
 //!
-//! It runs itself twice, since the number of threads is chosen when a process starts.
+//! It runs itself several times, since the number of threads is chosen when a process starts.
 
 use std::hint::black_box;
 use std::process::Command;
@@ -24,6 +24,9 @@ const EDGES: [usize; 2] = [22, 37];
 /// Numbers of each array of the triad.
 const TRIAD: usize = 16_000_000;
 
+/// Processes of each number of threads, one after the other.
+const ROUNDS: usize = 4;
+
 /// An argument of the processes that measure.
 const MEASURE: &str = "--measure";
 
@@ -33,21 +36,37 @@ fn main() {
         return measure();
     }
     let all = std::thread::available_parallelism().map_or(1, usize::from);
-    let [one, more] = [1, all].map(|threads| {
-        let mut command = Command::new(&arguments[0]);
-        let command = command.arg(MEASURE).env("RAYON_NUM_THREADS", threads.to_string());
-        let output = command.output().expect("the measurement runs");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8_lossy(&output.stdout).into_owned()
-    });
-    println!("{:45}{:>11}{:>11}{:>7}", "", "1 thread", format!("{all} threads"), "gain");
-    for (one, more) in one.lines().zip(more.lines()) {
-        let [(name, before), (_, after)] = [one, more].map(|line| {
-            let (name, number) = line.rsplit_once(' ').expect("a name and a number");
-            (name, number.parse::<f64>().expect("a number"))
-        });
-        println!("{name:45}{before:11.3}{after:11.3}{:7.2}", before / after);
+    let mut best: [Vec<(String, f64)>; 2] = Default::default();
+    for _ in 0..ROUNDS {
+        for (best, threads) in best.iter_mut().zip([1, all]) {
+            keep_least(best, &measured(&arguments[0], threads));
+        }
     }
+    println!("{:45}{:>11}{:>11}{:>7}", "", "1 thread", format!("{all} threads"), "gain");
+    for ((name, one), (_, more)) in best[0].iter().zip(&best[1]) {
+        println!("{name:45}{one:11.3}{more:11.3}{:7.2}", one / more);
+    }
+}
+
+/// What a process with so many threads prints.
+fn measured(program: &str, threads: usize) -> Vec<(String, f64)> {
+    let mut command = Command::new(program);
+    let output = command.arg(MEASURE).env("RAYON_NUM_THREADS", threads.to_string()).output();
+    let output = output.expect("the measurement runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let row = |line: &str| {
+        let (name, number) = line.rsplit_once(' ').expect("a name and a number");
+        (name.to_owned(), number.parse().expect("a number"))
+    };
+    String::from_utf8_lossy(&output.stdout).lines().map(row).collect()
+}
+
+/// The machine may be disturbed in any round: what counts is the least.
+fn keep_least(best: &mut Vec<(String, f64)>, found: &[(String, f64)]) {
+    if best.is_empty() {
+        best.extend_from_slice(found);
+    }
+    best.iter_mut().zip(found).for_each(|(best, found)| best.1 = best.1.min(found.1));
 }
 
 fn measure() {
@@ -66,7 +85,7 @@ fn measure() {
             Preconditioner::IncompleteCholesky,
             Preconditioner::Multigrid,
         ] {
-            let seconds = least(2, || solve(&body, preconditioner));
+            let seconds = least(1, || solve(&body, preconditioner));
             println!("{cells} cells, solution by {} [s] {seconds}", preconditioner.name());
         }
     }

@@ -1,12 +1,18 @@
 //! One load step: Newton's method from an equilibrium to the one at a higher load, or to an earlier one if the
 //! prediction is valid only up to there.
 
-use super::{AT, NEAR, Run};
+use super::run::Run;
 use crate::body::Curvature;
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::{Iteration, Limits, Stop, iterate};
 use crate::number::norm;
+
+/// Residual next to an equilibrium, where a load step began with a linear step: a tangent that is indefinite there is
+/// that of an unstable one, which the path passes and Newton's method may leave downhill. Farther off it is common and
+/// says nothing; if a slender body was bent by the series of its path, until the residual is next to nothing.
+const NEAR: f64 = 0.02;
+const AT: f64 = 1e-6;
 
 /// Last increment, relative to the displacement, up to which the tangent before it speaks for the equilibrium after it.
 const NEXT_TO: f64 = 0.02;

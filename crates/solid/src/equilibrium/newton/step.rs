@@ -1,12 +1,15 @@
 //! One step of Newton's method: factor of the tangent, step, line search.
 
-use super::{Run, STRETCHED};
+use super::run::Run;
 use crate::clock::Instant;
 use crate::equilibrium::ending::Cut;
 use crate::equilibrium::iteration::backtrack;
 use crate::equilibrium::problem::patch_mean;
 use crate::equilibrium::skew;
 use crate::linear::{FactorError, next_shift};
+
+/// Ratio of the energy of a linear step to that predicted by its tangent, above which the step is not used.
+const STRETCHED: f64 = 10.0;
 
 /// First shift of a tangent that is not positive definite, over its mean diagonal, if the last tangent needed none.
 const FIRST_SHIFT: f64 = 1e-6;

@@ -1,6 +1,7 @@
 //! What happens where conjugate gradients were chosen automatically and a factor has to take over.
 
 use super::*;
+use crate::body::Body;
 use crate::equilibrium::{ConjugateGradients, Preconditioner, Pressure, Status};
 use crate::law::Material;
 use crate::mesh::samples::block;

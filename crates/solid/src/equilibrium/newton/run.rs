@@ -1,0 +1,325 @@
+//! A solution in progress: where it stands, and what its steps have in common.
+
+use super::Newton;
+use crate::body::{Body, Curvature};
+use crate::clock::Instant;
+use crate::contact::Contact;
+use crate::equilibrium::ending::{Cut, Ending, Slopes};
+use crate::equilibrium::iteration::Rounding;
+use crate::equilibrium::outcome::{Equilibrium, Seconds};
+use crate::equilibrium::predictor::Predictor;
+use crate::equilibrium::problem::{Problem, patch_mean};
+use crate::equilibrium::system::{Choice, ConstrainedSystem, Method, waves};
+use crate::equilibrium::tangent::Tangent;
+use crate::error::Error;
+use crate::linear::FactorError;
+use std::sync::Arc;
+
+/// Residual at which conjugate gradients have met whatever negative curvature there is. A force that holds something of all
+/// motions cannot be balanced so far without them.
+const PROBED: f64 = 1e-4;
+
+/// The state of a solution in progress; `u`, `multipliers` and `load` always hold an equilibrium.
+pub(super) struct Run<'a> {
+    pub(super) settings: Newton,
+    pub(super) problem: &'a Problem<'a>,
+    pub(super) contact: &'a mut Contact,
+    /// The body with the pattern of the tangent, where that has become wider.
+    pub(super) widened: Option<Arc<Body>>,
+    pub(super) progress: &'a mut dyn FnMut(f64) -> bool,
+    pub(super) solver: ConstrainedSystem,
+    pub(super) tangent: Tangent,
+    pub(super) u: Vec<f64>,
+    pub(super) multipliers: Vec<f64>,
+    pub(super) load: f64,
+    pub(super) start: Vec<f64>,
+    pub(super) start_means: Vec<[f64; 3]>,
+    /// Out-of-balance force of the start state on the free degrees of freedom.
+    pub(super) imbalance: Vec<f64>,
+    pub(super) rounding: Rounding,
+    pub(super) iterations: usize,
+    pub(super) residuals: Vec<Vec<f64>>,
+    pub(super) unstable: Option<(f64, usize)>,
+    pub(super) slopes: Slopes,
+    /// Shift of the last tangent; the next one is usually similar.
+    pub(super) shift: f64,
+    /// Whether a load step has failed, so that the next ones follow the series of the path.
+    pub(super) follows_series: bool,
+    /// Part of the load that the load step in progress is to add.
+    pub(super) tried: f64,
+    pub(super) factorizations: usize,
+    pub(super) linear_iterations: usize,
+    /// Iterations of conjugate gradients that a load step may take, where they were chosen automatically.
+    pub(super) budget: Option<usize>,
+    /// Those that this one has taken.
+    pub(super) spent: usize,
+    /// They may shift a tangent that is not positive definite far from equilibrium.
+    pub(super) shifts: bool,
+    /// Whether the iterate is close to an equilibrium, whose stability counts.
+    pub(super) is_near: bool,
+    pub(super) solvers: Vec<&'static str>,
+    pub(super) seconds: Seconds,
+}
+
+impl<'a> Run<'a> {
+    pub(super) fn new(
+        settings: Newton,
+        choice: Choice,
+        problem: &'a Problem<'a>,
+        contact: &'a mut Contact,
+        progress: &'a mut dyn FnMut(f64) -> bool,
+    ) -> Result<Self, Error> {
+        let body = problem.body;
+        let settings = Newton { method: choice.method, ..settings };
+        let tangent = settings.method.tangent(body);
+        let prescribed = problem.prescribed.iter().map(|&(dof, _)| dof);
+        let patches = problem.patches.iter().map(|load| load.patch.clone()).collect();
+        let solver = ConstrainedSystem::new(settings.method, body, prescribed, patches)?;
+        let start = problem.start.clone().unwrap_or_else(|| vec![0.0; body.n_dofs()]);
+        if !body.energy(&start).is_finite() {
+            let (jacobian, cell) = body.smallest_jacobian(&start);
+            return Err(Error::input(format!(
+                "the start displacement turns cell {cell} inside out (J = {jacobian:.3}); start from rest"
+            )));
+        }
+        let mut imbalance = vec![0.0; body.n_dofs()];
+        body.internal_force(&start, &mut imbalance);
+        let mut applied = problem.force.clone();
+        contact.advance(0.0);
+        contact.begin(&start);
+        contact.linearize(&start);
+        contact.add_force(&mut applied);
+        imbalance.iter_mut().zip(&applied).for_each(|(r, f)| *r -= f);
+        let start_means =
+            problem.patches.iter().map(|load| patch_mean(&load.patch, &start)).collect();
+        Ok(Run {
+            settings,
+            problem,
+            contact,
+            widened: None,
+            progress,
+            u: start.clone(),
+            multipliers: vec![0.0; 3 * problem.patches.len()],
+            load: 0.0,
+            start,
+            start_means,
+            imbalance,
+            rounding: Rounding::of(body),
+            solver,
+            tangent,
+            iterations: 0,
+            residuals: Vec::new(),
+            unstable: None,
+            slopes: Slopes::new(),
+            shift: 0.0,
+            follows_series: false,
+            tried: 0.0,
+            factorizations: 0,
+            linear_iterations: 0,
+            budget: choice.budget,
+            spent: 0,
+            shifts: choice.shifts,
+            is_near: false,
+            solvers: vec![settings.method.name()],
+            seconds: Seconds::default(),
+        })
+    }
+
+    pub(super) fn body(&self) -> &'a Body {
+        self.problem.body
+    }
+
+    /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple. Without it, the
+    /// stiffness between them would be missing, and with it the verdict of stability.
+    pub(super) fn widen(&mut self, u: &[f64]) -> Result<(), Cut> {
+        let body = self.widened.as_deref().unwrap_or(self.problem.body);
+        if !self.contact.is_beyond(body.pattern(), u) {
+            return Ok(());
+        }
+        let wider = self.body().widened(u);
+        self.solver = self.system(&wider).map_err(Cut::Solver)?;
+        self.tangent = self.settings.method.tangent(&wider);
+        self.widened = Some(Arc::new(wider));
+        Ok(())
+    }
+
+    /// The linear system of a body with these supports and tools.
+    pub(super) fn system(&self, body: &Body) -> Result<ConstrainedSystem, Error> {
+        let prescribed = self.problem.prescribed.iter().map(|&(dof, _)| dof);
+        let patches = self.problem.patches.iter().map(|load| load.patch.clone()).collect();
+        ConstrainedSystem::new(self.settings.method, body, prescribed, patches)
+    }
+
+    /// Lets a factor do what conjugate gradients, which were chosen automatically, do not do well.
+    pub(super) fn hand_over(&mut self) -> Result<(), FactorError> {
+        (self.settings.method, self.budget) = (Method::Cholesky, None);
+        self.solvers.push(self.settings.method.name());
+        let clock = Instant::now();
+        let body = self.widened.as_deref().unwrap_or(self.problem.body);
+        self.solver = self.system(body).map_err(|error| match error {
+            Error::Factor(error) => error,
+            _ => FactorError::NotFactorized,
+        })?;
+        self.seconds.analysis += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Whether a tangent that is not positive definite is a matter for a factor.
+    pub(super) fn doubts(&self) -> bool {
+        self.budget.is_some() && (self.is_near || !self.shifts)
+    }
+
+    /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen
+    /// automatically. A factor has told already.
+    pub(super) fn is_probed_stable(&mut self) -> bool {
+        let clock = Instant::now();
+        let is_stable = self.budget.is_none()
+            || self.shift == 0.0
+                && self.solver.is_definite_along(&waves(self.body().points()), PROBED)
+                    == Some(true);
+        self.seconds.solve += clock.elapsed().as_secs_f64();
+        is_stable
+    }
+
+    /// Tells the load reached, unless the caller wants no more. A large factor takes most of a second, so it is asked
+    /// on either side of it.
+    pub(super) fn go_on(&mut self) -> Result<(), Cut> {
+        if (self.progress)(self.load) { Ok(()) } else { Err(Cut::Cancelled) }
+    }
+
+    /// External force at a load: the dead target plus what is left of the start's imbalance, pressure, and the tools'
+    /// where they were found last.
+    pub(super) fn external_force(&self, load: f64, u: &[f64]) -> Vec<f64> {
+        let left = 1.0 - load;
+        let dead = self.problem.force.iter().zip(&self.imbalance);
+        let mut force = dead.map(|(f, r)| f + left * r).collect::<Vec<_>>();
+        self.problem.pressure.add_force(self.body(), u, load, &mut force);
+        self.contact.add_force(&mut force);
+        force
+    }
+
+    pub(super) fn add_stiffness_of_loads(&mut self, u: &[f64], load: f64) {
+        let Problem { body, pressure, .. } = self.problem;
+        if !pressure.is_empty() {
+            pressure.add_stiffness(body, u, load, self.tangent.blocks_mut());
+        }
+        if !self.contact.is_empty() {
+            self.contact.add_stiffness(Curvature::Exact, self.tangent.blocks_mut());
+        }
+    }
+
+    /// Whether the tangent is the same everywhere.
+    pub(super) fn is_linear(&self) -> bool {
+        let Problem { body, pressure, .. } = self.problem;
+        let is_law = body.material().name() == "linear";
+        is_law && pressure.is_empty() && self.contact.is_empty() && !body.has_links()
+    }
+
+    /// Whether a load step moves prescribed displacements; its first iteration then moves them there.
+    pub(super) fn is_led(&self) -> bool {
+        let Problem { prescribed, patches, .. } = self.problem;
+        !patches.is_empty() || prescribed.iter().any(|&(dof, v)| v != self.start[dof as usize])
+    }
+
+    /// `f_int - f_ext - W^T F`, zero where a displacement is prescribed, and its norm relative to
+    /// that of all nodal forces.
+    pub(super) fn residual(
+        &self,
+        force: &[f64],
+        external: &[f64],
+        multipliers: &[f64],
+    ) -> (Vec<f64>, f64) {
+        let mut out: Vec<f64> = force.iter().zip(external).map(|(i, e)| i - e).collect();
+        for (load, m) in self.problem.patches.iter().zip(multipliers.chunks_exact(3)) {
+            for (&node, &w) in load.patch.nodes.iter().zip(&load.patch.weights) {
+                for i in 0..3 {
+                    out[3 * node as usize + i] -= w * m[i];
+                }
+            }
+        }
+        self.problem.prescribed.iter().for_each(|&(dof, _)| out[dof as usize] = 0.0);
+        let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
+        let loads = square(force).max(square(external)).sqrt();
+        let norm = self.rounding.relative(square(&out).sqrt(), loads, self.settings.tolerance);
+        (out, norm)
+    }
+
+    /// Where the series of the path leads from the equilibrium `u`: load, displacement and patch forces.
+    pub(super) fn predict(
+        &mut self,
+        u: &[f64],
+        first: &[f64],
+        load: f64,
+    ) -> Result<(f64, Vec<f64>, Vec<f64>), Cut> {
+        let (clock, increment) = (Instant::now(), load - self.load);
+        let predictor =
+            Predictor::new(self.problem, &mut self.solver, u, first, [self.load, increment])
+                .map_err(Cut::Factor)?;
+        let mut part = predictor.range.max(self.settings.smallest_step / increment).min(1.0);
+        let (mut force, still) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        let predicted = loop {
+            let reached = if part == 1.0 { load } else { self.load + part * increment };
+            let mut ahead = predictor.at(part);
+            // Exactly where what is prescribed should be.
+            let (closing, ..) = self.newton_step(&ahead, &still, reached, true)?;
+            ahead.iter_mut().zip(&closing).for_each(|(u, s)| *u += s);
+            if self.body().internal_force(&ahead, &mut force).is_finite() {
+                let external = self.external_force(reached, &ahead);
+                let residual: Vec<f64> = force.iter().zip(&external).map(|(i, e)| i - e).collect();
+                let carried = self.solver.patch_forces(&residual);
+                break (reached, ahead, carried.iter().map(|f| -f).collect());
+            }
+            if part * increment < self.settings.smallest_step {
+                let (jacobian, cell) = self.body().smallest_jacobian(&ahead);
+                return Err(Cut::Inverted { cell, jacobian });
+            }
+            part *= 0.5;
+        };
+        self.seconds.solve += clock.elapsed().as_secs_f64();
+        Ok(predicted)
+    }
+
+    /// The first step of a load step is the tangent of the path.
+    pub(super) fn note_slope(&mut self, step: &[f64], load: f64) {
+        let free = step.iter().enumerate().filter(|&(dof, _)| !self.solver.is_held(dof));
+        let square: f64 = free.map(|(_, s)| s.powi(2)).sum();
+        self.slopes.note(self.load, square.sqrt() / (load - self.load));
+    }
+
+    pub(super) fn finish(mut self, cut: Option<Cut>, step: f64) -> Equilibrium {
+        let body = self.body();
+        let mut internal_force = vec![0.0; body.n_dofs()];
+        body.internal_force(&self.u, &mut internal_force);
+        let mut external_force = self.problem.force.clone();
+        self.problem.pressure.add_force(body, &self.u, 1.0, &mut external_force);
+        self.contact.advance(self.load);
+        self.contact.linearize(&self.u);
+        self.contact.add_force(&mut external_force);
+        let ending = Ending {
+            load: self.load,
+            iterations: self.iterations,
+            cut,
+            // The smallest step that failed is twice the one that was not tried any more.
+            turn: self.slopes.limit_point(self.load, 4.0 * step),
+            unstable: self.unstable,
+        };
+        Equilibrium {
+            energy: body.energy(&self.u),
+            displacement: std::mem::take(&mut self.u),
+            internal_force,
+            external_force,
+            patch_forces: self.multipliers.chunks_exact(3).map(|m| [m[0], m[1], m[2]]).collect(),
+            status: ending.status(),
+            message: ending.message(self.problem),
+            device_fault: self.solver.device_fault().map(str::to_string),
+            origin: self.solver.origin(),
+            load: self.load,
+            iterations: self.iterations,
+            factorizations: self.factorizations,
+            linear_iterations: self.linear_iterations,
+            solvers: self.solvers,
+            residuals: self.residuals,
+            seconds: self.seconds,
+        }
+    }
+}
