@@ -1,6 +1,6 @@
 //! The tangent of a cell from that of its law: summed over quadrature points, or multiplied with a vector.
 
-use super::cells::{Batch, add_product};
+use super::batch::{Batch, add_product};
 use crate::element::Shape;
 use crate::law::TangentBlocks;
 use crate::number::{LANES, Lane};

@@ -8,8 +8,9 @@
 //! Owen, IJNME 62 (2005) 353, with an energy, for any law. The part `1 - s` keeps the bulk modulus of
 //! Poisson's ratio 0, `2 mu / 3`, in the cell: enough to hold its shape, too little to lock.
 
+use super::batch::Slot;
 use super::blocks::{BlockPattern, Grouped};
-use super::cells::{CellBatches, Slot, tissues};
+use super::cells::{CellBatches, tissues};
 use super::curvature::Curvature;
 use super::partition::Partition;
 use super::programmed::ClusterNodes;

@@ -1,7 +1,8 @@
 //! The elements that a body may be made of. Only this file distinguishes them.
 
+use super::batch::pairs_of;
 use super::blocks::BlockPattern;
-use super::cells::{CellBatches, pairs_of};
+use super::cells::CellBatches;
 use super::integrals::ElementIntegrals;
 use super::layout::Layout;
 use super::mean_volume::MeanVolume;

@@ -1,6 +1,7 @@
 //! Energy and internal force: from displacements to deformation gradients, through the law, to forces on nodes.
 
-use super::cells::{Batch, CellBatches, add_product};
+use super::batch::{Batch, add_product};
+use super::cells::CellBatches;
 use super::clusters::Around;
 use super::tasks::RUN;
 use super::workspace::CellWorkspace;

@@ -4,6 +4,7 @@
 //! their results are gathered node by node (and block by block) through maps made once, so sums
 //! come out the same whatever the number of threads.
 
+mod batch;
 mod block_product;
 mod blocks;
 mod cell_order;

@@ -1,7 +1,8 @@
 //! Quadrature points whose volume ratio is out of a range, and how it changes with the displacement of their nodes, to
 //! first and second order.
 
-use super::cells::{CellBatches, deformation};
+use super::batch::deformation;
+use super::cells::CellBatches;
 use crate::element::{Geometry, Shape};
 use crate::tensor::{Mat3, cofactor, determinant, dot, mul_vector, transpose_mul};
 use crate::unroll::tabulate;

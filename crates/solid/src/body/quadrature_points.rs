@@ -1,7 +1,8 @@
 //! Stress and energy at the quadrature points; the internal force is the integral of this stress.
 
 use super::Body;
-use super::cells::{CellBatches, deformation};
+use super::batch::deformation;
+use super::cells::CellBatches;
 use super::clusters::averaged_part;
 use crate::element::{Geometry, Shape};
 use crate::law::{Material, Shared};

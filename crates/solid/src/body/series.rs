@@ -1,7 +1,8 @@
 //! Right-hand sides of the asymptotic numerical method: the highest-degree coefficients of the
 //! internal force along a series of displacements (paper A; docs/architecture.md).
 
-use super::cells::{CellBatches, Slot};
+use super::batch::Slot;
+use super::cells::CellBatches;
 use super::clusters::Clusters;
 use crate::element::{Geometry, Shape};
 use crate::law::{LawKernels, Material, SeriesKernels, SharedSeries, TaylorCache};

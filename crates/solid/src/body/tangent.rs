@@ -1,8 +1,9 @@
 //! The tangent: stress and stiffness batch by batch, then the blocks of all cells added up.
 
+use super::batch::Batch;
 use super::blocks::SymmetricBlocks;
 use super::cell_tangent::{StressTangent, add, add_times};
-use super::cells::{Batch, CellBatches};
+use super::cells::CellBatches;
 use super::clusters::Around;
 use super::convex::make_convex;
 use super::curvature::Curvature;

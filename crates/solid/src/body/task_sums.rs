@@ -1,8 +1,8 @@
 //! Where what the cells contribute is added up: task by task at the nodes and blocks of the task, which stay in the
 //! cache, and then at those of the body, in the order of the tasks. So every sum has one order, whoever makes it.
 
+use super::batch::{Batch, Slot, pairs_of};
 use super::blocks::{BlockPattern, Grouped};
-use super::cells::{Batch, Slot, pairs_of};
 use super::tasks::task;
 use super::waves::{Wave, Waves};
 use crate::number::{LANES, Lane};
