@@ -81,32 +81,37 @@ impl<const N: usize> TaskSums<N> {
         for (cell, slot) in slots.iter().enumerate() {
             of_task[slot.batch as usize / Self::TASK].push(cell);
         }
-        let block = |[a, b]: [u32; 2]| pattern.block(a, b);
         let mut is_new = vec![true; pattern.len()];
         let mut n_new = Vec::with_capacity(n_tasks);
         let mut node_places = vec![[0; N]; LANES * n_batches];
         let mut block_places = vec![BlockPlace::default(); LANES * n_batches * Self::PAIRS];
         let (mut all_nodes, mut all_blocks) = (Vec::new(), Vec::new());
+        let (mut node_numbers, mut block_numbers) =
+            (Numbers::new(n_points), Numbers::new(pattern.len()));
+        let mut of_cells = Vec::new();
         for (task, cells) in (0u32..).zip(&of_task) {
-            let own_nodes = ascending(cells.iter().flat_map(|&cell| nodes[cell]));
-            let (mut own_blocks, known): (Vec<u32>, Vec<u32>) =
-                ascending(cells.iter().flat_map(|&cell| pairs_of(&nodes[cell]).map(block)))
-                    .into_iter()
-                    .partition(|&block| std::mem::take(&mut is_new[block as usize]));
-            let block_place = |block: u32| {
-                let at = own_blocks.binary_search(&block);
-                at.unwrap_or_else(|_| own_blocks.len() + place(&known, block))
-            };
-            for &cell in cells {
-                let at = slots[cell].batch as usize * LANES + slots[cell].lane as usize;
-                node_places[at] = nodes[cell].map(|node| place(&own_nodes, node) as u16);
-                let places = &mut block_places[at * Self::PAIRS..(at + 1) * Self::PAIRS];
-                for (out, [a, b]) in places.iter_mut().zip(pairs_of(&nodes[cell])) {
-                    *out = BlockPlace::new(block_place(block([a, b])), a > b);
-                }
-            }
+            let pairs = |&cell: &usize| pairs_of(&nodes[cell]).map(|[a, b]| pattern.block(a, b));
+            of_cells.clear();
+            of_cells.extend(cells.iter().flat_map(pairs));
+            let own_nodes = node_numbers.distinct(task, cells.iter().flat_map(|&c| nodes[c]));
+            let own_blocks = block_numbers.distinct(task, of_cells.iter().copied());
+            let (mut own_blocks, known): (Vec<u32>, Vec<u32>) = own_blocks
+                .into_iter()
+                .partition(|&block| std::mem::take(&mut is_new[block as usize]));
             n_new.push(own_blocks.len() as u32);
             own_blocks.extend(known);
+            node_numbers.number(&own_nodes);
+            block_numbers.number(&own_blocks);
+            for (&cell, blocks) in cells.iter().zip(of_cells.chunks_exact(Self::PAIRS)) {
+                let at = slots[cell].batch as usize * LANES + slots[cell].lane as usize;
+                node_places[at] = nodes[cell].map(|node| node_numbers.of(node) as u16);
+                let places = &mut block_places[at * Self::PAIRS..(at + 1) * Self::PAIRS];
+                for ((out, [a, b]), &block) in
+                    places.iter_mut().zip(pairs_of(&nodes[cell])).zip(blocks)
+                {
+                    *out = BlockPlace::new(block_numbers.of(block), a > b);
+                }
+            }
             all_nodes.extend(own_nodes.into_iter().map(|node| (task, node)));
             all_blocks.extend(own_blocks.into_iter().map(|block| (task, block)));
         }
@@ -267,14 +272,32 @@ fn parts<'a, T, I: Copy>(
     .collect()
 }
 
-fn ascending(items: impl Iterator<Item = u32>) -> Vec<u32> {
-    let mut items: Vec<u32> = items.collect();
-    items.sort_unstable();
-    items.dedup();
-    items
+/// Numbers of some of many items within a task.
+struct Numbers {
+    /// By item: the last task that has it, and its number there.
+    last: Vec<u32>,
+    number: Vec<u32>,
 }
 
-/// The place of an item in an ascending run that has it.
-fn place(run: &[u32], item: u32) -> usize {
-    run.partition_point(|&other| other < item)
+impl Numbers {
+    fn new(count: usize) -> Self {
+        Numbers { last: vec![u32::MAX; count], number: vec![0; count] }
+    }
+
+    /// The items of a task, each once, ascending.
+    fn distinct(&mut self, task: u32, items: impl Iterator<Item = u32>) -> Vec<u32> {
+        let is_first = |&item: &u32| std::mem::replace(&mut self.last[item as usize], task) != task;
+        let mut distinct: Vec<u32> = items.filter(is_first).collect();
+        distinct.sort_unstable();
+        distinct
+    }
+
+    /// Numbers items in this order.
+    fn number(&mut self, items: &[u32]) {
+        items.iter().zip(0u32..).for_each(|(&item, at)| self.number[item as usize] = at);
+    }
+
+    fn of(&self, item: u32) -> usize {
+        self.number[item as usize] as usize
+    }
 }
