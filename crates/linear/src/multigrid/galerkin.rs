@@ -60,9 +60,19 @@ pub(super) fn stretches<const B: usize>(
     p: &Prolongation<B>,
     coarse: &Upper,
 ) -> Vec<Stretch> {
+    stretches_of(COLUMNS, fine, p, coarse)
+}
+
+/// The same, of so many columns each.
+pub(super) fn stretches_of<const B: usize>(
+    length: usize,
+    fine: &Upper,
+    p: &Prolongation<B>,
+    coarse: &Upper,
+) -> Vec<Stretch> {
     let mut last_pair = vec![NONE; coarse.len()];
     let of_columns = |first: usize| {
-        let (columns, number) = (first..fine.n().min(first + COLUMNS), (first / COLUMNS) as u32);
+        let (columns, number) = (first..fine.n().min(first + length), (first / length) as u32);
         let mut places = Vec::new();
         let mut left: Vec<u32> = Vec::new();
         for column in columns.clone() {
@@ -82,7 +92,7 @@ pub(super) fn stretches<const B: usize>(
         places.sort_unstable();
         Stretch { columns, places }
     };
-    (0..fine.n()).step_by(COLUMNS).map(of_columns).collect()
+    (0..fine.n()).step_by(length).map(of_columns).collect()
 }
 
 /// Its values, for a matrix with `shift` added to its diagonal.

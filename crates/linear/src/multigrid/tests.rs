@@ -178,6 +178,28 @@ fn matrices_below_are_galerkin_products() {
 }
 
 #[test]
+fn products_by_stretches_are_the_same_by_any_number_of_threads() {
+    let elastic = Elastic::new([9, 6, 5], 0.3);
+    let mut multigrid = elastic.multigrid_to(8);
+    multigrid.factorize(&elastic.values, 0.01).unwrap();
+    let Level { smoother, prolongation, below_upper: coarse, below, .. } = &multigrid.finest;
+    let fine = &smoother.pattern;
+    let values = &elastic.values;
+    let product = galerkin::Product { fine, values, shift: 0.01, prolongation, coarse };
+    let stretches = galerkin::stretches_of(13, fine, prolongation, coarse);
+    assert!(stretches.len() > 2 * crate::threads::FEWEST);
+    let by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut out = vec![f64::NAN; below.len()];
+        pool.install(|| product.compute(&stretches, &mut out));
+        out
+    };
+    let (alone, size) = (by(1), below.iter().fold(0.0f64, |size, x| size.max(x.abs())));
+    assert!(alone.iter().zip(below).all(|(a, b)| (a - b).abs() < 1e-13 * size));
+    assert!([2, 3].into_iter().all(|threads| by(threads) == alone));
+}
+
+#[test]
 fn rigid_motions_are_known_on_every_level() {
     let mut elastic = Elastic::new([9, 6, 5], 0.3);
     elastic.is_held.fill(false);

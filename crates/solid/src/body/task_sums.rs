@@ -67,7 +67,7 @@ impl<const N: usize> TaskSums<N> {
     /// All blocks of a task have places.
     const FITS: () = assert!(Self::TASK * LANES * Self::PAIRS <= BlockPlace::TRANSPOSED as usize);
 
-    /// Of cells with these nodes, which are in these slots of so many batches.
+    /// Of cells with these nodes, which are in these slots of so many batches; `pattern` must hold their pairs of nodes.
     pub fn new(
         nodes: &[[u32; N]],
         slots: &[Slot],
@@ -191,19 +191,10 @@ impl<const N: usize> TaskSums<N> {
         let n_new = self.n_new[task] as usize;
         let ((new, known), (put, add)) =
             (self.blocks.of(task).split_at(n_new), sums.split_at(n_new));
-        for (k, (&block, sum)) in new.iter().zip(put).enumerate() {
-            if let Some(&ahead) = new.get(k + AHEAD) {
-                prefetch(&values[ahead as usize]);
-            }
-            values[block as usize] = *sum;
-        }
-        for (k, (&block, sum)) in known.iter().zip(add).enumerate() {
-            if let Some(&ahead) = known.get(k + AHEAD) {
-                prefetch(&values[ahead as usize]);
-            }
-            let out = &mut values[block as usize];
+        run_through(new, put, values, |out, sum| *out = *sum);
+        run_through(known, add, values, |out, sum| {
             (0..9).for_each(|entry| out[entry] += sum[entry]);
-        }
+        });
     }
 
     /// Parts of a run, one for each task, that are as long as it has nodes.
@@ -236,6 +227,23 @@ impl<const N: usize> TaskSums<N> {
     /// The waves in which threads add up the tangent.
     pub fn waves(&self) -> &Waves {
         self.waves.get_or_init(|| Waves::new(&self.blocks, &self.n_new))
+    }
+}
+
+/// Does something with blocks of the body and those of a task, asking for the former ahead: their places are as good as
+/// random.
+#[inline(always)]
+fn run_through(
+    blocks: &[u32],
+    sums: &[[f64; 9]],
+    values: &mut [[f64; 9]],
+    run: impl Fn(&mut [f64; 9], &[f64; 9]),
+) {
+    for (k, (&block, sum)) in blocks.iter().zip(sums).enumerate() {
+        if let Some(&ahead) = blocks.get(k + AHEAD) {
+            prefetch(&values[ahead as usize]);
+        }
+        run(&mut values[block as usize], sum);
     }
 }
 

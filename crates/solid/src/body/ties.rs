@@ -343,6 +343,25 @@ mod tests {
         }
     }
 
+    /// Blocks that no cell has are cleared before ties add to them again.
+    #[test]
+    fn a_tangent_that_is_evaluated_again_is_the_same() {
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let (points, cells) = block([8; 3], [0.03; 3]);
+                let (n, law) = (points.len() as u32, per_cell("neo_hookean", 1));
+                let body = Body::tied(Element::P1, points, cells, law, ties(n)).unwrap();
+                let u: Vec<f64> = noise(body.n_dofs(), 3).iter().map(|x| 1e-4 * x).collect();
+                let (mut force, mut tangent) = (vec![0.0; u.len()], body.zero_tangent());
+                body.internal_force_and_tangent(&u, &mut force, &mut tangent);
+                let first = tangent.values().to_vec();
+                body.internal_force_and_tangent(&u, &mut force, &mut tangent);
+                assert!(tangent.values() == first, "{threads} threads");
+            });
+        }
+    }
+
     #[test]
     fn units_hold_no_ties() {
         let [body, free] = bodies().next().unwrap();
