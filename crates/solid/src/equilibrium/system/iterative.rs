@@ -297,7 +297,7 @@ impl Iterative {
         let of_frame = self.forcing.as_mut().map(|forcing| forcing.tolerance(tolerance, whole));
         let tolerance = of_frame.unwrap_or(tolerance);
         self.set_out(border, tolerance);
-        if let Some(solved) = self.iterate_on_device(border, deadline) {
+        if let Some(solved) = self.iterate_on_device(border, tolerance, deadline) {
             return Ok(solved);
         }
         let settings = Settings {

@@ -28,13 +28,14 @@ impl Iterative {
     pub(super) fn iterate_on_device(
         &mut self,
         border: &Border,
+        tolerance: f64,
         deadline: Option<Instant>,
     ) -> Option<Solved> {
         if !matches!(self.remote, Remote::Working(_)) {
             return None;
         }
         let mut left = std::mem::take(&mut self.left);
-        let solved = self.refine(border, deadline, &mut left);
+        let solved = self.refine(border, tolerance, deadline, &mut left);
         self.left = left;
         solved
     }
@@ -42,20 +43,21 @@ impl Iterative {
     fn refine(
         &mut self,
         border: &Border,
+        tolerance: f64,
         deadline: Option<Instant>,
         left: &mut [f64],
     ) -> Option<Solved> {
         let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
         let mut solved = Solved { residual: norm(left) / whole, ..Solved::default() };
         loop {
-            solved.is_complete = solved.residual <= SLACK * self.settings.tolerance;
+            solved.is_complete = solved.residual <= SLACK * tolerance;
             let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
             let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
             let budget = self.settings.max_iterations - solved.iterations;
             if solved.is_complete || has_stalled || is_late || budget == 0 {
                 return Some(solved);
             }
-            let wanted = self.settings.tolerance / solved.residual;
+            let wanted = tolerance / solved.residual;
             let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
             let found = self.remote.solve(border, self.operand.given(), left, &end)?;
             if !found.x.iter().all(|x| x.is_finite()) {
@@ -80,8 +82,8 @@ impl Iterative {
             before = solved.residual;
             let expected = before * found.residual;
             let is_believed = self.is_formed()
-                && solved.floor <= TRUSTED * self.settings.tolerance
-                && expected <= SLACK * self.settings.tolerance;
+                && solved.floor <= TRUSTED * tolerance
+                && expected <= SLACK * tolerance;
             solved.residual = if is_believed { expected } else { self.remainder(border, left) };
         }
     }
