@@ -1,26 +1,31 @@
 //! Measures the kernels on the device of this machine against the estimate of docs/gpu.md, and conjugate gradients
 //! against one thread of the processor. Paper B reports a factor of more than twenty.
 //!
-//!     cargo run --release --manifest-path gpu/Cargo.toml --example bench [CUBES_PER_SIDE]
+//!     cargo run --release --manifest-path gpu/Cargo.toml --example bench [CUBES_PER_SIDE ...]
 //!
 //! Numbers of a software renderer say nothing about speed; the output says so.
 
 #[path = "../tests/support/mod.rs"]
 mod support;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 use support::{Block, device, laws};
 use viscera_gpu::plan::Plan;
-use viscera_gpu::{CellBuffers, Settings, System, Tangent};
+use viscera_gpu::{CellBuffers, Gpu, Settings, System, Tangent};
 
-/// Iterations of a timed solve, whose tolerance cannot be reached.
+/// Cubes of six cells per side of the blocks.
+const SIDES: [usize; 2] = [6, 15];
+
+/// Iterations beyond 60 of a timed solve, whose tolerance cannot be reached.
 const ITERATIONS: usize = 200;
 
 const RUNS: usize = 5;
 
 fn main() {
-    let side = std::env::args().nth(1).map_or(15, |word| word.parse().expect("CUBES_PER_SIDE"));
+    let sides: Vec<usize> =
+        std::env::args().skip(1).map(|word| word.parse().expect("CUBES_PER_SIDE")).collect();
     let Some(gpu) = device() else { return };
     let about = gpu.about();
     println!("{}, {}, {}", about.name, about.driver, about.backend);
@@ -29,53 +34,108 @@ fn main() {
             "SOFTWARE RENDERER: not the speed of a graphics processor; do not keep these numbers"
         );
     }
-    let block = Block::new(side);
+    println!("dispatch of next to nothing {:.3} us", 1e6 * per_dispatch(&gpu));
+    for &side in if sides.is_empty() { &SIDES[..] } else { &sides } {
+        let block = Block::new(side);
+        body(&gpu, &block);
+        if !about.is_software {
+            kernels(&block);
+        }
+    }
+}
+
+/// A body, beside the estimate and the processor.
+fn body(gpu: &Arc<Gpu>, block: &Block) {
     let (_, law, rows) = laws(0.45).remove(3);
     let solid = block.solid(&law, &rows);
     let pairs = block.pairs();
     let plan = Plan::new(&solid, &pairs, gpu.largest_binding()).expect("the block is sound");
+    println!(
+        "\n{} cells, {} nodes, {} chunks, padding {:.2}",
+        plan.cells, plan.nodes, plan.chunks, plan.padding
+    );
+    let (mut cells, mut system) =
+        CellBuffers::new(gpu, &solid, &pairs).expect("the block is sound");
+    system.hold(&block.is_held(), &[]).expect("the device works");
+    let u = block.bent(0.05);
+    let (zero, b) = (vec![0.0; u.len()], waves(u.len()));
+    let tangent = least(|| {
+        cells.form(&mut system, &Tangent::at(&u)).expect("the device works");
+        system.multiply(&u).expect("the device works"); // waits
+    });
+    println!("tangent and a product, with their vectors  {:9.3} ms", 1e3 * tangent);
+    let mut iterate = |iterations| {
+        let settings = fixed(iterations);
+        let mut count = 0;
+        let seconds = least(|| {
+            count = system.solve(&b, &zero, &settings).expect("the device works").iterations;
+        });
+        assert_eq!(count, iterations, "the tolerance is out of reach");
+        seconds
+    };
+    let [few, many] = [60, 60 + ITERATIONS].map(&mut iterate);
+    let per = (many - few) / ITERATIONS as f64;
+    println!("solution of 60 iterations, with its vectors {:8.3} ms", 1e3 * few);
+    let bytes: f64 = plan.iteration.iter().map(|work| work.bytes).sum();
+    println!("an iteration more {:35.3} us, {:6.0} GB/s", 1e6 * per, 1e-9 * bytes / per);
+    if !gpu.about().is_software {
+        let on_cpu = processor(block, &pairs);
+        println!("an iteration of a plain loop, one thread {:12.3} us", 1e6 * on_cpu);
+        println!("paper B: more than 20 times; here {:.1} times", on_cpu / per);
+    }
+}
+
+/// Every kernel by the device's own clock, beside what it moves at least.
+fn kernels(block: &Block) {
+    let gpu = match Gpu::open_timed() {
+        Ok(gpu) => Arc::new(gpu),
+        Err(error) => return println!("kernels are not timed: {error}"),
+    };
+    let (_, law, rows) = laws(0.45).remove(3);
+    let (solid, pairs) = (block.solid(&law, &rows), block.pairs());
+    let plan = Plan::new(&solid, &pairs, gpu.largest_binding()).expect("the block is sound");
     let (mut cells, mut system) =
         CellBuffers::new(&gpu, &solid, &pairs).expect("the block is sound");
     system.hold(&block.is_held(), &[]).expect("the device works");
-    println!(
-        "{} cells, {} nodes, {} chunks, padding {:.2}",
-        plan.cells, plan.nodes, plan.chunks, plan.padding
-    );
-
     let u = block.bent(0.05);
-    let assembly = least(|| {
+    let zero = vec![0.0; u.len()];
+    let mut of: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for _ in 0..RUNS {
         cells.form(&mut system, &Tangent::at(&u)).expect("the device works");
-        cells.internal_force(&system, &u).expect("the device works"); // waits
-    });
-    let bytes: f64 = plan.assembly.iter().map(|work| work.bytes).sum();
-    println!(
-        "assembly and force       {:9.3} ms, at least {:6.2} GB/s",
-        1e3 * assembly,
-        1e-9 * bytes / assembly
-    );
-
-    let b: Vec<f64> = (0..u.len()).map(|k| (1.3 * k as f64).sin()).collect();
-    let settings = Settings {
-        tolerance: 1e-30,
-        max_iterations: ITERATIONS,
-        check_every: ITERATIONS,
-        deadline: None,
-    };
-    let mut count = 0;
-    let solve = least(|| count = system.solve(&b, &settings).expect("the device works").iterations);
-    let bytes: f64 = plan.iteration.iter().map(|work| work.bytes).sum();
-    let per = solve / count.max(1) as f64;
-    println!("iteration, {count:4} of them  {:9.3} us, {:6.2} GB/s", 1e6 * per, 1e-9 * bytes / per);
-
-    let empty = per_dispatch(&gpu);
-    println!("dispatch of next to nothing {:6.3} us", 1e6 * empty);
-
-    if about.is_software {
-        return;
+        cells.internal_force(&system, &u).expect("the device works");
+        system.solve(&waves(u.len()), &zero, &fixed(60)).expect("the device works");
+        for (name, seconds) in gpu.times().expect("the device works") {
+            of.entry(name).or_default().push(seconds);
+        }
     }
-    let on_cpu = processor(&block, &pairs);
-    println!("iteration of a plain loop on one thread, double precision {:9.3} us", 1e6 * on_cpu);
-    println!("paper B: more than 20 times; here {:.1} times", on_cpu / per);
+    println!("kernel              least       median, by the clock of the device");
+    for (name, mut times) in of {
+        times.sort_by(f64::total_cmp);
+        let (least, median) = (times[0], times[times.len() / 2]);
+        let known = plan.assembly.iter().chain(&plan.iteration).find(|work| work.kernel == name);
+        let speed = known.map_or(String::new(), |work| {
+            format!(
+                "{:8.0} GB/s, {:6.2} Tflop/s",
+                1e-9 * work.bytes / median,
+                1e-12 * work.operations / median
+            )
+        });
+        println!("{name:14} {:10.2} {:12.2} us {speed}", 1e6 * least, 1e6 * median);
+    }
+}
+
+/// So many iterations: no tolerance ends them.
+fn fixed(iterations: usize) -> Settings {
+    Settings {
+        tolerance: 1e-30,
+        max_iterations: iterations,
+        check_every: iterations,
+        deadline: None,
+    }
+}
+
+fn waves(n: usize) -> Vec<f64> {
+    (0..n).map(|k| (1.3 * k as f64).sin()).collect()
 }
 
 fn least(mut act: impl FnMut()) -> f64 {
@@ -88,7 +148,7 @@ fn least(mut act: impl FnMut()) -> f64 {
 }
 
 /// Iterations of a body of eight points, each two dispatches, take their overhead.
-fn per_dispatch(gpu: &Arc<viscera_gpu::Gpu>) -> f64 {
+fn per_dispatch(gpu: &Arc<Gpu>) -> f64 {
     let block = Block::new(1);
     let pairs = block.pairs();
     let mut system = System::new(gpu, block.points.len(), &pairs).expect("the block is sound");
@@ -97,14 +157,9 @@ fn per_dispatch(gpu: &Arc<viscera_gpu::Gpu>) -> f64 {
     };
     system.load(&pairs.iter().flat_map(unit).collect::<Vec<_>>(), 0.0).expect("the device works");
     let b: Vec<f64> = (0..3 * block.points.len()).map(|k| (k as f64).cos()).collect();
-    let settings = Settings {
-        tolerance: 1e-30,
-        max_iterations: ITERATIONS,
-        check_every: ITERATIONS,
-        deadline: None,
-    };
     // Those that come after the end are dispatched, too.
-    least(|| drop(system.solve(&b, &settings))) / (2 * ITERATIONS) as f64
+    let zero = vec![0.0; b.len()];
+    least(|| drop(system.solve(&b, &zero, &fixed(ITERATIONS)))) / (2 * ITERATIONS) as f64
 }
 
 /// Seconds of an iteration of block-Jacobi conjugate gradients: the product of the blocks, and the vectors.

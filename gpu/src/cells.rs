@@ -2,14 +2,15 @@
 //! and the caller may add blocks of their own.
 
 use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
-use crate::device::{Gpu, dispatch, workgroups};
+use crate::commands::{Kernel, workgroups};
+use crate::device::Gpu;
 use crate::gathered::Gathered;
 use crate::layout::OF_CELL;
 use crate::rest::Rest;
 use crate::tangent::Tangent;
 use crate::{Error, Law, System};
 use std::sync::Arc;
-use wgpu::{BindGroup, Buffer, ComputePipeline};
+use wgpu::{BindGroup, Buffer};
 
 /// A body of linear tetrahedra.
 #[derive(Clone, Copy, Debug)]
@@ -27,9 +28,9 @@ pub struct Solid<'a> {
 }
 
 struct Kernels {
-    respond: ComputePipeline,
-    blocks: ComputePipeline,
-    forces: ComputePipeline,
+    respond: Kernel,
+    blocks: Kernel,
+    forces: Kernel,
 }
 
 /// The commands of one chunk.
@@ -122,20 +123,20 @@ impl CellBuffers {
         if let Some(rest) = tangent.rest {
             self.rest.take(&self.gpu, system, rest)?;
         }
-        let mut encoder = self.gpu.encoder();
+        let mut commands = self.gpu.commands();
         let Kernels { respond, blocks, .. } = &self.kernels;
         for chunk in &self.chunks {
-            dispatch(&mut encoder, respond, &chunk.respond.0, chunk.respond.1);
-            dispatch(&mut encoder, blocks, &chunk.blocks.0, chunk.blocks.1);
+            commands.dispatch(respond, &chunk.respond.0, chunk.respond.1);
+            commands.dispatch(blocks, &chunk.blocks.0, chunk.blocks.1);
             if let Some((clusters, (group, count))) =
                 self.clusters.as_ref().zip(chunk.clusters.as_ref())
             {
-                dispatch(&mut encoder, &clusters.kernel, group, *count);
+                commands.dispatch(&clusters.kernel, group, *count);
             }
         }
-        self.rest.encode(&self.gpu, &mut encoder, system, tangent.factor)?;
-        system.encode_preparation(&mut encoder, tangent.shift);
-        self.gpu.submit(encoder);
+        self.rest.encode(&self.gpu, &mut commands, system, tangent.factor)?;
+        system.encode_preparation(&mut commands, tangent.shift);
+        commands.submit();
         self.gpu.check()
     }
 
@@ -145,14 +146,14 @@ impl CellBuffers {
     /// A displacement of the wrong length or not finite; a fault of the device.
     pub fn internal_force(&self, system: &System, u: &[f64]) -> Result<Vec<f64>, Error> {
         self.move_to(system, u)?;
-        let mut encoder = self.gpu.encoder();
+        let mut commands = self.gpu.commands();
         let Kernels { respond, forces, .. } = &self.kernels;
         for chunk in &self.chunks {
-            dispatch(&mut encoder, respond, &chunk.respond.0, chunk.respond.1);
-            dispatch(&mut encoder, forces, &chunk.forces.0, chunk.forces.1);
+            commands.dispatch(respond, &chunk.respond.0, chunk.respond.1);
+            commands.dispatch(forces, &chunk.forces.0, chunk.forces.1);
         }
-        let force: Vec<f32> = self.gpu.read(encoder, &self.force, u.len())?;
-        Ok(system.in_order(&force, 1.0))
+        let force = commands.read(&[(&self.force, u.len())])?.remove(0);
+        Ok(system.in_order(bytemuck::cast_slice(&force), 1.0))
     }
 
     fn move_to(&self, system: &System, u: &[f64]) -> Result<(), Error> {

@@ -1,11 +1,12 @@
 //! Clusters of cells that share their volume ratio. The caller computes ratios, pressures and gradients in double
 //! precision; the device adds their part of the tangent.
 
+use crate::commands::Kernel;
 use crate::device::Gpu;
 use crate::gathered::Gathered;
 use crate::tangent::Tangent;
 use crate::{Error, System};
-use wgpu::{BindGroup, Buffer, ComputePipeline};
+use wgpu::{BindGroup, Buffer};
 
 /// Cells that share their volume ratio. The caller computes pressures and gradients, see [`Tangent`].
 #[derive(Clone, Copy, Debug)]
@@ -20,7 +21,7 @@ pub struct Clusters<'a> {
 
 /// The buffers of all clusters.
 pub(crate) struct ClusterBuffers {
-    pub kernel: ComputePipeline,
+    pub kernel: Kernel,
     pub pressures: Buffer,
     slopes: Buffer,
     n_clusters: usize,

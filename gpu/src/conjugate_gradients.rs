@@ -11,7 +11,7 @@ pub struct Settings {
     pub tolerance: f64,
     /// Largest number of iterations; the solution so far is returned.
     pub max_iterations: usize,
-    /// Iterations between two checks whether the device has finished.
+    /// Fewest iterations between two checks whether the device has finished.
     pub check_every: usize,
     /// Time at which to stop and return the solution so far.
     pub deadline: Option<Instant>,
@@ -41,12 +41,12 @@ pub enum Ending {
 pub struct Solution {
     /// The solution so far; zero at held degrees of freedom.
     pub x: Vec<f64>,
-    /// The last direction.
-    pub direction: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
     /// `|r| / |b|` with the residual `r` of the recurrence.
     pub residual: f64,
+    /// `| |A| |start + x| |`.
+    pub magnitude: f64,
     /// How they ended.
     pub ending: Ending,
 }
@@ -63,6 +63,22 @@ pub(crate) struct Recurrence {
     pub now: f32,
     pub goal: f32,
     pub most: u32,
+}
+
+impl Recurrence {
+    /// The residual over that of the start.
+    pub fn residual(&self) -> f64 {
+        if self.first > 0.0 { f64::from(self.now / self.first).sqrt() } else { 0.0 }
+    }
+
+    pub fn ending(&self) -> Ending {
+        match self.ended {
+            1 => Ending::Solved,
+            2 => Ending::Indefinite,
+            3 => Ending::NotFinite,
+            _ => Ending::Spent,
+        }
+    }
 }
 
 impl Settings {

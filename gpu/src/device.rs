@@ -1,47 +1,30 @@
-//! The device: how it is opened and lost, buffers within its limits, kernels and results.
+//! The device: how it is opened and lost, buffers within its limits, and kernels.
 
 use crate::Error;
+use crate::commands::Kernel;
+use crate::stopwatch::Stopwatch;
 use bytemuck::Pod;
 use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, PoisonError, mpsc};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::util::DeviceExt;
-use wgpu::{BindGroup, Buffer, BufferUsages, CommandEncoder, ComputePipeline};
+use wgpu::{BindGroup, Buffer, BufferUsages, Features};
 
 /// Threads of a workgroup, in every kernel.
 pub(crate) const THREADS: u32 = 128;
 
-/// Workgroups of a dispatch in one direction: the number that WebGPU guarantees.
-const MOST_WORKGROUPS: u32 = 65_535;
-
-/// Longest wait for another thread to pass on a result that the device has finished.
-const PATIENCE: Duration = Duration::from_secs(60);
-
-/// Bytes moved since the program started, on all devices.
-static WRITTEN: AtomicU64 = AtomicU64::new(0);
-static READ: AtomicU64 = AtomicU64::new(0);
-static DISPATCHES: AtomicU64 = AtomicU64::new(0);
-
-/// Bytes moved to devices since the program started, without the initial contents of buffers, and back.
-pub fn traffic() -> viscera_device::Traffic {
-    viscera_device::Traffic {
-        written: WRITTEN.load(Relaxed),
-        read: READ.load(Relaxed),
-        dispatches: DISPATCHES.load(Relaxed),
-    }
-}
-
 /// A graphics processor, or a software renderer in its place.
 pub struct Gpu {
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
     about: About,
     largest_binding: u64,
     fault: Arc<Mutex<Option<Error>>>,
     /// Compiled kernels by source and entry point.
-    kernels: Mutex<HashMap<(String, String), ComputePipeline>>,
+    kernels: Mutex<HashMap<(String, &'static str), Kernel>>,
+    /// Where the last result was read.
+    pub(crate) staging: Mutex<Option<Buffer>>,
+    pub(crate) stopwatch: Option<Stopwatch>,
 }
 
 /// Facts about a device.
@@ -66,11 +49,23 @@ impl Gpu {
         Self::open_with(u64::MAX)
     }
 
+    /// The same with a clock on the device, for [`Gpu::times`].
+    ///
+    /// # Errors
+    /// As [`Gpu::open`]; a device without a clock is refused.
+    pub fn open_timed() -> Result<Self, Error> {
+        Self::opened(u64::MAX, Features::TIMESTAMP_QUERY)
+    }
+
     /// The same, with bindings limited to this many bytes, as on a smaller device.
     ///
     /// # Errors
     /// As [`Gpu::open`].
     pub fn open_with(largest_binding: u64) -> Result<Self, Error> {
+        Self::opened(largest_binding, Features::empty())
+    }
+
+    fn opened(largest_binding: u64, features: Features) -> Result<Self, Error> {
         let descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
         let instance = wgpu::Instance::new(descriptor);
         let options = wgpu::RequestAdapterOptions {
@@ -85,7 +80,11 @@ impl Gpu {
             ..wgpu::Limits::default()
         };
         let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let request = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
+        let request = wgpu::DeviceDescriptor {
+            required_limits: limits,
+            required_features: features,
+            ..Default::default()
+        };
         let (device, queue) = pollster::block_on(adapter.request_device(&request))
             .map_err(|error| Error::Refused(sentence(&error)))?;
         let fault = Arc::new(Mutex::new(None));
@@ -100,8 +99,18 @@ impl Gpu {
             driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
             backend: info.backend.to_string(),
         };
-        let (largest_binding, kernels) = (largest.min(largest_binding), Mutex::default());
-        Ok(Gpu { device, queue, about, largest_binding, fault, kernels })
+        let stopwatch =
+            features.contains(Features::TIMESTAMP_QUERY).then(|| Stopwatch::new(&device, &queue));
+        Ok(Gpu {
+            device,
+            queue,
+            about,
+            largest_binding: largest.min(largest_binding),
+            fault,
+            kernels: Mutex::default(),
+            staging: Mutex::default(),
+            stopwatch,
+        })
     }
 
     /// Facts about the device.
@@ -182,15 +191,10 @@ impl Gpu {
         Ok(bytes)
     }
 
-    pub(crate) fn write<T: Pod>(&self, buffer: &Buffer, values: &[T]) {
-        WRITTEN.fetch_add(size_of_val(values) as u64, Relaxed);
-        self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
-    }
-
     /// One entry point of a kernel source, compiled on first use.
-    pub(crate) fn kernel(&self, source: &str, entry: &str) -> Result<ComputePipeline, Error> {
+    pub(crate) fn kernel(&self, source: &str, entry: &'static str) -> Result<Kernel, Error> {
         let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (source.to_string(), entry.to_string());
+        let key = (source.to_string(), entry);
         if let Some(kernel) = kernels.get(&key) {
             self.check()?;
             return Ok(kernel.clone());
@@ -208,22 +212,19 @@ impl Gpu {
             cache: None,
         });
         self.check()?;
-        kernels.insert(key, pipeline.clone());
-        Ok(pipeline)
+        let kernel = Kernel { name: entry, pipeline };
+        kernels.insert(key, kernel.clone());
+        Ok(kernel)
     }
 
     /// Binds the buffers of a kernel, in the order of its bindings.
-    pub(crate) fn bind(&self, kernel: &ComputePipeline, buffers: &[&Buffer]) -> BindGroup {
+    pub(crate) fn bind(&self, kernel: &Kernel, buffers: &[&Buffer]) -> BindGroup {
         let bound: Vec<_> = (0..).zip(buffers.iter().copied()).collect();
         self.bind_at(kernel, &bound)
     }
 
     /// The same by binding number, for a kernel that does not use all of them.
-    pub(crate) fn bind_at(
-        &self,
-        kernel: &ComputePipeline,
-        buffers: &[(u32, &Buffer)],
-    ) -> BindGroup {
+    pub(crate) fn bind_at(&self, kernel: &Kernel, buffers: &[(u32, &Buffer)]) -> BindGroup {
         let entries: Vec<_> = buffers
             .iter()
             .map(|&(binding, buffer)| wgpu::BindGroupEntry {
@@ -233,72 +234,10 @@ impl Gpu {
             .collect();
         self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
-            layout: &kernel.get_bind_group_layout(0),
+            layout: &kernel.pipeline.get_bind_group_layout(0),
             entries: &entries,
         })
     }
-
-    pub(crate) fn encoder(&self) -> CommandEncoder {
-        self.device.create_command_encoder(&Default::default())
-    }
-
-    pub(crate) fn submit(&self, encoder: CommandEncoder) {
-        self.queue.submit([encoder.finish()]);
-    }
-
-    /// Submits commands, waits for them, and reads a buffer.
-    pub(crate) fn read<T: Pod>(
-        &self,
-        mut encoder: CommandEncoder,
-        buffer: &Buffer,
-        count: usize,
-    ) -> Result<Vec<T>, Error> {
-        let bytes = (count * size_of::<T>()) as u64;
-        READ.fetch_add(bytes, Relaxed);
-        let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some("result"),
-            size: bytes,
-            usage,
-            mapped_at_creation: false,
-        };
-        let staging = self.device.create_buffer(&descriptor);
-        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
-        self.submit(encoder);
-        let (sender, mapped) = mpsc::channel();
-        staging.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
-        self.check()?;
-        polled.map_err(|error| Error::Lost(sentence(&error)))?;
-        // Another thread that polls the device may have taken this callback and not called it yet.
-        match mapped.recv_timeout(PATIENCE) {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => return Err(Error::Lost(sentence(&error))),
-            Err(_) => return Err(Error::Lost("it does not respond".to_string())),
-        }
-        let view = staging.get_mapped_range(..).map_err(|error| Error::Lost(sentence(&error)))?;
-        Ok(bytemuck::pod_collect_to_vec(&view))
-    }
-}
-
-/// Number of workgroups for this many threads, at most `most`: further elements are reached by a stride.
-pub(crate) fn workgroups(threads: usize, most: usize) -> u32 {
-    let needed = threads.div_ceil(THREADS as usize).clamp(1, most.max(1));
-    needed.min(MOST_WORKGROUPS as usize) as u32
-}
-
-/// Adds a kernel to the commands.
-pub(crate) fn dispatch(
-    encoder: &mut CommandEncoder,
-    kernel: &ComputePipeline,
-    group: &BindGroup,
-    workgroups: u32,
-) {
-    DISPATCHES.fetch_add(1, Relaxed);
-    let mut pass = encoder.begin_compute_pass(&Default::default());
-    pass.set_pipeline(kernel);
-    pass.set_bind_group(0, group, &[]);
-    pass.dispatch_workgroups(workgroups, 1, 1);
 }
 
 fn note(fault: &Mutex<Option<Error>>, error: Error) {
@@ -312,7 +251,7 @@ fn fault_of(error: &wgpu::Error) -> Error {
     }
 }
 
-fn sentence(error: &dyn std::error::Error) -> String {
+pub(crate) fn sentence(error: &dyn std::error::Error) -> String {
     let inner = error.source().map_or(String::new(), |source| format!(": {source}"));
     first_line(&format!("{error}{inner}"))
 }

@@ -11,7 +11,7 @@ use viscera_device::{
     About, Answer, Cells, Handle, Interface, Slice, Task, Text, Traffic, VERSION,
 };
 
-/// Iterations between two checks whether the device has finished.
+/// Fewest iterations between two checks whether the device has finished.
 const CHECK_EVERY: usize = 16;
 
 /// Environment variable that limits the size of a binding.
@@ -34,7 +34,7 @@ static INTERFACE: Interface = Interface {
     load,
     form,
     multiply,
-    magnitude,
+    direction,
     traffic: read_traffic,
     solve,
 };
@@ -236,16 +236,12 @@ unsafe extern "C" fn multiply(
     })
 }
 
-unsafe extern "C" fn magnitude(
-    handle: Handle,
-    x: Slice<f64>,
-    found: &mut f64,
-    fault: &mut Text,
-) -> bool {
+unsafe extern "C" fn direction(handle: Handle, found: *mut f64, fault: &mut Text) -> bool {
     attempt(fault, || {
-        // SAFETY: the caller's handle and slice live until this returns.
-        let (body, x) = unsafe { (body(handle), x.get()) };
-        *found = body.system.magnitude(x)?;
+        // SAFETY: the caller's handle lives until this returns.
+        let direction = unsafe { body(handle) }.system.direction()?;
+        // SAFETY: there is room for as many values as the system has degrees of freedom.
+        unsafe { found.copy_from_nonoverlapping(direction.as_ptr(), direction.len()) };
         Ok(())
     })
 }
@@ -261,8 +257,8 @@ unsafe extern "C" fn solve(
     fault: &mut Text,
 ) -> bool {
     attempt(fault, || {
-        // SAFETY: the caller's handle and slice live until this returns.
-        let (body, b) = unsafe { (body(handle), task.b.get()) };
+        // SAFETY: the caller's handle and slices live until this returns.
+        let (body, b, start) = unsafe { (body(handle), task.b.get(), task.start.get()) };
         let has_deadline = task.seconds < FAR;
         let settings = Settings {
             tolerance: task.tolerance,
@@ -271,14 +267,12 @@ unsafe extern "C" fn solve(
             deadline: has_deadline
                 .then(|| Instant::now() + Duration::from_secs_f64(task.seconds.max(0.0))),
         };
-        let found = body.system.solve(b, &settings)?;
-        // SAFETY: both have room for as many values as the right-hand side has.
-        unsafe {
-            answer.x.copy_from_nonoverlapping(found.x.as_ptr(), found.x.len());
-            answer.direction.copy_from_nonoverlapping(found.direction.as_ptr(), b.len());
-        }
+        let found = body.system.solve(b, start, &settings)?;
+        // SAFETY: there is room for as many values as the right-hand side has.
+        unsafe { answer.x.copy_from_nonoverlapping(found.x.as_ptr(), found.x.len()) };
         answer.iterations = found.iterations;
         answer.residual = found.residual;
+        answer.magnitude = found.magnitude;
         answer.is_indefinite = found.ending == Ending::Indefinite;
         Ok(())
     })

@@ -79,15 +79,15 @@ impl Plan {
             repeated: responses / m,
             assembly: [
                 // Kinematics 530, ten blocks of 205, forces 72, and the operations of the law.
-                work("respond", of_cell * responses, (2650.0 + of_law) * responses, chunks),
+                work("respond_all", of_cell * responses, (2650.0 + of_law) * responses, chunks),
                 // Sixteen blocks per cell; starts and sums per place.
-                work("gather blocks", 16.0 * 40.0 * m + 40.0 * places, 144.0 * m, chunks),
+                work("gather_blocks", 16.0 * 40.0 * m + 40.0 * places, 144.0 * m, chunks),
                 work("invert", 84.0 * n, 60.0 * n, chunks),
-                work("guess", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
-                work("magnitude", 40.0 * places + 28.0 * n, 27.0 * places, chunks),
+                work("multiply", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
+                work("measure", 40.0 * places + 28.0 * n, 27.0 * places, chunks),
             ],
             iteration: [
-                work("product", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
+                work("multiply", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
                 // Read z, w, x, p, r, s and six of the inverse; write x, p, r, s, z.
                 work("update", 156.0 * n, 51.0 * n, 1),
             ],

@@ -1,16 +1,17 @@
 //! The parts of a tangent beside that of the law: a factor, and blocks that are added. They are kept until replaced.
 
-use crate::device::{Gpu, dispatch, workgroups};
+use crate::commands::{Commands, Kernel, workgroups};
+use crate::device::Gpu;
 use crate::{Error, System};
 use std::collections::HashMap;
-use wgpu::{BindGroup, Buffer, CommandEncoder, ComputePipeline};
+use wgpu::{BindGroup, Buffer};
 
 /// A block of the upper triangle to add to a tangent: row, column and entries, row-major. Equal places are summed.
 pub type RestBlock = (u32, u32, [f64; 9]);
 
 /// The blocks that are added to the tangent of a body.
 pub(crate) struct Rest {
-    kernel: ComputePipeline,
+    kernel: Kernel,
     /// Number of each block of the upper triangle.
     number_of: HashMap<(u32, u32), usize>,
     /// Buffers of each chunk, made on first use.
@@ -64,7 +65,7 @@ impl Rest {
     pub fn encode(
         &mut self,
         gpu: &Gpu,
-        encoder: &mut CommandEncoder,
+        commands: &mut Commands<'_>,
         system: &System,
         factor: f64,
     ) -> Result<(), Error> {
@@ -75,7 +76,7 @@ impl Rest {
         for own in &self.chunks {
             gpu.write(&own.size, &[own.n_values as u32, (factor as f32).to_bits(), 0, 0]);
             let groups = workgroups(own.n_values, usize::MAX);
-            dispatch(encoder, &self.kernel, &own.commands, groups);
+            commands.dispatch(&self.kernel, &own.commands, groups);
         }
         Ok(())
     }

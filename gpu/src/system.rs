@@ -5,25 +5,32 @@
 use crate::Error;
 use crate::border::{Border, Mean};
 use crate::buffers::{ChunkBuffers, Kernels, MOST_PARTS, Vectors};
-use crate::conjugate_gradients::{Ending, Recurrence, Settings, Solution};
-use crate::device::{Gpu, dispatch, workgroups};
+use crate::commands::{Commands, workgroups};
+use crate::device::Gpu;
 use crate::layout::{Layout, PADDING};
+use crate::solve::Pace;
 use std::sync::Arc;
-use std::time::Instant;
-use wgpu::{BindGroup, CommandEncoder};
+use wgpu::BindGroup;
 
 /// A matrix on the device, with the buffers and kernels that solve with it.
 pub struct System {
     gpu: Arc<Gpu>,
     pub(crate) layout: Layout,
     pub(crate) chunks: Vec<ChunkBuffers>,
-    kernels: Kernels,
-    vectors: Vectors,
+    pub(crate) kernels: Kernels,
+    pub(crate) vectors: Vectors,
     /// Of even and odd iterations.
-    update: [BindGroup; 2],
-    begin: BindGroup,
-    n_update: u32,
-    border: Option<Border>,
+    pub(crate) update: [BindGroup; 2],
+    pub(crate) begin: BindGroup,
+    pub(crate) n_update: u32,
+    pub(crate) border: Option<Border>,
+    /// Partial sums of products.
+    pub(crate) n_product: u32,
+    /// The shift of the last preparation.
+    shift: Option<f64>,
+    pub(crate) pace: Pace,
+    /// Scale of the last right-hand side.
+    pub(crate) scale: f64,
     is_held: Vec<bool>,
 }
 
@@ -73,6 +80,10 @@ impl System {
             begin,
             n_update,
             border: None,
+            n_product,
+            shift: None,
+            pace: Pace::default(),
+            scale: 1.0,
             is_held: vec![false; 3 * n_nodes],
         })
     }
@@ -138,83 +149,28 @@ impl System {
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
             self.gpu.write(&buffers.values, &chunk.packed(|block| Some(&blocks[block])));
         }
-        let mut encoder = self.gpu.encoder();
-        self.encode_preparation(&mut encoder, shift);
-        self.gpu.submit(encoder);
+        let gpu = self.gpu.clone();
+        let mut commands = gpu.commands();
+        self.encode_preparation(&mut commands, shift);
+        commands.submit();
         self.gpu.check()
     }
 
     /// Computes preconditioner and border from the present values.
-    pub(crate) fn encode_preparation(&self, encoder: &mut CommandEncoder, shift: f64) {
+    pub(crate) fn encode_preparation(&mut self, commands: &mut Commands<'_>, shift: f64) {
+        let is_new = self.shift.replace(shift) != Some(shift);
         for (chunk, buffers) in self.layout.chunks.iter().zip(&self.chunks) {
-            let words =
-                [chunk.rows.start as u32, chunk.rows.len() as u32, (shift as f32).to_bits(), 0];
-            self.gpu.write(&buffers.of_inverse, &words);
+            let (first, count) = (chunk.rows.start as u32, chunk.rows.len() as u32);
+            if is_new {
+                let words = [first, count, (shift as f32).to_bits(), 0];
+                self.gpu.write(&buffers.of_inverse, &words);
+            }
             let n_groups = workgroups(chunk.rows.len(), usize::MAX);
-            dispatch(encoder, &self.kernels.invert, &buffers.inverse, n_groups);
+            commands.dispatch(&self.kernels.invert, &buffers.inverse, n_groups);
         }
         if let Some(border) = &self.border {
-            dispatch(encoder, &self.kernels.prepare, &border.prepare, 1);
+            commands.dispatch(&self.kernels.prepare, &border.prepare, 1);
         }
-    }
-
-    /// Solves `A x = b` on the free degrees of freedom, for `x` that do not change the prescribed means.
-    ///
-    /// # Errors
-    /// A right-hand side of the wrong length or not finite; settings out of range; a fault of the device.
-    pub fn solve(&mut self, b: &[f64], settings: &Settings) -> Result<Solution, Error> {
-        settings.check()?;
-        let size = self.put(b)?;
-        if size == 0.0 {
-            let zeros = vec![0.0; b.len()];
-            let ending = Ending::Solved;
-            return Ok(Solution {
-                x: zeros.clone(),
-                direction: zeros,
-                iterations: 0,
-                residual: 0.0,
-                ending,
-            });
-        }
-        self.set_goal(settings);
-        let mut encoder = self.gpu.encoder();
-        self.encode_begin(&mut encoder);
-        let mut done = 0;
-        let state = loop {
-            let batch =
-                settings.check_every.min(settings.max_iterations + 1 - done).next_multiple_of(2);
-            self.encode_iterations(&mut encoder, batch);
-            done += batch;
-            let state: Vec<Recurrence> = self.gpu.read(encoder, &self.vectors.state, 2)?;
-            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
-            if state[0].ended != 0 || done > settings.max_iterations || is_late {
-                break state[0];
-            }
-            encoder = self.gpu.encoder();
-        };
-        let xp: Vec<f32> = self.gpu.read(self.gpu.encoder(), &self.vectors.xp, 2 * b.len())?;
-        let of = |offset: usize| {
-            let rows = self.layout.row_of.iter();
-            rows.flat_map(|&row| (0..3).map(move |i| 6 * row as usize + offset + i))
-                .map(|k| size * f64::from(xp[k]))
-                .collect::<Vec<f64>>()
-        };
-        Ok(Solution {
-            x: of(0),
-            direction: of(3),
-            iterations: state.iterations as usize,
-            residual: if state.first > 0.0 {
-                f64::from(state.now / state.first).sqrt()
-            } else {
-                0.0
-            },
-            ending: match state.ended {
-                1 => Ending::Solved,
-                2 => Ending::Indefinite,
-                3 => Ending::NotFinite,
-                _ => Ending::Spent,
-            },
-        })
     }
 
     /// `A x` on the free degrees of freedom, in single precision.
@@ -225,39 +181,10 @@ impl System {
         let size = self.scale_of(x)?;
         let placed = self.placed(x, size, false);
         self.gpu.write(&self.vectors.z, &placed);
-        let mut encoder = self.gpu.encoder();
-        self.encode_product(&mut encoder);
-        let y: Vec<f32> = self.gpu.read(encoder, &self.vectors.w, x.len())?;
-        Ok(self.in_order(&y, size))
-    }
-
-    /// `| |A| |x| |` on the free degrees of freedom.
-    ///
-    /// # Errors
-    /// A vector of the wrong length or not finite; a fault of the device.
-    pub fn magnitude(&mut self, x: &[f64]) -> Result<f64, Error> {
-        let size = self.scale_of(x)?;
-        self.gpu.write(&self.vectors.z, &self.placed(x, size, false));
-        let mut encoder = self.gpu.encoder();
-        for chunk in &self.chunks {
-            dispatch(&mut encoder, &self.kernels.magnitude, &chunk.magnitude, chunk.n_groups);
-        }
-        let y: Vec<f32> = self.gpu.read(encoder, &self.vectors.w, x.len())?;
-        Ok(size * y.iter().map(|&y| f64::from(y) * f64::from(y)).sum::<f64>().sqrt())
-    }
-
-    /// Uploads a right-hand side, scaled to 1, for [`System::encode_begin`], and returns its scale.
-    fn put(&self, b: &[f64]) -> Result<f64, Error> {
-        let size = self.scale_of(b)?;
-        self.gpu.write(&self.vectors.w, &self.placed(b, size, true));
-        Ok(size)
-    }
-
-    fn set_goal(&self, settings: &Settings) {
-        let goal = (settings.tolerance * settings.tolerance) as f32;
-        let state =
-            Recurrence { goal, most: settings.max_iterations as u32, ..Recurrence::default() };
-        self.gpu.write(&self.vectors.state, &[state, state]);
+        let mut commands = self.gpu.commands();
+        self.encode_product(&mut commands, ALONE);
+        let y = commands.read(&[(&self.vectors.w, x.len())])?.remove(0);
+        Ok(self.in_order(bytemuck::cast_slice(&y), size))
     }
 
     pub(crate) fn scale_of(&self, values: &[f64]) -> Result<f64, Error> {
@@ -294,35 +221,13 @@ impl System {
         dofs.map(|k| size * f64::from(placed[k])).collect()
     }
 
-    fn encode_product(&self, encoder: &mut CommandEncoder) {
+    /// The product with `z`, in `w`: of even and odd iterations, or alone.
+    pub(crate) fn encode_product(&self, commands: &mut Commands<'_>, which: usize) {
         for chunk in &self.chunks {
-            dispatch(encoder, &self.kernels.product, &chunk.product, chunk.n_groups);
+            commands.dispatch(&self.kernels.product, &chunk.product[which], chunk.n_groups);
         }
-    }
-
-    /// Starts from zero with the right-hand side in `w`.
-    fn encode_begin(&self, encoder: &mut CommandEncoder) {
-        dispatch(encoder, &self.kernels.begin, &self.begin, self.n_update);
-        if let Some(border) = &self.border {
-            // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
-            dispatch(encoder, &self.kernels.project, &border.project[0], 1);
-        }
-    }
-
-    /// Encodes an even number of iterations. Once the device has finished, they do nothing.
-    fn encode_iterations(&self, encoder: &mut CommandEncoder, count: usize) {
-        for iteration in 0..count {
-            let parity = iteration % 2;
-            self.encode_product(encoder);
-            dispatch(encoder, &self.kernels.update, &self.update[parity], self.n_update);
-            if let Some(border) = &self.border {
-                dispatch(encoder, &self.kernels.project, &border.project[1 - parity], 1);
-            }
-        }
-    }
-
-    /// Dispatches of an iteration.
-    pub fn dispatches_per_iteration(&self) -> usize {
-        self.chunks.len() + 1 + usize::from(self.border.is_some())
     }
 }
+
+/// The product outside of conjugate gradients.
+const ALONE: usize = 2;

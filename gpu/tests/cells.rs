@@ -177,9 +177,6 @@ fn clusters_inertia_and_shifts_are_added() {
         }
         let error = distance(&found, &exact);
         assert!(error < 1e-5, "{error:.1e}");
-        let magnitude = system.magnitude(&x).unwrap();
-        let size = exact.iter().map(|k| k * k).sum::<f64>().sqrt();
-        assert!(magnitude > size && magnitude < 1e3 * size);
         // Added blocks stay until they are replaced.
         cells.form(&mut system, &Tangent { rest: None, ..tangent }).unwrap();
         assert_eq!(system.multiply(&x).unwrap(), found);

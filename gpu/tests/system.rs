@@ -95,7 +95,16 @@ fn the_solution_is_that_of_elimination() {
         let problem = Problem::new(&block, nu);
         for means in [Vec::new(), means(&block)] {
             let exact = problem.exact(&means, 0.0);
-            let found = problem.system(&gpu, &means).solve(&problem.b, &TIGHT).unwrap();
+            let start: Vec<f64> =
+                (0..exact.len()).map(|k| exact[k] * (2.1 * k as f64).cos()).collect();
+            let found = problem.system(&gpu, &means).solve(&problem.b, &start, &TIGHT).unwrap();
+            let sum = |c: usize| (start[c] + exact[c]).abs();
+            let row = |r: usize| -> f64 {
+                (0..exact.len()).map(|c| problem.dense[r][c].abs() * sum(c)).sum()
+            };
+            let free = (0..exact.len()).filter(|r| !problem.is_held[*r]);
+            let magnitude = free.map(|r| row(r) * row(r)).sum::<f64>().sqrt();
+            assert!((found.magnitude - magnitude).abs() < 1e-3 * magnitude, "{}", found.magnitude);
             let error = distance(&found.x, &exact);
             println!("nu {nu}, {} means: {error:.1e} in {}", means.len(), found.iterations);
             assert_eq!(found.ending, Ending::Solved);
@@ -128,7 +137,7 @@ fn refinement_in_double_precision_converges_to_its_rounding() {
                     problem.b[r] - problem.dense[r].iter().zip(&x).map(|(k, x)| k * x).sum::<f64>()
                 })
                 .collect();
-            let found = system.solve(&residual, &TIGHT).unwrap();
+            let found = system.solve(&residual, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
             x.iter_mut().zip(&found.x).for_each(|(x, d)| *x += d);
             errors.push(distance(&x, &exact));
         }
@@ -148,8 +157,12 @@ fn the_same_again_gives_the_same_bits_in_any_number_of_chunks_and_batches() {
         let Some(gpu) = device_with(largest) else { return };
         let mut system = problem.system(&gpu, &means(&block));
         assert_eq!(system.n_chunks() > 1, largest == 21_000);
-        let found = system.solve(&problem.b, &Settings { check_every, ..TIGHT }).unwrap();
-        let again = system.solve(&problem.b, &Settings { check_every, ..TIGHT }).unwrap();
+        let found = system
+            .solve(&problem.b, &vec![0.0; problem.b.len()], &Settings { check_every, ..TIGHT })
+            .unwrap();
+        let again = system
+            .solve(&problem.b, &vec![0.0; problem.b.len()], &Settings { check_every, ..TIGHT })
+            .unwrap();
         assert_eq!(found.x, again.x);
         seen.push(found);
     }
@@ -165,11 +178,11 @@ fn a_shift_is_added_and_a_budget_is_kept() {
     let problem = Problem::new(&Block::new(2), 0.3);
     let mut system = problem.system(&gpu, &[]);
     system.load(&problem.values, 50.0).unwrap();
-    let found = system.solve(&problem.b, &TIGHT).unwrap();
+    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
     assert!(distance(&found.x, &problem.exact(&[], 50.0)) < 1e-4);
 
     let short = Settings { max_iterations: 5, ..TIGHT };
-    let found = system.solve(&problem.b, &short).unwrap();
+    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &short).unwrap();
     assert_eq!((found.ending, found.iterations), (Ending::Spent, 5));
     assert!(found.residual > 1e-6 && found.residual < 1.0);
 }
@@ -182,9 +195,9 @@ fn negative_curvature_is_told_with_its_direction() {
     let middle = problem.dense.iter().enumerate().map(|(k, row)| row[k]).sum::<f64>()
         / problem.b.len() as f64;
     system.load(&problem.values, -0.5 * middle).unwrap();
-    let found = system.solve(&problem.b, &TIGHT).unwrap();
+    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
     assert_eq!(found.ending, Ending::Indefinite);
-    let p = &found.direction;
+    let p = &system.direction().unwrap();
     let along = |r: usize| {
         problem.dense[r].iter().zip(p).map(|(k, p)| k * p).sum::<f64>() - 0.5 * middle * p[r]
     };
@@ -196,7 +209,10 @@ fn negative_curvature_is_told_with_its_direction() {
 fn nothing_to_solve_is_solved_by_nothing() {
     let Some(gpu) = device() else { return };
     let problem = Problem::new(&Block::new(1), 0.3);
-    let found = problem.system(&gpu, &[]).solve(&vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let found = problem
+        .system(&gpu, &[])
+        .solve(&vec![0.0; problem.b.len()], &vec![0.0; problem.b.len()], &TIGHT)
+        .unwrap();
     assert!(found.ending == Ending::Solved && found.x.iter().all(|&x| x == 0.0));
 }
 
@@ -205,16 +221,17 @@ fn a_lost_device_says_so_and_another_may_be_opened() {
     let Some(gpu) = device_with(u64::MAX) else { return };
     let problem = Problem::new(&Block::new(1), 0.3);
     let mut system = problem.system(&gpu, &[]);
-    let found = system.solve(&problem.b, &TIGHT).unwrap();
+    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
     gpu.destroy();
-    let error = system.solve(&problem.b, &TIGHT).unwrap_err();
+    let error = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap_err();
     assert!(matches!(error, Error::Lost(_)), "{error:?}");
     assert!(error.to_string().starts_with("the graphics processor was lost"), "{error}");
     assert!(system.load(&problem.values, 0.0).is_err());
     assert!(System::new(&gpu, problem.b.len() / 3, &problem.pairs).is_err());
 
     let Some(gpu) = device_with(u64::MAX) else { return };
-    let again = problem.system(&gpu, &[]).solve(&problem.b, &TIGHT).unwrap();
+    let again =
+        problem.system(&gpu, &[]).solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
     assert_eq!(again.x, found.x);
 }
 
@@ -233,7 +250,9 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
     assert!(told(system.hold(&problem.is_held, &[vec![(0, 1.0)]])).contains("mean 0 has no free"));
     assert!(told(system.hold(&[true], &[])).contains("1 flags"));
     assert!(told(system.load(&problem.values[9..], 0.0)).contains("do not fit the blocks"));
-    let mut solve = |b: &[f64], settings| told(system.solve(b, &settings).map(|_| ()));
+    let n = problem.b.len();
+    let mut solve =
+        |b: &[f64], settings| told(system.solve(b, &vec![0.0; n], &settings).map(|_| ()));
     assert!(solve(&[1.0], TIGHT).contains("1 values"));
     let mut b = problem.b.clone();
     b[5] = f64::NAN;
@@ -254,13 +273,17 @@ fn threads_share_a_device() {
     let Some(gpu) = device() else { return };
     let block = Block::new(1);
     let problem = Problem::new(&block, 0.3);
-    let alone = problem.system(&gpu, &[]).solve(&problem.b, &TIGHT).unwrap();
+    let alone =
+        problem.system(&gpu, &[]).solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
     std::thread::scope(|scope| {
         for _ in 0..8 {
             scope.spawn(|| {
                 let mut system = problem.system(&gpu, &[]);
                 for _ in 0..60 {
-                    assert_eq!(system.solve(&problem.b, &TIGHT).unwrap().x, alone.x);
+                    assert_eq!(
+                        system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap().x,
+                        alone.x
+                    );
                 }
             });
         }

@@ -180,37 +180,42 @@ impl DeviceSystem for System {
         Ok(product)
     }
 
-    fn magnitude(&mut self, x: &[f64]) -> Result<f64, String> {
-        let mut found = 0.0;
-        // SAFETY: as in `hold`.
-        spoken(|fault| unsafe {
-            (self.of.magnitude)(self.handle, Slice::new(x), &mut found, fault)
-        })?;
-        Ok(found)
-    }
-
-    fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String> {
+    fn solve(
+        &mut self,
+        b: &[f64],
+        start: &[f64],
+        end: &DeviceEnd,
+    ) -> Result<DeviceSolution, String> {
         let left = |deadline: std::time::Instant| {
             deadline.saturating_duration_since(std::time::Instant::now()).as_secs_f64()
         };
         let task = Task {
             b: Slice::new(b),
+            start: Slice::new(start),
             tolerance: end.tolerance,
             max_iterations: end.max_iterations,
             seconds: end.deadline.map_or(f64::INFINITY, left),
         };
-        let (mut x, mut direction) = (vec![0.0; self.n_dofs], vec![0.0; self.n_dofs]);
+        let mut x = vec![0.0; self.n_dofs];
         let mut answer = Answer {
             x: x.as_mut_ptr(),
-            direction: direction.as_mut_ptr(),
             iterations: 0,
             residual: 0.0,
+            magnitude: 0.0,
             is_indefinite: false,
         };
-        // SAFETY: as in `hold`; the answer has room for as many values as the task.
+        // SAFETY: as in `hold`; the answer has room for as many values as there are degrees of freedom.
         spoken(|fault| unsafe { (self.of.solve)(self.handle, &task, &mut answer, fault) })?;
-        let Answer { iterations, residual, is_indefinite, .. } = answer;
-        Ok(DeviceSolution { x, direction, iterations, residual, is_indefinite })
+        let Answer { iterations, residual, magnitude, is_indefinite, .. } = answer;
+        Ok(DeviceSolution { x, iterations, residual, magnitude, is_indefinite })
+    }
+
+    fn direction(&mut self) -> Result<Vec<f64>, String> {
+        let mut direction = vec![0.0; self.n_dofs];
+        let out = direction.as_mut_ptr();
+        // SAFETY: as in `hold`; there is room for as many values as there are degrees of freedom.
+        spoken(|fault| unsafe { (self.of.direction)(self.handle, out, fault) })?;
+        Ok(direction)
     }
 }
 

@@ -9,7 +9,7 @@ pub mod law;
 use std::ffi::c_void;
 
 /// Raised with every change of this crate.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -165,6 +165,8 @@ pub struct Traffic {
 pub struct Task {
     /// Right-hand side, on all degrees of freedom.
     pub b: Slice<f64>,
+    /// What the solution will be added to; see [`Answer::magnitude`].
+    pub start: Slice<f64>,
     /// Residual to reach, relative to the right-hand side.
     pub tolerance: f64,
     /// Iterations after which to stop and return the last iterate.
@@ -173,18 +175,18 @@ pub struct Task {
     pub seconds: f64,
 }
 
-/// The result of conjugate gradients; the vectors are as long as the right-hand side.
+/// The result of conjugate gradients.
 #[repr(C)]
 pub struct Answer {
-    /// Where the solution goes.
+    /// Where the solution goes, as long as the right-hand side.
     pub x: *mut f64,
-    /// Where the last direction goes.
-    pub direction: *mut f64,
     /// Iterations.
     pub iterations: usize,
     /// Residual in single precision, relative to the right-hand side.
     pub residual: f64,
-    /// Whether the direction has negative curvature, judged in single precision.
+    /// `| |K| |start + x| |` on what is free.
+    pub magnitude: f64,
+    /// Whether the last direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
 }
 
@@ -223,8 +225,8 @@ pub struct Interface {
     pub form: unsafe extern "C" fn(Handle, &Tangent, &mut Text) -> bool,
     /// The product of the matrix with a vector, zero on what is held, to where there is room for it.
     pub multiply: unsafe extern "C" fn(Handle, Slice<f64>, *mut f64, &mut Text) -> bool,
-    /// `| |K| |x| |` on what is free.
-    pub magnitude: unsafe extern "C" fn(Handle, Slice<f64>, &mut f64, &mut Text) -> bool,
+    /// The last direction of the last solution, to where there is room for it.
+    pub direction: unsafe extern "C" fn(Handle, *mut f64, &mut Text) -> bool,
     /// What was moved so far.
     pub traffic: unsafe extern "C" fn(&mut Traffic),
     /// Solves.

@@ -10,8 +10,10 @@
 @group(0) @binding(4) var<storage, read> z: array<f32>;
 @group(0) @binding(5) var<storage, read_write> w: array<f32>;
 @group(0) @binding(6) var<storage, read_write> sums: array<f32>;
-// First row, number of rows, first partial sum.
+// First row, number of rows, first partial sum, parity of the iteration.
 @group(0) @binding(7) var<uniform> size: vec4u;
+// Once the iteration has ended there is nothing to do.
+@group(0) @binding(8) var<storage, read> state: array<State, 2>;
 
 @compute @workgroup_size(128)
 fn multiply(
@@ -21,7 +23,8 @@ fn multiply(
     @builtin(num_workgroups) groups: vec3u,
 ) {
     var part = 0.0;
-    for (var local = id.x; local < size.y; local += 128u * groups.x) {
+    let n_rows = select(size.y, 0u, state[size.w].ended != 0u);
+    for (var local = id.x; local < n_rows; local += 128u * groups.x) {
         let slice = local / 32u;
         let lane = local % 32u;
         let row = size.x + local;

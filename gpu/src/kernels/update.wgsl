@@ -3,7 +3,7 @@
 //   p = z + beta p, s = A z + beta s, x = x + alpha p, r = r - alpha s, z = D^-1 r.
 // Every workgroup sums the partial sums itself, in the same order.
 
-// Row by row x, p; and r, s.
+// All x, then all p; and row by row r, s.
 @group(0) @binding(0) var<storage, read_write> xp: array<f32>;
 @group(0) @binding(1) var<storage, read_write> rs: array<f32>;
 @group(0) @binding(2) var<storage, read_write> z: array<f32>;
@@ -14,19 +14,6 @@
 @group(0) @binding(6) var<storage, read_write> state: array<State, 2>;
 // Number of rows, parity of the iteration, number of partial sums of products and of updates.
 @group(0) @binding(7) var<uniform> size: vec4u;
-
-struct State {
-    gamma: f32,
-    alpha: f32,
-    // 0 while running; then why it ended: 1 tolerance, 2 negative curvature, 3 not finite, 4 iterations.
-    ended: u32,
-    iterations: u32,
-    // r . r at the start and now; what it is to fall to, over that of the start.
-    first: f32,
-    now: f32,
-    goal: f32,
-    most: u32,
-}
 
 fn apply_inverse(row: u32, r: vec3f) -> vec3f {
     let k = 6u * row;
@@ -88,11 +75,12 @@ fn update(
         for (var row = id.x; row < size.x; row += 128u * groups.x) {
             let one = 3u * row;
             let two = 6u * row;
-            let old_p = vec3f(xp[two + 3u], xp[two + 4u], xp[two + 5u]);
+            let way = 3u * size.x + one;
+            let old_p = vec3f(xp[way], xp[way + 1u], xp[way + 2u]);
             let p = vec3f(z[one], z[one + 1u], z[one + 2u]) + beta * old_p;
-            xp[two + 3u] = p.x;
-            xp[two + 4u] = p.y;
-            xp[two + 5u] = p.z;
+            xp[way] = p.x;
+            xp[way + 1u] = p.y;
+            xp[way + 2u] = p.z;
             if turns {
                 continue;
             }
@@ -100,9 +88,9 @@ fn update(
             let s = vec3f(w[one], w[one + 1u], w[one + 2u]) + beta * old_s;
             let r = vec3f(rs[two], rs[two + 1u], rs[two + 2u]) - alpha * s;
             let new_z = apply_inverse(row, r);
-            xp[two] += alpha * p.x;
-            xp[two + 1u] += alpha * p.y;
-            xp[two + 2u] += alpha * p.z;
+            xp[one] += alpha * p.x;
+            xp[one + 1u] += alpha * p.y;
+            xp[one + 2u] += alpha * p.z;
             rs[two] = r.x;
             rs[two + 1u] = r.y;
             rs[two + 2u] = r.z;

@@ -52,17 +52,22 @@ pub trait DeviceSystem: Send + Sync {
     /// The device is lost.
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String>;
 
-    /// `| |K| |x| |` on what is free.
-    ///
-    /// # Errors
-    /// The device is lost.
-    fn magnitude(&mut self, x: &[f64]) -> Result<f64, String>;
-
-    /// Solves for a right-hand side as far as asked.
+    /// Solves for a right-hand side as far as asked, and measures what the solution and `start` add up to.
     ///
     /// # Errors
     /// The device is lost, or returned values that are not finite.
-    fn solve(&mut self, b: &[f64], end: &DeviceEnd) -> Result<DeviceSolution, String>;
+    fn solve(
+        &mut self,
+        b: &[f64],
+        start: &[f64],
+        end: &DeviceEnd,
+    ) -> Result<DeviceSolution, String>;
+
+    /// The last direction of the last solution.
+    ///
+    /// # Errors
+    /// The device is lost.
+    fn direction(&mut self) -> Result<Vec<f64>, String>;
 }
 
 /// A tangent that a device forms: `factor K + rest + shift I`.
@@ -99,13 +104,13 @@ pub struct DeviceEnd {
 pub struct DeviceSolution {
     /// The solution, as far as it got.
     pub x: Vec<f64>,
-    /// The last direction.
-    pub direction: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
     /// Residual in single precision, relative to the right-hand side.
     pub residual: f64,
-    /// Whether the direction has negative curvature, judged in single precision.
+    /// `| |K| |start + x| |` on what is free.
+    pub magnitude: f64,
+    /// Whether the last direction has negative curvature, judged in single precision.
     pub is_indefinite: bool,
 }
 
@@ -249,10 +254,10 @@ impl Remote {
         &mut self,
         border: &Border,
         given: Given<'_>,
-        b: &[f64],
+        (b, start): (&[f64], &[f64]),
         end: &DeviceEnd,
     ) -> Option<DeviceSolution> {
-        self.attempt(border, given, |system| system.solve(b, end))
+        self.attempt(border, given, |system| system.solve(b, start, end))
     }
 
     /// The product with a vector.
@@ -260,9 +265,9 @@ impl Remote {
         self.attempt(border, given, |system| system.multiply(x))
     }
 
-    /// `| |K| |x| |`.
-    pub fn magnitude(&mut self, border: &Border, given: Given<'_>, x: &[f64]) -> Option<f64> {
-        self.attempt(border, given, |system| system.magnitude(x))
+    /// The last direction of the last solution.
+    pub fn direction(&mut self, border: &Border, given: Given<'_>) -> Option<Vec<f64>> {
+        self.attempt(border, given, |system| system.direction())
     }
 
     /// What a device that has this tangent under this border does; none if there is no device, or it fails.

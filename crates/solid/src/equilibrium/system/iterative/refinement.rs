@@ -59,26 +59,28 @@ impl Iterative {
             }
             let wanted = tolerance / solved.residual;
             let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
-            let found = self.remote.solve(border, self.operand.given(), left, &end)?;
+            let vectors = (&*left, self.correction.as_slice());
+            let found = self.remote.solve(border, self.operand.given(), vectors, &end)?;
             if !found.x.iter().all(|x| x.is_finite()) {
                 return None;
             }
             let is_first = solved.iterations == 0;
             solved.iterations += found.iterations;
-            if found.is_indefinite && self.has_negative_curvature(border, &found.direction) {
-                solved.indefinite = largest(&found.direction);
-                solved.residual = 1.0;
-                if is_first && found.iterations == 0 {
-                    self.correction.copy_from_slice(&found.direction);
-                } else {
-                    self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+            if found.is_indefinite {
+                let direction = self.remote.direction(border, self.operand.given())?;
+                if self.has_negative_curvature(border, &direction) {
+                    solved.indefinite = largest(&direction);
+                    solved.residual = 1.0;
+                    if is_first && found.iterations == 0 {
+                        self.correction.copy_from_slice(&direction);
+                    } else {
+                        self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
+                    }
+                    return Some(solved);
                 }
-                return Some(solved);
             }
             self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
-            let given = self.operand.given();
-            let magnitude = self.remote.magnitude(border, given, &self.correction)?;
-            solved.floor = UNIT * magnitude / whole;
+            solved.floor = UNIT * found.magnitude / whole;
             before = solved.residual;
             let expected = before * found.residual;
             let is_believed = self.is_formed()

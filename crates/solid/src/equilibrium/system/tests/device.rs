@@ -81,13 +81,16 @@ impl DeviceSystem for FragileSystem {
         Ok((0..x.len()).map(|r| if self.is_held[r] { 0.0 } else { row(r) }).collect())
     }
 
-    fn magnitude(&mut self, x: &[f64]) -> Result<f64, String> {
-        let row = |r: usize| (0..x.len()).map(|c| (self.matrix[(r, c)] * x[c]).abs()).sum::<f64>();
-        let free = (0..x.len()).filter(|r| !self.is_held[*r]);
-        Ok(free.map(|r| row(r) * row(r)).sum::<f64>().sqrt())
+    fn direction(&mut self) -> Result<Vec<f64>, String> {
+        Ok(vec![0.0; self.is_held.len()])
     }
 
-    fn solve(&mut self, b: &[f64], _: &DeviceEnd) -> Result<DeviceSolution, String> {
+    fn solve(
+        &mut self,
+        b: &[f64],
+        start: &[f64],
+        _: &DeviceEnd,
+    ) -> Result<DeviceSolution, String> {
         let works = self.left.fetch_update(Relaxed, Relaxed, |left| left.checked_sub(1));
         works.map_err(|_| "the device was lost".to_string())?;
         // [K W^T; W 0], what is held being rows of the identity.
@@ -107,13 +110,12 @@ impl DeviceSystem for FragileSystem {
         }
         let rhs = Mat::from_fn(n + k, 1, |r, _| if r < n && !self.is_held[r] { b[r] } else { 0.0 });
         let found = bordered.partial_piv_lu().solve(rhs);
-        Ok(DeviceSolution {
-            x: (0..n).map(|r| found[(r, 0)]).collect(),
-            direction: vec![0.0; n],
-            iterations: 1,
-            residual: 0.0,
-            is_indefinite: false,
-        })
+        let x: Vec<f64> = (0..n).map(|r| found[(r, 0)]).collect();
+        let sum = |c: usize| (x[c] + start[c]).abs();
+        let row = |r: usize| (0..n).map(|c| self.matrix[(r, c)].abs() * sum(c)).sum::<f64>();
+        let free = (0..n).filter(|r| !self.is_held[*r]);
+        let magnitude = free.map(|r| row(r) * row(r)).sum::<f64>().sqrt();
+        Ok(DeviceSolution { x, iterations: 1, residual: 0.0, magnitude, is_indefinite: false })
     }
 }
 

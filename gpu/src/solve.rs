@@ -1,0 +1,176 @@
+//! Conjugate gradients on a system: right-hand side to the device, iterations in batches, solution back. Mostly one batch
+//! is enough, since a solve takes about as many iterations as the last one, and the device is waited for once.
+
+use crate::commands::Commands;
+use crate::conjugate_gradients::{Ending, Recurrence, Settings, Solution};
+use crate::{Error, System};
+use std::time::Instant;
+
+/// Iterations beyond those of the last solve that the first batch of the next one has room for.
+const SPARE: usize = 4;
+
+/// Ended by the caller, as by a spent budget.
+const SPENT: u32 = 4;
+
+/// How many iterations the last solve took, and how long they take.
+#[derive(Default)]
+pub(crate) struct Pace {
+    iterations: usize,
+    /// Of one iteration [s]; zero while it is not known.
+    seconds: f64,
+}
+
+/// What a batch leaves: where the iteration is, partial sums of the magnitude, and the solution.
+struct Reading {
+    state: Recurrence,
+    magnitudes: Vec<f32>,
+    x: Vec<f32>,
+}
+
+impl System {
+    /// Solves `A x = b` on the free degrees of freedom, for `x` that do not change the prescribed means, and measures
+    /// `| |A| |start + x| |`, the scale of the rounding in what they are added up to.
+    ///
+    /// # Errors
+    /// A vector of the wrong length or not finite; settings out of range; a fault of the device.
+    pub fn solve(
+        &mut self,
+        b: &[f64],
+        start: &[f64],
+        settings: &Settings,
+    ) -> Result<Solution, Error> {
+        settings.check()?;
+        self.scale_of(start)?;
+        let size = self.scale_of(b)?;
+        if size == 0.0 {
+            let ending = Ending::Solved;
+            let x = vec![0.0; b.len()];
+            return Ok(Solution { x, iterations: 0, residual: 0.0, magnitude: 0.0, ending });
+        }
+        self.scale = size;
+        self.put(b, start, size, settings);
+        let gpu = self.gpu().clone();
+        let mut commands = gpu.commands();
+        self.encode_begin(&mut commands);
+        let mut done = 0;
+        let reading = loop {
+            let batch = self.pace.batch(done, settings);
+            self.encode_iterations(&mut commands, batch);
+            let began = Instant::now();
+            let reading = self.read(commands)?;
+            self.pace.note(batch, began);
+            done += batch;
+            if reading.state.ended != 0 {
+                break reading;
+            }
+            commands = gpu.commands();
+            let is_late = settings.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+            if is_late {
+                self.end(reading.state);
+                break self.read(commands)?;
+            }
+        };
+        let Reading { state, magnitudes, x } = reading;
+        self.pace.iterations = state.iterations as usize;
+        Ok(Solution {
+            x: self.in_order(&x, size),
+            iterations: state.iterations as usize,
+            residual: state.residual(),
+            magnitude: size * magnitudes.iter().map(|&m| f64::from(m)).sum::<f64>().sqrt(),
+            ending: state.ending(),
+        })
+    }
+
+    /// The last direction of the last solve.
+    ///
+    /// # Errors
+    /// A fault of the device.
+    pub fn direction(&mut self) -> Result<Vec<f64>, Error> {
+        let xp = self.gpu().commands().read(&[(&self.vectors.xp, 2 * self.n_dofs())])?.remove(0);
+        Ok(self.in_order(&bytemuck::cast_slice(&xp)[self.n_dofs()..], self.scale))
+    }
+
+    /// Uploads right-hand side and start, scaled to the right-hand side, and when to stop.
+    fn put(&self, b: &[f64], start: &[f64], size: f64, settings: &Settings) {
+        let gpu = self.gpu();
+        gpu.write(&self.vectors.w, &self.placed(b, size, true));
+        gpu.write(&self.vectors.start, &self.placed(start, size, false));
+        let goal = (settings.tolerance * settings.tolerance) as f32;
+        let most = settings.max_iterations as u32;
+        self.set_state(Recurrence { goal, most, ..Recurrence::default() });
+    }
+
+    fn set_state(&self, state: Recurrence) {
+        self.gpu().write(&self.vectors.state, &[state, state]);
+    }
+
+    /// Ends an iteration that has not ended.
+    fn end(&self, state: Recurrence) {
+        self.set_state(Recurrence { ended: SPENT, ..state });
+    }
+
+    /// Starts from zero with the right-hand side in `w`.
+    fn encode_begin(&self, commands: &mut Commands<'_>) {
+        commands.dispatch(&self.kernels.begin, &self.begin, self.n_update);
+        if let Some(border) = &self.border {
+            // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
+            commands.dispatch(&self.kernels.project, &border.project[0], 1);
+        }
+    }
+
+    /// Encodes an even number of iterations. Once the device has finished, they do nothing.
+    fn encode_iterations(&self, commands: &mut Commands<'_>, count: usize) {
+        for iteration in 0..count {
+            let parity = iteration % 2;
+            self.encode_product(commands, parity);
+            commands.dispatch(&self.kernels.update, &self.update[parity], self.n_update);
+            if let Some(border) = &self.border {
+                commands.dispatch(&self.kernels.project, &border.project[1 - parity], 1);
+            }
+        }
+    }
+
+    /// Lets the device do what it was told, and reads where it is.
+    fn read(&self, mut commands: Commands<'_>) -> Result<Reading, Error> {
+        for chunk in &self.chunks {
+            commands.dispatch(&self.kernels.magnitude, &chunk.magnitude, chunk.n_groups);
+        }
+        let vectors = &self.vectors;
+        let words = size_of::<Recurrence>() / 4;
+        let read = commands.read(&[
+            (&vectors.state, words),
+            (&vectors.magnitudes, self.n_product as usize),
+            (&vectors.xp, self.n_dofs()),
+        ])?;
+        let [state, magnitudes, x] = read.try_into().unwrap_or_default();
+        Ok(Reading {
+            state: bytemuck::pod_read_unaligned(bytemuck::cast_slice(&state)),
+            magnitudes: bytemuck::cast_vec(magnitudes),
+            x: bytemuck::cast_vec(x),
+        })
+    }
+
+    /// Dispatches of an iteration.
+    pub fn dispatches_per_iteration(&self) -> usize {
+        self.chunks.len() + 1 + usize::from(self.border.is_some())
+    }
+}
+
+impl Pace {
+    /// Iterations of the next batch, an even number: as many as the last solve took, then half as many again each time. The
+    /// last one finds that it has ended.
+    fn batch(&self, done: usize, settings: &Settings) -> usize {
+        let likely = if done == 0 { self.iterations + SPARE } else { done / 2 };
+        let left = settings.max_iterations + 1 - done.min(settings.max_iterations);
+        let batch = likely.max(settings.check_every).min(left);
+        let in_time = settings.deadline.map_or(usize::MAX, |deadline| {
+            let time = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
+            if self.seconds > 0.0 { (time / self.seconds) as usize } else { settings.check_every }
+        });
+        batch.min(in_time).max(2).next_multiple_of(2)
+    }
+
+    fn note(&mut self, batch: usize, began: Instant) {
+        self.seconds = began.elapsed().as_secs_f64() / batch as f64;
+    }
+}
