@@ -53,7 +53,7 @@ impl Border {
         let influence = gpu.zeros::<f32>("influence of means", weights.len())?;
         let weights = gpu.buffer("weights of means", &weights)?;
         let schur = gpu.zeros::<f32>("means", 2 * means.len() * means.len())?;
-        let size = |parity| gpu.uniform([rows.len() as u32, means.len() as u32, parity, 0]);
+        let size = |parity| gpu.uniform(&[rows.len() as u32, means.len() as u32, parity, 0]);
         let Vectors { z, rs, sums, inverse, .. } = vectors;
         let of_prepare =
             [(0, inverse), (1, &nodes), (2, &weights), (3, &influence), (4, &schur), (8, &size(0))];

@@ -14,6 +14,9 @@ pub(crate) const MOST_PARTS: usize = 1024;
 pub(crate) struct Kernels {
     pub product: Kernel,
     pub magnitude: Kernel,
+    /// An iteration where no means are prescribed; otherwise it is a product, an update and a projection.
+    pub start: Kernel,
+    pub iterate: Kernel,
     pub update: Kernel,
     pub begin: Kernel,
     pub invert: Kernel,
@@ -29,9 +32,12 @@ impl Kernels {
         let magnitude = with_sums(include_str!("kernels/magnitude.wgsl"));
         let update = with_sums(include_str!("kernels/update.wgsl"));
         let border = with_sums(include_str!("kernels/border.wgsl"));
+        let iterate = with_sums(include_str!("kernels/iterate.wgsl"));
         Ok(Kernels {
             product: gpu.kernel(&product, "multiply")?,
             magnitude: gpu.kernel(&magnitude, "measure")?,
+            start: gpu.kernel(&iterate, "start")?,
+            iterate: gpu.kernel(&iterate, "iterate")?,
             update: gpu.kernel(&update, "update")?,
             begin: gpu.kernel(&update, "begin")?,
             invert: gpu.kernel(include_str!("kernels/invert.wgsl"), "invert")?,
@@ -47,6 +53,9 @@ pub(crate) struct Vectors {
     pub xp: Buffer,
     /// What the solution is added to.
     pub start: Buffer,
+    /// Residual, its change and the product after even and after odd iterations.
+    pub iterates: [Buffer; 2],
+    /// Of iterations with means.
     pub rs: Buffer,
     pub z: Buffer,
     pub w: Buffer,
@@ -61,15 +70,17 @@ pub(crate) struct Vectors {
 
 impl Vectors {
     pub fn new(gpu: &Gpu, n_nodes: usize) -> Result<Self, Error> {
+        let iterate = || gpu.zeros::<f32>("residual, its change and product", 9 * n_nodes);
         Ok(Vectors {
             xp: gpu.zeros::<f32>("solution and direction", 6 * n_nodes)?,
             start: gpu.zeros::<f32>("what the solution is added to", 3 * n_nodes)?,
+            iterates: [iterate()?, iterate()?],
             rs: gpu.zeros::<f32>("residual and its change", 6 * n_nodes)?,
             z: gpu.zeros::<f32>("preconditioned residual", 3 * n_nodes)?,
             w: gpu.zeros::<f32>("product", 3 * n_nodes)?,
             inverse: gpu.zeros::<f32>("preconditioner", 6 * n_nodes)?,
             held: gpu.zeros::<u32>("what is held", n_nodes)?,
-            sums: gpu.zeros::<f32>("partial sums", 5 * MOST_PARTS + 4)?,
+            sums: gpu.zeros::<f32>("partial sums", 6 * MOST_PARTS)?,
             magnitudes: gpu.zeros::<f32>("partial sums of the magnitude", MOST_PARTS)?,
             state: gpu.zeros::<Recurrence>("state", 2)?,
             running: gpu.zeros::<Recurrence>("state", 2)?,
@@ -77,10 +88,22 @@ impl Vectors {
     }
 }
 
+/// Where the partial sums of a chunk are among those of all.
+#[derive(Clone, Copy)]
+pub(crate) struct Parts {
+    pub first: u32,
+    /// One for each workgroup of the chunk.
+    pub own: u32,
+    pub all: u32,
+}
+
 /// Buffers of a chunk.
 pub(crate) struct ChunkBuffers {
     pub values: Buffer,
-    /// In even and odd iterations, and alone.
+    pub start: BindGroup,
+    /// Of even and odd iterations.
+    pub iterate: [BindGroup; 2],
+    /// In even and odd iterations with means, and alone.
     pub product: [BindGroup; 3],
     pub magnitude: BindGroup,
     pub n_groups: u32,
@@ -93,26 +116,48 @@ impl ChunkBuffers {
         gpu: &Gpu,
         kernels: &Kernels,
         vectors: &Vectors,
-        chunk: &Chunk,
-        first_part: u32,
-        n_groups: u32,
+        (chunk, n_nodes): (&Chunk, usize),
+        parts: Parts,
     ) -> Result<Self, Error> {
         let values = gpu.zeros::<f32>("blocks", 9 * chunk.columns.len())?;
-        let columns = gpu.buffer("columns", &chunk.columns)?;
-        let starts = gpu.buffer("slices", &chunk.starts)?;
+        let pattern = [&chunk.starts[..], &chunk.columns].concat();
+        let pattern = gpu.buffer("slices and columns", &pattern)?;
         let diagonal = gpu.buffer("diagonal", &chunk.diagonal)?;
-        let Vectors { z, w, held, sums, inverse, .. } = vectors;
-        let Vectors { xp, start, magnitudes, state, running, .. } = vectors;
+        let Vectors { xp, start, iterates, z, w, held, sums, .. } = vectors;
+        let Vectors { inverse, magnitudes, state, running, .. } = vectors;
         let (first, n_rows) = (chunk.rows.start as u32, chunk.rows.len() as u32);
-        let size = |parity| gpu.uniform([first, n_rows, first_part, parity]);
-        let of_inverse = gpu.uniform([first, n_rows, 0, 0]);
+        let n_slices = chunk.starts.len() as u32 - 1;
+        let of_chunk = [first, n_rows, n_slices, n_slices + 1];
+        let size = |parity| gpu.uniform(&[&of_chunk[..], &[parts.first, parity]].concat());
         let product = [(0, state), (1, state), (0, running)].map(|(parity, state)| {
-            let bound = [&values, &columns, &starts, held, z, w, sums, &size(parity), state];
+            let bound = [&values, &pattern, inverse, z, w, sums, state, &size(parity)];
             gpu.bind(&kernels.product, &bound)
         });
-        let bound = [&values, &columns, &starts, held, xp, start, magnitudes, &size(0), state];
+        let bind = |kernel, parity: u32| {
+            let of_parts = [parts.all, parts.first, parity];
+            let size = gpu.uniform(&[&[n_nodes as u32], &of_chunk[..], &of_parts].concat());
+            let [after, before] = if parity == 0 { [0, 1] } else { [1, 0] };
+            let (before, after) = (&iterates[before], &iterates[after]);
+            let bound = [&values, &pattern, inverse, before, after, xp, sums, state, &size];
+            gpu.bind(kernel, &bound)
+        };
+        // An odd iteration comes before an even one.
+        let first_iterate = bind(&kernels.start, 1);
+        let iterate = [0, 1].map(|parity| bind(&kernels.iterate, parity));
+        let bound = [&values, &pattern, inverse, xp, start, magnitudes, state, &size(0)];
         let magnitude = gpu.bind(&kernels.magnitude, &bound);
+        let of_inverse = gpu.uniform(&[first, n_rows, 0]);
         let inverse = gpu.bind(&kernels.invert, &[&values, &diagonal, held, inverse, &of_inverse]);
-        Ok(ChunkBuffers { values, product, magnitude, n_groups, inverse, of_inverse })
+        let n_groups = parts.own;
+        Ok(ChunkBuffers {
+            values,
+            start: first_iterate,
+            iterate,
+            product,
+            magnitude,
+            n_groups,
+            inverse,
+            of_inverse,
+        })
     }
 }

@@ -241,7 +241,7 @@ impl Parts<'_> {
         let rows_of_cells = gpu.buffer("cells", &rows)?;
         let shapes = gpu.buffer("shapes of cells", &shapes)?;
         let parameters = gpu.buffer("parameters", &parameters)?;
-        let size = gpu.uniform([rows.len() as u32, 0, 0, 0]);
+        let size = gpu.uniform(&[rows.len() as u32, 0, 0, 0]);
         let mut bound =
             vec![(0, displacement), (1, &rows_of_cells), (2, &shapes), (4, response), (5, &size)];
         if shared.reads_parameters {
@@ -273,11 +273,12 @@ impl Parts<'_> {
         let of_forces: Vec<_> =
             corners().map(|(cell, k, a)| (cell[a] as usize - first, 16 * k + a as u32)).collect();
         let of_forces = Gathered::new(chunk.rows.len(), &of_forces);
-        let bind = |kernel, parts: &Gathered<u32>, sums, size| -> Result<BindGroup, Error> {
-            let starts = gpu.buffer("parts", &parts.starts)?;
-            let parts = gpu.buffer("parts", &parts.parts)?;
-            Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(size)]))
-        };
+        let bind =
+            |kernel, parts: &Gathered<u32>, sums, size: [u32; 4]| -> Result<BindGroup, Error> {
+                let starts = gpu.buffer("parts", &parts.starts)?;
+                let parts = gpu.buffer("parts", &parts.parts)?;
+                Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(&size)]))
+            };
         let size = [places as u32, 0, 0, 0];
         let blocks = bind(&kernels.blocks, &of_blocks, &system.chunks[k].values, size)?;
         let size = [chunk.rows.start as u32, chunk.rows.len() as u32, 0, 0];

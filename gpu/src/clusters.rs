@@ -89,7 +89,7 @@ impl ClusterBuffers {
         let products = Gathered::new(chunk.columns.len(), &products);
         let starts = gpu.buffer("products of clusters", &products.starts)?;
         let parts = gpu.buffer("products of clusters", &products.parts)?;
-        let size = gpu.uniform([chunk.columns.len() as u32, 0, 0, 0]);
+        let size = gpu.uniform(&[chunk.columns.len() as u32, 0, 0, 0]);
         let values = &system.chunks[k].values;
         Ok(gpu.bind(&self.kernel, &[&starts, &parts, &self.slopes, values, &size]))
     }

@@ -170,8 +170,10 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A uniform: four numbers for a kernel.
-    pub(crate) fn uniform(&self, words: [u32; 4]) -> Buffer {
+    /// A uniform: numbers for a kernel, filled up to whole vectors of four.
+    pub(crate) fn uniform(&self, words: &[u32]) -> Buffer {
+        let mut words = words.to_vec();
+        words.resize(words.len().next_multiple_of(4), 0);
         self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
             label: Some("uniform"),
             contents: bytemuck::cast_slice(&words),

@@ -46,8 +46,8 @@ pub struct Plan {
     /// Passes of each frame: evaluation of the cells, summation, inversion of the diagonal, the product for the initial
     /// guess, and the estimate of rounding.
     pub assembly: [Work; 5],
-    /// Passes of each iteration.
-    pub iteration: [Work; 2],
+    /// Passes of each iteration, where no means are prescribed.
+    pub iteration: [Work; 1],
 }
 
 impl Plan {
@@ -87,9 +87,8 @@ impl Plan {
                 work("measure", 40.0 * places + 28.0 * n, 27.0 * places, chunks),
             ],
             iteration: [
-                work("multiply", 40.0 * places + 28.0 * n, 18.0 * places + 6.0 * n, chunks),
-                // Read z, w, x, p, r, s and six of the inverse; write x, p, r, s, z.
-                work("update", 156.0 * n, 51.0 * n, 1),
+                // Read r, s, w, x, p and six of the inverse; write r, s, w, x, p. Every place computes z anew.
+                work("iterate", 40.0 * places + 144.0 * n, 45.0 * places + 60.0 * n, chunks),
             ],
         })
     }

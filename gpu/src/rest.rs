@@ -87,7 +87,7 @@ impl Rest {
             let made = of_chunks.map(|(chunk, buffers)| {
                 let n_values = 9 * chunk.columns.len();
                 let values = gpu.zeros::<f32>("what is added to the tangent", n_values)?;
-                let size = gpu.uniform([0; 4]);
+                let size = gpu.uniform(&[0; 4]);
                 let commands = gpu.bind(&self.kernel, &[&buffers.values, &values, &size]);
                 Ok(ChunkRest { values, size, n_values, commands })
             });

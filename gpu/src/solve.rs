@@ -93,7 +93,11 @@ impl System {
     /// Uploads right-hand side and start, scaled to the right-hand side, and when to stop.
     fn put(&self, b: &[f64], start: &[f64], size: f64, settings: &Settings) {
         let gpu = self.gpu();
-        gpu.write(&self.vectors.w, &self.placed(b, size, true));
+        let residual = match self.border {
+            Some(_) => &self.vectors.w,
+            None => &self.vectors.iterates[0],
+        };
+        gpu.write(residual, &self.placed(b, size, true));
         gpu.write(&self.vectors.start, &self.placed(start, size, false));
         let goal = (settings.tolerance * settings.tolerance) as f32;
         let most = settings.max_iterations as u32;
@@ -109,24 +113,32 @@ impl System {
         self.set_state(Recurrence { ended: SPENT, ..state });
     }
 
-    /// Starts from zero with the right-hand side in `w`.
+    /// Starts from zero with the right-hand side.
     fn encode_begin(&self, commands: &mut Commands<'_>) {
+        let Some(border) = &self.border else {
+            for chunk in &self.chunks {
+                commands.dispatch(&self.kernels.start, &chunk.start, chunk.n_groups);
+            }
+            return;
+        };
         commands.dispatch(&self.kernels.begin, &self.begin, self.n_update);
-        if let Some(border) = &self.border {
-            // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
-            commands.dispatch(&self.kernels.project, &border.project[0], 1);
-        }
+        // Twice: the force of a tool may be much larger than the rest, and so would be its rounding.
+        commands.dispatch(&self.kernels.project, &border.project[0], 1);
     }
 
     /// Encodes an even number of iterations. Once the device has finished, they do nothing.
     fn encode_iterations(&self, commands: &mut Commands<'_>, count: usize) {
-        for iteration in 0..count {
-            let parity = iteration % 2;
+        for parity in (0..count).map(|iteration| iteration % 2) {
+            let Some(border) = &self.border else {
+                for chunk in &self.chunks {
+                    let group = &chunk.iterate[parity];
+                    commands.dispatch(&self.kernels.iterate, group, chunk.n_groups);
+                }
+                continue;
+            };
             self.encode_product(commands, parity);
             commands.dispatch(&self.kernels.update, &self.update[parity], self.n_update);
-            if let Some(border) = &self.border {
-                commands.dispatch(&self.kernels.project, &border.project[1 - parity], 1);
-            }
+            commands.dispatch(&self.kernels.project, &border.project[1 - parity], 1);
         }
     }
 
@@ -152,7 +164,7 @@ impl System {
 
     /// Dispatches of an iteration.
     pub fn dispatches_per_iteration(&self) -> usize {
-        self.chunks.len() + 1 + usize::from(self.border.is_some())
+        self.chunks.len() + if self.border.is_some() { 2 } else { 0 }
     }
 }
 

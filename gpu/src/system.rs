@@ -4,10 +4,10 @@
 
 use crate::Error;
 use crate::border::{Border, Mean};
-use crate::buffers::{ChunkBuffers, Kernels, MOST_PARTS, Vectors};
+use crate::buffers::{ChunkBuffers, Kernels, MOST_PARTS, Parts, Vectors};
 use crate::commands::{Commands, workgroups};
 use crate::device::Gpu;
-use crate::layout::{Layout, PADDING};
+use crate::layout::{Chunk, Layout, PADDING};
 use crate::solve::Pace;
 use std::sync::Arc;
 use wgpu::BindGroup;
@@ -55,14 +55,16 @@ impl System {
         let kernels = Kernels::new(gpu)?;
         let vectors = Vectors::new(gpu, n_nodes)?;
         let most = (MOST_PARTS / layout.chunks.len().max(1)).max(1);
-        let (mut chunks, mut n_product) = (Vec::new(), 0);
+        let groups = |chunk: &Chunk| (chunk.starts.len() - 1).clamp(1, most) as u32;
+        let n_product = layout.chunks.iter().map(groups).sum();
+        let (mut chunks, mut first) = (Vec::new(), 0);
         for chunk in &layout.chunks {
-            let n_groups = workgroups(chunk.rows.len(), most);
-            chunks.push(ChunkBuffers::new(gpu, &kernels, &vectors, chunk, n_product, n_groups)?);
-            n_product += n_groups;
+            let parts = Parts { first, own: groups(chunk), all: n_product };
+            chunks.push(ChunkBuffers::new(gpu, &kernels, &vectors, (chunk, n_nodes), parts)?);
+            first += parts.own;
         }
         let n_update = workgroups(n_nodes, MOST_PARTS);
-        let size = |parity| gpu.uniform([n_nodes as u32, parity, n_product, n_update]);
+        let size = |parity| gpu.uniform(&[n_nodes as u32, parity, n_product, n_update]);
         let bind = |kernel, parity| {
             let Vectors { xp, rs, z, w, inverse, sums, state, .. } = &vectors;
             gpu.bind(kernel, &[xp, rs, z, w, inverse, sums, state, &size(parity)])

@@ -78,7 +78,7 @@ fn every_cell_has_its_own_parameters_in_any_number_of_chunks() {
         let of_iteration: usize = plan.iteration.iter().map(|work| work.dispatches).sum();
         assert_eq!(of_iteration, system.dispatches_per_iteration());
         assert_eq!(plan.repeated, cells.n_responses() as f64 / block.cells.len() as f64);
-        let of_matrix = plan.iteration[0].bytes - 28.0 * block.points.len() as f64;
+        let of_matrix = plan.iteration[0].bytes - 144.0 * block.points.len() as f64;
         assert_eq!(of_matrix, system.matrix_bytes() as f64);
 
         cells.form(&mut system, &Tangent::at(&u)).unwrap();

@@ -1,5 +1,5 @@
 // The inverse of each node's block, with a shift added to its diagonal.
-// Held degrees of freedom become rows of the identity.
+// Rows and columns of held degrees of freedom are zero in it.
 
 @group(0) @binding(0) var<storage, read_write> values: array<f32>;
 // Place of the first entry of each row's diagonal block.
@@ -31,11 +31,13 @@ fn invert(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) gro
         let factor = 1.0 / determinant;
         let mean = 3.0 / (abs(a[0].x) + abs(a[1].y) + abs(a[2].z));
         let k = 6u * row;
-        inverse[k] = select(mean, c0.x * factor, is_definite);
+        let mask = held[row];
+        let free = vec3f(f32(~mask & 1u), f32((~mask >> 1u) & 1u), f32((~mask >> 2u) & 1u));
+        inverse[k] = free.x * select(mean, c0.x * factor, is_definite);
         inverse[k + 1u] = select(0.0, c0.y * factor, is_definite);
         inverse[k + 2u] = select(0.0, c0.z * factor, is_definite);
-        inverse[k + 3u] = select(mean, c1.y * factor, is_definite);
+        inverse[k + 3u] = free.y * select(mean, c1.y * factor, is_definite);
         inverse[k + 4u] = select(0.0, c1.z * factor, is_definite);
-        inverse[k + 5u] = select(mean, c2.z * factor, is_definite);
+        inverse[k + 5u] = free.z * select(mean, c2.z * factor, is_definite);
     }
 }

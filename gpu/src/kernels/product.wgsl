@@ -1,36 +1,44 @@
 // w = A z for the rows of a chunk, and partial sums of z . w.
 //
 // Rows form slices of 32, padded to the longest row of the slice. Entry e of block k is contiguous over the 32 rows, so
-// that neighbouring threads read neighbouring numbers.
+// that neighbouring threads read neighbouring numbers. Four threads share a row.
 
 @group(0) @binding(0) var<storage, read> values: array<f32>;
-@group(0) @binding(1) var<storage, read> columns: array<u32>;
-@group(0) @binding(2) var<storage, read> starts: array<u32>;
-@group(0) @binding(3) var<storage, read> held: array<u32>;
-@group(0) @binding(4) var<storage, read> z: array<f32>;
-@group(0) @binding(5) var<storage, read_write> w: array<f32>;
-@group(0) @binding(6) var<storage, read_write> sums: array<f32>;
-// First row, number of rows, first partial sum, parity of the iteration.
-@group(0) @binding(7) var<uniform> size: vec4u;
+// Where slices start, and columns.
+@group(0) @binding(1) var<storage, read> pattern: array<u32>;
+// Zero at held degrees of freedom.
+@group(0) @binding(2) var<storage, read> inverse: array<f32>;
+@group(0) @binding(3) var<storage, read> z: array<f32>;
+@group(0) @binding(4) var<storage, read_write> w: array<f32>;
+@group(0) @binding(5) var<storage, read_write> sums: array<f32>;
 // Once the iteration has ended there is nothing to do.
-@group(0) @binding(8) var<storage, read> state: array<State, 2>;
+@group(0) @binding(6) var<storage, read> state: array<State, 2>;
+
+struct Size {
+    // Of the chunk: first row, rows, slices, and where columns start in the pattern.
+    first: u32,
+    n_rows: u32,
+    n_slices: u32,
+    columns: u32,
+    // Where partial sums of the chunk start; parity of the iteration.
+    first_part: u32,
+    parity: u32,
+}
+@group(0) @binding(7) var<uniform> size: Size;
 
 @compute @workgroup_size(128)
 fn multiply(
-    @builtin(global_invocation_id) id: vec3u,
     @builtin(local_invocation_index) thread: u32,
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
 ) {
+    let n_slices = select(size.n_slices, 0u, state[size.parity].ended != 0u);
+    let lane = thread % 32u;
     var part = 0.0;
-    let n_rows = select(size.y, 0u, state[size.w].ended != 0u);
-    for (var local = id.x; local < n_rows; local += 128u * groups.x) {
-        let slice = local / 32u;
-        let lane = local % 32u;
-        let row = size.x + local;
+    for (var slice = group.x; slice < n_slices; slice += groups.x) {
         var sum = vec3f();
-        for (var k = starts[slice]; k < starts[slice + 1u]; k++) {
-            let column = 3u * columns[32u * k + lane];
+        for (var k = pattern[slice] + thread / 32u; k < pattern[slice + 1u]; k += 4u) {
+            let column = 3u * pattern[size.columns + 32u * k + lane];
             let x = vec3f(z[column], z[column + 1u], z[column + 2u]);
             let at = 288u * k + lane;
             sum += vec3f(
@@ -39,15 +47,21 @@ fn multiply(
                 values[at + 192u] * x.x + values[at + 224u] * x.y + values[at + 256u] * x.z,
             );
         }
-        let mask = held[row];
-        sum = select(sum, vec3f(), vec3<bool>((mask & 1u) != 0u, (mask & 2u) != 0u, (mask & 4u) != 0u));
-        w[3u * row] = sum.x;
-        w[3u * row + 1u] = sum.y;
-        w[3u * row + 2u] = sum.z;
-        part += sum.x * z[3u * row] + sum.y * z[3u * row + 1u] + sum.z * z[3u * row + 2u];
+        let all = sum_quarters(sum, thread);
+        let local = 32u * slice + lane;
+        if thread < 32u && local < size.n_rows {
+            let row = size.first + local;
+            let k = 6u * row;
+            let is_held = vec3f(inverse[k], inverse[k + 3u], inverse[k + 5u]) == vec3f();
+            let free = select(all, vec3f(), is_held);
+            w[3u * row] = free.x;
+            w[3u * row + 1u] = free.y;
+            w[3u * row + 2u] = free.z;
+            part += free.x * z[3u * row] + free.y * z[3u * row + 1u] + free.z * z[3u * row + 2u];
+        }
     }
     let total = sum_all(vec3f(part, 0.0, 0.0), thread);
     if thread == 0u {
-        sums[size.z + group.x] = total.x;
+        sums[size.first_part + group.x] = total.x;
     }
 }

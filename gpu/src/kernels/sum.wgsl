@@ -16,6 +16,15 @@ fn sum_all(value: vec3f, thread: u32) -> vec3f {
     return shared_sums[0];
 }
 
+// The sum of the four threads that share a row, for the first of them.
+fn sum_quarters(value: vec3f, thread: u32) -> vec3f {
+    workgroupBarrier();
+    shared_sums[thread] = value;
+    workgroupBarrier();
+    let lane = thread % 32u;
+    return (shared_sums[lane] + shared_sums[lane + 32u]) + (shared_sums[lane + 64u] + shared_sums[lane + 96u]);
+}
+
 // Where partial sums are: of z . w by workgroups of the product; of r . z and r . r by those of the update, and one more
 // by the projection, for even and for odd iterations.
 const MOST_PARTS = 1024u;

@@ -1,5 +1,4 @@
-// Conjugate gradients in the form of Chronopoulos and Gear (1989): one product and one update an iteration.
-//   beta = gamma / gamma', alpha = gamma / (delta - beta gamma / alpha'), gamma = r . z, delta = z . A z,
+// Conjugate gradients where means are prescribed: an iteration is a product, this update, and a projection.
 //   p = z + beta p, s = A z + beta s, x = x + alpha p, r = r - alpha s, z = D^-1 r.
 // Every workgroup sums the partial sums itself, in the same order.
 
@@ -42,36 +41,11 @@ fn update(
         parts += vec3f(sums[pair_at(parity, MOST_PARTS)], sums[pair_at(parity, MOST_PARTS) + 1u], 0.0);
     }
     let total = sum_all(parts, thread);
-    let gamma = total.x;
-    let delta = total.z;
-    var now = state[parity];
-    let is_first = now.iterations == 0u;
-    if now.ended == 0u {
-        now.now = total.y;
-        if is_first {
-            now.first = total.y;
-        }
-    }
-    let beta = select(gamma / now.gamma, 0.0, is_first);
-    let curvature = delta - select(beta * gamma / now.alpha, 0.0, is_first);
-    let alpha = gamma / curvature;
-    // Comparisons with NaN are false.
-    let is_finite = abs(curvature) < 3e38 && gamma < 3e38 && gamma > -3e38 && now.now < 3e38;
-    if now.ended == 0u {
-        if !is_finite {
-            now.ended = 3u;
-        } else if now.now <= now.goal * now.first {
-            now.ended = 1u;
-        } else if now.iterations >= now.most {
-            now.ended = 4u;
-        } else if !(curvature > 0.0) {
-            now.ended = 2u;
-        }
-    }
-    let goes_on = now.ended == 0u;
-    let turns = now.ended == 2u && state[parity].ended == 0u;
+    let step = advance(state[parity], total.x, total.y, total.z);
+    let alpha = step.alpha;
+    let beta = step.beta;
     var part = vec3f();
-    if goes_on || turns {
+    if step.goes_on || step.turns {
         for (var row = id.x; row < size.x; row += 128u * groups.x) {
             let one = 3u * row;
             let two = 6u * row;
@@ -81,7 +55,7 @@ fn update(
             xp[way] = p.x;
             xp[way + 1u] = p.y;
             xp[way + 2u] = p.z;
-            if turns {
+            if step.turns {
                 continue;
             }
             let old_s = vec3f(rs[two + 3u], rs[two + 4u], rs[two + 5u]);
@@ -102,16 +76,13 @@ fn update(
             z[one + 2u] = new_z.z;
             part += vec3f(dot(r, new_z), dot(r, r), 0.0);
         }
-        now.gamma = gamma;
-        now.alpha = alpha;
-        now.iterations += select(0u, 1u, goes_on);
     }
     let sum = sum_all(part, thread);
     if thread == 0u {
         sums[pair_at(1u - parity, group.x)] = sum.x;
         sums[pair_at(1u - parity, group.x) + 1u] = sum.y;
         if group.x == 0u {
-            state[1u - parity] = now;
+            state[1u - parity] = step.next;
         }
     }
 }
@@ -154,10 +125,7 @@ fn begin(
                 sums[pair_at(parity, MOST_PARTS)] = 0.0;
                 sums[pair_at(parity, MOST_PARTS) + 1u] = 0.0;
             }
-            var fresh = State();
-            fresh.goal = state[0].goal;
-            fresh.most = state[0].most;
-            state[0] = fresh;
+            state[0] = fresh(state[0]);
         }
     }
 }
