@@ -68,7 +68,7 @@ fn body(gpu: &Arc<Gpu>, block: &Block) {
         let settings = fixed(iterations);
         let mut count = 0;
         let seconds = least(|| {
-            count = system.solve(&b, &zero, &settings).expect("the device works").iterations;
+            count = system.solve(&b, &[], &zero, &settings).expect("the device works").iterations;
         });
         assert_eq!(count, iterations, "the tolerance is out of reach");
         seconds
@@ -103,7 +103,7 @@ fn kernels(block: &Block) {
     for _ in 0..RUNS {
         cells.form(&mut system, &Tangent::at(&u)).expect("the device works");
         cells.internal_force(&system, &u).expect("the device works");
-        system.solve(&waves(u.len()), &zero, &fixed(60)).expect("the device works");
+        system.solve(&waves(u.len()), &[], &zero, &fixed(60)).expect("the device works");
         for (name, seconds) in gpu.times().expect("the device works") {
             of.entry(name).or_default().push(seconds);
         }
@@ -159,7 +159,7 @@ fn per_dispatch(gpu: &Arc<Gpu>) -> f64 {
     let b: Vec<f64> = (0..3 * block.points.len()).map(|k| (k as f64).cos()).collect();
     // Those that come after the end are dispatched, too.
     let zero = vec![0.0; b.len()];
-    least(|| drop(system.solve(&b, &zero, &fixed(ITERATIONS)))) / (2 * ITERATIONS) as f64
+    least(|| drop(system.solve(&b, &[], &zero, &fixed(ITERATIONS)))) / (2 * ITERATIONS) as f64
 }
 
 /// Seconds of an iteration of block-Jacobi conjugate gradients: the product of the blocks, and the vectors.

@@ -43,7 +43,7 @@ pub struct Solution {
     pub x: Vec<f64>,
     /// Iterations.
     pub iterations: usize,
-    /// `|r| / |b|` with the residual `r` of the recurrence.
+    /// `|r| / |b|` with the residual `r` of the recurrence, and `b` where degrees of freedom are free.
     pub residual: f64,
     /// `| |A| |start + x| |`.
     pub magnitude: f64,
@@ -59,18 +59,13 @@ pub(crate) struct Recurrence {
     pub alpha: f32,
     pub ended: u32,
     pub iterations: u32,
-    pub first: f32,
     pub now: f32,
     pub goal: f32,
     pub most: u32,
+    pub unused: u32,
 }
 
 impl Recurrence {
-    /// The residual over that of the start.
-    pub fn residual(&self) -> f64 {
-        if self.first > 0.0 { f64::from(self.now / self.first).sqrt() } else { 0.0 }
-    }
-
     pub fn ending(&self) -> Ending {
         match self.ended {
             1 => Ending::Solved,

@@ -259,6 +259,9 @@ unsafe extern "C" fn solve(
     attempt(fault, || {
         // SAFETY: the caller's handle and slices live until this returns.
         let (body, b, start) = unsafe { (body(handle), task.b.get(), task.start.get()) };
+        // SAFETY: the same.
+        let steps: Vec<&[f64]> =
+            unsafe { task.steps.get().iter().map(|step| step.get()).collect() };
         let has_deadline = task.seconds < FAR;
         let settings = Settings {
             tolerance: task.tolerance,
@@ -267,7 +270,7 @@ unsafe extern "C" fn solve(
             deadline: has_deadline
                 .then(|| Instant::now() + Duration::from_secs_f64(task.seconds.max(0.0))),
         };
-        let found = body.system.solve(b, start, &settings)?;
+        let found = body.system.solve(b, &steps, start, &settings)?;
         // SAFETY: there is room for as many values as the right-hand side has.
         unsafe { answer.x.copy_from_nonoverlapping(found.x.as_ptr(), found.x.len()) };
         answer.iterations = found.iterations;

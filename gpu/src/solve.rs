@@ -1,6 +1,7 @@
 //! Conjugate gradients on a system: right-hand side to the device, iterations in batches, solution back. Mostly one batch
 //! is enough, since a solve takes about as many iterations as the last one, and the device is waited for once.
 
+use crate::buffers::MOST_STEPS;
 use crate::commands::Commands;
 use crate::conjugate_gradients::{Ending, Recurrence, Settings, Solution};
 use crate::{Error, System};
@@ -29,17 +30,24 @@ struct Reading {
 
 impl System {
     /// Solves `A x = b` on the free degrees of freedom, for `x` that do not change the prescribed means, and measures
-    /// `| |A| |start + x| |`, the scale of the rounding in what they are added up to.
+    /// `| |A| |start + x| |`, the scale of the rounding in what they are added up to. It sets out from the combination of
+    /// at most three earlier steps that is nearest to the solution in energy; with prescribed means, from zero.
     ///
     /// # Errors
-    /// A vector of the wrong length or not finite; settings out of range; a fault of the device.
+    /// A vector of the wrong length or not finite; more steps; settings out of range; a fault of the device.
     pub fn solve(
         &mut self,
         b: &[f64],
+        steps: &[&[f64]],
         start: &[f64],
         settings: &Settings,
     ) -> Result<Solution, Error> {
         settings.check()?;
+        if steps.len() > MOST_STEPS {
+            return Err(Error::Input(format!("{} steps; at most {MOST_STEPS}", steps.len())));
+        }
+        let sizes: Vec<f64> =
+            steps.iter().map(|step| self.scale_of(step)).collect::<Result<_, _>>()?;
         self.scale_of(start)?;
         let size = self.scale_of(b)?;
         if size == 0.0 {
@@ -48,10 +56,11 @@ impl System {
             return Ok(Solution { x, iterations: 0, residual: 0.0, magnitude: 0.0, ending });
         }
         self.scale = size;
-        self.put(b, start, size, settings);
+        let whole = self.put((b, start), size, settings);
+        let n_steps = if self.border.is_none() { self.put_steps(steps, &sizes) } else { 0 };
         let gpu = self.gpu().clone();
         let mut commands = gpu.commands();
-        self.encode_begin(&mut commands);
+        self.encode_begin(&mut commands, n_steps);
         let mut done = 0;
         let reading = loop {
             let batch = self.pace.batch(done, settings);
@@ -75,7 +84,7 @@ impl System {
         Ok(Solution {
             x: self.in_order(&x, size),
             iterations: state.iterations as usize,
-            residual: state.residual(),
+            residual: f64::from(state.now).sqrt() / whole,
             magnitude: size * magnitudes.iter().map(|&m| f64::from(m)).sum::<f64>().sqrt(),
             ending: state.ending(),
         })
@@ -90,18 +99,35 @@ impl System {
         Ok(self.in_order(&bytemuck::cast_slice(&xp)[self.n_dofs()..], self.scale))
     }
 
-    /// Uploads right-hand side and start, scaled to the right-hand side, and when to stop.
-    fn put(&self, b: &[f64], start: &[f64], size: f64, settings: &Settings) {
-        let gpu = self.gpu();
-        let residual = match self.border {
-            Some(_) => &self.vectors.w,
-            None => &self.vectors.iterates[0],
-        };
-        gpu.write(residual, &self.placed(b, size, true));
-        gpu.write(&self.vectors.start, &self.placed(start, size, false));
-        let goal = (settings.tolerance * settings.tolerance) as f32;
+    /// Uploads right-hand side and start, scaled to the right-hand side, and when to stop. Returns the norm of the
+    /// right-hand side, as the device has it.
+    fn put(&mut self, (b, start): (&[f64], &[f64]), size: f64, settings: &Settings) -> f64 {
+        let (gpu, vectors) = (self.gpu().clone(), &self.vectors);
+        let placed = self.placed(b, size, true);
+        let squared: f64 = placed.iter().map(|&b| f64::from(b) * f64::from(b)).sum();
+        gpu.write(if self.border.is_some() { &vectors.w } else { &vectors.b }, &placed);
+        let starts = start.iter().any(|&x| x != 0.0);
+        if starts || self.has_start {
+            gpu.write(&vectors.start, &self.placed(start, size, false));
+        }
+        let goal = (settings.tolerance * settings.tolerance * squared) as f32;
         let most = settings.max_iterations as u32;
+        self.has_start = starts;
         self.set_state(Recurrence { goal, most, ..Recurrence::default() });
+        squared.sqrt()
+    }
+
+    /// Uploads earlier steps, each scaled to its largest entry; returns how many.
+    fn put_steps(&self, steps: &[&[f64]], sizes: &[f64]) -> usize {
+        let placed: Vec<f32> = steps
+            .iter()
+            .zip(sizes)
+            .flat_map(|(step, &size)| self.placed(step, size, true))
+            .collect();
+        self.gpu().write(&self.vectors.steps, &placed);
+        let (n_nodes, n_steps) = (self.n_dofs() as u32 / 3, steps.len() as u32);
+        self.gpu().write(&self.of_steps, &[n_nodes, n_steps, self.n_update, 0]);
+        steps.len()
     }
 
     fn set_state(&self, state: Recurrence) {
@@ -113,9 +139,20 @@ impl System {
         self.set_state(Recurrence { ended: SPENT, ..state });
     }
 
-    /// Starts from zero with the right-hand side.
-    fn encode_begin(&self, commands: &mut Commands<'_>) {
+    /// Starts with the right-hand side, from earlier steps or zero.
+    fn encode_begin(&self, commands: &mut Commands<'_>, n_steps: usize) {
         let Some(border) = &self.border else {
+            for which in 0..n_steps {
+                for chunk in &self.chunks {
+                    let group = &chunk.step_product[which];
+                    commands.dispatch(&self.kernels.product, group, chunk.n_groups);
+                }
+            }
+            let [compare, set_out] = &self.setting_out;
+            if n_steps > 0 {
+                commands.dispatch(&self.kernels.compare, compare, self.n_update);
+            }
+            commands.dispatch(&self.kernels.set_out, set_out, self.n_update);
             for chunk in &self.chunks {
                 commands.dispatch(&self.kernels.start, &chunk.start, chunk.n_groups);
             }

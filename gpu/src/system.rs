@@ -10,7 +10,7 @@ use crate::device::Gpu;
 use crate::layout::{Chunk, Layout, PADDING};
 use crate::solve::Pace;
 use std::sync::Arc;
-use wgpu::BindGroup;
+use wgpu::{BindGroup, Buffer};
 
 /// A matrix on the device, with the buffers and kernels that solve with it.
 pub struct System {
@@ -22,6 +22,10 @@ pub struct System {
     /// Of even and odd iterations.
     pub(crate) update: [BindGroup; 2],
     pub(crate) begin: BindGroup,
+    /// Number of nodes, of earlier steps and of their partial sums.
+    pub(crate) of_steps: Buffer,
+    /// The comparison of earlier steps, and the combination.
+    pub(crate) setting_out: [BindGroup; 2],
     pub(crate) n_update: u32,
     pub(crate) border: Option<Border>,
     /// Partial sums of products.
@@ -29,6 +33,8 @@ pub struct System {
     /// The shift of the last preparation.
     shift: Option<f64>,
     pub(crate) pace: Pace,
+    /// Whether what the last solution was added to is not zero.
+    pub(crate) has_start: bool,
     /// Scale of the last right-hand side.
     pub(crate) scale: f64,
     is_held: Vec<bool>,
@@ -71,6 +77,16 @@ impl System {
         };
         let update = [bind(&kernels.update, 0), bind(&kernels.update, 1)];
         let begin = bind(&kernels.begin, 0);
+        let of_steps = gpu.uniform(&[n_nodes as u32, 0, n_update, 0]);
+        let setting_out = {
+            let Vectors { steps, products, b, sums, xp, iterates, .. } = &vectors;
+            let of_both = [(0, steps), (1, products), (2, b), (3, sums), (6, &of_steps)];
+            let of_results = [(4, xp), (5, &iterates[0])];
+            [
+                gpu.bind_at(&kernels.compare, &of_both),
+                gpu.bind_at(&kernels.set_out, &[&of_both[..], &of_results].concat()),
+            ]
+        };
         gpu.check()?;
         Ok(System {
             gpu: gpu.clone(),
@@ -80,11 +96,14 @@ impl System {
             vectors,
             update,
             begin,
+            of_steps,
+            setting_out,
             n_update,
             border: None,
             n_product,
             shift: None,
             pace: Pace::default(),
+            has_start: false,
             scale: 1.0,
             is_held: vec![false; 3 * n_nodes],
         })

@@ -3,10 +3,21 @@
 mod support;
 use std::sync::Arc;
 use support::*;
-use viscera_gpu::{Ending, Error, Gpu, Law, MOST_MEANS, Mean, Settings, System};
+use viscera_gpu::{Ending, Error, Gpu, Law, MOST_MEANS, Mean, Settings, Solution, System};
 
 const TIGHT: Settings =
     Settings { tolerance: 1e-6, max_iterations: 2000, check_every: 16, deadline: None };
+
+/// Solutions from zero that are added to nothing.
+trait Alone {
+    fn alone(&mut self, b: &[f64], settings: &Settings) -> Result<Solution, Error>;
+}
+
+impl Alone for System {
+    fn alone(&mut self, b: &[f64], settings: &Settings) -> Result<Solution, Error> {
+        self.solve(b, &[], &vec![0.0; b.len()], settings)
+    }
+}
 
 /// A block's tangent at rest in double precision: linear elasticity, whose blocks are those of differences of forces.
 struct Problem {
@@ -97,7 +108,8 @@ fn the_solution_is_that_of_elimination() {
             let exact = problem.exact(&means, 0.0);
             let start: Vec<f64> =
                 (0..exact.len()).map(|k| exact[k] * (2.1 * k as f64).cos()).collect();
-            let found = problem.system(&gpu, &means).solve(&problem.b, &start, &TIGHT).unwrap();
+            let found =
+                problem.system(&gpu, &means).solve(&problem.b, &[], &start, &TIGHT).unwrap();
             let sum = |c: usize| (start[c] + exact[c]).abs();
             let row = |r: usize| -> f64 {
                 (0..exact.len()).map(|c| problem.dense[r][c].abs() * sum(c)).sum()
@@ -121,6 +133,41 @@ fn the_solution_is_that_of_elimination() {
     }
 }
 
+/// Earlier steps that lead to the solution leave nothing to iterate; those of no use, or of use twice, do no harm.
+#[test]
+fn a_solve_sets_out_from_earlier_steps() {
+    let Some(gpu) = device() else { return };
+    let block = Block::new(2);
+    let problem = Problem::new(&block, 0.3);
+    let exact = problem.exact(&[], 0.0);
+    let n = exact.len();
+    let free = |k: usize| f64::from(u8::from(!problem.is_held[k]));
+    let aside: Vec<f64> = (0..n).map(|k| free(k) * 1e-3 * (0.7 * k as f64).cos()).collect();
+    let mix =
+        |a: f64, b: f64| -> Vec<f64> { (0..n).map(|k| a * exact[k] + b * aside[k]).collect() };
+    let (one, other, zero, far) = (mix(0.5, 1.0), mix(1.0, -1.0), vec![0.0; n], mix(0.0, 1e30));
+    let mut system = problem.system(&gpu, &[]);
+    let alone = system.alone(&problem.b, &TIGHT).unwrap();
+    let loose = Settings { tolerance: 1e-4, ..TIGHT };
+    let mut from = |steps: &[&[f64]], settings: &Settings| {
+        let found = system.solve(&problem.b, steps, &zero, settings).unwrap();
+        let error = distance(&found.x, &exact);
+        assert!(found.ending == Ending::Solved && found.residual <= settings.tolerance);
+        (found.iterations, error)
+    };
+    for steps in [&[&one[..], &other][..], &[&one, &one, &other], &[&zero, &other, &one]] {
+        let (iterations, error) = from(steps, &loose);
+        assert!(iterations == 0 && error < 1e-3, "{iterations}, {error:.1e}");
+    }
+    for steps in [&[&aside[..]][..], &[&zero], &[&far, &aside, &zero]] {
+        let (iterations, error) = from(steps, &TIGHT);
+        assert!(iterations <= alone.iterations + 2 && error < 3e-5, "{iterations}, {error:.1e}");
+    }
+    let many = [&zero[..]; 4];
+    let told = system.solve(&problem.b, &many, &zero, &TIGHT).unwrap_err().to_string();
+    assert!(told.contains("4 steps; at most 3"), "{told}");
+}
+
 /// Refinement with the residual in double precision removes the error of single precision.
 #[test]
 fn refinement_in_double_precision_converges_to_its_rounding() {
@@ -137,7 +184,7 @@ fn refinement_in_double_precision_converges_to_its_rounding() {
                     problem.b[r] - problem.dense[r].iter().zip(&x).map(|(k, x)| k * x).sum::<f64>()
                 })
                 .collect();
-            let found = system.solve(&residual, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+            let found = system.alone(&residual, &TIGHT).unwrap();
             x.iter_mut().zip(&found.x).for_each(|(x, d)| *x += d);
             errors.push(distance(&x, &exact));
         }
@@ -150,19 +197,15 @@ fn refinement_in_double_precision_converges_to_its_rounding() {
 
 #[test]
 fn the_same_again_gives_the_same_bits_in_any_number_of_chunks_and_batches() {
-    let block = Block::new(3);
+    let block = Block::new(4);
     let problem = Problem::new(&block, 0.45);
     let mut seen = Vec::new();
-    for (largest, check_every) in [(u64::MAX, 16), (u64::MAX, 16), (u64::MAX, 2), (25_000, 16)] {
+    for (largest, check_every) in [(u64::MAX, 16), (u64::MAX, 16), (u64::MAX, 2), (40_000, 16)] {
         let Some(gpu) = device_with(largest) else { return };
         let mut system = problem.system(&gpu, &means(&block));
-        assert_eq!(system.n_chunks() > 1, largest == 25_000);
-        let found = system
-            .solve(&problem.b, &vec![0.0; problem.b.len()], &Settings { check_every, ..TIGHT })
-            .unwrap();
-        let again = system
-            .solve(&problem.b, &vec![0.0; problem.b.len()], &Settings { check_every, ..TIGHT })
-            .unwrap();
+        assert_eq!(system.n_chunks() > 1, largest == 40_000);
+        let found = system.alone(&problem.b, &Settings { check_every, ..TIGHT }).unwrap();
+        let again = system.alone(&problem.b, &Settings { check_every, ..TIGHT }).unwrap();
         assert_eq!(found.x, again.x);
         seen.push(found);
     }
@@ -178,11 +221,11 @@ fn a_shift_is_added_and_a_budget_is_kept() {
     let problem = Problem::new(&Block::new(2), 0.3);
     let mut system = problem.system(&gpu, &[]);
     system.load(&problem.values, 50.0).unwrap();
-    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let found = system.alone(&problem.b, &TIGHT).unwrap();
     assert!(distance(&found.x, &problem.exact(&[], 50.0)) < 1e-4);
 
     let short = Settings { max_iterations: 5, ..TIGHT };
-    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &short).unwrap();
+    let found = system.alone(&problem.b, &short).unwrap();
     assert_eq!((found.ending, found.iterations), (Ending::Spent, 5));
     assert!(found.residual > 1e-6 && found.residual < 1.0);
 }
@@ -195,7 +238,7 @@ fn negative_curvature_is_told_with_its_direction() {
     let middle = problem.dense.iter().enumerate().map(|(k, row)| row[k]).sum::<f64>()
         / problem.b.len() as f64;
     system.load(&problem.values, -0.5 * middle).unwrap();
-    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let found = system.alone(&problem.b, &TIGHT).unwrap();
     assert_eq!(found.ending, Ending::Indefinite);
     let p = &system.direction().unwrap();
     let along = |r: usize| {
@@ -209,10 +252,7 @@ fn negative_curvature_is_told_with_its_direction() {
 fn nothing_to_solve_is_solved_by_nothing() {
     let Some(gpu) = device() else { return };
     let problem = Problem::new(&Block::new(1), 0.3);
-    let found = problem
-        .system(&gpu, &[])
-        .solve(&vec![0.0; problem.b.len()], &vec![0.0; problem.b.len()], &TIGHT)
-        .unwrap();
+    let found = problem.system(&gpu, &[]).alone(&vec![0.0; problem.b.len()], &TIGHT).unwrap();
     assert!(found.ending == Ending::Solved && found.x.iter().all(|&x| x == 0.0));
 }
 
@@ -221,17 +261,16 @@ fn a_lost_device_says_so_and_another_may_be_opened() {
     let Some(gpu) = device_with(u64::MAX) else { return };
     let problem = Problem::new(&Block::new(1), 0.3);
     let mut system = problem.system(&gpu, &[]);
-    let found = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let found = system.alone(&problem.b, &TIGHT).unwrap();
     gpu.destroy();
-    let error = system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap_err();
+    let error = system.alone(&problem.b, &TIGHT).unwrap_err();
     assert!(matches!(error, Error::Lost(_)), "{error:?}");
     assert!(error.to_string().starts_with("the graphics processor was lost"), "{error}");
     assert!(system.load(&problem.values, 0.0).is_err());
     assert!(System::new(&gpu, problem.b.len() / 3, &problem.pairs).is_err());
 
     let Some(gpu) = device_with(u64::MAX) else { return };
-    let again =
-        problem.system(&gpu, &[]).solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let again = problem.system(&gpu, &[]).alone(&problem.b, &TIGHT).unwrap();
     assert_eq!(again.x, found.x);
 }
 
@@ -250,9 +289,7 @@ fn limits_and_bad_input_are_told_in_a_sentence() {
     assert!(told(system.hold(&problem.is_held, &[vec![(0, 1.0)]])).contains("mean 0 has no free"));
     assert!(told(system.hold(&[true], &[])).contains("1 flags"));
     assert!(told(system.load(&problem.values[9..], 0.0)).contains("do not fit the blocks"));
-    let n = problem.b.len();
-    let mut solve =
-        |b: &[f64], settings| told(system.solve(b, &vec![0.0; n], &settings).map(|_| ()));
+    let mut solve = |b: &[f64], settings| told(system.alone(b, &settings).map(|_| ()));
     assert!(solve(&[1.0], TIGHT).contains("1 values"));
     let mut b = problem.b.clone();
     b[5] = f64::NAN;
@@ -273,17 +310,13 @@ fn threads_share_a_device() {
     let Some(gpu) = device() else { return };
     let block = Block::new(1);
     let problem = Problem::new(&block, 0.3);
-    let alone =
-        problem.system(&gpu, &[]).solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap();
+    let alone = problem.system(&gpu, &[]).alone(&problem.b, &TIGHT).unwrap();
     std::thread::scope(|scope| {
         for _ in 0..8 {
             scope.spawn(|| {
                 let mut system = problem.system(&gpu, &[]);
                 for _ in 0..60 {
-                    assert_eq!(
-                        system.solve(&problem.b, &vec![0.0; problem.b.len()], &TIGHT).unwrap().x,
-                        alone.x
-                    );
+                    assert_eq!(system.alone(&problem.b, &TIGHT).unwrap().x, alone.x);
                 }
             });
         }

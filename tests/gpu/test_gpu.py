@@ -157,7 +157,8 @@ def test_inertia_damping_pressure_and_contact_are_added_on_the_device(organ: Mak
             ends.append(frames)
         assert ends[1][-1].tangent_on_device == "formed"
         counts = [sum(frame.iterations for frame in frames) for frames in ends]
-        assert abs(counts[1] - counts[0]) <= 0.1 * counts[0]
+        # The device sets out from all of the last steps, the processor from the second only where the first is of use.
+        assert counts[1] <= 1.1 * counts[0]
         assert distance(ends[1][-1].displacement, ends[0][-1].displacement) < 1e-3
 
 

@@ -183,14 +183,17 @@ impl DeviceSystem for System {
     fn solve(
         &mut self,
         b: &[f64],
+        steps: &[&[f64]],
         start: &[f64],
         end: &DeviceEnd,
     ) -> Result<DeviceSolution, String> {
         let left = |deadline: std::time::Instant| {
             deadline.saturating_duration_since(std::time::Instant::now()).as_secs_f64()
         };
+        let steps: Vec<Slice<f64>> = steps.iter().map(|step| Slice::new(step)).collect();
         let task = Task {
             b: Slice::new(b),
+            steps: Slice::new(&steps),
             start: Slice::new(start),
             tolerance: end.tolerance,
             max_iterations: end.max_iterations,

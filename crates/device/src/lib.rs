@@ -9,7 +9,7 @@ pub mod law;
 use std::ffi::c_void;
 
 /// Raised with every change of this crate.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 /// The library's one symbol, an [`Entry`].
 pub const SYMBOL: &[u8] = b"viscera_gpu\0";
@@ -165,6 +165,9 @@ pub struct Traffic {
 pub struct Task {
     /// Right-hand side, on all degrees of freedom.
     pub b: Slice<f64>,
+    /// At most three earlier steps. The solve sets out from their combination that is nearest to the solution in energy;
+    /// from zero where means are held.
+    pub steps: Slice<Slice<f64>>,
     /// What the solution will be added to; see [`Answer::magnitude`].
     pub start: Slice<f64>,
     /// Residual to reach, relative to the right-hand side.

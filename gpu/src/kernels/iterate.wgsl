@@ -119,10 +119,7 @@ fn run(begins: bool, thread: u32, group: u32, groups: u32) {
         let local = 32u * slice + lane;
         if thread < 32u && local < size.n_rows {
             let row = size.first + local;
-            if begins {
-                write_xp(0u, row, vec3f());
-                write_xp(1u, row, vec3f());
-            } else {
+            if !begins {
                 let p = apply_inverse(row, read_before(0u, row)) + step.beta * read_xp(1u, row);
                 write_xp(1u, row, p);
                 if step.turns {

@@ -1,4 +1,4 @@
-// w = A z for the rows of a chunk, and partial sums of z . w.
+// w = A z for the rows of a chunk, and partial sums of z . w; or the same for an earlier step and its product.
 //
 // Rows form slices of 32, padded to the longest row of the slice. Entry e of block k is contiguous over the 32 rows, so
 // that neighbouring threads read neighbouring numbers. Four threads share a row.
@@ -23,6 +23,8 @@ struct Size {
     // Where partial sums of the chunk start; parity of the iteration.
     first_part: u32,
     parity: u32,
+    // Where z and w start.
+    origin: u32,
 }
 @group(0) @binding(7) var<uniform> size: Size;
 
@@ -38,7 +40,7 @@ fn multiply(
     for (var slice = group.x; slice < n_slices; slice += groups.x) {
         var sum = vec3f();
         for (var k = pattern[slice] + thread / 32u; k < pattern[slice + 1u]; k += 4u) {
-            let column = 3u * pattern[size.columns + 32u * k + lane];
+            let column = size.origin + 3u * pattern[size.columns + 32u * k + lane];
             let x = vec3f(z[column], z[column + 1u], z[column + 2u]);
             let at = 288u * k + lane;
             sum += vec3f(
@@ -54,10 +56,11 @@ fn multiply(
             let k = 6u * row;
             let is_held = vec3f(inverse[k], inverse[k + 3u], inverse[k + 5u]) == vec3f();
             let free = select(all, vec3f(), is_held);
-            w[3u * row] = free.x;
-            w[3u * row + 1u] = free.y;
-            w[3u * row + 2u] = free.z;
-            part += free.x * z[3u * row] + free.y * z[3u * row + 1u] + free.z * z[3u * row + 2u];
+            let at = size.origin + 3u * row;
+            w[at] = free.x;
+            w[at + 1u] = free.y;
+            w[at + 2u] = free.z;
+            part += dot(free, vec3f(z[at], z[at + 1u], z[at + 2u]));
         }
     }
     let total = sum_all(vec3f(part, 0.0, 0.0), thread);

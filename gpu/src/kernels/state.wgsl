@@ -7,11 +7,11 @@ struct State {
     // 0 while running; then why it ended: 1 tolerance, 2 negative curvature, 3 not finite, 4 iterations.
     ended: u32,
     iterations: u32,
-    // r . r at the start and now; what it is to fall to, over that of the start.
-    first: f32,
+    // r . r now, and what it is to fall to.
     now: f32,
     goal: f32,
     most: u32,
+    unused: u32,
 }
 
 struct Advance {
@@ -32,12 +32,11 @@ fn advance(last: State, gamma: f32, squared: f32, delta: f32) -> Advance {
     let alpha = gamma / curvature;
     if last.ended == 0u {
         next.now = squared;
-        next.first = select(last.first, squared, is_first);
         // Comparisons with NaN are false.
         let is_finite = abs(curvature) < 3e38 && gamma < 3e38 && gamma > -3e38 && squared < 3e38;
         if !is_finite {
             next.ended = 3u;
-        } else if squared <= next.goal * next.first {
+        } else if squared <= next.goal {
             next.ended = 1u;
         } else if last.iterations >= last.most {
             next.ended = 4u;

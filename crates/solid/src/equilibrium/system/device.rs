@@ -52,13 +52,16 @@ pub trait DeviceSystem: Send + Sync {
     /// The device is lost.
     fn multiply(&mut self, x: &[f64]) -> Result<Vec<f64>, String>;
 
-    /// Solves for a right-hand side as far as asked, and measures what the solution and `start` add up to.
+    /// Solves for a right-hand side as far as asked, and measures what the solution and `start` add up to. It sets out from
+    /// the combination of at most three earlier steps that is nearest to the solution in energy; from zero where
+    /// means are held.
     ///
     /// # Errors
     /// The device is lost, or returned values that are not finite.
     fn solve(
         &mut self,
         b: &[f64],
+        steps: &[&[f64]],
         start: &[f64],
         end: &DeviceEnd,
     ) -> Result<DeviceSolution, String>;
@@ -254,10 +257,10 @@ impl Remote {
         &mut self,
         border: &Border,
         given: Given<'_>,
-        (b, start): (&[f64], &[f64]),
+        (b, steps, start): (&[f64], &[&[f64]], &[f64]),
         end: &DeviceEnd,
     ) -> Option<DeviceSolution> {
-        self.attempt(border, given, |system| system.solve(b, start, end))
+        self.attempt(border, given, |system| system.solve(b, steps, start, end))
     }
 
     /// The product with a vector.

@@ -296,9 +296,19 @@ impl Iterative {
         let tolerance = self.settings.tolerance;
         let of_frame = self.forcing.as_mut().map(|forcing| forcing.tolerance(tolerance, whole));
         let tolerance = of_frame.unwrap_or(tolerance);
-        self.set_out(border, tolerance);
+        // A device sets out by itself, unless means are held.
+        let is_remote = matches!(self.remote, Remote::Working(_)) && border.is_empty();
+        if is_remote {
+            self.correction.fill(0.0);
+            self.left.copy_from_slice(&self.residual);
+        } else {
+            self.set_out(border, tolerance);
+        }
         if let Some(solved) = self.iterate_on_device(border, tolerance, deadline) {
             return Ok(solved);
+        }
+        if is_remote && self.correction.iter().all(|&x| x == 0.0) {
+            self.set_out(border, tolerance);
         }
         let settings = Settings {
             relative_tolerance: tolerance,

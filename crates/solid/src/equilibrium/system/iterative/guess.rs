@@ -89,6 +89,15 @@ impl Guess {
         self.iteration += 1;
     }
 
+    /// The steps that the next solve may set out from, those of most use first; zero after others are forgotten.
+    pub fn candidates(&self) -> [Option<&[f64]>; 3] {
+        let own = self.steps.get(self.iteration);
+        let beside = if self.iteration == 0 { 1 } else { self.iteration - 1 };
+        let beside = self.steps.get(beside).filter(|_| self.follows_motion);
+        let other = own.filter(|_| self.follows_motion);
+        [own.map(|pair| &*pair[0]), other.map(|pair| &*pair[1]), beside.map(|pair| &*pair[0])]
+    }
+
     /// Sets `x` to the guess, and takes its part from what is `left` of the residual: `(p . r) / (p . K p) p` for each step
     /// `p`, or that part of it which has no energy in common with those before, until no more than `tolerance` of the residual
     /// is left. `multiply` writes `K p`.
@@ -100,17 +109,13 @@ impl Guess {
         mut multiply: impl FnMut(&[f64], &mut [f64]),
     ) {
         x.fill(0.0);
-        let Guess { steps, follows_motion, iteration, directions } = self;
-        let own = steps.get(*iteration);
-        let beside = steps.get(if *iteration == 0 { 1 } else { *iteration - 1 });
+        let mut directions = std::mem::take(&mut self.directions);
         let (whole, mut remains) = (dot(left, left), 1.0);
         let mut n = 0;
-        let candidates =
-            [own.map(|pair| &pair[0]), own.map(|pair| &pair[1]), beside.map(|pair| &pair[0])];
-        for (place, candidate) in candidates.into_iter().enumerate() {
+        for (place, candidate) in self.candidates().into_iter().enumerate() {
             let Some(candidate) = candidate else { continue };
             let is_of_use = place != 1 || remains < USEFUL;
-            let is_asked_for = place == 0 || *follows_motion && is_of_use && remains > tolerance;
+            let is_asked_for = place == 0 || is_of_use && remains > tolerance;
             if !is_asked_for || dot(candidate, left) == 0.0 {
                 continue;
             }
@@ -124,6 +129,7 @@ impl Guess {
             }
             remains = (dot(left, left) / whole).sqrt();
         }
+        self.directions = directions;
     }
 }
 

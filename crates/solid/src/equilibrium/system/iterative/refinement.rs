@@ -20,6 +20,11 @@ const TRUSTED: f64 = 0.1;
 /// Refinement continues only if a solution in single precision reduces the residual at least by this factor.
 const PROGRESS: f64 = 0.5;
 
+/// Whether a step leads anywhere.
+fn is_any(step: &&[f64]) -> bool {
+    step.iter().any(|&x| x != 0.0)
+}
+
 impl Iterative {
     /// The correction that balances the residual, from the guess. What is left is formed in double precision, and solved
     /// for again until it is small enough. Where the device forms the tangent, its own residual is believed unless
@@ -49,9 +54,10 @@ impl Iterative {
     ) -> Option<Solved> {
         let (whole, mut before) = (norm(&self.residual), f64::INFINITY);
         let mut solved = Solved { residual: norm(left) / whole, ..Solved::default() };
+        let mut is_first = true;
         loop {
             solved.is_complete = solved.residual <= SLACK * tolerance;
-            let has_stalled = solved.iterations > 0 && !(solved.residual < PROGRESS * before);
+            let has_stalled = !is_first && !(solved.residual < PROGRESS * before);
             let is_late = deadline.is_some_and(|deadline| Instant::now() >= deadline);
             let budget = self.settings.max_iterations - solved.iterations;
             if solved.is_complete || has_stalled || is_late || budget == 0 {
@@ -59,19 +65,22 @@ impl Iterative {
             }
             let wanted = tolerance / solved.residual;
             let end = DeviceEnd { tolerance: wanted.max(SINGLE), max_iterations: budget, deadline };
-            let vectors = (&*left, self.correction.as_slice());
+            let steps: Vec<&[f64]> = match is_first && border.is_empty() {
+                true => self.guess.candidates().into_iter().flatten().filter(is_any).collect(),
+                false => Vec::new(),
+            };
+            let vectors = (&*left, &steps[..], self.correction.as_slice());
             let found = self.remote.solve(border, self.operand.given(), vectors, &end)?;
             if !found.x.iter().all(|x| x.is_finite()) {
                 return None;
             }
-            let is_first = solved.iterations == 0;
             solved.iterations += found.iterations;
             if found.is_indefinite {
                 let direction = self.remote.direction(border, self.operand.given())?;
                 if self.has_negative_curvature(border, &direction) {
                     solved.indefinite = largest(&direction);
                     solved.residual = 1.0;
-                    if is_first && found.iterations == 0 {
+                    if solved.iterations == 0 {
                         self.correction.copy_from_slice(&direction);
                     } else {
                         self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
@@ -79,6 +88,7 @@ impl Iterative {
                     return Some(solved);
                 }
             }
+            is_first = false;
             self.correction.iter_mut().zip(&found.x).for_each(|(c, x)| *c += x);
             solved.floor = UNIT * found.magnitude / whole;
             before = solved.residual;

@@ -88,6 +88,7 @@ impl DeviceSystem for FragileSystem {
     fn solve(
         &mut self,
         b: &[f64],
+        _: &[&[f64]],
         start: &[f64],
         _: &DeviceEnd,
     ) -> Result<DeviceSolution, String> {
