@@ -53,8 +53,14 @@ impl Gpu {
 
     /// Writes to a buffer, before the commands that are submitted next.
     pub(crate) fn write<T: bytemuck::Pod>(&self, buffer: &Buffer, values: &[T]) {
+        self.write_from(buffer, 0, values);
+    }
+
+    /// The same from this value of the buffer on.
+    pub(crate) fn write_from<T: bytemuck::Pod>(&self, buffer: &Buffer, first: usize, values: &[T]) {
         WRITTEN.fetch_add(size_of_val(values) as u64, Relaxed);
-        self.queue.write_buffer(buffer, 0, bytemuck::cast_slice(values));
+        let offset = (first * size_of::<T>()) as u64;
+        self.queue.write_buffer(buffer, offset, bytemuck::cast_slice(values));
     }
 
     /// A buffer that the processor may read, of at least so many bytes: that of the last reading, or a larger one.

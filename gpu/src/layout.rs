@@ -21,6 +21,8 @@ pub(crate) const PADDING: u32 = u32::MAX;
 pub(crate) struct Layout {
     /// Row of each node.
     pub row_of: Vec<u32>,
+    /// Node of each row.
+    pub node_of: Vec<u32>,
     pub chunks: Vec<Chunk>,
 }
 
@@ -62,7 +64,7 @@ impl Layout {
             chunks.push(Chunk::new(first..end, &order, &row_of, &rows, &touching));
             first = end;
         }
-        Ok(Layout { row_of, chunks })
+        Ok(Layout { row_of, node_of: order, chunks })
     }
 
     pub fn n_rows(&self) -> usize {

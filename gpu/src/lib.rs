@@ -27,6 +27,7 @@ mod solve;
 mod stopwatch;
 mod system;
 mod tangent;
+mod vectors;
 
 pub use border::{MOST_MEANS, Mean};
 pub use cells::{CellBuffers, Solid};

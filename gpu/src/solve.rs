@@ -119,12 +119,10 @@ impl System {
 
     /// Uploads earlier steps, each scaled to its largest entry; returns how many.
     fn put_steps(&self, steps: &[&[f64]], sizes: &[f64]) -> usize {
-        let placed: Vec<f32> = steps
-            .iter()
-            .zip(sizes)
-            .flat_map(|(step, &size)| self.placed(step, size, true))
-            .collect();
-        self.gpu().write(&self.vectors.steps, &placed);
+        for (which, (step, &size)) in steps.iter().zip(sizes).enumerate() {
+            let placed = self.placed(step, size, true);
+            self.gpu().write_from(&self.vectors.steps, which * placed.len(), &placed);
+        }
         let (n_nodes, n_steps) = (self.n_dofs() as u32 / 3, steps.len() as u32);
         self.gpu().write(&self.of_steps, &[n_nodes, n_steps, self.n_update, 0]);
         steps.len()

@@ -37,7 +37,7 @@ pub struct System {
     pub(crate) has_start: bool,
     /// Scale of the last right-hand side.
     pub(crate) scale: f64,
-    is_held: Vec<bool>,
+    pub(crate) is_held: Vec<bool>,
 }
 
 impl System {
@@ -206,40 +206,6 @@ impl System {
         self.encode_product(&mut commands, ALONE);
         let y = commands.read(&[(&self.vectors.w, x.len())])?.remove(0);
         Ok(self.in_order(bytemuck::cast_slice(&y), size))
-    }
-
-    pub(crate) fn scale_of(&self, values: &[f64]) -> Result<f64, Error> {
-        if values.len() != self.n_dofs() {
-            return Err(Error::Input(format!(
-                "{} values for {} degrees of freedom",
-                values.len(),
-                self.n_dofs()
-            )));
-        }
-        match values.iter().position(|v| !v.is_finite()) {
-            Some(dof) => Err(Error::Input(format!("value {} of point {}", values[dof], dof / 3))),
-            None => Ok(values.iter().fold(0.0f64, |size, v| size.max(v.abs()))),
-        }
-    }
-
-    /// A vector in the order of the rows, divided by its scale.
-    pub(crate) fn placed(&self, values: &[f64], size: f64, without_held: bool) -> Vec<f32> {
-        let (mut placed, factor) =
-            (vec![0.0f32; values.len()], if size > 0.0 { size.recip() } else { 0.0 });
-        for (node, &row) in self.layout.row_of.iter().enumerate() {
-            for i in 0..3 {
-                if !(without_held && self.is_held[3 * node + i]) {
-                    placed[3 * row as usize + i] = (factor * values[3 * node + i]) as f32;
-                }
-            }
-        }
-        placed
-    }
-
-    pub(crate) fn in_order(&self, placed: &[f32], size: f64) -> Vec<f64> {
-        let rows = self.layout.row_of.iter();
-        let dofs = rows.flat_map(|&row| (0..3).map(move |i| 3 * row as usize + i));
-        dofs.map(|k| size * f64::from(placed[k])).collect()
     }
 
     /// The product with `z`, in `w`: of even and odd iterations, or alone.

@@ -5,10 +5,15 @@ use super::batch::deformation;
 use super::cells::CellBatches;
 use crate::element::{Geometry, Shape};
 use crate::tensor::{Mat3, cofactor, determinant, dot, mul_vector, transpose_mul};
+use crate::threads::share;
 use crate::unroll::tabulate;
+use rayon::prelude::*;
 
 /// Sweeps of Jacobi's rotations; they converge quadratically, and five do.
 const MAX_SWEEPS: usize = 10;
+
+/// Cells that a thread looks through at once.
+const PART: usize = 2048;
 
 /// A quadrature point of a cell at a displacement.
 #[derive(Clone, Debug)]
@@ -111,42 +116,53 @@ fn unit(x: [f64; 3]) -> [f64; 3] {
 }
 
 impl<E: Shape<N>, const N: usize> CellBatches<E, N> {
-    pub fn outliers(
+    pub fn outliers(&self, geometry: &[Geometry], u: &[f64], range: [f64; 2]) -> Vec<Outlier> {
+        let part = |part: usize| {
+            let cells = part * PART..((part + 1) * PART).min(self.nodes.len());
+            cells.flat_map(move |cell| self.outliers_of(cell, &geometry[cell], u, range))
+        };
+        let n_parts = self.nodes.len().div_ceil(PART);
+        if share(n_parts) {
+            (0..n_parts).into_par_iter().flat_map_iter(part).collect()
+        } else {
+            (0..n_parts).flat_map(part).collect()
+        }
+    }
+
+    fn outliers_of(
         &self,
-        geometry: &[Geometry],
+        cell: usize,
+        g: &Geometry,
         u: &[f64],
         [low, high]: [f64; 2],
-    ) -> Vec<Outlier> {
-        let mut outliers = Vec::new();
-        for (cell, (nodes, g)) in self.nodes.iter().zip(geometry).enumerate() {
-            for point in 0..E::POINTS {
-                let slopes = E::slopes(point);
-                let value = |a: usize, i: usize| u[3 * nodes[a] as usize + i];
-                let f = deformation(slopes, &g.gradients, value);
-                let cofactor = cofactor(&f);
-                let volume_ratio = determinant(&f, &cofactor);
-                if volume_ratio > low && volume_ratio < high {
-                    continue;
-                }
-                let gradient = |a: usize| {
-                    std::array::from_fn(|j| {
-                        (0..3).map(|k| slopes[a][k] * g.gradients[k][j]).sum::<f64>()
-                    })
-                };
-                // dJ/du_a = cof F grad N_a.
-                let slope = |a: usize| (nodes[a], mul_vector(&cofactor, &gradient(a)));
-                outliers.push(Outlier {
-                    cell,
-                    point: cell * E::POINTS + point,
-                    volume_ratio,
-                    volume: g.volume / E::POINTS as f64,
-                    slopes: (0..N).map(slope).collect(),
-                    gradients: (0..N).map(gradient).collect(),
-                    deformation: f,
-                });
+    ) -> impl Iterator<Item = Outlier> {
+        let nodes = &self.nodes[cell];
+        (0..E::POINTS).filter_map(move |point| {
+            let slopes = E::slopes(point);
+            let value = |a: usize, i: usize| u[3 * nodes[a] as usize + i];
+            let f = deformation(slopes, &g.gradients, value);
+            let cofactor = cofactor(&f);
+            let volume_ratio = determinant(&f, &cofactor);
+            if volume_ratio > low && volume_ratio < high {
+                return None;
             }
-        }
-        outliers
+            let gradient = |a: usize| {
+                std::array::from_fn(|j| {
+                    (0..3).map(|k| slopes[a][k] * g.gradients[k][j]).sum::<f64>()
+                })
+            };
+            // dJ/du_a = cof F grad N_a.
+            let slope = |a: usize| (nodes[a], mul_vector(&cofactor, &gradient(a)));
+            Some(Outlier {
+                cell,
+                point: cell * E::POINTS + point,
+                volume_ratio,
+                volume: g.volume / E::POINTS as f64,
+                slopes: (0..N).map(slope).collect(),
+                gradients: (0..N).map(gradient).collect(),
+                deformation: f,
+            })
+        })
     }
 }
 

@@ -9,6 +9,9 @@ const ROUNDED: f64 = 1e-9;
 /// Part of the residual at which a frame is settled that its linear systems may leave.
 const NEGLIGIBLE: f64 = 0.01;
 
+/// Part of a body's length that is no motion: hands end where they were to be, but for rounding.
+const STILL: f64 = 1e-15;
+
 impl Stepper {
     /// Tells the solver; with inertia, the acceleration of the start, where it is not known, and the terms of the frame.
     pub(super) fn begin_frame(&mut self) {
@@ -57,7 +60,7 @@ impl Stepper {
         if let Some(motion) = self.motion.as_ref().filter(|_| beta > 0.0) {
             self.increment.iter_mut().zip(&motion.trial_velocity).for_each(|(w, v)| *w += beta * v);
         }
-        if self.increment.iter().any(|&w| w != 0.0) {
+        if self.increment.iter().any(|&w| w.abs() > STILL * self.length) {
             self.tangent.multiply(&self.increment, &mut self.residual);
         } else {
             self.residual.fill(0.0);

@@ -17,6 +17,9 @@ pub(super) struct Extrapolation {
     /// Where hands and tools were at its end [m], and how far they had moved.
     hands: Vec<f64>,
     moved: Vec<f64>,
+    /// Force that it has balanced [N], to first order: the right-hand sides of its linear systems, and that of the motion which
+    /// it continued. Empty where the tangent is a matrix, whose product with a motion takes no time.
+    balanced: Vec<f64>,
 }
 
 impl Extrapolation {
@@ -31,6 +34,17 @@ impl Extrapolation {
         // Not a number where they have not moved: not a motion to be continued.
         let part = common / square;
         if part > LEAST { part.min(1.0) } else { 0.0 }
+    }
+
+    /// The motion goes on by the part `part`, or not at all.
+    fn go_on(&mut self, part: f64) {
+        self.balanced.iter_mut().for_each(|force| *force *= part);
+    }
+
+    /// Adds the right-hand side of a linear system.
+    pub fn balance(&mut self, residual: &[f64]) {
+        self.balanced.resize(residual.len(), 0.0);
+        self.balanced.iter_mut().zip(residual).for_each(|(force, r)| *force += r);
     }
 
     /// Keeps a motion with hands and tools at these places at its end.
@@ -55,6 +69,12 @@ impl Stepper {
     /// would lead through a tool, or a cell next to a bound.
     pub(super) fn extrapolate(&mut self, body: &Body, hands: &[f64]) -> bool {
         let part = self.extrapolation.part(hands);
+        let is_ahead = self.move_on(body, part);
+        self.extrapolation.go_on(if is_ahead { part } else { 0.0 });
+        is_ahead
+    }
+
+    fn move_on(&mut self, body: &Body, part: f64) -> bool {
         if !self.settings.extrapolates || self.motion.is_some() || part == 0.0 {
             return false;
         }
@@ -72,10 +92,16 @@ impl Stepper {
         is_sound
     }
 
-    /// Norm of the force that the extrapolation has balanced, by the tangent of its end [N].
+    /// Norm of the force that the extrapolation has balanced [N]: by the tangent of its end, or as far as linear systems
+    /// have told, where a product takes as long as a tangent.
     pub(super) fn extrapolated_force(&mut self) -> f64 {
         if !self.is_ahead {
             return 0.0;
+        }
+        if self.tangent.product_part().is_some() && !self.extrapolation.balanced.is_empty() {
+            self.residual.copy_from_slice(&self.extrapolation.balanced);
+            self.solver.project(&mut self.residual);
+            return norm(&self.residual);
         }
         let solver = &self.solver;
         let moves = self.displacement.iter().zip(&self.start).enumerate();

@@ -226,6 +226,9 @@ impl Stepper {
         self.balance(curvature);
         let residual = self.constraint_residual(input);
         self.hands_move = residual.iter().chain(&self.step).any(|&by| by != 0.0);
+        if self.tangent.product_part().is_some() {
+            self.extrapolation.balance(&self.residual);
+        }
         let (mut shift, mut iterations) = (self.shift, 0);
         let solved = loop {
             let unbalanced = (!self.contact.is_empty()).then(|| self.residual.clone());
