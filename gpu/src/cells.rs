@@ -279,9 +279,9 @@ impl Parts<'_> {
                 let parts = gpu.buffer("parts", &parts.parts)?;
                 Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(&size)]))
             };
-        let size = [places as u32, 0, 0, 0];
+        let size = [places as u32, 0, rows.len() as u32, 0];
         let blocks = bind(&kernels.blocks, &of_blocks, &system.chunks[k].values, size)?;
-        let size = [chunk.rows.start as u32, chunk.rows.len() as u32, 0, 0];
+        let size = [chunk.rows.start as u32, chunk.rows.len() as u32, rows.len() as u32, 0];
         let forces = bind(&kernels.forces, &of_forces, force, size)?;
         let groups = |threads| workgroups(threads, usize::MAX);
         let with_clusters = solid.clusters.zip(clusters.as_ref());

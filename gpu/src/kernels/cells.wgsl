@@ -5,12 +5,10 @@
 // Gradients of the shape functions of corners 1, 2, 3 [1/m], and the volume [m^3].
 @group(0) @binding(2) var<storage, read> geometry: array<f32>;
 @group(0) @binding(3) var<storage, read> parameters: array<f32>;
-// Ten blocks (a, b), a <= b, row by row; then the forces on the four corners.
+// Blocks (0, 0) of all cells, row by row, then (0, 1), ... (3, 3); then the forces on the four corners of each.
 @group(0) @binding(4) var<storage, read_write> response: array<f32>;
 // Number of cells.
 @group(0) @binding(5) var<uniform> size: vec4u;
-
-const OF_CELL = 102u;
 
 fn spherical(x: f32) -> mat3x3f {
     return mat3x3f(x, 0.0, 0.0, 0.0, x, 0.0, 0.0, 0.0, x);
@@ -53,9 +51,42 @@ fn at(node: u32) -> vec3f {
     return vec3f(displacement[3u * node], displacement[3u * node + 1u], displacement[3u * node + 2u]);
 }
 
+// What the cells of a workgroup answer goes through memory that they share, so that neighbouring threads write to
+// neighbouring places.
+var<workgroup> tile: array<f32, 1536>;
+
+fn put_row(at: u32, row: vec3f) {
+    tile[at] = row.x;
+    tile[at + 1u] = row.y;
+    tile[at + 2u] = row.z;
+}
+
+// Writes so many numbers of each of `count` cells, from this place on.
+fn write_tile(thread: u32, out: u32, each: u32, count: u32) {
+    workgroupBarrier();
+    for (var k = thread; k < each * count; k += 128u) {
+        response[out + k] = tile[k];
+    }
+    workgroupBarrier();
+}
+
+fn write_block(thread: u32, pair: u32, first: u32, count: u32, block: mat3x3f) {
+    let at = 9u * thread;
+    put_row(at, block[0]);
+    put_row(at + 3u, block[1]);
+    put_row(at + 6u, block[2]);
+    write_tile(thread, 9u * (size.x * pair + first), 9u, count);
+}
+
 @compute @workgroup_size(128)
-fn respond_all(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
-    for (var cell = id.x; cell < size.x; cell += 128u * groups.x) {
+fn respond_all(
+    @builtin(local_invocation_index) thread: u32,
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+) {
+    for (var first = 128u * group.x; first < size.x; first += 128u * groups.x) {
+        let count = min(128u, size.x - first);
+        let cell = first + min(thread, count - 1u);
         let nodes = cells[cell];
         var g: array<vec3f, 4>;
         for (var a = 0u; a < 3u; a++) {
@@ -74,22 +105,20 @@ fn respond_all(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups
         }
         var point: Point;
         let P = respond(H, g, STRIDE * cell, pressure_of(cell), &point);
-        let out = OF_CELL * cell;
-        var k = out;
+        // Corners as literals: the device then keeps their vectors in registers.
+        write_block(thread, 0u, first, count, volume * tangent(&point, g, 0u, 0u));
+        write_block(thread, 1u, first, count, volume * tangent(&point, g, 0u, 1u));
+        write_block(thread, 2u, first, count, volume * tangent(&point, g, 0u, 2u));
+        write_block(thread, 3u, first, count, volume * tangent(&point, g, 0u, 3u));
+        write_block(thread, 4u, first, count, volume * tangent(&point, g, 1u, 1u));
+        write_block(thread, 5u, first, count, volume * tangent(&point, g, 1u, 2u));
+        write_block(thread, 6u, first, count, volume * tangent(&point, g, 1u, 3u));
+        write_block(thread, 7u, first, count, volume * tangent(&point, g, 2u, 2u));
+        write_block(thread, 8u, first, count, volume * tangent(&point, g, 2u, 3u));
+        write_block(thread, 9u, first, count, volume * tangent(&point, g, 3u, 3u));
         for (var a = 0u; a < 4u; a++) {
-            for (var b = a; b < 4u; b++) {
-                let block = tangent(&point, g, a, b);
-                for (var i = 0u; i < 3u; i++) {
-                    response[k] = volume * block[i].x;
-                    response[k + 1u] = volume * block[i].y;
-                    response[k + 2u] = volume * block[i].z;
-                    k += 3u;
-                }
-            }
-            let force = volume * times(P, g[a]);
-            response[out + 90u + 3u * a] = force.x;
-            response[out + 91u + 3u * a] = force.y;
-            response[out + 92u + 3u * a] = force.z;
+            put_row(12u * thread + 3u * a, volume * times(P, g[a]));
         }
+        write_tile(thread, 90u * size.x + 12u * first, 12u, count);
     }
 }

@@ -5,10 +5,8 @@
 // Sixteen times the cell, and four times the row's corner plus the column's.
 @group(0) @binding(2) var<storage, read> parts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> sums: array<f32>;
-// Number of slots, or first row and number of rows.
+// Number of slots, or first row and number of rows; number of cells.
 @group(0) @binding(4) var<uniform> size: vec4u;
-
-const OF_CELL = 102u;
 
 @compute @workgroup_size(128)
 fn gather_blocks(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) groups: vec3u) {
@@ -19,7 +17,8 @@ fn gather_blocks(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgrou
             let a = (part >> 2u) & 3u;
             let b = part & 3u;
             let low = min(a, b);
-            let at = OF_CELL * (part >> 4u) + 9u * (low * (7u - low) / 2u + max(a, b));
+            let pair = low * (7u - low) / 2u + max(a, b);
+            let at = 9u * (size.z * pair + (part >> 4u));
             for (var i = 0u; i < 3u; i++) {
                 for (var k = 0u; k < 3u; k++) {
                     sum[3u * i + k] += response[at + select(3u * k + i, 3u * i + k, a <= b)];
@@ -38,7 +37,7 @@ fn gather_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgrou
     for (var local = id.x; local < size.y; local += 128u * groups.x) {
         var sum = vec3f();
         for (var n = starts[local]; n < starts[local + 1u]; n++) {
-            let at = OF_CELL * (parts[n] >> 4u) + 90u + 3u * (parts[n] & 3u);
+            let at = 90u * size.z + 12u * (parts[n] >> 4u) + 3u * (parts[n] & 3u);
             sum += vec3f(response[at], response[at + 1u], response[at + 2u]);
         }
         let row = size.x + local;
