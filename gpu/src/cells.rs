@@ -4,11 +4,12 @@
 use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
 use crate::commands::{Kernel, workgroups};
 use crate::device::Gpu;
-use crate::gathered::Gathered;
+use crate::gathered::{ELSEWHERE, Gathered};
 use crate::layout::OF_CELL;
 use crate::rest::Rest;
 use crate::tangent::Tangent;
 use crate::{Error, Law, System};
+use rayon::prelude::*;
 use std::sync::Arc;
 use wgpu::{BindGroup, Buffer};
 
@@ -100,7 +101,7 @@ impl CellBuffers {
             displacement,
             force,
             clusters,
-            rest: Rest::new(gpu, pairs)?,
+            rest: Rest::new(gpu)?,
             n_responses,
         };
         Ok((cells, system))
@@ -259,20 +260,20 @@ impl Parts<'_> {
 
         let places = chunk.columns.len();
         let own = |row: u32| chunk.rows.contains(&(row as usize));
-        let corners =
-            || rows.iter().zip(0u32..).flat_map(|(cell, k)| (0..4).map(move |a| (cell, k, a)));
-        let corners = || corners().filter(|&(cell, _, a)| own(cell[a]));
-        let mut of_blocks = Vec::with_capacity(16 * rows.len());
-        for (cell, k, a) in corners() {
-            for b in 0..4 {
-                of_blocks.push((chunk.place(cell[a], cell[b])?, 16 * k + (4 * a + b) as u32));
+        let mut of_blocks = vec![ELSEWHERE; 16 * rows.len()];
+        let mut of_forces = vec![ELSEWHERE; 4 * rows.len()];
+        let of_cells = of_blocks.par_chunks_mut(16).zip(of_forces.par_chunks_mut(4)).zip(&rows);
+        of_cells.try_for_each(|((blocks, forces), cell)| {
+            for a in (0..4).filter(|&a| own(cell[a])) {
+                forces[a] = cell[a] - chunk.rows.start as u32;
+                for b in 0..4 {
+                    blocks[4 * a + b] = chunk.place(cell[a], cell[b])? as u32;
+                }
             }
-        }
-        let of_blocks = Gathered::new(places, &of_blocks);
-        let first = chunk.rows.start;
-        let of_forces: Vec<_> =
-            corners().map(|(cell, k, a)| (cell[a] as usize - first, 16 * k + a as u32)).collect();
-        let of_forces = Gathered::new(chunk.rows.len(), &of_forces);
+            Ok::<(), Error>(())
+        })?;
+        let of_blocks = Gathered::by_number(places, &of_blocks);
+        let of_forces = Gathered::by_number(chunk.rows.len(), &of_forces);
         let bind =
             |kernel, parts: &Gathered<u32>, sums, size: [u32; 4]| -> Result<BindGroup, Error> {
                 let starts = gpu.buffer("parts", &parts.starts)?;

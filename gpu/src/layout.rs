@@ -67,6 +67,14 @@ impl Layout {
         Ok(Layout { row_of, node_of: order, chunks })
     }
 
+    /// Number of the block of the upper triangle that couples two nodes; none if the pattern has none.
+    pub fn block(&self, node: u32, other: u32) -> Option<usize> {
+        let row = *self.row_of.get(node as usize)?;
+        let column = *self.row_of.get(other as usize)?;
+        let chunk = self.chunks.iter().find(|chunk| chunk.rows.contains(&(row as usize)))?;
+        Some(chunk.source[chunk.place(row, column).ok()?] as usize / 2)
+    }
+
     pub fn n_rows(&self) -> usize {
         self.row_of.len()
     }

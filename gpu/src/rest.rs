@@ -12,8 +12,6 @@ pub type RestBlock = (u32, u32, [f64; 9]);
 /// The blocks that are added to the tangent of a body.
 pub(crate) struct Rest {
     kernel: Kernel,
-    /// Number of each block of the upper triangle.
-    number_of: HashMap<(u32, u32), usize>,
     /// Buffers of each chunk, made on first use.
     chunks: Vec<ChunkRest>,
     is_empty: bool,
@@ -28,11 +26,10 @@ struct ChunkRest {
 }
 
 impl Rest {
-    /// For a matrix with blocks at `pairs`; adds nothing yet.
-    pub fn new(gpu: &Gpu, pairs: &[(u32, u32)]) -> Result<Self, Error> {
+    /// Adds nothing yet.
+    pub fn new(gpu: &Gpu) -> Result<Self, Error> {
         Ok(Rest {
             kernel: gpu.kernel(include_str!("kernels/rest.wgsl"), "add_rest")?,
-            number_of: pairs.iter().copied().zip(0..).collect(),
             chunks: Vec::new(),
             is_empty: true,
         })
@@ -42,12 +39,12 @@ impl Rest {
     pub fn take(&mut self, gpu: &Gpu, system: &System, rest: &[RestBlock]) -> Result<(), Error> {
         let mut blocks: HashMap<usize, [f64; 9]> = HashMap::with_capacity(rest.len());
         for (row, column, block) in rest {
-            let number = self.number_of.get(&(*row, *column)).ok_or_else(|| {
+            let number = system.layout.block(*row, *column).ok_or_else(|| {
                 Error::Input(format!(
                     "block ({row}, {column}) cannot be added: it is not in the pattern"
                 ))
             })?;
-            let sum = blocks.entry(*number).or_insert([0.0; 9]);
+            let sum = blocks.entry(number).or_insert([0.0; 9]);
             sum.iter_mut().zip(block).for_each(|(sum, more)| *sum += more);
         }
         self.is_empty = rest.is_empty();

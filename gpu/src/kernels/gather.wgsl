@@ -2,7 +2,8 @@
 
 @group(0) @binding(0) var<storage, read> response: array<f32>;
 @group(0) @binding(1) var<storage, read> starts: array<u32>;
-// Sixteen times the cell, and four times the row's corner plus the column's.
+// Sixteen times the cell, and four times the row's corner plus the column's; for forces four times the cell, and the
+// corner.
 @group(0) @binding(2) var<storage, read> parts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> sums: array<f32>;
 // Number of slots, or first row and number of rows; number of cells.
@@ -37,7 +38,7 @@ fn gather_forces(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgrou
     for (var local = id.x; local < size.y; local += 128u * groups.x) {
         var sum = vec3f();
         for (var n = starts[local]; n < starts[local + 1u]; n++) {
-            let at = 90u * size.z + 12u * (parts[n] >> 4u) + 3u * (parts[n] & 3u);
+            let at = 90u * size.z + 3u * parts[n];
             sum += vec3f(response[at], response[at + 1u], response[at + 2u]);
         }
         let row = size.x + local;
