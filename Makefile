@@ -129,8 +129,10 @@ test-gpu-if-any:
 	if ls $(vulkan) 2>/dev/null | grep -q json; then $(MAKE) test-gpu; else \
 		echo '*** NOT TESTED: the graphics processor. This machine has no Vulkan driver; make test-gpu installs one in software. ***'; fi
 
-bench-gpu: ## kernels of the graphics processor against docs/gpu.md; results are kept from real devices alone
+bench-gpu: $(development) $(gpu_library) ## kernels, frames and solutions on the graphics processor, for docs/gpu.md; only what a real device prints is kept
 	$(CARGO) run $(cargo_gpu) --target-dir target --example bench
+	$(BIN)/python benchmarks/gpu.py
+	$(BIN)/python benchmarks/gpu_accuracy.py
 
 sanitize: $(development) c-library ## the C programs under address, undefined behaviour and thread sanitizers
 	$(BIN)/pytest $(c_tests) -k sanitizers
