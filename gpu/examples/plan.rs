@@ -1,4 +1,4 @@
-//! Prints the estimate of docs/gpu.md: the work of each kernel, and frames per second on three devices from their data
+//! Prints the estimate of docs/gpu.md: the work of each kernel, and frames per second on four devices from their data
 //! sheets.
 //!
 //!     cargo run --release --manifest-path gpu/Cargo.toml --example plan [CUBES_PER_SIDE ...]
@@ -18,10 +18,11 @@ const SIDES: [usize; 5] = [6, 9, 15, 26, 40];
 /// Iterations of block-Jacobi in a frame of the livers of benchmarks/results/stepper.txt.
 const ITERATIONS: usize = 60;
 
-const SHEETS: [Sheet; 3] = [
+const SHEETS: [Sheet; 4] = [
     Sheet { name: "Intel Iris Xe, 96 EU", bandwidth: 68e9, speed: 2.1e12, per_dispatch: 10e-6 },
     Sheet { name: "Apple M2, 10 cores", bandwidth: 100e9, speed: 3.6e12, per_dispatch: 10e-6 },
     Sheet { name: "NVIDIA RTX 4070", bandwidth: 504e9, speed: 29.1e12, per_dispatch: 5e-6 },
+    Sheet { name: "NVIDIA H200", bandwidth: 4.8e12, speed: 66.9e12, per_dispatch: 5e-6 },
 ];
 
 fn main() {

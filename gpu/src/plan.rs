@@ -96,7 +96,8 @@ impl Plan {
     /// Dispatches of a frame.
     pub fn dispatches(&self, iterations: usize) -> usize {
         let count = |work: &[Work]| work.iter().map(|work| work.dispatches).sum::<usize>();
-        count(&self.assembly) + 1 + iterations * count(&self.iteration)
+        // Comparison of the earlier steps, their combination, and the start.
+        count(&self.assembly) + 2 + self.chunks + iterations * count(&self.iteration)
     }
 
     /// Lower bound of the time of a frame: roofline plus dispatches [s].
