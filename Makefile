@@ -286,7 +286,7 @@ pictures: $(development) $(page_stepper) $(VENV)/chromium out/liver.viscera ## p
 # The evaluator for every page, and all solvers for one that steps a case; all browsers of the last years have these
 # vector instructions. One after the other, as cargo gives both the same name.
 $(evaluator) $(stepper): Cargo.toml Cargo.lock $(shell find crates bindings/wasm -name '*.rs' -o -name Cargo.toml)
-$(stepper): $(core_sources)
+$(stepper): $(core_sources) $(gpu_sources)
 $(evaluator) $(stepper):
 	rustup target add wasm32-unknown-unknown
 	RUSTFLAGS='-C target-feature=+simd128' $(CARGO) build --profile wasm --package viscera-wasm --target wasm32-unknown-unknown \

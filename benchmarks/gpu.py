@@ -2,12 +2,13 @@
 
     python benchmarks/gpu.py [SIDE ...]
 
-Cubes of neo-Hookean tissue, Poisson's ratio 0.45, linear cells, six to a brick, SIDE bricks along an edge. Frames: the
-upper face moves by a thousandth of the edge in each; the median of their times after the first. Solutions: the same
-face moves by a fifth of the edge, to a residual of 1e-9, with all that a solver prepares. "same" is the same method on the processor, conjugate gradients with block-Jacobi; "best" is what the
-processor would take: "cg" or, for large bodies, incomplete Cholesky in frames, and "auto" in solutions. Every row runs
-in a process of its own, since the number of threads is set when one starts. A device in software is not measured unless
-sides are given: its times say nothing of one in hardware.
+Cubes of neo-Hookean tissue, Poisson's ratio 0.45, linear cells, six to a brick, SIDE bricks along an edge. Frames:
+the upper face moves by a thousandth of the edge in each; the median of their times after the first. Solutions: the
+same face moves by a fifth of the edge, to a residual of 1e-9, with all that a solver prepares. "same" is the same
+method on the processor, conjugate gradients with block-Jacobi; "best" is what the processor would take: "cg" or, for
+large bodies, incomplete Cholesky in frames, and "auto" in solutions. Every row runs in a process of its own, since
+the number of threads is set when one starts. A device in software is not measured unless sides are given: its times
+say nothing of one in hardware.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::buffers::{Kernels, Vectors};
 use crate::device::Gpu;
-use wgpu::BindGroup;
+use crate::driver::Group;
 
 /// Largest number of prescribed means.
 pub const MOST_MEANS: usize = 48;
@@ -13,9 +13,9 @@ pub type Mean = Vec<(u32, f64)>;
 
 /// Prescribed means on the device.
 pub(crate) struct Border {
-    pub prepare: BindGroup,
+    pub prepare: Group,
     /// After the start and odd iterations, after even ones.
-    pub project: [BindGroup; 2],
+    pub project: [Group; 2],
 }
 
 impl Border {

@@ -1,11 +1,10 @@
 //! What conjugate gradients have on the device: kernels, vectors, and the matrix in chunks.
 
 use crate::Error;
-use crate::commands::Kernel;
 use crate::conjugate_gradients::Recurrence;
 use crate::device::Gpu;
+use crate::driver::{Buffer, Group, Kernel};
 use crate::layout::Chunk;
-use wgpu::{BindGroup, Buffer};
 
 /// Partial sums of a scalar product, over all chunks.
 pub(crate) const MOST_PARTS: usize = 1024;
@@ -115,16 +114,16 @@ pub(crate) struct Parts {
 /// Buffers of a chunk.
 pub(crate) struct ChunkBuffers {
     pub values: Buffer,
-    pub start: BindGroup,
+    pub start: Group,
     /// Of even and odd iterations.
-    pub iterate: [BindGroup; 2],
+    pub iterate: [Group; 2],
     /// In even and odd iterations with means, and alone.
-    pub product: [BindGroup; 3],
+    pub product: [Group; 3],
     /// Of earlier steps.
-    pub step_product: [BindGroup; MOST_STEPS],
-    pub magnitude: BindGroup,
+    pub step_product: [Group; MOST_STEPS],
+    pub magnitude: Group,
     pub n_groups: u32,
-    pub inverse: BindGroup,
+    pub inverse: Group,
     pub of_inverse: Buffer,
 }
 

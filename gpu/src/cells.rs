@@ -2,8 +2,9 @@
 //! and the caller may add blocks of their own.
 
 use crate::clusters::{ALONE, ClusterBuffers, Clusters, IN_CLUSTERS};
-use crate::commands::{Kernel, workgroups};
+use crate::commands::workgroups;
 use crate::device::Gpu;
+use crate::driver::{Buffer, Group, Kernel};
 use crate::gathered::{ELSEWHERE, Gathered};
 use crate::layout::OF_CELL;
 use crate::rest::Rest;
@@ -11,7 +12,6 @@ use crate::tangent::Tangent;
 use crate::{Error, Law, System};
 use rayon::prelude::*;
 use std::sync::Arc;
-use wgpu::{BindGroup, Buffer};
 
 /// A body of linear tetrahedra.
 #[derive(Clone, Copy, Debug)]
@@ -36,10 +36,10 @@ struct Kernels {
 
 /// The commands of one chunk.
 struct ChunkCommands {
-    respond: (BindGroup, u32),
-    blocks: (BindGroup, u32),
-    forces: (BindGroup, u32),
-    clusters: Option<(BindGroup, u32)>,
+    respond: (Group, u32),
+    blocks: (Group, u32),
+    forces: (Group, u32),
+    clusters: Option<(Group, u32)>,
 }
 
 /// Cells that write their tangent into the matrix of a [`System`].
@@ -274,12 +274,11 @@ impl Parts<'_> {
         })?;
         let of_blocks = Gathered::by_number(places, &of_blocks);
         let of_forces = Gathered::by_number(chunk.rows.len(), &of_forces);
-        let bind =
-            |kernel, parts: &Gathered<u32>, sums, size: [u32; 4]| -> Result<BindGroup, Error> {
-                let starts = gpu.buffer("parts", &parts.starts)?;
-                let parts = gpu.buffer("parts", &parts.parts)?;
-                Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(&size)]))
-            };
+        let bind = |kernel, parts: &Gathered<u32>, sums, size: [u32; 4]| -> Result<Group, Error> {
+            let starts = gpu.buffer("parts", &parts.starts)?;
+            let parts = gpu.buffer("parts", &parts.parts)?;
+            Ok(gpu.bind(kernel, &[response, &starts, &parts, sums, &gpu.uniform(&size)]))
+        };
         let size = [places as u32, 0, rows.len() as u32, 0];
         let blocks = bind(&kernels.blocks, &of_blocks, &system.chunks[k].values, size)?;
         let size = [chunk.rows.start as u32, chunk.rows.len() as u32, rows.len() as u32, 0];

@@ -1,12 +1,11 @@
 //! Clusters of cells that share their volume ratio. The caller computes ratios, pressures and gradients in double
 //! precision; the device adds their part of the tangent.
 
-use crate::commands::Kernel;
 use crate::device::Gpu;
+use crate::driver::{Buffer, Group, Kernel};
 use crate::gathered::Gathered;
 use crate::tangent::Tangent;
 use crate::{Error, System};
-use wgpu::{BindGroup, Buffer};
 
 /// Cells that share their volume ratio. The caller computes pressures and gradients, see [`Tangent`].
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +70,7 @@ impl ClusterBuffers {
         system: &System,
         k: usize,
         clusters: Clusters<'_>,
-    ) -> Result<BindGroup, Error> {
+    ) -> Result<Group, Error> {
         let (chunk, row_of) = (&system.layout.chunks[k], &system.layout.row_of);
         let mut products = Vec::new();
         for places in clusters.places() {

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use bytemuck::{Pod, Zeroable};
-use std::time::Instant;
+use viscera_clock::Instant;
 
 /// When conjugate gradients stop.
 #[derive(Clone, Copy, Debug, PartialEq)]

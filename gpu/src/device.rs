@@ -1,43 +1,21 @@
 //! The device: how it is opened and lost, buffers within its limits, and kernels.
 
 use crate::Error;
-use crate::commands::Kernel;
-use crate::stopwatch::Stopwatch;
+use crate::driver::{About, Buffer, Contents, Driver, Group, Kernel, Kind};
 use bytemuck::Pod;
-use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
-use wgpu::util::DeviceExt;
-use wgpu::{BindGroup, Buffer, BufferUsages, Features};
+use std::sync::{Mutex, PoisonError};
 
 /// Threads of a workgroup, in every kernel.
 pub(crate) const THREADS: u32 = 128;
 
 /// A graphics processor, or a software renderer in its place.
 pub struct Gpu {
-    pub(crate) device: wgpu::Device,
-    pub(crate) queue: wgpu::Queue,
+    pub(crate) driver: Driver,
     about: About,
     largest_binding: u64,
-    fault: Arc<Mutex<Option<Error>>>,
     /// Compiled kernels by source and entry point.
     kernels: Mutex<HashMap<(String, &'static str), Kernel>>,
-    /// Where the last result was read.
-    pub(crate) staging: Mutex<Option<Buffer>>,
-    pub(crate) stopwatch: Option<Stopwatch>,
-}
-
-/// Facts about a device.
-#[derive(Clone, Debug, PartialEq)]
-pub struct About {
-    /// Name.
-    pub name: String,
-    /// Driver.
-    pub driver: String,
-    /// Interface of the driver, such as "vulkan".
-    pub backend: String,
-    /// Whether it is a software renderer on the processor.
-    pub is_software: bool,
 }
 
 impl Gpu {
@@ -53,8 +31,9 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::open`]; a device without a clock is refused.
+    #[cfg(feature = "wgpu")]
     pub fn open_timed() -> Result<Self, Error> {
-        Self::opened(u64::MAX, Features::TIMESTAMP_QUERY)
+        Self::opened(u64::MAX, true)
     }
 
     /// The same, with bindings limited to this many bytes, as on a smaller device.
@@ -62,55 +41,13 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::open`].
     pub fn open_with(largest_binding: u64) -> Result<Self, Error> {
-        Self::opened(largest_binding, Features::empty())
+        Self::opened(largest_binding, false)
     }
 
-    fn opened(largest_binding: u64, features: Features) -> Result<Self, Error> {
-        let descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
-        let instance = wgpu::Instance::new(descriptor);
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options))
-            .map_err(|error| Error::Missing(sentence(&error)))?;
-        let limits = wgpu::Limits {
-            max_storage_buffer_binding_size: adapter.limits().max_storage_buffer_binding_size,
-            max_buffer_size: adapter.limits().max_buffer_size,
-            ..wgpu::Limits::default()
-        };
-        let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let request = wgpu::DeviceDescriptor {
-            required_limits: limits,
-            required_features: features,
-            ..Default::default()
-        };
-        let (device, queue) = pollster::block_on(adapter.request_device(&request))
-            .map_err(|error| Error::Refused(sentence(&error)))?;
-        let fault = Arc::new(Mutex::new(None));
-        let seen = fault.clone();
-        device.on_uncaptured_error(Arc::new(move |error| note(&seen, fault_of(&error))));
-        let seen = fault.clone();
-        device.set_device_lost_callback(move |_, why| note(&seen, Error::Lost(first_line(&why))));
-        let info = adapter.get_info();
-        let about = About {
-            is_software: info.device_type == wgpu::DeviceType::Cpu,
-            name: info.name,
-            driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
-            backend: info.backend.to_string(),
-        };
-        let stopwatch =
-            features.contains(Features::TIMESTAMP_QUERY).then(|| Stopwatch::new(&device, &queue));
-        Ok(Gpu {
-            device,
-            queue,
-            about,
-            largest_binding: largest.min(largest_binding),
-            fault,
-            kernels: Mutex::default(),
-            staging: Mutex::default(),
-            stopwatch,
-        })
+    fn opened(largest_binding: u64, is_timed: bool) -> Result<Self, Error> {
+        let (driver, about, largest) = Driver::open(is_timed)?;
+        let largest_binding = largest.min(largest_binding);
+        Ok(Gpu { driver, about, largest_binding, kernels: Mutex::default() })
     }
 
     /// Facts about the device.
@@ -125,8 +62,7 @@ impl Gpu {
 
     /// Shuts the device down. Every later call fails with [`Error::Lost`].
     pub fn destroy(&self) {
-        note(&self.fault, Error::Lost("it was shut down".to_string()));
-        self.device.destroy();
+        self.driver.destroy();
     }
 
     /// Fails with the first fault that the device has reported, if any.
@@ -134,23 +70,23 @@ impl Gpu {
     /// # Errors
     /// That fault.
     pub fn check(&self) -> Result<(), Error> {
-        match &*self.fault.lock().unwrap_or_else(PoisonError::into_inner) {
-            Some(fault) => Err(fault.clone()),
-            None => Ok(()),
-        }
+        self.driver.fault().map_or(Ok(()), Err)
+    }
+
+    /// The kernels since the last call, in their order, with the time that each took [s]; the first 2048 of them. None on a
+    /// device that was not opened by [`Gpu::open_timed`].
+    ///
+    /// # Errors
+    /// A fault of the device.
+    #[cfg(feature = "wgpu")]
+    pub fn times(&self) -> Result<Vec<(&'static str, f64)>, Error> {
+        self.driver.times()
     }
 
     /// A buffer of zeros; errors call it `what`.
     pub(crate) fn zeros<T: Pod>(&self, what: &str, count: usize) -> Result<Buffer, Error> {
         let bytes = self.fitting::<T>(what, count)?;
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some(what),
-            size: bytes,
-            usage,
-            mapped_at_creation: false,
-        };
-        let buffer = self.device.create_buffer(&descriptor);
+        let buffer = self.driver.buffer(what, Kind::Storage, Contents::Zeros(bytes));
         self.check()?;
         Ok(buffer)
     }
@@ -160,12 +96,8 @@ impl Gpu {
         self.fitting::<T>(what, values.len())?;
         let least = [0u8; 16];
         let contents = bytemuck::cast_slice(values);
-        let descriptor = wgpu::util::BufferInitDescriptor {
-            label: Some(what),
-            contents: if contents.is_empty() { &least } else { contents },
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
-        };
-        let buffer = self.device.create_buffer_init(&descriptor);
+        let contents = if contents.is_empty() { &least } else { contents };
+        let buffer = self.driver.buffer(what, Kind::Storage, Contents::Bytes(contents));
         self.check()?;
         Ok(buffer)
     }
@@ -174,11 +106,8 @@ impl Gpu {
     pub(crate) fn uniform(&self, words: &[u32]) -> Buffer {
         let mut words = words.to_vec();
         words.resize(words.len().next_multiple_of(4), 0);
-        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("uniform"),
-            contents: bytemuck::cast_slice(&words),
-            usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-        })
+        let contents = Contents::Bytes(bytemuck::cast_slice(&words));
+        self.driver.buffer("uniform", Kind::Uniform, contents)
     }
 
     /// Size of a buffer [bytes], at least the smallest that can be bound.
@@ -201,64 +130,20 @@ impl Gpu {
             self.check()?;
             return Ok(kernel.clone());
         }
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(entry),
-            source: wgpu::ShaderSource::Wgsl(Cow::Borrowed(source)),
-        });
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(entry),
-            layout: None,
-            module: &module,
-            entry_point: Some(entry),
-            compilation_options: Default::default(),
-            cache: None,
-        });
+        let kernel = self.driver.kernel(source, entry);
         self.check()?;
-        let kernel = Kernel { name: entry, pipeline };
         kernels.insert(key, kernel.clone());
         Ok(kernel)
     }
 
     /// Binds the buffers of a kernel, in the order of its bindings.
-    pub(crate) fn bind(&self, kernel: &Kernel, buffers: &[&Buffer]) -> BindGroup {
+    pub(crate) fn bind(&self, kernel: &Kernel, buffers: &[&Buffer]) -> Group {
         let bound: Vec<_> = (0..).zip(buffers.iter().copied()).collect();
         self.bind_at(kernel, &bound)
     }
 
     /// The same by binding number, for a kernel that does not use all of them.
-    pub(crate) fn bind_at(&self, kernel: &Kernel, buffers: &[(u32, &Buffer)]) -> BindGroup {
-        let entries: Vec<_> = buffers
-            .iter()
-            .map(|&(binding, buffer)| wgpu::BindGroupEntry {
-                binding,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &kernel.pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        })
+    pub(crate) fn bind_at(&self, kernel: &Kernel, buffers: &[(u32, &Buffer)]) -> Group {
+        self.driver.bind(kernel, buffers)
     }
-}
-
-fn note(fault: &Mutex<Option<Error>>, error: Error) {
-    fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-}
-
-fn fault_of(error: &wgpu::Error) -> Error {
-    match error {
-        wgpu::Error::OutOfMemory { .. } => Error::Memory("what was asked of it".to_string()),
-        other => Error::Refused(sentence(other)),
-    }
-}
-
-pub(crate) fn sentence(error: &dyn std::error::Error) -> String {
-    let inner = error.source().map_or(String::new(), |source| format!(": {source}"));
-    first_line(&format!("{error}{inner}"))
-}
-
-fn first_line(text: &str) -> String {
-    let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    lines.join(" ").trim_end_matches('.').to_string()
 }

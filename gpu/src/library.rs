@@ -6,7 +6,8 @@ use crate::{
 };
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use viscera_clock::Instant;
 use viscera_device::{
     About, Answer, Cells, Handle, Interface, Slice, Task, Text, Traffic, VERSION,
 };

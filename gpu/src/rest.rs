@@ -1,10 +1,10 @@
 //! The parts of a tangent beside that of the law: a factor, and blocks that are added. They are kept until replaced.
 
-use crate::commands::{Commands, Kernel, workgroups};
+use crate::commands::{Commands, workgroups};
 use crate::device::Gpu;
+use crate::driver::{Buffer, Group, Kernel};
 use crate::{Error, System};
 use std::collections::HashMap;
-use wgpu::{BindGroup, Buffer};
 
 /// A block of the upper triangle to add to a tangent: row, column and entries, row-major. Equal places are summed.
 pub type RestBlock = (u32, u32, [f64; 9]);
@@ -22,7 +22,7 @@ struct ChunkRest {
     values: Buffer,
     size: Buffer,
     n_values: usize,
-    commands: BindGroup,
+    commands: Group,
 }
 
 impl Rest {

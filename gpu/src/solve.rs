@@ -5,7 +5,7 @@ use crate::buffers::MOST_STEPS;
 use crate::commands::Commands;
 use crate::conjugate_gradients::{Ending, Recurrence, Settings, Solution};
 use crate::{Error, System};
-use std::time::Instant;
+use viscera_clock::Instant;
 
 /// Iterations beyond those of the last solve that the first batch of the next one has room for.
 const SPARE: usize = 4;
@@ -204,17 +204,17 @@ impl System {
 }
 
 impl Pace {
-    /// Iterations of the next batch, an even number: as many as the last solve took, then half as many again each time. The
-    /// last one finds that it has ended.
+    /// Iterations of the next batch, an even number: as many as the last solve took, then half as many again each time, as
+    /// far as there is time, but no fewer than are worth a wait. The last one finds that it has ended.
     fn batch(&self, done: usize, settings: &Settings) -> usize {
         let likely = if done == 0 { self.iterations + SPARE } else { done / 2 };
         let left = settings.max_iterations + 1 - done.min(settings.max_iterations);
-        let batch = likely.max(settings.check_every).min(left);
+        let least = settings.check_every.min(left);
         let in_time = settings.deadline.map_or(usize::MAX, |deadline| {
             let time = deadline.saturating_duration_since(Instant::now()).as_secs_f64();
             if self.seconds > 0.0 { (time / self.seconds) as usize } else { settings.check_every }
         });
-        batch.min(in_time).max(2).next_multiple_of(2)
+        likely.min(in_time).min(left).max(least).next_multiple_of(2)
     }
 
     fn note(&mut self, batch: usize, began: Instant) {

@@ -7,10 +7,10 @@ use crate::border::{Border, Mean};
 use crate::buffers::{ChunkBuffers, Kernels, MOST_PARTS, Parts, Vectors};
 use crate::commands::{Commands, workgroups};
 use crate::device::Gpu;
+use crate::driver::{Buffer, Group};
 use crate::layout::{Chunk, Layout, PADDING};
 use crate::solve::Pace;
 use std::sync::Arc;
-use wgpu::{BindGroup, Buffer};
 
 /// A matrix on the device, with the buffers and kernels that solve with it.
 pub struct System {
@@ -20,12 +20,12 @@ pub struct System {
     pub(crate) kernels: Kernels,
     pub(crate) vectors: Vectors,
     /// Of even and odd iterations.
-    pub(crate) update: [BindGroup; 2],
-    pub(crate) begin: BindGroup,
+    pub(crate) update: [Group; 2],
+    pub(crate) begin: Group,
     /// Number of nodes, of earlier steps and of their partial sums.
     pub(crate) of_steps: Buffer,
     /// The comparison of earlier steps, and the combination.
-    pub(crate) setting_out: [BindGroup; 2],
+    pub(crate) setting_out: [Group; 2],
     pub(crate) n_update: u32,
     pub(crate) border: Option<Border>,
     /// Partial sums of products.

@@ -2,6 +2,7 @@
 
 mod support;
 use std::sync::Arc;
+use std::time::Instant;
 use support::*;
 use viscera_gpu::{Ending, Error, Gpu, Law, MOST_MEANS, Mean, Settings, Solution, System};
 
@@ -216,7 +217,7 @@ fn the_same_again_gives_the_same_bits_in_any_number_of_chunks_and_batches() {
 }
 
 #[test]
-fn a_shift_is_added_and_a_budget_is_kept() {
+fn a_shift_is_added_and_budgets_are_kept() {
     let Some(gpu) = device() else { return };
     let problem = Problem::new(&Block::new(2), 0.3);
     let mut system = problem.system(&gpu, &[]);
@@ -227,6 +228,13 @@ fn a_shift_is_added_and_a_budget_is_kept() {
     let short = Settings { max_iterations: 5, ..TIGHT };
     let found = system.alone(&problem.b, &short).unwrap();
     assert_eq!((found.ending, found.iterations), (Ending::Spent, 5));
+    assert!(found.residual > 1e-6 && found.residual < 1.0);
+
+    // Time that is up leaves what one batch found.
+    system.load(&problem.values, 0.0).unwrap();
+    let late = Settings { deadline: Some(Instant::now()), ..TIGHT };
+    let found = system.alone(&problem.b, &late).unwrap();
+    assert_eq!((found.ending, found.iterations), (Ending::Spent, late.check_every));
     assert!(found.residual > 1e-6 && found.residual < 1.0);
 }
 

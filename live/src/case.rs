@@ -88,6 +88,11 @@ impl Case {
         })
     }
 
+    /// Number of cells.
+    pub fn n_cells(&self) -> usize {
+        self.cells.len()
+    }
+
     /// The organ under a law.
     ///
     /// # Errors

@@ -31,3 +31,4 @@ mod tests;
 
 pub use case::{About, Case};
 pub use stage::Live;
+pub use viscera_core::equilibrium::OnDevice;

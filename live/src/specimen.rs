@@ -5,7 +5,9 @@ use crate::stress::von_mises;
 use viscera_core::Error;
 use viscera_core::body::Body;
 use viscera_core::clock::Instant;
-use viscera_core::equilibrium::{ConjugateGradients, Input, Method, Stepper, StepperSettings};
+use viscera_core::equilibrium::{
+    ConjugateGradients, Input, Method, OnDevice, Preconditioner, Stepper, StepperSettings,
+};
 use viscera_core::mesh::{Patch, Surface};
 
 /// Time [s] for the organs in a frame: half of the 16 ms between two frames of a page.
@@ -15,6 +17,9 @@ const MAX_ITERATIONS: usize = 20;
 
 /// Number of cells above which the factor of an earlier tangent is kept (docs/solvers.md).
 const DIRECT_CELLS: usize = 5000;
+
+/// Iterations of a device for one Newton iteration, beyond which a frame goes on with what they found.
+const DEVICE_ITERATIONS: usize = 5000;
 
 /// Numbers of an organ in a frame before its displacements.
 pub const FACTS: usize = 14;
@@ -28,17 +33,27 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// An organ that steps until it has settled or a budget [s] is spent.
-    pub fn new(case: &Case, law: &str, budget: f64) -> Result<Self, Error> {
+    /// An organ that steps until it has settled or a budget [s] is spent, on a device if there is one.
+    pub fn new(
+        case: &Case,
+        law: &str,
+        budget: f64,
+        device: Option<OnDevice>,
+    ) -> Result<Self, Error> {
         let body = case.body(law)?;
         let n = body.points().len();
         if let Some(node) = case.fixed.iter().find(|&&node| node as usize >= n) {
             return Err(Error::input(format!("point {node} is fixed; there are {n} points")));
         }
-        let method = if body.cells().len() <= DIRECT_CELLS {
-            Method::Cholesky
-        } else {
-            Method::ConjugateGradients(ConjugateGradients::default())
+        let method = match device {
+            Some(_) => Method::ConjugateGradients(ConjugateGradients {
+                preconditioner: Preconditioner::BlockJacobi,
+                max_iterations: DEVICE_ITERATIONS,
+                device,
+                ..Default::default()
+            }),
+            None if body.cells().len() <= DIRECT_CELLS => Method::Cholesky,
+            None => Method::ConjugateGradients(ConjugateGradients::default()),
         };
         let settings = StepperSettings {
             method,
@@ -55,6 +70,11 @@ impl Specimen {
 
     pub fn body(&self) -> &Body {
         &self.body
+    }
+
+    /// Why the device that it was to step on is not used; none if it is, or there was none.
+    pub fn device_fault(&self) -> Option<&str> {
+        self.stepper.device_fault()
     }
 
     /// Makes each hand hold its patch, and nothing else.

@@ -5,6 +5,7 @@ use crate::request::{Gesture, Request};
 use crate::specimen::{BUDGET, FACTS, Specimen};
 use serde_json::json;
 use viscera_core::Error;
+use viscera_core::equilibrium::OnDevice;
 use viscera_core::mesh::{Patch, Surface};
 
 /// Largest component of gravity [m/s^2].
@@ -23,6 +24,8 @@ pub struct Live {
     gravity: [f64; 3],
     /// Whether frames carry the stress.
     has_stress: bool,
+    /// What the organs are stepped on in place of the processor, until it fails.
+    device: Option<OnDevice>,
 }
 
 impl Live {
@@ -31,8 +34,15 @@ impl Live {
     /// # Errors
     /// What [`Case::read`] and the stepper refuse.
     pub fn open(bytes: &[u8]) -> Result<Self, Error> {
-        let case = Case::read(bytes)?;
-        let first = Specimen::new(&case, &case.about.law, BUDGET)?;
+        Self::new(Case::read(bytes)?, None)
+    }
+
+    /// The same of a case that has been read; its organs are stepped on a device if there is one.
+    ///
+    /// # Errors
+    /// What the stepper refuses.
+    pub fn new(case: Case, device: Option<OnDevice>) -> Result<Self, Error> {
+        let first = Specimen::new(&case, &case.about.law, BUDGET, device)?;
         let body = first.body();
         Ok(Live {
             surface: Surface::new(body.points(), &body.surface()),
@@ -41,6 +51,7 @@ impl Live {
             displacements: [[0.0; 3]; 2],
             gravity: case.about.gravity,
             has_stress: false,
+            device,
             case,
         })
     }
@@ -79,6 +90,15 @@ impl Live {
         self.gravity = [0.0; 3];
         self.set_up(&laws)?;
         self.frame()
+    }
+
+    /// Why the device is not used any more, once: the processor goes on from where it was, and organs of other laws
+    /// begin there.
+    pub fn take_device_fault(&mut self) -> Option<String> {
+        self.device?;
+        let fault = self.specimens.iter().find_map(Specimen::device_fault)?.to_string();
+        self.device = None;
+        Some(fault)
     }
 
     /// Carries out a request. An impossible one is refused before anything changes.
@@ -120,7 +140,8 @@ impl Live {
 
     fn set_up(&mut self, laws: &[String]) -> Result<(), Error> {
         let budget = BUDGET / laws.len() as f64;
-        let specimens = laws.iter().map(|law| Specimen::new(&self.case, law, budget));
+        let device = self.device;
+        let specimens = laws.iter().map(|law| Specimen::new(&self.case, law, budget, device));
         self.specimens = specimens.collect::<Result<_, _>>()?;
         self.patches = [None, None];
         self.displacements = [[0.0; 3]; 2];

@@ -42,15 +42,27 @@ def server(touch: vs.Touch) -> Iterator[Server]:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def launch() -> Iterator[Callable[..., Any]]:
+    """Launches browsers without a window, with more flags than these."""
     playwright = pytest.importorskip("playwright.sync_api")
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
         pytest.skip("no Chromium here; install the package chromium")
     with playwright.sync_playwright() as driver:
-        running = driver.chromium.launch(executable_path=program, args=FLAGS)
-        yield running
-        running.close()
+        running = []
+
+        def start(*flags: str) -> Any:
+            running.append(driver.chromium.launch(executable_path=program, args=[*FLAGS, *flags]))
+            return running[-1]
+
+        yield start
+        for browser in running:
+            browser.close()
+
+
+@pytest.fixture(scope="session")
+def browser(launch: Callable[..., Any]) -> Any:
+    return launch()
 
 
 class Quiet(SimpleHTTPRequestHandler):
@@ -151,6 +163,12 @@ class Viewer:
 def look_at(browser: Any) -> Callable[..., Viewer]:
     """Opens the view behind an address, with the settings of a device."""
     return functools.partial(Viewer, browser)
+
+
+@pytest.fixture(scope="session")
+def look_with_gpu(launch: Callable[..., Any]) -> Callable[..., Viewer]:
+    """The same in a browser with WebGPU, in software."""
+    return functools.partial(Viewer, launch("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"))
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,8 @@ export interface Hello extends Partial<Around> {
   radius: number;
   /** Null where none can be chosen. */
   gravity: Vec3 | null;
+  /** The graphics processor that steps it, if one does. */
+  device?: string | null;
   /** Whether it is a solved state, which no hand can move. */
   is_still?: boolean;
   rest: number[];
@@ -51,6 +53,8 @@ export class Conversation {
   onFrame: (numbers: Float32Array) => void = () => {};
   /** What the stepper refused, or why it has gone. */
   onComplaint: (sentence: string) => void = () => {};
+  /** What a frame brings in words: why it is stepped another way from now on. */
+  onNews: (sentence: string) => void = () => {};
   /** Whether an answer is under way. */
   isWaiting = false;
   private wanted: Request = {};
@@ -96,8 +100,10 @@ export class Conversation {
   }
 
   private receive(data: string | ArrayBuffer): void {
+    const said = typeof data === "string" ? (JSON.parse(data) as { error: string } | { news: string }) : null;
+    if (said && "news" in said) return this.onNews(said.news);
     this.isWaiting = false;
-    if (typeof data === "string") this.onComplaint((JSON.parse(data) as { error: string }).error);
-    else this.onFrame(new Float32Array(data));
+    if (said) this.onComplaint(said.error);
+    else this.onFrame(new Float32Array(data as ArrayBuffer));
   }
 }

@@ -62,7 +62,8 @@ export class WorkerLink implements Link {
       this.isOpen = false;
       this.onClose(`The stepper has stopped (${event.message}). Reload this page.`);
     });
-    this.worker.postMessage([bytes, embedded("stepper.wasm")?.buffer ?? null]);
+    const wish = new URLSearchParams(location.search).get("gpu");
+    this.worker.postMessage([bytes, embedded("stepper.wasm")?.buffer ?? null, wish]);
   }
 
   send(request: string): void {

@@ -44,6 +44,8 @@ export class LiveView implements Touched, Keyed, Shared {
   private readonly holding: [Hand | null, Hand | null] = [null, null];
   /** The largest force since a hand took hold [N]: the longest arrow. */
   private peak = 0;
+  /** The graphics processor that steps the organ, if one does. */
+  private device: string | null;
   /** What the stepper refused, or why it has gone; it stands until a frame comes. */
   private complaint = "";
   private laws: string[];
@@ -85,6 +87,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.depth = 0.1 * hello.diagonal;
     this.painter = new LivePainter(this.legend, this.depth);
     this.laws = [hello.law];
+    this.device = hello.device ?? null;
     this.title = hello.name;
     this.hands = hello.is_still ? 0 : 2;
     this.plan = new Plan(hello.name, hello.is_still ? "Turn the view." : "Press on the organ to take hold of it.", isEmbedded);
@@ -97,7 +100,8 @@ export class LiveView implements Touched, Keyed, Shared {
     this.sight = new Sight(this.stage, () => this.specimens.map(({ body }) => body));
     this.share = new Share(this.stage, this, root);
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
-    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : `stepped ${link.place}`];
+    const stepped = this.device ? `stepped ${link.place} on ${this.device}` : `stepped ${link.place}`;
+    const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : stepped];
     this.tools = new LiveTools(this, hello.organs ?? [], facts, hello.gravity, headsetButton(this.stage, this.row, this));
     const side = element("div", { class: "side" }, this.readings, this.clock);
     this.plan.fill(
@@ -113,6 +117,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.conversation = new Conversation(link);
     this.conversation.onFrame = (numbers) => this.take(numbers);
     this.conversation.onComplaint = (sentence) => this.complain(sentence);
+    this.conversation.onNews = (sentence) => this.leaveDevice(sentence);
   }
 
   private get specimens(): Specimen[] {
@@ -301,6 +306,7 @@ export class LiveView implements Touched, Keyed, Shared {
     return {
       frames: this.frames,
       place: this.link.place,
+      device: this.device,
       laws: this.laws,
       held: this.held,
       hands: this.holding,
@@ -386,6 +392,14 @@ export class LiveView implements Touched, Keyed, Shared {
     if (one && other) this.contrast.show(one, other);
     this.onTouch();
     this.speech.say(this.caption(), this.complaint || trouble(this.specimens));
+  }
+
+  /** The graphics processor is gone, and the processor steps the organ from where it was. */
+  private leaveDevice(why: string): void {
+    this.device = null;
+    const sentence = `${why}; the processor goes on`;
+    this.say(sentence);
+    this.announce(sentence);
   }
 
   private complain(sentence: string): void {

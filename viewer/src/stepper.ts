@@ -1,5 +1,8 @@
 // The worker that steps a case in the page by the Rust stepper (bindings/wasm): it takes the bytes of a case and of the
-// module, null where that is a file beside it, then one request after the other, and posts what the server would send.
+// module, null where that is a file beside it, and what the page's address wants of the graphics processor; then one
+// request after the other, and posts what the server would send.
+
+import { Device, type Wish } from "./gpu";
 
 interface Exports {
   memory: WebAssembly.Memory;
@@ -7,7 +10,7 @@ interface Exports {
   page_release(bytes: number, len: number): void;
   page_message(): number;
   page_message_len(): number;
-  case_open(bytes: number, len: number): number;
+  case_open(bytes: number, len: number, cellsOnDevice: number): number;
   case_answer(stepped: number, request: number, len: number): number;
   case_frame_len(stepped: number): number;
 }
@@ -15,32 +18,39 @@ interface Exports {
 /** Only what is used of the worker's world; the page's own types describe a window. */
 const page = self as unknown as {
   postMessage(data: string | ArrayBuffer, transfer?: Transferable[]): void;
-  onmessage: (event: MessageEvent<[ArrayBuffer, ArrayBuffer | null] | string>) => void;
+  onmessage: (event: MessageEvent<[ArrayBuffer, ArrayBuffer | null, Wish] | string>) => void;
 };
 
 class Stepper {
   private constructor(
     private readonly wasm: Exports,
     private readonly stepped: number,
+    private readonly device: Device,
   ) {}
 
   /** Sets up a case; the stepper, and what it says of itself. */
-  static async open(bytes: Uint8Array, module: ArrayBuffer | null): Promise<[Stepper, string]> {
-    const clock = { page: { now: () => performance.now() } };
-    const { instance } = await WebAssembly.instantiate(module ?? (await fetched("stepper.wasm")), clock);
+  static async open(bytes: Uint8Array, module: ArrayBuffer | null, wish: Wish): Promise<[Stepper, string]> {
+    const device = new Device(wish);
+    const imports = { page: { now: () => performance.now() }, gpu: device.imports };
+    const { instance } = await WebAssembly.instantiate(module ?? (await fetched("stepper.wasm")), imports);
     const wasm = instance.exports as unknown as Exports;
-    const stepped = withinMemory(wasm, () => withBytes(wasm, bytes, (at) => wasm.case_open(at, bytes.length)));
+    device.serve(wasm.memory);
+    const open = device.waiting(wasm.case_open);
+    const stepped = await withinMemory(wasm, () => withBytes(wasm, bytes, (at) => open(at, bytes.length, device.leastCells)));
     if (stepped === 0) throw new Error(message(wasm));
-    return [new Stepper(wasm, stepped), message(wasm)];
+    const hello = message(wasm);
+    const introduction = device.inUse ? JSON.stringify({ ...JSON.parse(hello), device: device.inUse }) : hello;
+    return [new Stepper(wasm, stepped, device), introduction];
   }
 
-  /** The frame that a request asks for; throws a sentence where it cannot be followed. */
-  answer(request: string): ArrayBuffer {
-    const { wasm, stepped } = this;
+  /** The frame that a request asks for, and news if there are any; rejects with a sentence where it cannot be followed. */
+  async answer(request: string): Promise<[ArrayBuffer, string]> {
+    const { wasm, stepped, device } = this;
     const bytes = new TextEncoder().encode(request);
-    const frame = withinMemory(wasm, () => withBytes(wasm, bytes, (at) => wasm.case_answer(stepped, at, bytes.length)));
+    const answer = device.waiting(wasm.case_answer);
+    const frame = await withinMemory(wasm, () => withBytes(wasm, bytes, (at) => answer(stepped, at, bytes.length)));
     if (frame === 0) throw new Refusal(message(wasm));
-    return new Float32Array(wasm.memory.buffer, frame, wasm.case_frame_len(stepped)).slice().buffer;
+    return [new Float32Array(wasm.memory.buffer, frame, wasm.case_frame_len(stepped)).slice().buffer, message(wasm)];
   }
 }
 
@@ -53,18 +63,18 @@ async function fetched(url: string): Promise<ArrayBuffer> {
 /** A request that was not followed. */
 class Refusal extends Error {}
 
-function withBytes<T>(wasm: Exports, bytes: Uint8Array, use: (at: number) => T): T {
+async function withBytes<T>(wasm: Exports, bytes: Uint8Array, use: (at: number) => Promise<T>): Promise<T> {
   const at = wasm.page_allocate(bytes.length);
   new Uint8Array(wasm.memory.buffer, at, bytes.length).set(bytes);
-  const result = use(at);
+  const result = await use(at);
   wasm.page_release(at, bytes.length);
   return result;
 }
 
 /** What `work` returns; where the module ends, a sentence that says why. */
-function withinMemory<T>(wasm: Exports, work: () => T): T {
+async function withinMemory<T>(wasm: Exports, work: () => Promise<T>): Promise<T> {
   try {
-    return work();
+    return await work();
   } catch (error) {
     if (!(error instanceof WebAssembly.RuntimeError)) throw error;
     // A fault leaves its place in the message (bindings/wasm/src/stepper.rs); an allocation that fails leaves none.
@@ -86,23 +96,33 @@ function refuse(error: unknown): void {
 
 let stepper: Stepper | null = null;
 
+async function begin(bytes: ArrayBuffer, module: ArrayBuffer | null, wish: Wish): Promise<void> {
+  const [opened, introduction] = await Stepper.open(new Uint8Array(bytes), module, wish);
+  stepper = opened;
+  page.postMessage(introduction);
+}
+
+async function follow(request: string): Promise<void> {
+  const [frame, news] = await stepper!.answer(request);
+  if (news) page.postMessage(JSON.stringify({ news }));
+  page.postMessage(frame, [frame]);
+}
+
+/** The request before: one at a time, as the module may be waiting for the graphics processor. */
+let last: Promise<void> = Promise.resolve();
+
 page.onmessage = ({ data }) => {
   if (typeof data !== "string") {
-    const [bytes, module] = data;
-    Stepper.open(new Uint8Array(bytes), module).then(([opened, introduction]) => {
-      stepper = opened;
-      page.postMessage(introduction);
-    }, refuse);
+    begin(...data).catch(refuse);
     return;
   }
-  try {
-    const frame = stepper!.answer(data);
-    page.postMessage(frame, [frame]);
-  } catch (error) {
+  last = last.then(() => follow(data)).catch((error: unknown) => {
+    if (error instanceof Refusal) return refuse(error);
     // What is no refusal is a fault of the stepper: it reaches the page as an error of its worker.
-    if (!(error instanceof Refusal)) throw error;
-    refuse(error);
-  }
+    setTimeout(() => {
+      throw error;
+    });
+  });
 };
 
 export {};

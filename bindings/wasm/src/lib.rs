@@ -3,6 +3,8 @@
 //! Two modules are built of it: the on-line evaluator (viewer/src/evaluator.ts), small enough for every page, and the
 //! stepper with all solvers (viewer/src/stepper.ts), which a page loads when it steps a case.
 
+#[cfg(feature = "stepper")]
+mod device;
 #[cfg(feature = "evaluator")]
 mod evaluator;
 #[cfg(feature = "evaluator")]

@@ -1,7 +1,7 @@
 //! A case stepped in the page, for viewer/src/stepper.ts: requests in, frames out, as on the server.
 
-use crate::say;
-use viscera_live::Live;
+use crate::{device, say};
+use viscera_live::{Case, Live};
 
 /// A case and its last frame.
 pub struct Stepped {
@@ -10,15 +10,25 @@ pub struct Stepped {
 }
 
 /// Reads a case and says what the page has to know of it, as JSON in the message; null where it is refused, and the
-/// message says why. Should the stepper ever trap, the message says where.
+/// message says why. Should the stepper ever trap, the message says where. From so many cells on, the organ is stepped on
+/// the page's graphics processor, if there is one.
 ///
 /// # Safety
 /// `bytes` is readable for `len` bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn case_open(bytes: *const u8, len: usize) -> *mut Stepped {
+pub unsafe extern "C" fn case_open(
+    bytes: *const u8,
+    len: usize,
+    cells_on_device: usize,
+) -> *mut Stepped {
     std::panic::set_hook(Box::new(|panic| say(panic.to_string())));
     // SAFETY: the caller's contract.
-    match Live::open(unsafe { std::slice::from_raw_parts(bytes, len) }) {
+    let case = Case::read(unsafe { std::slice::from_raw_parts(bytes, len) });
+    let live = case.and_then(|case| {
+        let device = (case.n_cells() >= cells_on_device).then(device::open).flatten();
+        Live::new(case, device)
+    });
+    match live {
         Ok(live) => {
             say(live.describe());
             Box::into_raw(Box::new(Stepped { live, frame: Vec::new() }))
@@ -31,7 +41,7 @@ pub unsafe extern "C" fn case_open(bytes: *const u8, len: usize) -> *mut Stepped
 }
 
 /// The frame that a request (UTF-8) asks for, valid until the next one; null where it is refused, and the message says
-/// why.
+/// why. With a frame, the message says why the graphics processor is not used any more, or nothing.
 ///
 /// # Safety
 /// `case` comes from [`case_open`]; `request` is readable for `len` bytes.
@@ -45,6 +55,7 @@ pub unsafe extern "C" fn case_answer(
     let (case, request) = unsafe { (&mut *case, std::slice::from_raw_parts(request, len)) };
     match case.live.answer(&String::from_utf8_lossy(request)) {
         Ok(frame) => {
+            say(case.live.take_device_fault().unwrap_or_default());
             case.frame = frame;
             case.frame.as_ptr()
         }

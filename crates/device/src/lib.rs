@@ -5,6 +5,8 @@
 //! there returns whether it succeeded; if not, it leaves a sentence in the [`Text`] that it was given.
 
 pub mod law;
+#[cfg(feature = "core")]
+pub mod library;
 
 use std::ffi::c_void;
 

@@ -8,7 +8,6 @@
 mod analysis;
 mod block_matrix;
 mod cholesky;
-pub mod clock;
 mod column;
 pub mod conjugate_gradients;
 mod error;
@@ -27,6 +26,8 @@ mod substitution;
 #[cfg(test)]
 mod test_matrices;
 pub mod threads;
+
+pub use viscera_clock as clock;
 
 pub use block_matrix::BlockMatrix;
 pub use cholesky::Cholesky;

@@ -122,19 +122,20 @@ fn run(begins: bool, thread: u32, group: u32, groups: u32) {
             if !begins {
                 let p = apply_inverse(row, read_before(0u, row)) + step.beta * read_xp(1u, row);
                 write_xp(1u, row, p);
-                if step.turns {
-                    continue;
+                if step.goes_on {
+                    write_xp(0u, row, read_xp(0u, row) + step.alpha * p);
                 }
-                write_xp(0u, row, read_xp(0u, row) + step.alpha * p);
             }
-            let next = row_after(begins, row, step.alpha, step.beta);
-            let k = 6u * row;
-            let is_held = vec3f(inverse[k], inverse[k + 3u], inverse[k + 5u]) == vec3f();
-            let free_w = select(w, vec3f(), is_held);
-            write_after(0u, row, next.r);
-            write_after(1u, row, next.s);
-            write_after(2u, row, free_w);
-            part += vec3f(dot(next.r, next.z), dot(next.r, next.r), dot(next.z, free_w));
+            if step.goes_on {
+                let next = row_after(begins, row, step.alpha, step.beta);
+                let k = 6u * row;
+                let is_held = vec3f(inverse[k], inverse[k + 3u], inverse[k + 5u]) == vec3f();
+                let free_w = select(w, vec3f(), is_held);
+                write_after(0u, row, next.r);
+                write_after(1u, row, next.s);
+                write_after(2u, row, free_w);
+                part += vec3f(dot(next.r, next.z), dot(next.r, next.r), dot(next.z, free_w));
+            }
         }
     }
     // The start is what an odd iteration would leave.

@@ -29,9 +29,14 @@ mod of_page {
             Instant { milliseconds: now() }
         }
 
+        /// The time from an earlier moment to this one, or none.
+        pub fn saturating_duration_since(&self, earlier: Self) -> Duration {
+            Duration::from_secs_f64((self.milliseconds - earlier.milliseconds).max(0.0) / 1e3)
+        }
+
         /// The time since then.
         pub fn elapsed(&self) -> Duration {
-            Duration::from_secs_f64((now() - self.milliseconds).max(0.0) / 1e3)
+            Self::now().saturating_duration_since(*self)
         }
     }
 

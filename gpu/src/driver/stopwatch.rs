@@ -1,10 +1,10 @@
 //! How long kernels take by the device's own clock. Only benchmarks ask for it, since every kernel is then a pass of its
 //! own.
 
-use crate::Error;
-use crate::device::Gpu;
 use std::sync::{Mutex, PoisonError};
-use wgpu::{Buffer, BufferUsages, ComputePassTimestampWrites, Device, QuerySet, Queue};
+use wgpu::{
+    Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, Device, QuerySet, Queue,
+};
 
 /// Timestamps of a set, a start and an end for each kernel: the number that WebGPU guarantees.
 const MOST: usize = 4096;
@@ -50,30 +50,20 @@ impl Stopwatch {
             }
         })
     }
-}
 
-impl Gpu {
-    /// The kernels since the last call, in their order, with the time that each took [s]; the first 2048 of them. None on a
-    /// device that was not opened by [`Gpu::open_timed`].
-    ///
-    /// # Errors
-    /// A fault of the device.
-    pub fn times(&self) -> Result<Vec<(&'static str, f64)>, Error> {
-        let Some(Stopwatch { queries, resolved, period, names }) = &self.stopwatch else {
-            return Ok(Vec::new());
-        };
-        let names = std::mem::take(&mut *names.lock().unwrap_or_else(PoisonError::into_inner));
-        if names.is_empty() {
-            return Ok(Vec::new());
-        }
-        let count = 2 * names.len();
-        let mut commands = self.commands();
-        commands.encoder().resolve_query_set(queries, 0..count as u32, resolved, 0);
-        let words = commands.read(&[(resolved, 2 * count)])?.remove(0);
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&words);
-        let seconds = |k: usize| {
-            1e-9 * f64::from(*period) * ticks[2 * k + 1].saturating_sub(ticks[2 * k]) as f64
-        };
-        Ok(names.into_iter().enumerate().map(|(k, name)| (name, seconds(k))).collect())
+    /// The kernels that have been timed since the last call.
+    pub fn take(&self) -> Vec<&'static str> {
+        std::mem::take(&mut *self.names.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Writes the timestamps of so many kernels where they can be read: two words of 32 bits each.
+    pub fn resolve(&self, encoder: &mut CommandEncoder, n_kernels: usize) -> &Buffer {
+        encoder.resolve_query_set(&self.queries, 0..2 * n_kernels as u32, &self.resolved, 0);
+        &self.resolved
+    }
+
+    /// The time between a start and an end [s].
+    pub fn seconds(&self, [start, end]: [u64; 2]) -> f64 {
+        1e-9 * f64::from(self.period) * end.saturating_sub(start) as f64
     }
 }
