@@ -223,6 +223,19 @@ def test_frames_of_every_organ(mesh: Callable[[], vs.Mesh], fixed: str, where: s
 
 
 @pytest.mark.usefixtures("device")
+def test_frames_whose_time_is_always_up_come_to_their_end(organ: Make) -> None:
+    """A batch of iterations each, from the steps of the frames before; a patch is held by means, a place by points."""
+    body = organ(vs.NeoHookean(young=1e4, poisson=0.45))
+    for place in (body.patch((0.04, 0.01, 0.01), 0.012), "end"):
+        hand = {place: (0.001, 0.0, -0.003)}
+        stepper = body.stepper(solver=GPU, budget=1e-9)
+        frames = [stepper.frame(hand) for _ in range(60)]
+        assert not any(frame.within_budget for frame in frames)
+        assert min(frame.residual for frame in frames) < 1e-6
+        assert distance(frames[-1].displacement, body.solve(displacement=hand).displacement) < 1e-5
+
+
+@pytest.mark.usefixtures("device")
 def test_a_frame_says_what_single_precision_leaves_and_solves_beyond_it(organ: Make) -> None:
     floors = []
     for poisson in (0.3, 0.49, 0.499):
