@@ -84,7 +84,7 @@ export class Stage {
     this.observer.observe(this.clearing);
     const { signal } = this.abort;
     canvas.addEventListener("webglcontextlost", () => this.onContext(true), { signal });
-    canvas.addEventListener("webglcontextrestored", () => this.relight(), { signal });
+    canvas.addEventListener("webglcontextrestored", () => this.resume(), { signal });
     this.goHome();
     this.renderer.setAnimationLoop((time) => this.frame(time));
   }
@@ -188,7 +188,7 @@ export class Stage {
   }
 
   private light(): void {
-    this.scene.environment = studio(this.renderer);
+    this.scene.environment = studio();
     this.scene.environmentIntensity = 0.32;
     // The studio is painted with y upright.
     this.scene.environmentRotation.x = Math.PI / 2;
@@ -201,10 +201,8 @@ export class Stage {
     this.scene.add(this.camera);
   }
 
-  /** The studio's light was in the memory of the graphics processor: it is painted anew. */
-  private relight(): void {
-    this.scene.environment?.dispose();
-    this.scene.environment = studio(this.renderer);
+  /** What was in the memory of the graphics processor is drawn anew. */
+  private resume(): void {
     this.onContext(false);
     this.invalidate();
   }
