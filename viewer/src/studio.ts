@@ -5,7 +5,7 @@ import * as THREE from "three";
 /** Texels along an edge of the sharpest level; each further one has half as many. */
 const SIZE = 64;
 /** Samples of a texel of each level: the lobe widens, and the studio is smooth. */
-const SAMPLES = [1, 8, 32, 128] as const;
+const SAMPLES = [1, 32, 128, 128] as const;
 const GOLDEN_ANGLE = Math.PI * (3 - Math.sqrt(5));
 
 /** A soft lamp: direction in degrees (around, above the horizon), half its size, brightness. */
