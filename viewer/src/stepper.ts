@@ -25,7 +25,7 @@ class Stepper {
   private constructor(
     private readonly wasm: Exports,
     private readonly stepped: number,
-    private readonly device: Device,
+    private readonly step: (...numbers: number[]) => Promise<number>,
   ) {}
 
   /** Sets up a case; the stepper, and what it says of itself. */
@@ -40,15 +40,14 @@ class Stepper {
     if (stepped === 0) throw new Error(message(wasm));
     const hello = message(wasm);
     const introduction = device.inUse ? JSON.stringify({ ...JSON.parse(hello), device: device.inUse }) : hello;
-    return [new Stepper(wasm, stepped, device), introduction];
+    return [new Stepper(wasm, stepped, device.waiting(wasm.case_answer)), introduction];
   }
 
   /** The frame that a request asks for, and news if there are any; rejects with a sentence where it cannot be followed. */
   async answer(request: string): Promise<[ArrayBuffer, string]> {
-    const { wasm, stepped, device } = this;
+    const { wasm, stepped } = this;
     const bytes = new TextEncoder().encode(request);
-    const answer = device.waiting(wasm.case_answer);
-    const frame = await withinMemory(wasm, () => withBytes(wasm, bytes, (at) => answer(stepped, at, bytes.length)));
+    const frame = await withinMemory(wasm, () => withBytes(wasm, bytes, (at) => this.step(stepped, at, bytes.length)));
     if (frame === 0) throw new Refusal(message(wasm));
     return [new Float32Array(wasm.memory.buffer, frame, wasm.case_frame_len(stepped)).slice().buffer, message(wasm)];
   }

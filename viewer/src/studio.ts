@@ -1,5 +1,5 @@
 // The light that the organ mirrors: a small painted studio, mirrored at every roughness. It is filtered here and not by
-// three.js, whose filter makes hundreds of millions of samples: seconds where graphics are drawn in software.
+// three.js, whose filter makes more than a hundred million samples: seconds where graphics are drawn in software.
 import * as THREE from "three";
 
 /** Texels along an edge of the sharpest level; each further one has half as many. */

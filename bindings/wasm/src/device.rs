@@ -2,7 +2,7 @@
 
 use viscera_live::OnDevice;
 
-/// Opens it; none where the page has none, or the sentence said so before.
+/// Opens it, once; none where the browser offers the page none.
 #[cfg(target_family = "wasm")]
 pub fn open() -> Option<OnDevice> {
     use std::sync::OnceLock;
