@@ -50,13 +50,7 @@ impl System {
                 }
             }
         };
-        let node_of = &self.layout.node_of;
-        if self.is_shared() {
-            let parts = placed.par_chunks_mut(3 * PART).zip(node_of.par_chunks(PART));
-            parts.for_each(|(placed, nodes)| place(placed, nodes));
-        } else {
-            place(&mut placed, node_of);
-        }
+        self.share(&mut placed, &self.layout.node_of, place);
         placed
     }
 
@@ -69,14 +63,23 @@ impl System {
                 values.iter_mut().zip(placed).for_each(|(v, p)| *v = size * f64::from(*p));
             }
         };
-        let row_of = &self.layout.row_of;
-        if self.is_shared() {
-            let parts = values.par_chunks_mut(3 * PART).zip(row_of.par_chunks(PART));
-            parts.for_each(|(values, rows)| order(values, rows));
-        } else {
-            order(&mut values, row_of);
-        }
+        self.share(&mut values, &self.layout.row_of, order);
         values
+    }
+
+    /// Fills a vector from the places that its nodes or rows have in another one, on several threads where it is long.
+    fn share<T: Send>(
+        &self,
+        values: &mut [T],
+        places: &[u32],
+        fill: impl Fn(&mut [T], &[u32]) + Sync,
+    ) {
+        if self.is_shared() {
+            let parts = values.par_chunks_mut(3 * PART).zip(places.par_chunks(PART));
+            parts.for_each(|(values, places)| fill(values, places));
+        } else {
+            fill(values, places);
+        }
     }
 
     fn is_shared(&self) -> bool {
