@@ -155,6 +155,7 @@ fn runs<T>(row: &mut [T], n: usize) -> [&mut [T]; 3] {
 /// `deformation` holds the nine series of `F`, row by row, `table.len()` coefficients each, those of degree p zero;
 /// `q` is one series or nothing,
 /// `out` receives nine runs of the degree-p coefficients.
+#[inline(never)]
 pub(super) fn stress_series<T: Real>(
     slopes: Slopes<'_, T>,
     table: &'static Monomials,
@@ -262,6 +263,7 @@ impl<T: Real> Slopes<'_, T> {
 }
 
 /// All coefficients of the volume ratio: `det F`, for which a row of the cofactor suffices, or `(I1 - 1) / 2`.
+#[inline(never)]
 pub(super) fn volume_series<T: Real>(
     uses: Uses,
     table: &'static Monomials,

@@ -31,6 +31,21 @@ pub struct Hessian<T> {
 /// Rows and columns of the packed Hessian.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
+/// The value of an expression of some variables: inlined, or, over series, by a function that is compiled once.
+macro_rules! once_for_series {
+    ($($name:ident: $kind:ty),* => $out:ty, $value:expr) => {{
+        #[inline(always)]
+        fn here<T: Scalar>($($name: $kind),*) -> $out {
+            $value
+        }
+        #[inline(never)]
+        fn apart<T: Scalar>($($name: $kind),*) -> $out {
+            here::<T>($($name),*)
+        }
+        if T::IS_SERIES { apart::<T>($($name),*) } else { here::<T>($($name),*) }
+    }};
+}
+
 impl<T: Scalar> Gradient<T> {
     /// The independent variables `x_0, x_1, x_2` at the given values.
     #[inline(always)]
@@ -45,7 +60,10 @@ impl<T: Scalar> Gradient<T> {
     /// Chain rule for a function of one variable with value `f` and derivative `df`.
     #[inline(always)]
     fn chain(&self, f: T, df: T) -> Self {
-        Gradient { value: f, first: array!(3, |i| self.first[i].clone() * df.clone()) }
+        let x = self;
+        once_for_series!(x: &Gradient<T>, f: T, df: T => Gradient<T>, {
+            Gradient { value: f, first: array!(3, |i| x.first[i].clone() * df.clone()) }
+        })
     }
 }
 
@@ -70,15 +88,16 @@ impl<T: Scalar> Hessian<T> {
     /// Chain rule: value `f`, derivative `df`, second derivative `ddf`.
     #[inline(always)]
     fn chain(&self, f: T, df: T, ddf: T) -> Self {
-        Hessian {
+        let x = self;
+        once_for_series!(x: &Hessian<T>, f: T, df: T, ddf: T => Hessian<T>, Hessian {
             value: f,
-            first: array!(3, |i| self.first[i].clone() * df.clone()),
+            first: array!(3, |i| x.first[i].clone() * df.clone()),
             second: array!(6, |k| {
                 let (i, j) = PAIRS[k];
-                self.second[k].clone() * df.clone()
-                    + self.first[i].clone() * self.first[j].clone() * ddf.clone()
+                x.second[k].clone() * df.clone()
+                    + x.first[i].clone() * x.first[j].clone() * ddf.clone()
             }),
-        }
+        })
     }
 }
 
@@ -88,27 +107,32 @@ macro_rules! linear_operators {
             type Output = Self;
             #[inline(always)]
             fn add(self, other: Self) -> Self {
-                $dual {
-                    value: self.value + other.value,
-                    $($part: array!($n, |i| self.$part[i].clone() + other.$part[i].clone()),)*
-                }
+                let (a, b) = (self, other);
+                once_for_series!(a: $dual<T>, b: $dual<T> => $dual<T>, $dual {
+                    value: a.value + b.value,
+                    $($part: array!($n, |i| a.$part[i].clone() + b.$part[i].clone()),)*
+                })
             }
         }
         impl<T: Scalar> Sub for $dual<T> {
             type Output = Self;
             #[inline(always)]
             fn sub(self, other: Self) -> Self {
-                $dual {
-                    value: self.value - other.value,
-                    $($part: array!($n, |i| self.$part[i].clone() - other.$part[i].clone()),)*
-                }
+                let (a, b) = (self, other);
+                once_for_series!(a: $dual<T>, b: $dual<T> => $dual<T>, $dual {
+                    value: a.value - b.value,
+                    $($part: array!($n, |i| a.$part[i].clone() - b.$part[i].clone()),)*
+                })
             }
         }
         impl<T: Scalar> Neg for $dual<T> {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                $dual { value: -self.value, $($part: array!($n, |i| -self.$part[i].clone()),)* }
+                let a = self;
+                once_for_series!(a: $dual<T> => $dual<T>, {
+                    $dual { value: -a.value, $($part: array!($n, |i| -a.$part[i].clone()),)* }
+                })
             }
         }
         impl<T: Scalar> Add<f64> for $dual<T> {
@@ -129,7 +153,10 @@ macro_rules! linear_operators {
             type Output = Self;
             #[inline(always)]
             fn mul(self, other: f64) -> Self {
-                $dual { value: self.value * other, $($part: array!($n, |i| self.$part[i].clone() * other),)* }
+                let (a, s) = (self, other);
+                once_for_series!(a: $dual<T>, s: f64 => $dual<T>, {
+                    $dual { value: a.value * s, $($part: array!($n, |i| a.$part[i].clone() * s),)* }
+                })
             }
         }
     };
@@ -141,13 +168,13 @@ impl<T: Scalar> Mul for Gradient<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Gradient {
+        let (a, b) = (self, other);
+        once_for_series!(a: Gradient<T>, b: Gradient<T> => Gradient<T>, Gradient {
             first: array!(3, |i| {
-                self.first[i].clone() * other.value.clone()
-                    + other.first[i].clone() * self.value.clone()
+                a.first[i].clone() * b.value.clone() + b.first[i].clone() * a.value.clone()
             }),
-            value: self.value * other.value,
-        }
+            value: a.value * b.value,
+        })
     }
 }
 
@@ -155,20 +182,20 @@ impl<T: Scalar> Mul for Hessian<T> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Hessian {
+        let (a, b) = (self, other);
+        once_for_series!(a: Hessian<T>, b: Hessian<T> => Hessian<T>, Hessian {
             second: array!(6, |k| {
                 let (i, j) = PAIRS[k];
-                self.second[k].clone() * other.value.clone()
-                    + other.second[k].clone() * self.value.clone()
-                    + self.first[i].clone() * other.first[j].clone()
-                    + self.first[j].clone() * other.first[i].clone()
+                a.second[k].clone() * b.value.clone()
+                    + b.second[k].clone() * a.value.clone()
+                    + a.first[i].clone() * b.first[j].clone()
+                    + a.first[j].clone() * b.first[i].clone()
             }),
             first: array!(3, |i| {
-                self.first[i].clone() * other.value.clone()
-                    + other.first[i].clone() * self.value.clone()
+                a.first[i].clone() * b.value.clone() + b.first[i].clone() * a.value.clone()
             }),
-            value: self.value * other.value,
-        }
+            value: a.value * b.value,
+        })
     }
 }
 

@@ -204,6 +204,8 @@ impl<T: Real> Kernel for Products<'_, T> {
 }
 
 impl<T: Real> Scalar for Jet<T> {
+    const IS_SERIES: bool = true;
+
     #[inline(never)]
     fn constant(&self, value: f64) -> Self {
         let constant = [T::splat(value)];
