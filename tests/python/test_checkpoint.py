@@ -148,7 +148,7 @@ law = "NeoHookean"
 young = 3e3
 poisson = 0.45
 [reduce]
-touchable = "anterior"
+touchable = "z > 90%"
 order = 2
 """
 
