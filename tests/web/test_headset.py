@@ -101,6 +101,8 @@ def frames(viewer: Viewer, count: int = 4) -> None:
 
 
 def put_on(viewer: Viewer) -> None:
+    # The emulator draws every frame of the headset in the window: a small one takes a software renderer less long.
+    viewer.page.set_viewport_size({"width": 640, "height": 420})
     # Once taken off, the emulator leaves its canvas above the button, out of reach of a pointer.
     viewer.page.get_by_role("button", name="VR").dispatch_event("click")
     viewer.page.wait_for_function("() => window.viscera.stage.renderer.xr.isPresenting")
