@@ -101,7 +101,7 @@ def frames(viewer: Viewer, count: int = 4) -> None:
 
 
 def put_on(viewer: Viewer) -> None:
-    # The emulator draws every frame of the headset in the window: a small one takes a software renderer less long.
+    # The emulator draws every frame of the headset in the window: a small one is drawn sooner in software.
     viewer.page.set_viewport_size({"width": 640, "height": 420})
     # Once taken off, the emulator leaves its canvas above the button, out of reach of a pointer.
     viewer.page.get_by_role("button", name="VR").dispatch_event("click")

@@ -31,7 +31,8 @@ pub struct Hessian<T> {
 /// Rows and columns of the packed Hessian.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-/// The value of an expression of some variables: inlined, or, over series, by a function that is compiled once.
+/// An expression of the variables that are named with their types: inlined for numbers, for series a call of a function
+/// that is compiled once, since their loops take far longer than a call.
 macro_rules! once_for_series {
     ($($name:ident: $kind:ty),* => $out:ty, $value:expr) => {{
         #[inline(always)]

@@ -49,8 +49,8 @@ pub trait Scalar:
     + Sub<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Whether each operation is a loop over coefficients. Operations of duals over such a scalar are functions of their
-    /// own, compiled once: inlined into every law they are most of what the compiler has to do.
+    /// Whether the scalar is a power series. Operations of duals over one are functions that are compiled once: inlined
+    /// into every law they would be most of the compiler's work.
     const IS_SERIES: bool = false;
     /// The constant `value`, of the same shape (order, variables) as `self`.
     fn constant(&self, value: f64) -> Self;
