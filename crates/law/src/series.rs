@@ -236,19 +236,20 @@ fn add_stress<T: Real>(Stress { slopes, table, deformation, q, out }: Stress<'_,
 
 #[allow(non_snake_case)]
 impl<T: Real> Slopes<'_, T> {
-    /// The slopes at the invariants, without the part of the pressure that is shared; those of a law that are functions
-    /// of `J` alone, by composition.
+    /// The slopes at the invariants, without the part of the pressure that is shared, by composition.
     #[inline(always)]
     fn at(self, [I1, I2, J]: [Jet<T>; 3]) -> [Jet<T>; 3] {
         let Slopes { uses, slopes, pressure, part, cache } = self;
         if uses.slopes_of_i1 || uses.i2 || uses.volume_is_trace {
-            let ratio = if uses.volume_is_trace { (I1.clone() - 1.0) * 0.5 } else { J.clone() };
-            let [mut psi1, psi2, mut psiJ] = slopes([I1, I2, J]);
-            if part != 0.0 {
-                let own = ratio.substituted_in(&cache.of(&ratio, |J| vec![pressure(J)])[0]) * part;
-                if uses.volume_is_trace { psi1 = psi1 - own * 0.5 } else { psiJ = psiJ - own }
-            }
-            return [psi1, psi2, psiJ];
+            return cache.of_three([I1, I2, J], |[I1, I2, J]| {
+                let ratio = if uses.volume_is_trace { (I1.clone() - 1.0) * 0.5 } else { J.clone() };
+                let [mut psi1, psi2, mut psiJ] = slopes([I1, I2, J]);
+                if part != 0.0 {
+                    let own = ratio.substituted_in(&pressure(ratio.variable())) * part;
+                    if uses.volume_is_trace { psi1 = psi1 - own * 0.5 } else { psiJ = psiJ - own }
+                }
+                [psi1, psi2, psiJ]
+            });
         }
         let taylor = cache.of(&J, |J| {
             let none = J.constant(0.0);

@@ -23,6 +23,7 @@ pub mod tensor;
 pub mod unroll;
 mod vector;
 
+pub use compose::Expansion;
 pub use dual::{Gradient, Hessian};
 pub use jet::Jet;
 pub use lanes::{LANES, Lane, Lanes, WIDTH, Wide};
