@@ -1,11 +1,11 @@
 use super::linear::{beside_cluster, hooke_dilatation, hooke_pressure};
-use super::{Law, TangentBlocks, Template};
-use viscera_number::Scalar;
+use super::{Law, SharedSeries, TangentBlocks, TaylorCache, Template, jets};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, trace,
     transpose_mul, transpose_mul_vector,
 };
 use viscera_number::unroll::{array, tabulate};
+use viscera_number::{Jet, Monomials, Real, Scalar};
 
 /// Corotated linear elasticity: Hooke's law in the frame of the rotation `R` of `F = R U`,
 /// `psi = mu |F - R|^2 + lam/2 (tr(R^T F) - 3)^2`.
@@ -40,12 +40,7 @@ impl Law for Corotated {
     /// `P = 2 mu (F - R) + lam (tr(R^T F) - 3) R`; the variation of `R` drops out.
     #[inline(always)]
     fn stress<S: Scalar>(&self, F: &Mat3<S>) -> Mat3<S> {
-        let R = rotation(F);
-        let pressure = (double_dot(&R, F) - 3.0) * self.lam;
-        tabulate!(|i, j| {
-            (F[i][j].clone() - R[i][j].clone()) * (2.0 * self.mu)
-                + pressure.clone() * R[i][j].clone()
-        })
+        self.stress_beside(F, &rotation(F))
     }
 
     /// `dP = 2 mu dF + lam (R : dF) R + (lam (tr U - 3) - 2 mu) dR`.
@@ -90,8 +85,55 @@ impl Law for Corotated {
     }
 
     #[inline(always)]
+    fn stress_series<T: Real>(
+        &self,
+        _: &mut TaylorCache<T>,
+        table: &'static Monomials,
+        deformation: &[T],
+        shared: SharedSeries<'_, T>,
+        out: &mut [T],
+    ) {
+        let F = jets(table, deformation);
+        let R = rotation_series(&F);
+        let mut P = self.stress_beside(&F, &R);
+        if !shared.pressure.is_empty() {
+            let J = double_dot(&R, &F) - 2.0;
+            let q = Jet::new(table, shared.pressure) - self.pressure(&J) * shared.part;
+            P = tabulate!(|i, j| P[i][j].clone() + q.clone() * R[i][j].clone());
+        }
+        let top = table.of_degree(table.order());
+        for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
+            for (value, c) in out.iter_mut().zip(top.clone()) {
+                *value = P[entry / 3][entry % 3].coefficient(c);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn volume_series<T: Real>(&self, table: &'static Monomials, deformation: &[T], out: &mut [T]) {
+        let F = jets(table, deformation);
+        let J = double_dot(&rotation_series(&F), &F) - 2.0;
+        for (c, value) in out.iter_mut().enumerate() {
+            *value = J.coefficient(c);
+        }
+    }
+
+    #[inline(always)]
     fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
         hooke_pressure(self.mu, self.lam, J)
+    }
+}
+
+#[allow(non_snake_case)]
+impl Corotated {
+    /// `P` from `F` and its rotation.
+    #[inline(always)]
+    fn stress_beside<S: Scalar>(&self, F: &Mat3<S>, R: &Mat3<S>) -> Mat3<S> {
+        let pressure = (double_dot(R, F) - 3.0) * self.lam;
+        tabulate!(|i, j| {
+            (F[i][j].clone() - R[i][j].clone()) * (2.0 * self.mu)
+                + pressure.clone() * R[i][j].clone()
+        })
     }
 }
 
@@ -117,19 +159,104 @@ fn spin<S: Scalar>(F: &Mat3<S>, R: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlocks<
     })
 }
 
+/// Steps that bring stretches between 1/30 and 30 to round-off, far beyond the law's use.
+const STEPS: usize = 12;
+
 /// The rotation of the polar decomposition by Higham's Newton iteration `R <- (R + R^-T)/2`.
 ///
-/// The only operations are products and a reciprocal, so it serves power series as well: each
-/// step doubles the number of correct orders. Twelve steps bring stretches between 1/30 and 30
-/// to round-off, far beyond the law's use.
+/// The only operations are products and a reciprocal, so it serves power series as well.
 #[inline(always)]
 #[allow(non_snake_case)]
 fn rotation<S: Scalar>(F: &Mat3<S>) -> Mat3<S> {
     let mut R = F.clone();
-    for _ in 0..12 {
-        let Z = cofactor(&R);
-        let scale = determinant(&R, &Z).recip() * 0.5;
-        R = tabulate!(|i, j| R[i][j].clone() * 0.5 + scale.clone() * Z[i][j].clone());
+    for _ in 0..STEPS {
+        R = nearer_rotation(&R);
     }
     R
+}
+
+/// A step of Higham's iteration.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn nearer_rotation<S: Scalar>(R: &Mat3<S>) -> Mat3<S> {
+    let Z = cofactor(R);
+    let scale = determinant(R, &Z).recip() * 0.5;
+    tabulate!(|i, j| R[i][j].clone() * 0.5 + scale.clone() * Z[i][j].clone())
+}
+
+/// The rotation of a series: once its constants are a rotation, every step doubles the number of correct orders, from
+/// none. At rest they are one from the start.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn rotation_series<T: Real>(F: &Mat3<Jet<T>>) -> Mat3<Jet<T>> {
+    let order = F[0][0].table().order();
+    let mut R = F.clone();
+    for _ in 0..steps_to_rotation(F) + (order + 1).next_power_of_two().ilog2() as usize {
+        R = nearer_rotation(&R);
+    }
+    R
+}
+
+/// Steps after which the constants of a series are a rotation to rounding: the error that a step leaves is the square of
+/// what it changes.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn steps_to_rotation<T: Real>(F: &Mat3<Jet<T>>) -> usize {
+    let mut R: Mat3<T> = tabulate!(|i, j| F[i][j].coefficient(0));
+    for steps in 0..STEPS {
+        let next = nearer_rotation(&R);
+        if next == R {
+            return steps;
+        }
+        let change = tabulate!(|i, j| next[i][j] - R[i][j]);
+        if double_dot(&change, &change) + 1.0 == T::splat(1.0) {
+            return steps + 1;
+        }
+        R = next;
+    }
+    STEPS
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// About a deformation with stretches of about 0.5 to 2, or about rest.
+    #[allow(non_snake_case)]
+    fn series(order: usize, is_at_rest: bool) -> Mat3<Jet<f64>> {
+        let table = Monomials::of(3, order);
+        let at = [[1.7, 0.4, -0.2], [-0.6, 0.9, 0.5], [0.1, -0.3, 0.8]];
+        tabulate!(|i, j| {
+            let unit = f64::from(u8::from(i == j));
+            let c = (0..table.len()).map(|c| match c {
+                0 if is_at_rest => unit,
+                0 => at[i][j],
+                _ => 0.2 * ((c + 7 * i + 3 * j) as f64).sin(),
+            });
+            Jet::new(table, c.collect::<Vec<_>>())
+        })
+    }
+
+    #[test]
+    #[allow(non_snake_case)]
+    fn few_steps_give_the_rotation_of_a_series() {
+        assert_eq!(steps_to_rotation(&series(5, true)), 0);
+        for (order, is_at_rest) in (1..=8).flat_map(|order| [(order, true), (order, false)]) {
+            let F = series(order, is_at_rest);
+            let (few, many) = (rotation_series(&F), rotation(&F));
+            let RtR = transpose_mul(&few, &few);
+            let U = transpose_mul(&few, &F);
+            for (i, j) in (0..9).map(|k| (k / 3, k % 3)) {
+                for c in 0..F[0][0].table().len() {
+                    let unit = if i == j && c == 0 { 1.0 } else { 0.0 };
+                    let scale = 1.0 + U[i][j].coefficient(c).abs();
+                    let near =
+                        |a: f64, b: f64| assert!((a - b).abs() < 1e-10 * scale, "{order} {c}");
+                    near(RtR[i][j].coefficient(c), unit);
+                    near(U[i][j].coefficient(c), U[j][i].coefficient(c));
+                    near(few[i][j].coefficient(c), many[i][j].coefficient(c));
+                }
+            }
+        }
+    }
 }
