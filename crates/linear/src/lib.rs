@@ -22,6 +22,7 @@ mod ordering;
 mod pattern;
 mod precision;
 mod shift;
+mod strip;
 mod substitution;
 #[cfg(test)]
 mod test_matrices;

@@ -1,9 +1,10 @@
 //! Double precision for answers, single precision for preconditioners: half the memory, half the time.
 
+use super::strip::InRegisters;
 use faer::traits::RealField;
 
 /// A floating-point type a factor may be held in.
-pub trait Precision: RealField + Copy + Default + Send + Sync {
+pub trait Precision: RealField + InRegisters + Copy + Default + Send + Sync {
     /// A pivot below this fraction of the terms it is the difference of has no digit left to trust: in double
     /// precision, rounding alone leaves 5e-14 of them in the zero pivots of a body of 3e4 rows that nothing holds.
     const LOST: f64;
