@@ -15,9 +15,9 @@ pub use series::{SeriesKernels, SharedSeries};
 use super::expression::Expression;
 use super::{Law, TangentBlocks, Template};
 use cells::{Dilatation, Energy, Pressure, Stress, Tangent, TangentShared, VolumeRatio};
+use viscera_number::Lane;
 use viscera_number::simd::Kernel;
 use viscera_number::tensor::{Mat3, Vec3};
-use viscera_number::{Lane, Wide};
 
 /// Makes laws of one kind from rows of parameters.
 pub trait Family: Send + Sync {
@@ -60,7 +60,7 @@ pub struct Shared<'a> {
 
 /// A law over slices: entry k of the results is of the cells whose deformation gradients are `F[k]`. All slices of a call
 /// have one length, and `row` holds the parameters of all its cells, as [`LawKernels::prepare`] gives them.
-pub trait LawKernels: SeriesKernels<f64> + SeriesKernels<Wide> + Send + Sync {
+pub trait LawKernels: SeriesKernels + Send + Sync {
     /// Whether an inverted cell (`J <= 0`) is outside the law's domain.
     fn forbids_inversion(&self) -> bool;
 

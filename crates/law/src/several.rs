@@ -9,7 +9,7 @@ use super::kernels::{LawKernels, SeriesKernels, Shared, SharedSeries};
 use super::{TangentBlocks, TaylorCache, Template};
 use std::sync::Arc;
 use viscera_number::tensor::{Mat3, Vec3};
-use viscera_number::{Lane, Monomials, Real};
+use viscera_number::{Lane, Monomials, Wide};
 
 /// Prefix of the name of several laws; their own names follow, separated by [`BETWEEN`].
 pub const SEVERAL: &str = "laws ";
@@ -98,18 +98,15 @@ impl LawKernels for Several {
     }
 }
 
-impl<T: Real> SeriesKernels<T> for Several
-where
-    for<'a> dyn LawKernels + 'a: SeriesKernels<T>,
-{
+impl SeriesKernels for Several {
     fn stress_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        deformation: &[T],
-        shared: SharedSeries<'_, T>,
-        out: &mut [T],
+        deformation: &[Wide],
+        shared: SharedSeries<'_, Wide>,
+        out: &mut [Wide],
     ) {
         let (law, row) = self.of(row);
         law.stress_series(row, cache, table, deformation, shared, out);
@@ -119,8 +116,8 @@ where
         &self,
         row: &[f64],
         table: &'static Monomials,
-        deformation: &[T],
-        out: &mut [T],
+        deformation: &[Wide],
+        out: &mut [Wide],
     ) {
         let (law, row) = self.of(row);
         law.volume_series(row, table, deformation, out);
@@ -129,10 +126,10 @@ where
     fn pressure_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        ratio: &[T],
-        out: &mut [T],
+        ratio: &[Wide],
+        out: &mut [Wide],
     ) {
         let (law, row) = self.of(row);
         law.pressure_series(row, cache, table, ratio, out);

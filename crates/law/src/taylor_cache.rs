@@ -14,6 +14,8 @@ pub struct TaylorCache<T: Real> {
     variable: Option<Jet<T>>,
     taylor: Vec<Jet<T>>,
     variables: Option<[Jet<T>; 3]>,
+    /// How often functions of these variables were asked for before they were expanded.
+    asked: usize,
     expansion: Option<Expansion<T>>,
 }
 
@@ -25,6 +27,7 @@ impl<T: Real> Default for TaylorCache<T> {
             variable: None,
             taylor: Vec::new(),
             variables: None,
+            asked: 0,
             expansion: None,
         }
     }
@@ -57,20 +60,24 @@ impl<T: Real> TaylorCache<T> {
         &self.taylor
     }
 
-    /// Functions of three series. An expansion in all of them costs as much as the functions of one cell: it is made when
-    /// the same constants are asked for again.
+    /// Functions of three series. They are expanded in all three as soon as the same constants have been asked for so often
+    /// that this would have paid.
     pub(super) fn of_three(
         &mut self,
         series: [Jet<T>; 3],
         functions: impl Fn([Jet<T>; 3]) -> [Jet<T>; 3],
     ) -> [Jet<T>; 3] {
-        let Some(variables) = Expansion::variables(&series) else { return functions(series) };
+        let Some(work) = Expansion::<T>::work(series[0].table()) else { return functions(series) };
+        let variables = Expansion::variables(&series);
         let is_known = self.variables.as_ref().is_some_and(|kept| {
             kept.iter().zip(&variables).all(|(kept, variable)| is_same(kept, variable))
         });
         if !is_known {
-            self.variables = Some(variables);
-            self.expansion = None;
+            (self.variables, self.asked, self.expansion) = (Some(variables), 1, None);
+            return functions(series);
+        }
+        if self.asked < work {
+            self.asked += 1;
             return functions(series);
         }
         self.expansion.get_or_insert_with(|| Expansion::new(functions(variables))).at(&series)

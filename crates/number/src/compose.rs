@@ -42,6 +42,9 @@ impl<T: Real> Jet<T> {
     }
 }
 
+/// Highest order of an expansion in three variables.
+const MAX_ORDER: usize = 8;
+
 /// Functions of three variables, as Taylor series about the constants of three series.
 pub struct Expansion<T: Real> {
     functions: [Jet<T>; 3],
@@ -56,10 +59,9 @@ struct Step {
 }
 
 impl<T: Real> Expansion<T> {
-    /// The variables `g_0 + x` in which functions of three series are to be expanded; one that is constant stays so. None
-    /// where the series are not ones in three variables.
-    pub fn variables(series: &[Jet<T>; 3]) -> Option<[Jet<T>; 3]> {
-        let table = series[0].table();
+    /// The variables `g_0 + x` in which functions of three series are to be expanded; one that is constant stays so.
+    pub fn variables(series: &[Jet<T>; 3]) -> [Jet<T>; 3] {
+        let table = Self::table(series[0].table());
         let of = |k: usize| match series[k].coefficients() {
             [constant, _, ..] => {
                 let mut variable = [*constant, T::default(), T::default(), T::default()];
@@ -68,7 +70,22 @@ impl<T: Real> Expansion<T> {
             }
             constant => Jet::new(table, constant),
         };
-        (table.variables() == 3 && table.order() > 0).then(|| [of(0), of(1), of(2)])
+        [of(0), of(1), of(2)]
+    }
+
+    /// The table of the functions, for series of a table.
+    fn table(of_series: &'static Monomials) -> &'static Monomials {
+        if of_series.variables() == 3 { of_series } else { Monomials::of(3, of_series.order()) }
+    }
+
+    /// About as many times as much work an expansion is than functions of series of a table; none where there is no table
+    /// for it.
+    pub fn work(of_series: &'static Monomials) -> Option<usize> {
+        let order = of_series.order();
+        (1..=MAX_ORDER).contains(&order).then(|| {
+            let products = |table: &Monomials| table.pairs(0..order + 1).len();
+            products(Self::table(of_series)) / products(of_series)
+        })
     }
 
     /// From what the functions are of the [variables](Expansion::variables).
@@ -102,7 +119,7 @@ impl<T: Real> Expansion<T> {
     /// The functions of series that have the constants they were expanded about.
     #[inline(never)]
     pub fn at(&self, series: &[Jet<T>; 3]) -> [Jet<T>; 3] {
-        let table = self.functions[0].table();
+        let table = series[0].table();
         let whole = |jet: &Jet<T>| {
             let mut coefficients = PooledVec::from(jet.coefficients());
             coefficients.resize(table.len());
@@ -118,13 +135,14 @@ impl<T: Real> Expansion<T> {
             constant => PooledVec::from(constant),
         };
         let mut sums = [of(&self.functions[0]), of(&self.functions[1]), of(&self.functions[2])];
-        dispatch_wide(Products { expansion: self, series: &series, sums: &mut sums });
+        dispatch_wide(Products { expansion: self, table, series: &series, sums: &mut sums });
         sums.map(|sum| Jet::new(table, sum))
     }
 }
 
 struct Products<'a, T: Real> {
     expansion: &'a Expansion<T>,
+    table: &'static Monomials,
     series: &'a [PooledVec<T>; 3],
     sums: &'a mut [PooledVec<T>; 3],
 }
@@ -134,8 +152,7 @@ impl<T: Real> WideKernel for Products<'_, T> {
 
     #[inline(always)]
     fn run<const BITS: usize>(self) {
-        let Products { expansion: Expansion { functions, steps }, series, sums } = self;
-        let table = functions[0].table();
+        let Products { expansion: Expansion { functions, steps }, table, series, sums } = self;
         let n = table.len();
         // The last monomial of each degree.
         let mut last = PooledVec::zeros((table.order() + 1) * n);
@@ -266,8 +283,8 @@ mod tests {
             [(xy.clone() * z.powf(-0.7)).ln(), y.square() * z.clone(), x * (xy * 0.1).exp()]
         };
         let sparse = |[x, y, z]: [Jet<f64>; 3]| [x * 2.0 + 1.0, y.constant(3.0), z.constant(0.0)];
-        for order in 1..7 {
-            let table = Monomials::of(3, order);
+        for (variables, order) in (1..7).flat_map(|order| [(1, order), (2, order), (3, order)]) {
+            let table = Monomials::of(variables, order);
             let series = |k: usize| {
                 let c = (0..table.len()).map(|i| 0.3 * ((i + 5 * k) as f64 * 0.7).sin());
                 Jet::new(table, c.collect::<Vec<_>>()) + (1.3 + k as f64)
@@ -275,7 +292,7 @@ mod tests {
             let constant = Jet::new(table, &[0.9][..]);
             for g in [[series(0), series(1), series(2)], [series(3), constant, series(4)]] {
                 for functions in [&smooth as &Functions, &sparse] {
-                    let variables = Expansion::variables(&g).unwrap();
+                    let variables = Expansion::variables(&g);
                     let composed = Expansion::new(functions(variables)).at(&g);
                     for (composed, direct) in composed.iter().zip(functions(g.clone())) {
                         for c in 0..table.len() {
@@ -297,16 +314,13 @@ mod tests {
         let steps = |functions: &dyn Fn([Jet<f64>; 3]) -> [Jet<f64>; 3]| {
             let at = |value: f64| Jet::new(table, &[value, 0.1, 0.2, 0.3][..]);
             let variables = Expansion::variables(&[at(3.0), at(3.0), at(1.0)]);
-            Expansion::new(functions(variables.unwrap())).steps.len()
+            Expansion::new(functions(variables)).steps.len()
         };
         assert_eq!(steps(&|[x, y, z]| [x, y, z]), 3);
         assert_eq!(steps(&|[x, _, z]| [z.clone(), x * z.square(), z]), 5, "x, xz, xzz, z, zz");
         assert_eq!(steps(&|[x, y, z]| [x.exp(), y.constant(1.0), z.constant(0.0)]), 5);
-        assert!(
-            Expansion::variables(
-                &[0, 1, 2].map(|_| Jet::new(Monomials::of(1, 3), &[1.0, 2.0][..]))
-            )
-            .is_none()
-        );
+        assert_eq!(Expansion::<f64>::work(table), Some(1));
+        assert_eq!(Expansion::<f64>::work(Monomials::of(1, 8)), Some(3003 / 45));
+        assert_eq!(Expansion::<f64>::work(Monomials::of(1, 15)), None, "too many terms");
     }
 }

@@ -1,9 +1,9 @@
-//! The kernels of a law for power series: what [`Law`] defines, for each kind of coefficients.
+//! The kernels of a law for power series: what [`Law`] defines, for eight series side by side.
 
 use super::{Family, compiled};
 use crate::{Law, TaylorCache};
 use viscera_number::simd::Kernel;
-use viscera_number::{Jet, Monomials, Real};
+use viscera_number::{Jet, Monomials, Real, Wide};
 
 /// [`Shared`](super::Shared) of series: all `table.len()` coefficients of the pressure, or none for a cell on its own.
 #[derive(Clone, Copy, Debug)]
@@ -20,18 +20,19 @@ impl<T> Default for SharedSeries<'_, T> {
     }
 }
 
-/// The power series of a law, as [`Law`] defines them, for one kind of coefficients. All of `out` is zero on entry.
+/// The power series of a law, as [`Law`] defines them: of one cell at several load positions, or of several cells with one
+/// row along a path. All of `out` is zero on entry.
 /// Functions of the volume ratio are taken from `cache`, which the caller has turned to the row and the shared part.
-pub trait SeriesKernels<T: Real> {
+pub trait SeriesKernels {
     /// [`Law::stress_series`].
     fn stress_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        deformation: &[T],
-        shared: SharedSeries<'_, T>,
-        out: &mut [T],
+        deformation: &[Wide],
+        shared: SharedSeries<'_, Wide>,
+        out: &mut [Wide],
     );
 
     /// [`Law::volume_series`].
@@ -39,30 +40,30 @@ pub trait SeriesKernels<T: Real> {
         &self,
         row: &[f64],
         table: &'static Monomials,
-        deformation: &[T],
-        out: &mut [T],
+        deformation: &[Wide],
+        out: &mut [Wide],
     );
 
     /// All `table.len()` coefficients of `U'(J)`.
     fn pressure_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        ratio: &[T],
-        out: &mut [T],
+        ratio: &[Wide],
+        out: &mut [Wide],
     );
 }
 
-impl<M: Family, T: Real> SeriesKernels<T> for M {
+impl<M: Family> SeriesKernels for M {
     fn stress_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        deformation: &[T],
-        shared: SharedSeries<'_, T>,
-        out: &mut [T],
+        deformation: &[Wide],
+        shared: SharedSeries<'_, Wide>,
+        out: &mut [Wide],
     ) {
         let law = self.law(row);
         compiled::<M::Law<'_>, _>(StressSeries { law, cache, table, deformation, shared, out });
@@ -72,8 +73,8 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
         &self,
         row: &[f64],
         table: &'static Monomials,
-        deformation: &[T],
-        out: &mut [T],
+        deformation: &[Wide],
+        out: &mut [Wide],
     ) {
         compiled::<M::Law<'_>, _>(VolumeSeries { law: self.law(row), table, deformation, out });
     }
@@ -81,10 +82,10 @@ impl<M: Family, T: Real> SeriesKernels<T> for M {
     fn pressure_series(
         &self,
         row: &[f64],
-        cache: &mut TaylorCache<T>,
+        cache: &mut TaylorCache<Wide>,
         table: &'static Monomials,
-        ratio: &[T],
-        out: &mut [T],
+        ratio: &[Wide],
+        out: &mut [Wide],
     ) {
         compiled::<M::Law<'_>, _>(PressureSeries { law: self.law(row), cache, table, ratio, out });
     }

@@ -7,7 +7,7 @@ use viscera_law::{
 };
 use viscera_number::tensor::{Mat3, Vec3};
 use viscera_number::unroll::tabulate;
-use viscera_number::{LANES, Lane, Lanes, Monomials};
+use viscera_number::{LANES, Lane, Lanes, Monomials, Real, Wide};
 
 use super::{F0, VECTORS};
 
@@ -43,14 +43,15 @@ fn answers(law: &dyn LawKernels, row: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
 
     let table = Monomials::of(1, 5);
     let n = table.len();
-    let path: Vec<f64> = (0..9 * n)
+    let path: Vec<Wide> = (0..9 * n)
         .map(|k| match k % n {
             0 => F0[k / n / 3][k / n % 3],
             5 => 0.0, // what is sought
             _ => 0.1 * (k as f64).sin(),
         })
+        .map(Wide::splat)
         .collect();
-    let mut series = vec![0.0; 9];
+    let mut series = vec![Wide::default(); 9];
     law.stress_series(
         &row,
         &mut TaylorCache::default(),
@@ -59,11 +60,12 @@ fn answers(law: &dyn LawKernels, row: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
         SharedSeries::default(),
         &mut series,
     );
-    out.push(("series", series));
-    let ratio: Vec<f64> = (0..n).map(|c| if c == 0 { 1.1 } else { 0.1 / c as f64 }).collect();
-    let mut series = vec![0.0; n];
+    out.push(("series", series.iter().map(|x| x[0]).collect()));
+    let ratio = |c: usize| Wide::splat(if c == 0 { 1.1 } else { 0.1 / c as f64 });
+    let ratio: Vec<Wide> = (0..n).map(ratio).collect();
+    let mut series = vec![Wide::default(); n];
     law.pressure_series(&row, &mut TaylorCache::default(), table, &ratio, &mut series);
-    out.push(("pressure series", series));
+    out.push(("pressure series", series.iter().map(|x| x[0]).collect()));
     out
 }
 

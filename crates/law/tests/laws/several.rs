@@ -1,6 +1,7 @@
 //! Several laws side by side: a row's own law answers for it, and wrong rows are refused.
 
 use super::*;
+use viscera_number::{Real, Wide};
 
 /// Name and row of every law there is, and of a formula.
 fn single_laws() -> Vec<(String, Vec<f64>)> {
@@ -35,16 +36,17 @@ fn every_row_is_answered_by_its_own_law() {
 }
 
 /// Stress, volume and pressure of the second degree.
-fn series(law: &dyn LawKernels, row: &[f64]) -> [Vec<f64>; 3] {
+fn series(law: &dyn LawKernels, row: &[f64]) -> [Vec<Wide>; 3] {
     let table = Monomials::of(3, 2);
     let (n, top) = (table.len(), table.of_degree(2).len());
-    let deformation: Vec<f64> = (0..9 * n)
+    let deformation: Vec<Wide> = (0..9 * n)
         .map(|k| match k % n < n - top {
             true => f64::from(u8::from(k % (4 * n) == 0)) + 0.02 * (k as f64).sin(),
             false => 0.0, // what is sought
         })
+        .map(Wide::splat)
         .collect();
-    let [mut stress, mut volume, mut pressure] = [vec![0.0; 9 * top], vec![0.0; n], vec![0.0; n]];
+    let [mut stress, mut volume, mut pressure] = [9 * top, n, n].map(|n| vec![Wide::default(); n]);
     law.stress_series(
         row,
         &mut TaylorCache::default(),

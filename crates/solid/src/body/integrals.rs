@@ -9,11 +9,11 @@ use super::curvature::Curvature;
 use super::outliers::Outlier;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
-use super::series::{Along, AroundSeries, SeriesIntegrals};
+use super::series::{Along, AroundSeries, CellSeries, SeriesIntegrals};
 use super::workspace::Workspace;
 use crate::element::{Geometry, Shape};
-use crate::law::{LawKernels, Material, SeriesKernels};
-use crate::number::{Real, Wide};
+use crate::law::{LawKernels, Material};
+use crate::number::Wide;
 use crate::tensor::{Mat3, cofactor, determinant};
 
 /// The integrals over the cells of a body. Displacements `u` and forces are of all degrees of freedom; geometries come
@@ -198,9 +198,9 @@ impl<E: Shape<N>, const N: usize> ElementIntegrals for CellBatches<E, N> {
     }
 }
 
-impl<T: Real, E: Shape<N>, const N: usize> SeriesIntegrals<T> for CellBatches<E, N>
+impl<T, E: Shape<N>, const N: usize> SeriesIntegrals<T> for CellBatches<E, N>
 where
-    dyn LawKernels: SeriesKernels<T>,
+    CellBatches<E, N>: CellSeries<T>,
 {
     fn add_force_series(
         &self,

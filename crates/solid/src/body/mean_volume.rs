@@ -10,10 +10,10 @@ use super::outliers::Outlier;
 use super::partition::Partition;
 use super::programmed::ClusterNodes;
 use super::quadrature_points::Cluster;
-use super::series::{Along, AroundSeries, SeriesIntegrals};
+use super::series::{Along, AroundSeries, CellSeries, ClusterSeries, SeriesIntegrals};
 use super::workspace::Workspace;
 use crate::element::{Geometry, Tet4};
-use crate::law::{LawKernels, Material, SeriesKernels};
+use crate::law::{LawKernels, Material};
 use crate::number::Real;
 use crate::tensor::Mat3;
 
@@ -173,7 +173,8 @@ impl ElementIntegrals for MeanVolume {
 
 impl<T: Real> SeriesIntegrals<T> for MeanVolume
 where
-    dyn LawKernels: SeriesKernels<T>,
+    CellBatches<Tet4, 4>: CellSeries<T>,
+    Clusters: ClusterSeries<T>,
 {
     fn add_force_series(
         &self,
