@@ -1,5 +1,5 @@
 use super::linear::{beside_cluster, hooke_dilatation, hooke_pressure};
-use super::{Law, SharedSeries, TangentBlocks, TaylorCache, Template, jets};
+use super::{Law, SharedSeries, TangentBlocks, TaylorCache, Template, jets, write_stress_series};
 use viscera_number::tensor::{
     Mat3, Vec3, cofactor, cross, determinant, dot, double_dot, mul_vector, spherical, trace,
     transpose_mul, transpose_mul_vector,
@@ -85,6 +85,11 @@ impl Law for Corotated {
     }
 
     #[inline(always)]
+    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
+        hooke_pressure(self.mu, self.lam, J)
+    }
+
+    #[inline(always)]
     fn stress_series<T: Real>(
         &self,
         _: &mut TaylorCache<T>,
@@ -95,18 +100,9 @@ impl Law for Corotated {
     ) {
         let F = jets(table, deformation);
         let R = rotation_series(&F);
-        let mut P = self.stress_beside(&F, &R);
-        if !shared.pressure.is_empty() {
-            let J = double_dot(&R, &F) - 2.0;
-            let q = Jet::new(table, shared.pressure) - self.pressure(&J) * shared.part;
-            P = tabulate!(|i, j| P[i][j].clone() + q.clone() * R[i][j].clone());
-        }
-        let top = table.of_degree(table.order());
-        for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
-            for (value, c) in out.iter_mut().zip(top.clone()) {
-                *value = P[entry / 3][entry % 3].coefficient(c);
-            }
-        }
+        let P = self.stress_beside(&F, &R);
+        let volume_ratio = || (double_dot(&R, &F) - 2.0, R.clone());
+        write_stress_series(self, (P, volume_ratio), table, shared, out);
     }
 
     #[inline(always)]
@@ -116,11 +112,6 @@ impl Law for Corotated {
         for (c, value) in out.iter_mut().enumerate() {
             *value = J.coefficient(c);
         }
-    }
-
-    #[inline(always)]
-    fn pressure_and_modulus<S: Scalar>(&self, J: &S) -> [S; 2] {
-        hooke_pressure(self.mu, self.lam, J)
     }
 }
 

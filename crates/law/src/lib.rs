@@ -225,8 +225,8 @@ pub trait Law: Copy + Send + Sync {
     ///
     /// `deformation` holds nine runs of `table.len()` coefficients, row by row, those of the highest degree zero;
     /// `shared` holds `s` and `p`, see [`Shared`]; `out` nine runs of the coefficients of the highest degree, zero on entry.
-    /// Functions of the volume ratio are taken from `cache`, turned to the row of this law and to `s`. Strain energies
-    /// replace this by `series.rs`.
+    /// Functions of the volume ratio and of the invariants are taken from `cache`, turned to the row of this law and to
+    /// `s`. Strain energies replace this by `series.rs`.
     #[inline(always)]
     fn stress_series<T: Real>(
         &self,
@@ -236,19 +236,8 @@ pub trait Law: Copy + Send + Sync {
         shared: SharedSeries<'_, T>,
         out: &mut [T],
     ) {
-        let top = table.of_degree(table.order());
         let F = jets(table, deformation);
-        let mut P = self.stress(&F);
-        if !shared.pressure.is_empty() {
-            let (J, Z) = self.volume_ratio(&F);
-            let q = Jet::new(table, shared.pressure) - self.pressure(&J) * shared.part;
-            P = tabulate!(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
-        }
-        for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
-            for (value, c) in out.iter_mut().zip(top.clone()) {
-                *value = P[entry / 3][entry % 3].coefficient(c);
-            }
-        }
+        write_stress_series(self, (self.stress(&F), || self.volume_ratio(&F)), table, shared, out);
     }
 
     /// All `table.len()` coefficients of the volume ratio from the same series, zero in `out` on entry.
@@ -274,6 +263,29 @@ fn determinant_curvature<S: Scalar>(F: &Mat3<S>, g: &[Vec3<S>; 3]) -> TangentBlo
             _ => -spin[(6 - i - k) % 3].clone(),
         })
     })
+}
+
+/// Writes [`Law::stress_series`] from the series of `P` and of the volume ratio with its derivative.
+#[inline(always)]
+#[allow(non_snake_case)]
+fn write_stress_series<L: Law, T: Real>(
+    law: &L,
+    (mut P, volume_ratio): (Mat3<Jet<T>>, impl FnOnce() -> (Jet<T>, Mat3<Jet<T>>)),
+    table: &'static Monomials,
+    shared: SharedSeries<'_, T>,
+    out: &mut [T],
+) {
+    if !shared.pressure.is_empty() {
+        let (J, Z) = volume_ratio();
+        let q = Jet::new(table, shared.pressure) - law.pressure(&J) * shared.part;
+        P = tabulate!(|i, j| P[i][j].clone() + q.clone() * Z[i][j].clone());
+    }
+    let top = table.of_degree(table.order());
+    for (entry, out) in out.chunks_exact_mut(top.len()).enumerate() {
+        for (value, c) in out.iter_mut().zip(top.clone()) {
+            *value = P[entry / 3][entry % 3].coefficient(c);
+        }
+    }
 }
 
 /// Nine runs of coefficients as a tensor of series.

@@ -38,7 +38,7 @@ pub(super) struct Slopes<'a, T: Real> {
     /// `U'` as a series of the volume ratio, and the part of it that a shared pressure replaces.
     pub pressure: &'a dyn Fn(Jet<T>) -> Jet<T>,
     pub part: f64,
-    /// Of functions of the volume ratio alone.
+    /// Of functions of the volume ratio alone, and of all invariants.
     pub cache: &'a mut TaylorCache<T>,
 }
 

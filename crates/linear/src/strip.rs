@@ -12,13 +12,15 @@ pub struct Known<'a, T> {
     pub row: usize,
 }
 
-/// What a strip of columns is made of, and whether anything is in it yet.
+/// Columns side by side from which the known ones are to be subtracted.
 pub struct Strip<'a, T> {
     /// What is subtracted.
     pub known: &'a Known<'a, T>,
-    /// From the row on that the known columns are seen from.
+    /// Their numbers, from the row on that the known columns are seen from.
     pub columns: &'a mut [T],
+    /// From a column to the next.
     pub stride: usize,
+    /// Whether nothing is in them yet.
     pub is_new: bool,
 }
 

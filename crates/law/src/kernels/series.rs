@@ -22,7 +22,8 @@ impl<T> Default for SharedSeries<'_, T> {
 
 /// The power series of a law, as [`Law`] defines them: of one cell at several load positions, or of several cells with one
 /// row along a path. All of `out` is zero on entry.
-/// Functions of the volume ratio are taken from `cache`, which the caller has turned to the row and the shared part.
+/// Functions of the volume ratio and of the invariants are taken from `cache`, which the caller has turned to the row and
+/// the shared part.
 pub trait SeriesKernels {
     /// [`Law::stress_series`].
     fn stress_series(

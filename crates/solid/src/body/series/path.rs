@@ -38,7 +38,7 @@ impl<E: Shape<N>, const N: usize> CellSeries<f64> for CellBatches<E, N> {
     }
 }
 
-/// Some batches of a tissue, the number of the first of them told.
+/// Batches of one tissue that share a series kernel's lanes, and the number of the first.
 struct Group<'a, const N: usize> {
     first: usize,
     batches: &'a [Batch<N>],
@@ -72,6 +72,7 @@ impl<const N: usize> Group<'_, N> {
         (0..WIDTH).filter(is_own)
     }
 
+    /// One number of each cell.
     #[inline(always)]
     fn wide(&self, of: impl Fn(&Batch<N>) -> Lane) -> Wide {
         Lanes(from_fn(|lane| {
@@ -80,6 +81,7 @@ impl<const N: usize> Group<'_, N> {
         }))
     }
 
+    /// The nodes of each cell.
     #[inline(always)]
     fn nodes(&self) -> [[u32; N]; WIDTH] {
         from_fn(|lane| {
