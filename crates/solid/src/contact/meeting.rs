@@ -129,18 +129,44 @@ impl Meeting {
         std::array::from_fn(|i| self.across() * self.normal[i] - self.pull() * offset[i])
     }
 
+    /// Whether it slides.
+    pub fn slides(&self) -> bool {
+        self.tie.as_ref().is_some_and(|tie| tie.slide != [0.0; 3])
+    }
+
     /// Adds its forces on both surfaces [N].
     pub fn add_force(&self, force: &mut [f64]) {
+        self.add_forces(self.across(), self.pull(), force);
+    }
+
+    /// Adds those of a force across the surfaces [N], and of a tie with this force over its stretch [N/m].
+    fn add_forces(&self, across: f64, pull: f64, force: &mut [f64]) {
         let mut add = |nodes: [u32; 6], weights: [f64; 6], whole: [f64; 3]| {
             for (node, weight) in nodes.into_iter().zip(weights) {
                 let own = &mut force[3 * node as usize..3 * node as usize + 3];
                 own.iter_mut().zip(whole).for_each(|(f, w)| *f += weight * w);
             }
         };
-        add(self.nodes, self.weights, self.normal.map(|n| self.across() * n));
+        add(self.nodes, self.weights, self.normal.map(|n| across * n));
         if let Some(tie) = &self.tie {
-            add(tie.nodes, tie.weights, tie.offset.map(|d| -tie.pull * d));
+            add(tie.nodes, tie.weights, tie.offset.map(|d| -pull * d));
         }
+    }
+
+    /// Adds what its forces change by along a step if it slides: `bound` tells that of friction for a change of the force
+    /// across the surfaces.
+    pub fn add_change_of_friction(
+        &self,
+        step: &[f64],
+        bound: impl Fn(f64) -> f64,
+        force: &mut [f64],
+    ) {
+        let Some(tie) = &self.tie else { return };
+        let moved = |node: u32| [0, 1, 2].map(|i| step[3 * node as usize + i]);
+        let corners = self.nodes.iter().zip(self.weights);
+        let opening: f64 = corners.map(|(&node, w)| w * dot(self.normal, moved(node))).sum();
+        let change = bound(-self.stiffness * opening).max(-tie.bound) / tie.stretch;
+        self.add_forces(change * self.gap, change, force);
     }
 
     /// The same without what is not positive semidefinite in its derivative: the rotation of the normal.

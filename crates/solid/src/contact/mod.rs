@@ -178,6 +178,13 @@ impl Contact {
         self.each(|held| held.end(u));
     }
 
+    /// The body has gone on by this part of its last motion, as its tools have; zero if it has not. What is linearized next is
+    /// then rubbed as hard as pressures that go on as they went say: those of a layer where the body is not yet in
+    /// equilibrium are far from what they will be.
+    pub fn foresee(&mut self, part: f64) {
+        self.each(|held| held.ahead = part);
+    }
+
     /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
@@ -220,6 +227,20 @@ impl Contact {
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
         self.pairs.iter_mut().for_each(|pair| pair.add_stiffness(curvature, blocks));
         self.tools.iter_mut().flatten().for_each(|held| held.add_stiffness(curvature, blocks));
+    }
+
+    /// Whether anything slides.
+    pub fn slides(&self) -> bool {
+        let tools = self.tools.iter().flatten();
+        tools.flat_map(|tool| &tool.touching).any(|touching| touching.slide != [0.0; 3])
+            || self.pairs.iter().any(ActivePair::slides)
+    }
+
+    /// Adds what the forces of friction on what slides change by along a step, since their bounds follow the pressures. The
+    /// tangent has no part of it, and no symmetric one could: a pressure moves what slides, not the other way round.
+    pub fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
+        self.pairs.iter().for_each(|pair| pair.add_change_of_friction(step, force));
+        self.tools.iter().flatten().for_each(|tool| tool.add_change_of_friction(step, force));
     }
 
     /// Adds a multiple of the product of the last contribution to the tangent with `x`.

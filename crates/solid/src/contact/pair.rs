@@ -241,6 +241,18 @@ impl ActivePair {
         self.touching.iter().for_each(|meeting| meeting.add_force(force));
     }
 
+    /// Whether a sample slides.
+    pub fn slides(&self) -> bool {
+        self.touching.iter().any(Meeting::slides)
+    }
+
+    /// Adds what the forces of friction change by along a step: the bound of what slides follows its pressure.
+    pub fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
+        for meeting in self.touching.iter().filter(|meeting| meeting.slides()) {
+            meeting.add_change_of_friction(step, |fall| self.friction.bound(fall), force);
+        }
+    }
+
     /// Adds the negative derivative of the forces to a tangent; the part by the rotation of normals, which is not definite,
     /// only if it is to be exact.
     pub fn add_stiffness(&mut self, curvature: Curvature, blocks: &mut SymmetricBlocks) {
@@ -308,8 +320,7 @@ impl ActivePair {
             report.area += meeting.area;
             report.energy += meeting.energy;
             report.touching += 1;
-            let slides = meeting.tie.as_ref().is_some_and(|tie| tie.slide != [0.0; 3]);
-            report.sliding += usize::from(slides);
+            report.sliding += usize::from(meeting.slides());
         }
         report
     }

@@ -135,6 +135,20 @@ impl Samples {
         self.faces.iter().zip(self.on.iter().cloned())
     }
 
+    /// The same for one of them.
+    pub fn face(&self, number: usize) -> (&Face, Range<usize>) {
+        (&self.faces[number], self.on[number].clone())
+    }
+
+    pub fn n_faces(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// How much farther a sample moves than the node that moves most, at most.
+    pub fn bulge(&self) -> f64 {
+        self.faces.first().map_or(1.0, Face::bulge)
+    }
+
     /// Nodes and weights of a sample.
     pub fn nodes(&self, sample: usize) -> &[(u32, f64)] {
         let [start, end] = self.samples[sample].range;

@@ -1,5 +1,6 @@
 //! Distances and energies against differences of each other, and known equilibria.
 
+mod following;
 mod jaws;
 mod lead;
 mod pair_friction;

@@ -1,6 +1,7 @@
 //! A rigid tool, and the samples of the surface that it touches.
 
 mod assembly;
+mod near;
 mod steps;
 mod touching;
 
@@ -17,6 +18,7 @@ use crate::body::Body;
 use crate::error::Error;
 use crate::mesh::{cross, dot, norm, sub};
 use crate::tensor::Mat3;
+use near::Near;
 use std::sync::Arc;
 use touching::along;
 
@@ -92,7 +94,12 @@ pub(super) struct ActiveTool {
     /// The samples that touched in the last tangent.
     in_tangent: Vec<Touching>,
     gap: f64,
+    near: Near,
     dissipation: f64,
+    /// Pressures of the samples at the ends of the last two steps [Pa]; none without friction.
+    pressures: Vec<[f64; 2]>,
+    /// The part of the last motion by which the body has gone on as it went; zero if it has not.
+    pub ahead: f64,
     /// See [`spine`].
     spine: Vec<[f64; 3]>,
     /// See [`depth`].
@@ -145,6 +152,8 @@ impl ActiveTool {
             is_inside: false,
             tool,
             slides: vec![[0.0; 3]; anchors.len()],
+            pressures: vec![[0.0; 2]; anchors.len()],
+            ahead: 0.0,
             anchors,
             areas: (0..n).map(|sample| samples.area(sample)).collect(),
             kept: Vec::new(),
@@ -152,6 +161,7 @@ impl ActiveTool {
             touching: Vec::new(),
             in_tangent: Vec::new(),
             gap: f64::INFINITY,
+            near: Near::default(),
             dissipation: 0.0,
         }
     }
@@ -181,6 +191,11 @@ impl ActiveTool {
     /// Finds the samples that touch at `u`. Those that did not touch at the start of the step are tied to the point of
     /// the tool where they were then.
     pub fn linearize(&mut self, u: &[f64], start: &[f64]) {
+        self.meet_near(u, start);
+    }
+
+    /// Finds what touches at `u` on some faces.
+    fn meet_on(&mut self, faces: impl Iterator<Item = usize>, u: &[f64], start: &[f64]) {
         let samples = self.samples.clone();
         self.touching.clear();
         self.gap = f64::INFINITY;
@@ -190,7 +205,8 @@ impl ActiveTool {
             }
         }
         let out_of_layer = samples.out_of_layer(self.tool.stiffness);
-        for (face, on_it) in samples.by_face() {
+        for number in faces {
+            let (face, on_it) = samples.face(number);
             let (middle, radius) = face.ball(u);
             let least = self.least(middle) - radius;
             if least > out_of_layer && least >= self.gap {
@@ -276,6 +292,7 @@ impl ActiveTool {
             force: n.map(|n| area * pressure * n),
             stiffness: std::array::from_fn(|i| std::array::from_fn(|j| area * slope * n[i] * n[j])),
             curvature: curvature.map(|row| row.map(|k| -part * k)),
+            fall: area * slope,
             bound: 0.0,
             slide: [0.0; 3],
             pull: 0.0,
@@ -285,12 +302,23 @@ impl ActiveTool {
         if let Some(anchor) = self.anchors.get(sample) {
             let point = anchor.map_or_else(|| self.before.inward(from), |anchor| anchor.point);
             touching.anchor = self.pose.outward(point);
-            touching.bound = area * self.tool.friction.bound(pressure.max(0.0));
+            touching.bound =
+                area * self.tool.friction.bound(self.foreseen(sample, pressure.max(0.0)));
             if touching.bound > 0.0 {
                 touching.rub(area * layer.stiffness, self.slides[sample]);
             }
         }
         touching
+    }
+
+    /// The pressure that a sample will end with, if it is where the last motion leads by the part [`ActiveTool::ahead`].
+    fn foreseen(&self, sample: usize, pressure: f64) -> f64 {
+        match self.pressures.get(sample) {
+            Some([last, before]) if self.ahead > 0.0 && *last > 0.0 => {
+                (last + self.ahead * (last - before)).max(0.0)
+            }
+            _ => pressure,
+        }
     }
 
     /// A sample tied across the surface as well as along it.
@@ -311,6 +339,7 @@ impl ActiveTool {
                 std::array::from_fn(|j| if i == j { stiffness } else { 0.0 })
             }),
             curvature: [[0.0; 3]; 3],
+            fall: stiffness,
             bound: f64::INFINITY,
             slide: [0.0; 3],
             pull: 0.0,
@@ -331,7 +360,10 @@ impl ActiveTool {
         if self.anchors.is_empty() {
             return;
         }
-        before.iter().for_each(|&sample| self.anchors[sample] = None);
+        for &sample in &before {
+            self.anchors[sample] = None;
+            self.pressures[sample] = [0.0, self.pressures[sample][0]];
+        }
         for touching in &self.touching {
             let sample = touching.sample;
             let layer = samples.layer(sample, self.tool.stiffness);
@@ -348,6 +380,7 @@ impl ActiveTool {
                 std::array::from_fn(|i| touching.anchor[i] + slip * stretch[i])
             };
             self.anchors[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
+            self.pressures[sample][0] = touching.pressure;
         }
     }
 

@@ -115,7 +115,7 @@ impl Face {
     }
 
     /// How much farther from its middle its places may be than its nodes.
-    fn bulge(&self) -> f64 {
+    pub fn bulge(&self) -> f64 {
         if self.is_quadratic { QUADRATIC } else { 1.0 }
     }
 

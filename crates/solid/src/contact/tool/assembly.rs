@@ -47,6 +47,21 @@ impl ActiveTool {
         }
     }
 
+    /// Adds what the forces of friction change by along a step: the bound of what slides follows its pressure.
+    pub(in super::super) fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
+        for touching in self.touching.iter().filter(|touching| touching.slide != [0.0; 3]) {
+            let approach = -dot(self.samples.mean(touching.sample, step), touching.normal);
+            let across = self.areas[touching.sample] * touching.pressure + touching.fall * approach;
+            let change = self.tool.friction.bound(across.max(0.0)) - touching.bound;
+            for &(node, weight) in self.samples.nodes(touching.sample) {
+                let own = &mut force[3 * node as usize..3 * node as usize + 3];
+                own.iter_mut()
+                    .zip(touching.slide)
+                    .for_each(|(f, along)| *f -= weight * change * along);
+            }
+        }
+    }
+
     /// Adds the negative derivative of the forces to a tangent, with the part by the gap's curvature or without.
     pub(in super::super) fn add_stiffness(
         &mut self,

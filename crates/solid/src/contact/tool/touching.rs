@@ -23,6 +23,8 @@ pub struct Touching {
     /// Its negative derivative [N/m]: the semidefinite part, and that by the curvature of the gap.
     pub stiffness: Mat3<f64>,
     pub curvature: Mat3<f64>,
+    /// Fall of the force across the surface with the gap [N/m].
+    pub fall: f64,
     /// Largest force along the surface [N]; none without friction.
     pub bound: f64,
     /// Which way it slides, zero where it sticks, and the force along the surface over the stretch [N/m].

@@ -2,9 +2,11 @@
 
 use super::Stepper;
 use crate::body::Body;
+use crate::clock::Instant;
 use crate::contact::{Contact, Pose, Tool};
 use crate::equilibrium::system::{ConstrainedSystem, mean_rows};
 use crate::error::Error;
+use crate::number::norm;
 use std::sync::Arc;
 
 /// Part of the initial power of a step. If the final power has the opposite sign and exceeds it, the step was too long.
@@ -14,6 +16,13 @@ pub(super) const MAX_RETURNS: usize = 6;
 /// Least part of what lies between a place before the balance and one beyond it that the next try leaves behind: beyond,
 /// a stiff layer may have a power hundreds of times as large.
 pub(super) const LEAST_PART: f64 = 0.1;
+
+/// What a change of friction must exceed to be followed: this part of the residual at which a frame is settled, and this part
+/// of what the step of the same number left in the last frame. How often it is followed at most, and to what part of it.
+const FELT: f64 = 0.8;
+const FELT_BESIDE: f64 = 0.2;
+const MAX_FOLLOWED: usize = 3;
+const FOLLOWED: f64 = 0.4;
 
 impl Stepper {
     /// Adds a tool, from the next frame on; returns its number.
@@ -42,6 +51,40 @@ impl Stepper {
     /// The contacts of the tools in the last frame.
     pub fn contact(&self) -> &Contact {
         &self.contact
+    }
+
+    /// Adds to a step what friction answers to it: what slides is held by the pressure at the end of the step, of which the
+    /// tangent, which is symmetric, knows nothing. What that changes is balanced with the factor that there is. Returns the
+    /// iterations of the linear solver.
+    pub(super) fn follow_friction(
+        &mut self,
+        number: usize,
+        deadline: Option<Instant>,
+    ) -> Result<usize, Error> {
+        let mut iterations = 0;
+        if !self.follows_friction || !self.contact.slides() {
+            return Ok(iterations);
+        }
+        let left = self.left.get(number).copied().unwrap_or(0.0);
+        let felt = (FELT * self.settings.settled * self.magnitude).max(FELT_BESIDE * left);
+        let n = self.step.len();
+        let [mut known, mut change, mut answer] = [(); 3].map(|()| vec![0.0; n]);
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_FOLLOWED {
+            change.fill(0.0);
+            self.contact.add_change_of_friction(&self.step, &mut change);
+            known.iter_mut().zip(&change).for_each(|(known, change)| *known = change - *known);
+            let size = norm(&known);
+            if size <= felt || size >= last {
+                break;
+            }
+            iterations += self.solver.respond(&known, FOLLOWED, &mut answer, deadline)?;
+            self.step.iter_mut().zip(&answer).for_each(|(step, by)| *step += by);
+            self.increment.iter_mut().zip(&answer).for_each(|(free, by)| *free += by);
+            last = size;
+            std::mem::swap(&mut known, &mut change);
+        }
+        Ok(iterations)
     }
 
     /// Takes a wider pattern for the tangent where surfaces have come to touch that it does not couple.

@@ -65,13 +65,13 @@ impl Extrapolation {
 }
 
 impl Stepper {
-    /// Moves the body on as in the last frame, as far as hands and tools repeat their motion; whether it did. Not where this
-    /// would lead through a tool, or a cell next to a bound.
-    pub(super) fn extrapolate(&mut self, body: &Body, hands: &[f64]) -> bool {
-        let part = self.extrapolation.part(hands);
-        let is_ahead = self.move_on(body, part);
-        self.extrapolation.go_on(if is_ahead { part } else { 0.0 });
-        is_ahead
+    /// Moves the body on as in the last frame, as far as hands and tools repeat their motion, and returns that part of it.
+    /// None where this would lead through a tool, or a cell next to a bound.
+    pub(super) fn extrapolate(&mut self, body: &Body, hands: &[f64]) -> f64 {
+        let wanted = self.extrapolation.part(hands);
+        let part = if self.move_on(body, wanted) { wanted } else { 0.0 };
+        self.extrapolation.go_on(part);
+        part
     }
 
     fn move_on(&mut self, body: &Body, part: f64) -> bool {
@@ -95,7 +95,7 @@ impl Stepper {
     /// Norm of the force that the extrapolation has balanced [N]: by the tangent of its end, or as far as linear systems
     /// have told, where a product takes as long as a tangent.
     pub(super) fn extrapolated_force(&mut self) -> f64 {
-        if !self.is_ahead {
+        if self.ahead == 0.0 {
             return 0.0;
         }
         if self.tangent.product_part().is_some() && !self.extrapolation.balanced.is_empty() {

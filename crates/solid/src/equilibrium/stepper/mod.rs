@@ -89,8 +89,8 @@ pub struct Stepper {
     /// Whether the last frame settled: tools may then lead what they touch.
     was_settled: bool,
     extrapolation: Extrapolation,
-    /// Whether this frame has set out from where the last motion leads.
-    is_ahead: bool,
+    /// The part of the last motion by which this frame has set out from where it leads; zero from the last state.
+    ahead: f64,
     /// Time that recent frames took after their last linear system; it is reserved in the budget.
     tail: Duration,
     /// Time of the last convex tangent.
@@ -113,6 +113,10 @@ pub struct Stepper {
     step: Vec<f64>,
     /// Power of the residual along the last step, per step [J]; used with tools.
     descent: f64,
+    /// Whether steps of this frame follow friction: until one leaves more than there was.
+    follows_friction: bool,
+    /// Norm of the residual after each step of the last frame, as far as this one has not come so far [N].
+    left: Vec<f64>,
     trial: Vec<f64>,
     forces: Vec<f64>,
 }
@@ -195,7 +199,7 @@ impl Stepper {
             hands_move: false,
             was_settled: true,
             extrapolation: Extrapolation::default(),
-            is_ahead: false,
+            ahead: 0.0,
             tail: Duration::ZERO,
             convex: Duration::ZERO,
             projects_next: false,
@@ -210,6 +214,8 @@ impl Stepper {
             increment: vec![0.0; n],
             step: vec![0.0; n],
             descent: 0.0,
+            follows_friction: true,
+            left: Vec::new(),
             trial: vec![0.0; n],
             forces: Vec::new(),
         })
@@ -313,9 +319,10 @@ impl Stepper {
         self.apply_loads(input);
         self.start.copy_from_slice(&self.displacement);
         self.contact.begin(&self.displacement);
+        self.follows_friction = true;
         self.convex = self.convex.mul_f64(CONVEX_KEPT);
         let hands = self.places_of_hands(input);
-        self.is_ahead = self.extrapolate(body, &hands);
+        self.ahead = self.extrapolate(body, &hands);
         let outcome = self.advance(body, input, deadline);
         let progress = match outcome {
             Ok(progress) => progress,

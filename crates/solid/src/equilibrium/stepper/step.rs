@@ -115,8 +115,8 @@ impl Iteration for FrameIteration<'_> {
     fn step(&mut self) -> Result<(), Error> {
         self.began = Instant::now();
         let FrameIteration { stepper, body, input, deadline, progress, .. } = self;
-        let is_first = progress.steps == 0;
-        let (is_unstable, solved) = stepper.find_step(body, input, is_first, *deadline)?;
+        let (number, before) = (progress.steps, progress.residual);
+        let (is_unstable, solved) = stepper.find_step(body, input, number, *deadline)?;
         progress.is_unstable |= is_unstable;
         progress.iterations += solved.iterations;
         progress.is_solved &= solved.is_complete;
@@ -130,6 +130,8 @@ impl Iteration for FrameIteration<'_> {
         progress.steps += 1;
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());
         progress.residual = stepper.measure(body, progress.is_cut);
+        stepper.keep_left(number, progress.residual);
+        stepper.follows_friction &= progress.residual < before;
         if !stepper.contact.is_empty() && !stepper.hands_move {
             // A step that contact cut has still led into the layer; one that cells cut has not met its end.
             stepper.contact.keep_pieces(true);
@@ -198,7 +200,9 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.press(body, is_first && self.was_settled && !self.is_ahead);
+        self.contact.foresee(if is_first { self.ahead } else { 0.0 });
+        self.press(body, is_first && self.was_settled && self.ahead == 0.0);
+        self.contact.foresee(0.0);
         self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();
@@ -213,9 +217,10 @@ impl Stepper {
         &mut self,
         body: &Body,
         input: &Input<'_>,
-        is_first: bool,
+        number: usize,
         deadline: Option<Instant>,
     ) -> Result<(bool, Solved), Error> {
+        let is_first = number == 0;
         let projects_next = self.projects_next && self.has_time_for_convex(deadline);
         let mut curvature = if projects_next { Curvature::Projected } else { Curvature::Exact };
         self.linearize(body, curvature, is_first)?;
@@ -259,6 +264,9 @@ impl Stepper {
         };
         self.step.iter_mut().zip(&self.increment).for_each(|(s, f)| *s += f);
         let is_unstable = curvature == Curvature::Projected || solved.indefinite.is_some();
+        if solved.indefinite.is_none() {
+            iterations += self.follow_friction(number, deadline)?;
+        }
         Ok((is_unstable, Solved { iterations: iterations + solved.iterations, ..solved }))
     }
 

@@ -310,6 +310,40 @@ impl Iterative {
         if is_remote && self.correction.iter().all(|&x| x == 0.0) {
             self.set_out(border, tolerance);
         }
+        self.conjugate(border, tolerance, deadline)
+    }
+
+    /// Solves for a further force without a guess, and leaves what the last steps tell as it is; on a device that has the
+    /// matrix to itself not at all. Returns the iterations.
+    pub fn respond(
+        &mut self,
+        border: &Border,
+        b: &[f64],
+        tolerance: f64,
+        step: &mut [f64],
+        deadline: Option<Instant>,
+    ) -> Result<usize, FactorError> {
+        step.fill(0.0);
+        if self.is_formed() {
+            return Ok(0);
+        }
+        self.residual.copy_from_slice(b);
+        border.project(&mut self.residual);
+        self.correction.fill(0.0);
+        let solved = self.conjugate(border, tolerance, deadline)?;
+        if solved.indefinite.is_none() {
+            step.copy_from_slice(&self.correction);
+        }
+        Ok(solved.iterations)
+    }
+
+    /// Conjugate gradients from the correction that there is.
+    fn conjugate(
+        &mut self,
+        border: &Border,
+        tolerance: f64,
+        deadline: Option<Instant>,
+    ) -> Result<Solved, FactorError> {
         let settings = Settings {
             relative_tolerance: tolerance,
             max_iterations: self.settings.max_iterations,

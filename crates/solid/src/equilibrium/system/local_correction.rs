@@ -110,7 +110,7 @@ impl LocalCorrection {
         (0..).zip(&*nodes).for_each(|(place, &node)| places[node as usize] = Some(place));
         rows.clear();
         let (blocks, _) = given.values.as_chunks::<9>();
-        for ((row, column), block) in given.pattern.pairs().zip(blocks) {
+        given.pattern.pairs().zip(blocks).for_each(|((row, column), block)| {
             let mut add = |from: u32, node: u32, block: Block| {
                 if let Some(place) = places[from as usize] {
                     rows.push(Coupling {
@@ -124,7 +124,7 @@ impl LocalCorrection {
             if row != column {
                 add(column, row, ENTRIES.map(|(i, k)| block[3 * k + i]));
             }
-        }
+        });
     }
 
     /// `z = M⁻¹ r`, given `L`.
@@ -191,7 +191,12 @@ impl<'a> Constrained<'a> {
         (0..).zip(blocks).map(move |(node, block)| self.constrained(*block, node, node))
     }
 
+    #[inline]
     fn constrained(self, block: Block, row: u32, column: u32) -> Block {
+        let is_free = |node: u32| self.is_held[3 * node as usize..][..3] == [false; 3];
+        if row != column && is_free(row) && is_free(column) {
+            return block;
+        }
         std::array::from_fn(|entry| {
             let (i, k) = (3 * row as usize + entry / 3, 3 * column as usize + entry % 3);
             let is_diagonal = f64::from(i == k);

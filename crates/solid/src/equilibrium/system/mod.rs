@@ -346,6 +346,27 @@ impl ConstrainedSystem {
         }
     }
 
+    /// Solves for the step that a further force asks for, the means of the patches staying where they are, as far as that
+    /// leaves `tolerance` of it; returns the iterations that took. What conjugate gradients remember of a motion, they keep.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn respond(
+        &mut self,
+        b: &[f64],
+        tolerance: f64,
+        step: &mut [f64],
+        deadline: Option<Instant>,
+    ) -> Result<usize, FactorError> {
+        let mut b = b.to_vec();
+        b.iter_mut().zip(&self.is_held).for_each(|(b, &held)| *b = if held { 0.0 } else { *b });
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            return iterative.respond(&b, tolerance, step, deadline);
+        }
+        let still = self.border.zeros();
+        self.solve(&mut b, &still, step, &mut Vec::new(), deadline).map(|_| 0)
+    }
+
     /// Number of negative eigenvalues of the tangent prepared last, the patches left out; none unless the method is
     /// [`Method::Ldlt`].
     pub fn n_negative(&self) -> Option<usize> {

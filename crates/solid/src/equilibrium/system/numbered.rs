@@ -131,6 +131,24 @@ impl Numbered {
         Ok(solved)
     }
 
+    /// Solves for the step that a further force asks for; see [`Iterative::respond`].
+    pub fn respond(
+        &mut self,
+        b: &[f64],
+        tolerance: f64,
+        step: &mut [f64],
+        deadline: Option<Instant>,
+    ) -> Result<usize, FactorError> {
+        let Numbered { iterative, border, numbering, load, step: own, .. } = self;
+        let Some(numbering) = numbering else {
+            return iterative.respond(border, b, tolerance, step, deadline);
+        };
+        numbering.gather(b, load);
+        let iterations = iterative.respond(border, load, tolerance, own, deadline)?;
+        numbering.scatter(own, step);
+        Ok(iterations)
+    }
+
     /// Tells where a displacement takes the nodes: rigid motions of a bent body are not those of a straight one.
     pub fn move_to(&mut self, body: &Body, u: &[f64]) {
         let (moves, _) = u.as_chunks::<3>();
