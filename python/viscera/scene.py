@@ -223,9 +223,6 @@ class Scene(Organ):
         sides, diagonal = self._sides(pair)
         if pair.first[0] == pair.second[0]:
             self._refuse_shared(pair, np.intersect1d(*sides))
-        element = self.organ(pair.first[0]).element
-        if element == "P2":
-            raise VisceraError(f"{pair!r}: organs that touch cannot be of the element 'P2'; choose 'P1 mean volume'")
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
         if reach <= 0.0:
             raise refused("the reach of a contact pair", "a length above 0 [m]", pair.reach)

@@ -53,7 +53,7 @@ def closing(by: float = 0.012, slide: float | None = None) -> dict[str, Any]:
     return {"jaws/west": (by, None, None), "jaws/east": (-by, slide, None)}
 
 
-@pytest.mark.parametrize("element", ["P1", "P1 mean volume"])
+@pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
 def test_jaws_that_meet_press_on_each_other(element: str) -> None:
     """Farther apart at rest than the reach: with every solver and in frames they bear the same."""
     pair, reverse = vs.ContactPair(*WALLS, reach="1 cm"), vs.ContactPair(*WALLS[::-1], reach="1 cm")
@@ -169,8 +169,3 @@ def test_a_case_file_keeps_the_pair(tmp_path: Path) -> None:
 def test_places_that_are_no_pair_are_refused(first: Any, second: Any, words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         scene(vs.ContactPair(first, second))
-
-
-def test_an_element_with_nodes_on_edges_is_refused() -> None:
-    with pytest.raises(vs.VisceraError, match="cannot be of the element 'P2'"):
-        scene(vs.ContactPair(*WALLS), element="P2")

@@ -1,13 +1,24 @@
 //! Two surfaces of a body that may touch each other, as contact needs them of the body: their triangles, and the blocks
 //! that the pattern of the tangent reserves between their nodes.
+//!
+//! A quadratic face is cut into four triangles. Those with their corners in the middles of its edges would turn an even
+//! pressure into other nodal forces than the element: a third on each middle, none on its corners. With corners that bulge
+//! a third farther than the middles,
+//!   `y = x_m + (x_m - (x_a + x_b) / 2) / 3`,
+//! the forces are those, and what the triangles enclose is what the faces enclose.
 
 use crate::error::Error;
-use crate::mesh::{Boxes, norm, sub};
+use crate::mesh::{Boxes, norm, quadratic_surface, sub};
+use std::collections::HashMap;
+
+/// Weights of the middle of an edge and of its ends in the place of a corner.
+const BULGE: [f64; 3] = [4.0 / 3.0, -1.0 / 6.0, -1.0 / 6.0];
 
 /// Two surfaces that may touch each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPair {
-    /// The triangles of the one and of the other, seen anticlockwise from outside.
+    /// The triangles of the one and of the other, seen anticlockwise from outside. Their corners are nodes, but for those with
+    /// the number of the middle of an edge, see [`ContactPair::nodes_of`].
     pub surfaces: [Vec<[u32; 3]>; 2],
     /// Surfaces that come closer than this are looked at [m].
     pub reach: f64,
@@ -17,6 +28,8 @@ pub struct ContactPair {
     pub friction: f64,
     /// The pairs of nodes that the tangent couples.
     reserved: Vec<[u32; 2]>,
+    /// The ends of the edges whose middles are corners.
+    ends: HashMap<u32, [u32; 2]>,
 }
 
 impl ContactPair {
@@ -66,25 +79,67 @@ impl ContactPair {
                 "the friction coefficient of a contact pair is {friction}; it must be finite and not negative"
             )));
         }
-        let mut pair = ContactPair { surfaces, reach, stiffness, friction, reserved: Vec::new() };
+        let (reserved, ends) = (Vec::new(), HashMap::new());
+        let mut pair = ContactPair { surfaces, reach, stiffness, friction, reserved, ends };
         pair.reserve(points);
         Ok(pair)
     }
 
+    /// Cuts the faces of quadratic cells into four, with corners at these points and at the middles of these edges, whose
+    /// numbers follow. Those that are cut already stay as they are.
+    pub(super) fn cut(&mut self, points: &[[f64; 3]], edges: &[[u32; 2]]) {
+        if !self.ends.is_empty() {
+            return;
+        }
+        let n_corners = points.len() - edges.len();
+        for triangles in &mut self.surfaces {
+            *triangles = quadratic_surface(n_corners, triangles, edges);
+            let corners = triangles.iter().flatten();
+            let middles = corners.filter(|&&corner| corner as usize >= n_corners);
+            self.ends.extend(middles.map(|&node| (node, edges[node as usize - n_corners])));
+        }
+        self.reserve(points);
+    }
+
+    /// The nodes, with their weights, in the place of a corner.
+    pub fn nodes_of(&self, corner: u32) -> impl Iterator<Item = (u32, f64)> + Clone {
+        let ends = self.ends.get(&corner);
+        let nodes = ends.map_or([corner; 3], |&[a, b]| [corner, a, b]);
+        let (weights, count) = if ends.is_some() { (BULGE, 3) } else { ([1.0; 3], 1) };
+        nodes.into_iter().zip(weights).take(count)
+    }
+
+    /// The corners of the face that a triangle is, or is cut out of, ascending.
+    pub fn face_of(&self, triangle: &[u32; 3]) -> [u32; 3] {
+        let on = |&corner: &u32| self.ends.get(&corner).map_or([corner; 2], |ends| *ends);
+        let mut corners: Vec<u32> = triangle.iter().flat_map(on).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        std::array::from_fn(|i| corners[i])
+    }
+
     /// Couples what is at most `reach` apart at these points, beside what is coupled already.
     pub(super) fn reserve(&mut self, points: &[[f64; 3]]) {
+        let mut reserved = std::mem::take(&mut self.reserved);
         let [one, other] = &self.surfaces;
         let near = Boxes::new(points, other);
+        let nodes = |triangle: &[u32; 3]| -> Vec<u32> {
+            let of_corners = triangle.iter().flat_map(|&corner| self.nodes_of(corner));
+            of_corners.map(|(node, _)| node).collect()
+        };
+        let nodes_of_other: Vec<Vec<u32>> = other.iter().map(nodes).collect();
         for triangle in one {
             let corners = triangle.map(|node| points[node as usize]);
+            let own = nodes(triangle);
             near.each_near(&corners, self.reach, |k| {
-                for &a in triangle {
-                    self.reserved.extend(other[k].map(|b| [a.min(b), a.max(b)]));
+                for &a in &own {
+                    reserved.extend(nodes_of_other[k].iter().map(|&b| [a.min(b), a.max(b)]));
                 }
             });
         }
-        self.reserved.sort_unstable();
-        self.reserved.dedup();
+        reserved.sort_unstable();
+        reserved.dedup();
+        self.reserved = reserved;
     }
 
     /// The pairs of nodes that the tangent couples.

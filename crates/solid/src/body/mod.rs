@@ -135,20 +135,24 @@ impl Body {
         points: Vec<[f64; 3]>,
         cells: Vec<[u32; 4]>,
         geometry: Vec<Geometry>,
-        (material, ties): (Material, Ties),
+        (material, mut ties): (Material, Ties),
         partition: impl FnOnce(&[[u32; 4]], &Material) -> Partition,
     ) -> Self {
         let edges = if element.is_quadratic() { mesh::edges(&cells) } else { Vec::new() };
+        let n_corners = points.len();
+        let points = mesh::with_midpoints(&points, &edges);
+        if element.is_quadratic() {
+            ties.contact_pairs.iter_mut().for_each(|pair| pair.cut(&points, &edges));
+        }
         let layout = Layout {
             cells: &cells,
             edges: &edges,
-            n_corners: points.len(),
+            n_corners,
             geometry: &geometry,
             material: &material,
             ties: &ties,
         };
         let (pattern, integrals) = elements::integrals(element, &layout, partition);
-        let points = mesh::with_midpoints(&points, &edges);
         let tied = Tied::new(ties, &pattern).map(Arc::new);
         let (material, pattern) = (Arc::new(material), Arc::new(pattern));
         Body { element, points, cells, edges, geometry, material, pattern, integrals, tied }

@@ -93,6 +93,18 @@ impl Placed<'_> {
         Some(Gap { gap, normal: offset.map(|w| w / gap), triangle, weights, slopes })
     }
 
+    /// The gap of a point behind a triangle: on its inner side, at most `reach` away, and with its projection on it.
+    pub fn behind(&self, triangle: usize, x: [f64; 3], reach: f64) -> Option<Gap> {
+        let (corners, normal) = (self.corners(triangle), self.normal(triangle));
+        let slopes = self.slopes(triangle, normal);
+        let gap = dot(sub(x, corners[0]), normal);
+        let weights: [f64; 3] =
+            std::array::from_fn(|i| dot(sub(x, corners[(i + 1) % 3]), slopes[i]));
+        let is_on_it = weights.iter().all(|weight| *weight >= 0.0);
+        let is_behind = is_on_it && gap < 0.0 && gap > -reach;
+        is_behind.then_some(Gap { gap, normal, triangle, weights, slopes })
+    }
+
     /// The triangle and the weights of the point closest to a point; none if it is farther away than `reach`.
     pub fn closest(&self, x: [f64; 3], reach: f64) -> Option<(usize, [f64; 3])> {
         let closest = self.tree.closest_within(self.points, &self.facets.triangles, x, reach)?;

@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Meeting {
     pub sample: usize,
     /// The corners of its triangle, then those of the other; what each adds to the gap along the normal.
-    pub nodes: [u32; 6],
+    pub corners: [u32; 6],
     pub weights: [f64; 6],
     /// How fast the weights of the other triangle change in its plane [1/m].
     pub slopes: [[f64; 3]; 6],
@@ -39,7 +39,7 @@ pub(super) struct Meeting {
 #[derive(Clone)]
 pub(super) struct Tie {
     /// The corners of the triangle of the sample, then those of that of the point; the weights of `x - a`.
-    pub nodes: [u32; 6],
+    pub corners: [u32; 6],
     pub weights: [f64; 6],
     /// `x - a` [m].
     pub offset: [f64; 3],
@@ -59,10 +59,10 @@ pub(super) struct Tie {
 }
 
 impl Tie {
-    pub fn new(nodes: [u32; 6], weights: [f64; 6], stiffness: f64, bound: f64) -> Self {
+    pub fn new(corners: [u32; 6], weights: [f64; 6], stiffness: f64, bound: f64) -> Self {
         let zero = [0.0; 3];
         Tie {
-            nodes,
+            corners,
             weights,
             offset: zero,
             stiffness,
@@ -134,39 +134,37 @@ impl Meeting {
         self.tie.as_ref().is_some_and(|tie| tie.slide != [0.0; 3])
     }
 
-    /// Adds its forces on both surfaces [N].
-    pub fn add_force(&self, force: &mut [f64]) {
-        self.add_forces(self.across(), self.pull(), force);
+    /// Calls with each corner and its force [N].
+    pub fn each_force(&self, add: impl FnMut(u32, [f64; 3])) {
+        self.each_force_of(self.across(), self.pull(), add);
     }
 
-    /// Adds those of a force across the surfaces [N], and of a tie with this force over its stretch [N/m].
-    fn add_forces(&self, across: f64, pull: f64, force: &mut [f64]) {
-        let mut add = |nodes: [u32; 6], weights: [f64; 6], whole: [f64; 3]| {
-            for (node, weight) in nodes.into_iter().zip(weights) {
-                let own = &mut force[3 * node as usize..3 * node as usize + 3];
-                own.iter_mut().zip(whole).for_each(|(f, w)| *f += weight * w);
-            }
+    /// Calls with each corner and its share of a force across the surfaces [N], and of that of a tie with this force over its
+    /// stretch [N/m].
+    fn each_force_of(&self, across: f64, pull: f64, mut add: impl FnMut(u32, [f64; 3])) {
+        let mut share = |corners: [u32; 6], weights: [f64; 6], whole: [f64; 3]| {
+            let shares = corners.into_iter().zip(weights);
+            shares.for_each(|(corner, weight)| add(corner, whole.map(|w| weight * w)));
         };
-        add(self.nodes, self.weights, self.normal.map(|n| across * n));
+        share(self.corners, self.weights, self.normal.map(|n| across * n));
         if let Some(tie) = &self.tie {
-            add(tie.nodes, tie.weights, tie.offset.map(|d| -pull * d));
+            share(tie.corners, tie.weights, tie.offset.map(|d| -pull * d));
         }
     }
 
-    /// Adds what its forces change by along a step if it slides: `bound` tells that of friction for a change of the force
-    /// across the surfaces.
-    pub fn add_change_of_friction(
+    /// Calls with each corner and what its force changes by along a step if it slides: `moved` tells the step of a corner,
+    /// `bound` the bound of friction for a change of the force across the surfaces.
+    pub fn each_change_of_friction(
         &self,
-        step: &[f64],
+        moved: impl Fn(u32) -> [f64; 3],
         bound: impl Fn(f64) -> f64,
-        force: &mut [f64],
+        add: impl FnMut(u32, [f64; 3]),
     ) {
         let Some(tie) = &self.tie else { return };
-        let moved = |node: u32| [0, 1, 2].map(|i| step[3 * node as usize + i]);
-        let corners = self.nodes.iter().zip(self.weights);
-        let opening: f64 = corners.map(|(&node, w)| w * dot(self.normal, moved(node))).sum();
+        let corners = self.corners.iter().zip(self.weights);
+        let opening: f64 = corners.map(|(&c, w)| w * dot(self.normal, moved(c))).sum();
         let change = bound(-self.stiffness * opening).max(-tie.bound) / tie.stretch;
-        self.add_forces(change * self.gap, change, force);
+        self.each_force_of(change * self.gap, change, add);
     }
 
     /// The same without what is not positive semidefinite in its derivative: the rotation of the normal.
@@ -176,10 +174,10 @@ impl Meeting {
         convex
     }
 
-    /// Calls with row and column node and the entries `[i][k]` of each block of the negative derivative of its forces, with
+    /// Calls with row and column corner and the entries `[i][k]` of each block of the negative derivative of its forces, with
     /// the bound of friction as it is.
     ///
-    /// With the weights `w`, the normal `n` and the slopes `s`, the block of nodes a and b of the gap is
+    /// With the weights `w`, the normal `n` and the slopes `s`, the block of corners a and b of the gap is
     ///   `A e'' w_a w_b n n + A p (w_a s_b n + w_b n s_a + g s_a . s_b n n)`,
     /// and a tie, whose force is `p` times the derivative of `s^2 / 2`, takes `p` off the first factor, adds `p g` to the
     /// second, and adds `p w_a w_b 1` with the weights of `x - a`; if it slides on, it takes the part along the slide off.
@@ -194,7 +192,7 @@ impl Meeting {
                     let (i, k) = (entry / 3, entry % 3);
                     along * n[i] * n[k] + force * (w * t[i] * n[k] + v * n[i] * s[k])
                 });
-                take(self.nodes[a], self.nodes[b], entries);
+                take(self.corners[a], self.corners[b], entries);
             }
         }
         let Some(tie) = self.tie.as_ref().filter(|tie| tie.pull > 0.0) else { return };
@@ -206,7 +204,7 @@ impl Meeting {
                     let along = if tie.is_steady { tie.slide[i] * tie.slide[k] } else { 0.0 };
                     factor * (f64::from(i == k) - along)
                 });
-                take(tie.nodes[a], tie.nodes[b], entries);
+                take(tie.corners[a], tie.corners[b], entries);
             }
         }
     }

@@ -5,6 +5,7 @@
 //! the common pieces of both surfaces, so that the nodal forces of a uniform pressure are consistent on both sides. The
 //! pieces are found anew while a step converges.
 
+mod carriers;
 mod rubbing;
 mod steps;
 
@@ -17,7 +18,8 @@ use super::samples::{Height, cells_behind, modulus};
 use super::tool::Report;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
-use crate::mesh::{cross, diagonal, norm, overlap, sub};
+use crate::mesh::{cross, diagonal, dot, norm, overlap, sub};
+use carriers::Carriers;
 
 /// How often a step finds the pieces anew at most, and how far, relative to the reach, a surface moves before it does:
 /// where they stay, the iteration ends as Newton's does.
@@ -26,6 +28,9 @@ const STILL: f64 = 1e-5;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
+
+/// Cosine of the angle to the opposite direction below which normals of two surfaces face each other.
+const FACING: f64 = 0.5;
 
 /// A rule of degree 2 on a triangle: three points of equal weight.
 const RULE: [[f64; 3]; 3] = [
@@ -36,11 +41,12 @@ const RULE: [[f64; 3]; 3] = [
 
 /// A contact pair at work.
 pub(super) struct ActivePair {
-    /// Nodes of both surfaces, their places at rest and at the displacement found last.
-    nodes: Vec<u32>,
+    /// Corners of both surfaces, the nodes that carry them, their places at rest and at the displacement found last.
+    corners: Vec<u32>,
+    carriers: Carriers,
     rest: Vec<[f64; 3]>,
     places: Vec<[f64; 3]>,
-    /// The sampled surface and the other, by the place of their corners in `nodes`.
+    /// The sampled surface and the other, by the place of their corners in `corners`.
     sampled: Facets,
     other: Facets,
     /// Areas at rest [m^2] of the triangles of the sampled surface.
@@ -76,6 +82,8 @@ struct Sample {
     weights: [f64; 3],
     area: f64,
     layer: Layer,
+    /// The triangle of the other surface that it was found on.
+    opposite: Option<u32>,
     /// The point of the other surface that friction ties it to: triangle and weights.
     tied: Option<(usize, [f64; 3])>,
 }
@@ -85,24 +93,23 @@ impl ActivePair {
         let points = body.points();
         let finer = pair.finer(points);
         let triangles = [&pair.surfaces[finer], &pair.surfaces[1 - finer]];
-        let mut nodes: Vec<u32> =
+        let mut corners: Vec<u32> =
             triangles.iter().flat_map(|t| t.iter().flatten().copied()).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let local = |node: u32| nodes.partition_point(|&other| other < node) as u32;
-        let rest: Vec<[f64; 3]> = nodes.iter().map(|&node| points[node as usize]).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        let local = |node: u32| corners.partition_point(|&other| other < node) as u32;
+        let rest: Vec<[f64; 3]> = corners.iter().map(|&corner| points[corner as usize]).collect();
         let [sampled, other] = triangles.map(|triangles| {
             Facets::new(triangles.iter().map(|triangle| triangle.map(local)).collect())
         });
         let (behind, height) = (cells_behind(body), Height::new(body));
         let layers = triangles.map(|triangles| {
             let layer = |triangle: &[u32; 3]| {
-                let mut key = *triangle;
-                key.sort_unstable();
-                let cell = behind[&key];
+                let face = pair.face_of(triangle);
+                let cell = behind[&face];
                 Layer::new(
                     modulus(body, cell),
-                    height.of(cell, area(points, triangle)),
+                    height.of(cell, area(points, &face)),
                     pair.stiffness,
                 )
             };
@@ -112,7 +119,8 @@ impl ActivePair {
         ActivePair {
             places: rest.clone(),
             start: rest.clone(),
-            nodes,
+            carriers: Carriers::new(pair, &corners),
+            corners,
             rest,
             sampled,
             other,
@@ -238,7 +246,9 @@ impl ActivePair {
 
     /// Adds the last forces on both surfaces [N].
     pub fn add_force(&self, force: &mut [f64]) {
-        self.touching.iter().for_each(|meeting| meeting.add_force(force));
+        for meeting in &self.touching {
+            meeting.each_force(|corner, f| self.carriers.add_force(corner, f, force));
+        }
     }
 
     /// Whether a sample slides.
@@ -249,7 +259,11 @@ impl ActivePair {
     /// Adds what the forces of friction change by along a step: the bound of what slides follows its pressure.
     pub fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
         for meeting in self.touching.iter().filter(|meeting| meeting.slides()) {
-            meeting.add_change_of_friction(step, |fall| self.friction.bound(fall), force);
+            meeting.each_change_of_friction(
+                |corner| self.carriers.mean(corner, step),
+                |fall| self.friction.bound(fall),
+                |corner, f| self.carriers.add_force(corner, f, force),
+            );
         }
     }
 
@@ -263,10 +277,13 @@ impl ActivePair {
         }));
         for meeting in &self.in_tangent {
             meeting.each_block(|row, column, block| {
-                if row <= column {
-                    let position = blocks.pattern().position(row, column);
-                    position.into_iter().for_each(|position| blocks.add(position, &block));
-                }
+                self.carriers.each_pair([row, column], |[row, column], weight| {
+                    if row <= column {
+                        let position = blocks.pattern().position(row, column);
+                        let block = block.map(|k| weight * k);
+                        position.into_iter().for_each(|position| blocks.add(position, &block));
+                    }
+                });
             });
         }
         self.slides = Carried::new(self.touching.iter().filter_map(|meeting| {
@@ -279,11 +296,10 @@ impl ActivePair {
     pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
         for meeting in &self.in_tangent {
             meeting.each_block(|row, column, block| {
-                let (row, column) = (3 * row as usize, 3 * column as usize);
-                for i in 0..3 {
-                    let product = (0..3).map(|k| block[3 * i + k] * x[column + k]).sum::<f64>();
-                    out[row + i] += factor * product;
-                }
+                let x = self.carriers.mean(column, x);
+                let product = |i: usize| (0..3).map(|k| block[3 * i + k] * x[k]).sum::<f64>();
+                let products = std::array::from_fn(|i| factor * product(i));
+                self.carriers.add_force(row, products, out);
             });
         }
     }
@@ -292,17 +308,22 @@ impl ActivePair {
     pub fn is_beyond(&self, pattern: &BlockPattern) -> bool {
         let mut last = None;
         self.touching.iter().any(|meeting| {
-            let nodes = (meeting.nodes, meeting.tie.as_ref().map(|tie| tie.nodes));
-            if last.replace(nodes) == Some(nodes) {
+            let corners = (meeting.corners, meeting.tie.as_ref().map(|tie| tie.corners));
+            if last.replace(corners) == Some(corners) {
                 return false; // of the same piece
             }
-            let is_beyond = |nodes: &[u32; 6]| {
-                let (own, other) = nodes.split_at(3);
-                own.iter().any(|&a| other.iter().any(|&b| pattern.position(a, b).is_none()))
+            let is_beyond = |corners: &[u32; 6]| {
+                let (own, other) = corners.split_at(3);
+                let mut is_beyond = false;
+                let mut look = |[a, b]: [u32; 2], _| is_beyond |= pattern.position(a, b).is_none();
+                for &a in own {
+                    other.iter().for_each(|&b| self.carriers.each_pair([a, b], &mut look));
+                }
+                is_beyond
             };
             // A slide that is longer than the pattern reaches stays out of the tangent.
             let tie = meeting.tie.as_ref().filter(|tie| norm(tie.offset) < self.reach);
-            is_beyond(&meeting.nodes) || tie.is_some_and(|tie| is_beyond(&tie.nodes))
+            is_beyond(&meeting.corners) || tie.is_some_and(|tie| is_beyond(&tie.corners))
         })
     }
 
@@ -329,8 +350,8 @@ impl ActivePair {
     pub fn pressures(&self, n_nodes: usize) -> Vec<f64> {
         let mut sums = vec![[0.0; 2]; n_nodes];
         for meeting in &self.touching {
-            for (&node, weight) in meeting.nodes.iter().zip(meeting.weights) {
-                let [force, area] = &mut sums[node as usize];
+            for (&corner, weight) in meeting.corners.iter().zip(meeting.weights) {
+                let [force, area] = &mut sums[self.corners[corner as usize] as usize];
                 *force += weight.abs() * meeting.area * meeting.pressure;
                 *area += weight.abs() * meeting.area;
             }
@@ -339,10 +360,11 @@ impl ActivePair {
     }
 
     fn places_at(&self, u: &[f64]) -> Vec<[f64; 3]> {
-        let place = |(&node, rest): (&u32, &[f64; 3])| {
-            std::array::from_fn(|i| rest[i] + u[3 * node as usize + i])
+        let place = |(corner, rest): (u32, &[f64; 3])| {
+            let moved = self.carriers.mean(corner, u);
+            std::array::from_fn(|i| rest[i] + moved[i])
         };
-        self.nodes.iter().zip(&self.rest).map(place).collect()
+        (0..).zip(&self.rest).map(place).collect()
     }
 
     /// Whether the samples are to be found anew.
@@ -377,6 +399,7 @@ impl ActivePair {
                     weights,
                     area,
                     layer,
+                    opposite: Some(other as u32),
                     tied: None,
                 });
             }
@@ -386,14 +409,21 @@ impl ActivePair {
             let layer =
                 softest.map_or(self.layers[0][triangle], |s| softer(s, self.layers[0][triangle]));
             let area = self.areas[triangle] / 3.0;
-            let sample =
-                |weights| Sample { triangle: triangle as u32, weights, area, layer, tied: None };
+            let sample = |weights| Sample {
+                triangle: triangle as u32,
+                weights,
+                area,
+                layer,
+                opposite: None,
+                tied: None,
+            };
             samples.extend(RULE.map(sample));
         }
         samples
     }
 
-    /// Place and gap of a sample, if the other surface is near.
+    /// Place and gap of a sample, if the other surface is near. Just inside a sharp edge the side behind it may be closer
+    /// than the face that has come in, and does not push it out: that face is the one which counts.
     fn gap_at(
         &self,
         sample: &Sample,
@@ -401,7 +431,20 @@ impl ActivePair {
         other: &Placed,
     ) -> Option<([f64; 3], Gap)> {
         let place = self.place_of(sample, places);
-        Some((place, other.gap(place, self.reach)?))
+        let closest = other.gap(place, self.reach)?;
+        let faces = |gap: &Gap| {
+            let [a, b, c] = self.sampled.triangles()[sample.triangle as usize]
+                .map(|corner| places[corner as usize]);
+            let normal = cross(sub(b, a), sub(c, a));
+            dot(normal, gap.normal) < -FACING * norm(normal)
+        };
+        let gap = match sample.opposite {
+            Some(opposite) if closest.triangle != opposite as usize && !faces(&closest) => {
+                other.behind(opposite as usize, place, self.reach).unwrap_or(closest)
+            }
+            _ => closest,
+        };
+        Some((place, gap))
     }
 
     fn place_of(&self, sample: &Sample, places: &[[f64; 3]]) -> [f64; 3] {
@@ -417,11 +460,10 @@ impl ActivePair {
         }
         let own = self.sampled.triangles()[sample.triangle as usize];
         let other = self.other.triangles()[gap.triangle];
-        let corner = |i: usize| if i < 3 { own[i] } else { other[i - 3] };
         let still = [0.0; 3];
         Some(Meeting {
             sample: number,
-            nodes: std::array::from_fn(|i| self.nodes[corner(i) as usize]),
+            corners: std::array::from_fn(|i| if i < 3 { own[i] } else { other[i - 3] }),
             weights: std::array::from_fn(|i| {
                 if i < 3 { sample.weights[i] } else { -gap.weights[i - 3] }
             }),

@@ -54,9 +54,7 @@ impl ActivePair {
         let (corners, place) = self.point_of_other(triangle, weights, &self.places);
         let bound = meeting.area * self.friction.bound(meeting.pressure);
         let tie = Tie::new(
-            std::array::from_fn(|i| {
-                if i < 3 { meeting.nodes[i] } else { self.nodes[corners[i - 3] as usize] }
-            }),
+            std::array::from_fn(|i| if i < 3 { meeting.corners[i] } else { corners[i - 3] }),
             std::array::from_fn(|i| if i < 3 { sample.weights[i] } else { -weights[i - 3] }),
             meeting.area * sample.layer.stiffness,
             bound,

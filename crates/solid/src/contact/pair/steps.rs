@@ -48,8 +48,9 @@ impl ActivePair {
 
     /// How the nodes of both surfaces move, but for what they all do: that brings nothing together.
     fn motion(&self, step: &[f64]) -> Vec<[f64; 3]> {
-        let of = |&node: &u32| std::array::from_fn(|i| step[3 * node as usize + i]);
-        let motion: Vec<[f64; 3]> = self.nodes.iter().map(of).collect();
+        let corners = 0..self.corners.len() as u32;
+        let motion: Vec<[f64; 3]> =
+            corners.map(|corner| self.carriers.mean(corner, step)).collect();
         let count = motion.len() as f64;
         let mean = std::array::from_fn(|i| motion.iter().map(|w| w[i]).sum::<f64>() / count);
         motion.into_iter().map(|w| sub(w, mean)).collect()

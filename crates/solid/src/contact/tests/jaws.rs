@@ -169,7 +169,8 @@ fn one_jaw_falls_on_the_other_and_comes_to_rest() {
         let energy = frame.kinetic_energy + frame.energy + report.energy;
         let balance = work - energy - dissipated;
         assert!(balance > -1e-6 * work, "{number}: {balance} {work}");
-        assert!(report.gap > -2e-3 * WIDTH, "{number}: {report:?}");
+        // Where an edge comes down on a face, its depth is that under the face.
+        assert!(report.gap > -2.2e-3 * WIDTH, "{number}: {report:?}");
         last = (frame.kinetic_energy / work, report.force[0]);
     }
     let weight_of_jaw = 4.0 * density * JAW * DEEP * (HEIGHT - LOW);

@@ -19,6 +19,17 @@ pub(super) fn blocks(n: [usize; 2], apart: f64, shift: [f64; 2]) -> Body {
 
 /// The same with a coefficient of friction between them.
 pub(super) fn rough_blocks(n: [usize; 2], apart: f64, shift: [f64; 2], friction: f64) -> Body {
+    blocks_of(Element::P1, n, apart, shift, friction)
+}
+
+/// The same of an element.
+pub(super) fn blocks_of(
+    element: Element,
+    n: [usize; 2],
+    apart: f64,
+    shift: [f64; 2],
+    friction: f64,
+) -> Body {
     let (mut points, mut cells) = block([n[0]; 3], [SIDE; 3]);
     let first = surface(&points, &cells);
     let (above, others) = block([n[1]; 3], [SIDE; 3]);
@@ -37,7 +48,7 @@ pub(super) fn rough_blocks(n: [usize; 2], apart: f64, shift: [f64; 2], friction:
         links: Vec::new(),
         contact_pairs: vec![pair],
     };
-    Body::tied(Element::P1, points, cells, material, ties).unwrap()
+    Body::tied(element, points, cells, material, ties).unwrap()
 }
 
 /// Held by `held` where it says so: node by node, place at rest and component.
@@ -61,8 +72,8 @@ pub(super) fn problem(body: &Body, held: impl Fn([f64; 3], usize) -> Option<f64>
 /// The upper block moved down into the lower one, both shaken.
 fn pressed(body: &Body) -> (Contact, Vec<f64>) {
     let mut u: Vec<f64> = noise(body.n_dofs(), 7).iter().map(|u| 1e-4 * u).collect();
-    let upper = body.points().iter().position(|x| x[2] > 1.001 * SIDE).unwrap();
-    u.iter_mut().skip(3 * upper + 2).step_by(3).for_each(|u| *u -= 1.2e-3);
+    let above = body.points().iter().map(|x| x[2] > 1.001 * SIDE);
+    u.chunks_mut(3).zip(above).filter(|(_, above)| *above).for_each(|(u, _)| u[2] -= 1.2e-3);
     (with_pieces_at(body, &u), u)
 }
 
@@ -129,10 +140,12 @@ pub(super) fn cancels(body: &Body, contact: &Contact, u: &[f64], rounding: f64) 
 
 #[test]
 fn forces_are_slopes_of_the_energy_and_the_tangent_theirs() {
-    let body = blocks([3, 4], 1e-3, [0.007, -0.004]);
-    let (mut contact, u) = pressed(&body);
-    assert!(contact.pair_report(0).unwrap().touching > 100);
-    has_derivatives(&body, &mut contact, &u);
+    for (element, n) in [(Element::P1, [3, 4]), (Element::P2, [2, 3])] {
+        let body = blocks_of(element, n, 1e-3, [0.007, -0.004], 0.0);
+        let (mut contact, u) = pressed(&body);
+        assert!(contact.pair_report(0).unwrap().touching > 100);
+        has_derivatives(&body, &mut contact, &u);
+    }
 }
 
 #[test]
@@ -151,32 +164,37 @@ fn the_projected_tangent_is_semidefinite() {
 
 #[test]
 fn forces_and_torques_of_a_pair_cancel() {
-    let body = blocks([3, 4], 1e-3, [0.013, 0.004]);
-    let (contact, u) = pressed(&body);
-    cancels(&body, &contact, &u, 1e-13);
+    for element in [Element::P1, Element::P2] {
+        let body = blocks_of(element, [3, 4], 1e-3, [0.013, 0.004], 0.0);
+        let (contact, u) = pressed(&body);
+        cancels(&body, &contact, &u, 1e-13);
+    }
 }
 
 #[test]
 fn a_uniform_pressure_passes_meshes_that_do_not_match() {
-    // Between walls without friction, and moved down by a tenth of a block.
-    let body = blocks([3, 4], 0.0, [0.0; 2]);
-    let held = |x: [f64; 3], i: usize| match i {
-        2 if x[2] == 0.0 => Some(0.0),
-        2 if x[2] > 1.999 * SIDE => Some(-0.01),
-        0 | 1 if x[i] == 0.0 || x[i] > 0.999 * SIDE => Some(0.0),
-        _ => None,
-    };
-    let problem = problem(&body, held);
-    let mut contact = Contact::new(&body);
-    contact.check().unwrap();
-    let found = Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
-    assert!(found.status.is_converged(), "{}", found.message);
-    let report = contact.pair_report(0).unwrap();
-    let pressure = -report.force[2] / report.area;
-    assert!((report.area - SIDE * SIDE).abs() < 1e-12, "{}", report.area);
-    for (p, x) in contact.pair_pressures(0, body.points().len()).iter().zip(body.points()) {
-        let expected = if (x[2] - SIDE).abs() < 1e-9 { pressure } else { 0.0 };
-        assert!((p - expected).abs() < 1e-6 * pressure, "{x:?}: {p} {expected}");
+    for element in [Element::P1, Element::P2] {
+        // Between walls without friction, and moved down by a tenth of a block.
+        let body = blocks_of(element, [3, 4], 0.0, [0.0; 2], 0.0);
+        let held = |x: [f64; 3], i: usize| match i {
+            2 if x[2] == 0.0 => Some(0.0),
+            2 if x[2] > 1.999 * SIDE => Some(-0.01),
+            0 | 1 if x[i] == 0.0 || x[i] > 0.999 * SIDE => Some(0.0),
+            _ => None,
+        };
+        let problem = problem(&body, held);
+        let mut contact = Contact::new(&body);
+        contact.check().unwrap();
+        let found =
+            Newton::default().solve_in_contact(&problem, &mut contact, &mut |_| true).unwrap();
+        assert!(found.status.is_converged(), "{}", found.message);
+        let report = contact.pair_report(0).unwrap();
+        let pressure = -report.force[2] / report.area;
+        assert!((report.area - SIDE * SIDE).abs() < 1e-12, "{}", report.area);
+        for (p, x) in contact.pair_pressures(0, body.points().len()).iter().zip(body.points()) {
+            let expected = if (x[2] - SIDE).abs() < 1e-9 { pressure } else { 0.0 };
+            assert!((p - expected).abs() < 1e-6 * pressure, "{x:?}: {p} {expected}");
+        }
     }
 }
 
