@@ -8,6 +8,7 @@
 use super::{ConjugateGradients, Method, Preconditioner};
 use crate::body::Body;
 use crate::linear::Numbering;
+use crate::mesh::{cell_volume, cross, norm, sub};
 
 /// Nodes up to which nothing is faster than a factor by more than it takes to find out.
 const SMALL: usize = 150;
@@ -17,24 +18,36 @@ const SOLUTIONS: f64 = 5.0;
 
 /// Analysis, for each block; factor, for each unit of `n w^1.5`; a solve with a factor in single precision, for each of
 /// `n w`.
-const ANALYSIS: f64 = 900.0;
-const FACTOR: f64 = 3.2;
-const SUBSTITUTION: f64 = 0.9;
+const ANALYSIS: f64 = 1200.0;
+const FACTOR: f64 = 2.7;
+const SUBSTITUTION: f64 = 1.3;
 
 /// Time of a factor in single precision, over that of one in double precision.
-const SINGLE: f64 = 0.5;
+const SINGLE: f64 = 0.65;
 
 /// An iteration with an incomplete factor and one with a V-cycle, for each block, up to twice that where they no longer fit
 /// into the cache; what a V-cycle takes to make.
 const INCOMPLETE: f64 = 3.6;
-const CYCLE: f64 = 6.5;
+const CYCLE: f64 = 9.0;
 const MAKING: f64 = 135.0;
 
 /// Blocks of which half fit into the cache.
 const CACHED: f64 = 1e5;
 
 /// How many times as many iterations quadratic cells take as linear ones with as many layers of nodes.
-const ROUGH: f64 = 2.4;
+const ROUGH: f64 = 1.5;
+
+/// Iterations of a body that is held at one end and pushed somewhere, over those of one that is stretched between two ends.
+const LOADED: f64 = 1.7;
+
+/// Longest edge over smallest height of the cells that a cube is cut into; with slimmer ones iterations grow. Of all cells
+/// one in ten may be slimmer, and one in a hundred larger, or smaller, than those that count.
+const REGULAR: f64 = 2.45;
+const SLIM: f64 = 0.9;
+const LARGE: f64 = 0.99;
+
+/// Most cells that are looked at.
+const LOOKED_AT: usize = 10_000;
 
 /// Slenderness beyond which a body may bend so far that a factor has to start again. Where it is so many times as large,
 /// conjugate gradients must promise to be faster by the square of that number.
@@ -43,11 +56,16 @@ const SLENDER: f64 = 2.0;
 /// Residual of linear systems: Newton's method then takes about as many iterations as with a factor.
 const TOLERANCE: f64 = 1e-4;
 
-/// How far iterations of one solution may go beyond the time of a factor.
+/// How far the iterations of a load step may go beyond the time that factors would take, and in how many parts: one linear
+/// system has one of them.
 const PATIENCE: f64 = 1.3;
+const LONGEST: usize = 3;
 
 /// How much faster conjugate gradients must be to bother with tangents of a slender body that are not positive definite.
 const CLEARLY: f64 = 3.0;
+
+/// The corners at the ends of the edges of a cell.
+const ENDS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 /// A body as the model sees it.
 #[derive(Clone, Copy, Debug)]
@@ -56,6 +74,8 @@ pub(super) struct Features {
     blocks: f64,
     layers: f64,
     is_quadratic: bool,
+    /// How many times as many iterations its cells take as those of a cube.
+    distortion: f64,
     /// Largest Poisson's ratio at rest.
     poisson: f64,
 }
@@ -112,6 +132,7 @@ impl Features {
             blocks: body.pattern().pairs().count() as f64,
             layers: (of_a_cell * numbering.n_levels()) as f64,
             is_quadratic,
+            distortion: distortion(body),
             poisson: poisson.fold(0.0, f64::max).min(0.4999),
         }
     }
@@ -136,9 +157,9 @@ impl Features {
         self.blocks * (1.0 + self.blocks / (self.blocks + CACHED))
     }
 
-    /// How many times as many iterations the element takes as a linear one.
+    /// How many times as many iterations the element takes as a linear one, and a load as one that stretches it.
     fn roughness(&self) -> f64 {
-        if self.is_quadratic { ROUGH } else { 1.0 }
+        LOADED * if self.is_quadratic { ROUGH } else { 1.0 }
     }
 
     /// The time of an analysis, and of a factor.
@@ -150,7 +171,8 @@ impl Features {
     /// their fourth power, and with the stiffness of volume.
     fn incomplete(&self) -> Candidate {
         let volume = 0.29 + 0.03 * self.volume().powf(0.75);
-        let iterations = self.roughness() * volume * self.layers * self.slenderness();
+        let iterations =
+            self.roughness() * self.distortion * volume * self.layers * self.slenderness();
         let iteration = INCOMPLETE * self.reads();
         Candidate {
             preconditioner: Preconditioner::IncompleteCholesky,
@@ -162,7 +184,7 @@ impl Features {
     /// With multigrid.
     fn multigrid(&self) -> Candidate {
         let volume = 2.0 + 1.1 * self.volume().powf(0.75);
-        let iterations = self.roughness() * volume * self.slenderness();
+        let iterations = self.roughness() * self.distortion.sqrt() * volume * self.slenderness();
         let iteration = CYCLE * self.reads();
         Candidate {
             preconditioner: Preconditioner::Multigrid,
@@ -193,25 +215,55 @@ impl Features {
         let risk = (self.slenderness() / SLENDER).max(1.0).powi(2);
         match fastest {
             Some(Candidate { preconditioner, solution, iteration }) if risk * solution < direct => {
-                let budget = (PATIENCE * direct / iteration).ceil() as usize;
+                let budget = (PATIENCE * SOLUTIONS * direct / iteration).ceil() as usize;
                 let method = Method::ConjugateGradients(ConjugateGradients {
                     preconditioner,
                     tolerance: TOLERANCE,
-                    max_iterations: budget,
+                    max_iterations: budget.div_ceil(LONGEST),
                     ..ConjugateGradients::default()
                 });
                 let shifts = risk == 1.0 || CLEARLY * solution < direct;
-                Choice { method, budget: Some(budget * SOLUTIONS as usize), shifts }
+                Choice { method, budget: Some(budget), shifts }
             }
             _ => Choice::given(Method::Cholesky),
         }
     }
 }
 
+/// How many times as many iterations irregular cells take as regular ones: by how slim they are, and how unequal. An organ's
+/// mesh takes 1.5 to 3 times as many as a cube cut into equal cells.
+fn distortion(body: &Body) -> f64 {
+    let every = body.cells().len().div_ceil(LOOKED_AT);
+    let shapes = body.cells().iter().step_by(every).map(|cell| shape(body.points(), *cell));
+    let (mut aspects, mut volumes): (Vec<f64>, Vec<f64>) = shapes.unzip();
+    let slim = quantile(&mut aspects, SLIM) / REGULAR;
+    let unequal = quantile(&mut volumes, LARGE) / quantile(&mut volumes, 1.0 - LARGE);
+    slim.max(1.0) * unequal.powf(1.0 / 6.0)
+}
+
+/// Longest edge over smallest height of a cell, and its volume [m^3].
+fn shape(points: &[[f64; 3]], cell: [u32; 4]) -> (f64, f64) {
+    let x = cell.map(|node| points[node as usize]);
+    let volume = cell_volume(points, cell).abs();
+    let edges = ENDS.map(|[a, b]| norm(sub(x[b], x[a])));
+    let area = |left_out: usize| {
+        let [a, b, c]: [[f64; 3]; 3] =
+            std::array::from_fn(|i| x[if i < left_out { i } else { i + 1 }]);
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
+    };
+    let largest = (0..4).map(area).fold(0.0, f64::max);
+    (edges.into_iter().fold(0.0, f64::max) * largest / (3.0 * volume), volume)
+}
+
+/// The value that this part of the values is below.
+fn quantile(values: &mut [f64], part: f64) -> f64 {
+    let place = (part * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(place, f64::total_cmp).1
+}
+
 /// The pairs of corners of all cells, those of a shared edge several times. An element may couple more nodes, which makes
 /// the body no shorter.
 fn edges(body: &Body) -> impl Iterator<Item = (u32, u32)> + Clone + '_ {
-    const ENDS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
     body.cells().iter().flat_map(|cell| ENDS.map(|[a, b]| (cell[a], cell[b])))
 }
 

@@ -6,6 +6,7 @@
 mod forcing;
 mod guess;
 mod refinement;
+mod solution;
 
 use super::border::Border;
 use super::device::Remote;
@@ -16,11 +17,10 @@ use crate::body::Body;
 use crate::clock::Instant;
 use crate::equilibrium::Tangent;
 use crate::linear::conjugate_gradients::{
-    self as cg, BlockJacobi, Error, IncompleteCholesky, Operator, Settings, Workspace,
+    self as cg, BlockJacobi, IncompleteCholesky, Operator, Workspace,
 };
 use crate::linear::{BlockMatrix, FactorError, Multigrid, Numbering};
-use crate::number::{dot, norm};
-use crate::threads::among_threads;
+use crate::number::dot;
 use forcing::Forcing;
 use guess::Guess;
 
@@ -286,138 +286,6 @@ impl Iterative {
         Ok(solved)
     }
 
-    /// The correction that balances the residual without moving the patches.
-    fn iterate(
-        &mut self,
-        border: &Border,
-        deadline: Option<Instant>,
-    ) -> Result<Solved, FactorError> {
-        let whole = norm(&self.residual);
-        let tolerance = self.settings.tolerance;
-        let of_frame = self.forcing.as_mut().map(|forcing| forcing.tolerance(tolerance, whole));
-        let tolerance = of_frame.unwrap_or(tolerance);
-        // A device sets out by itself, unless means are held.
-        let is_remote = matches!(self.remote, Remote::Working(_)) && border.is_empty();
-        if is_remote {
-            self.correction.fill(0.0);
-            self.left.copy_from_slice(&self.residual);
-        } else {
-            self.set_out(border, tolerance);
-        }
-        if let Some(solved) = self.iterate_on_device(border, tolerance, deadline) {
-            return Ok(solved);
-        }
-        if is_remote && self.correction.iter().all(|&x| x == 0.0) {
-            self.set_out(border, tolerance);
-        }
-        self.conjugate(border, tolerance, deadline)
-    }
-
-    /// Solves for a further force without a guess, and leaves what the last steps tell as it is; on a device that has the
-    /// matrix to itself not at all. Returns the iterations.
-    pub fn respond(
-        &mut self,
-        border: &Border,
-        b: &[f64],
-        tolerance: f64,
-        step: &mut [f64],
-        deadline: Option<Instant>,
-    ) -> Result<usize, FactorError> {
-        step.fill(0.0);
-        if self.is_formed() {
-            return Ok(0);
-        }
-        self.residual.copy_from_slice(b);
-        border.project(&mut self.residual);
-        self.correction.fill(0.0);
-        let solved = self.conjugate(border, tolerance, deadline)?;
-        if solved.indefinite.is_none() {
-            step.copy_from_slice(&self.correction);
-        }
-        Ok(solved.iterations)
-    }
-
-    /// Conjugate gradients from the correction that there is.
-    fn conjugate(
-        &mut self,
-        border: &Border,
-        tolerance: f64,
-        deadline: Option<Instant>,
-    ) -> Result<Solved, FactorError> {
-        let settings = Settings {
-            relative_tolerance: tolerance,
-            max_iterations: self.settings.max_iterations,
-            deadline,
-        };
-        let n = self.residual.len();
-        let Iterative { operand, inverse, correction, residual, workspace, .. } = self;
-        let mut solve = || {
-            let operator = Projected { operand, border };
-            let mut inverse = Closed { inverse, n, border, forces: Vec::new() };
-            cg::solve(correction, &operator, &mut inverse, residual, &settings, workspace)
-        };
-        // A frame stays on its own thread: one of those that share loops might meanwhile take up all of another solution.
-        let outcome = match self.forcing {
-            Some(_) => solve(),
-            None => among_threads(operand.n_shared(), solve),
-        };
-        let solved = self.judge(outcome);
-        if solved.is_ok() && self.correction.iter().all(|x| x.is_finite()) {
-            return solved;
-        }
-        self.guess.forget();
-        self.is_stale = true;
-        Err(FactorError::NotFinite { position: 0 })
-    }
-
-    /// Sets the correction to the guess.
-    fn set_out(&mut self, border: &Border, tolerance: f64) {
-        let is_formed = self.is_formed();
-        let Iterative { operand, residual, correction, left, guess, remote, .. } = self;
-        left.copy_from_slice(residual);
-        guess.start(correction, left, tolerance, |step, product| {
-            let remotely = || remote.multiply(border, operand.given(), step);
-            let is_finite = |product: &Vec<f64>| product.iter().all(|k| k.is_finite());
-            match is_formed.then(remotely).flatten().filter(is_finite) {
-                Some(found) => {
-                    product.copy_from_slice(&found);
-                    border.project(product);
-                }
-                None => Projected { operand, border }.apply(step, product),
-            }
-        });
-    }
-
-    /// The result of conjugate gradients as a step: after a spent budget or a direction of negative curvature there is
-    /// still a descent direction.
-    fn judge(&mut self, outcome: Result<cg::Info, Error>) -> Result<Solved, FactorError> {
-        let solved = |info: cg::Info, is_complete| Solved {
-            iterations: info.iterations,
-            residual: info.relative_residual,
-            is_complete,
-            ..Solved::default()
-        };
-        match outcome {
-            Ok(info) => Ok(solved(info, true)),
-            Err(Error::BudgetSpent(info)) => Ok(solved(info, false)),
-            // What is left is rounding.
-            Err(Error::IndefinitePreconditioner { iterations }) => {
-                self.is_stale = true;
-                let info = cg::Info { iterations, relative_residual: self.settings.tolerance };
-                Ok(solved(info, false))
-            }
-            Err(Error::IndefiniteOperator { iterations, .. }) => {
-                let direction = self.workspace.direction();
-                if iterations == 0 {
-                    self.correction.copy_from_slice(direction);
-                }
-                let indefinite = largest(direction);
-                Ok(Solved { iterations, residual: 1.0, indefinite, ..Solved::default() })
-            }
-            Err(_) => Err(FactorError::NotFinite { position: 0 }),
-        }
-    }
-
     /// Requests a new preconditioner if iterations are far above those of a fresh one, or did not converge; where the
     /// iterations would wait for it, only if they have already lost the time that it takes.
     fn note(&mut self, solved: &Solved) {
@@ -461,45 +329,4 @@ impl Inverse {
             Inverse::Multigrid(multigrid) => cg::Preconditioner::apply(&mut **multigrid, r, z),
         }
     }
-}
-
-/// `P K` with the projector `P` of the patches.
-struct Projected<'a> {
-    operand: &'a Operand,
-    border: &'a Border,
-}
-
-impl Operator for Projected<'_> {
-    fn n(&self) -> usize {
-        self.operand.n()
-    }
-
-    fn apply(&self, x: &[f64], y: &mut [f64]) {
-        self.operand.apply(x, y);
-        self.border.project(y);
-    }
-}
-
-/// A preconditioner whose answers leave the means of the patches alone.
-struct Closed<'a> {
-    inverse: &'a mut Inverse,
-    n: usize,
-    border: &'a Border,
-    forces: Vec<f64>,
-}
-
-impl cg::Preconditioner for Closed<'_> {
-    fn n(&self) -> usize {
-        self.n
-    }
-
-    fn apply(&mut self, r: &[f64], z: &mut [f64]) {
-        self.inverse.apply(r, z);
-        self.border.close(z, &self.border.zeros(), &mut self.forces);
-    }
-}
-
-/// The degree of freedom that moves most.
-fn largest(direction: &[f64]) -> Option<usize> {
-    (0..direction.len()).max_by(|&a, &b| direction[a].abs().total_cmp(&direction[b].abs()))
 }

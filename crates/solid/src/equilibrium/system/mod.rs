@@ -346,6 +346,13 @@ impl ConstrainedSystem {
         }
     }
 
+    /// Conjugate gradients solve to this residual from now on, relative to the right-hand side; a factor is exact anyway.
+    pub fn aim(&mut self, tolerance: f64) {
+        if let Solver::Iterative(iterative) = &mut self.solver {
+            iterative.aim(tolerance);
+        }
+    }
+
     /// Solves for the step that a further force asks for, the means of the patches staying where they are, as far as that
     /// leaves `tolerance` of it; returns the iterations that took. What conjugate gradients remember of a motion, they keep.
     ///

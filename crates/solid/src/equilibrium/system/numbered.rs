@@ -131,6 +131,11 @@ impl Numbered {
         Ok(solved)
     }
 
+    /// Solves to this tolerance from now on.
+    pub fn aim(&mut self, tolerance: f64) {
+        self.iterative.set_tolerance(tolerance);
+    }
+
     /// Solves for the step that a further force asks for; see [`Iterative::respond`].
     pub fn respond(
         &mut self,

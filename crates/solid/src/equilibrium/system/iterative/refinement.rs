@@ -1,6 +1,7 @@
 //! Conjugate gradients on a device, in single precision, and their refinement in double (Higham 2002, section 12).
 
-use super::{Border, Instant, Iterative, Projected, Remote, Solved, largest};
+use super::solution::{Projected, largest};
+use super::{Border, Instant, Iterative, Remote, Solved};
 use crate::equilibrium::system::device::DeviceEnd;
 use crate::linear::conjugate_gradients::Operator;
 use crate::number::{dot, norm};
