@@ -17,10 +17,12 @@ const AT: f64 = 1e-6;
 /// Last increment, relative to the displacement, up to which the tangent before it speaks for the equilibrium after it.
 const NEXT_TO: f64 = 0.02;
 
-/// Part of the residual expected after a step that its linear system may leave, and the bounds of what it may leave.
+/// Part of the residual expected after a step that its linear system may leave, and the bounds of what it may leave. In contact
+/// an inexact step touches elsewhere, so that what it leaves cannot be expected.
 const FORCED: f64 = 0.3;
 const TIGHTEST: f64 = 2e-5;
 const LOOSEST: f64 = 1e-3;
+const IN_CONTACT: f64 = 1e-4;
 
 /// A load step in progress.
 struct LoadStep<'r, 'a> {
@@ -103,6 +105,9 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     /// the last step tells, and no less than what is asked for in the end (Eisenstat and Walker, SIAM J. Sci. Comput. 17
     /// (1996) 16, choice 2).
     fn forcing(&self) -> f64 {
+        if !self.run.contact.is_empty() {
+            return IN_CONTACT;
+        }
         if !self.norm.is_finite() || self.steps == 1 {
             return LOOSEST;
         }

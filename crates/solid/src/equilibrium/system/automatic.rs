@@ -57,9 +57,10 @@ const SLENDER: f64 = 2.0;
 const TOLERANCE: f64 = 1e-4;
 
 /// How far the iterations of a load step may go beyond the time that factors would take, and in how many parts: one linear
-/// system has one of them.
+/// system has one of them, a smaller one where surfaces may touch: their tangents are seldom good ones.
 const PATIENCE: f64 = 1.3;
 const LONGEST: usize = 3;
+const LONGEST_IN_CONTACT: usize = 5;
 
 /// How much faster conjugate gradients must be to bother with tangents of a slender body that are not positive definite.
 const CLEARLY: f64 = 3.0;
@@ -76,6 +77,7 @@ pub(super) struct Features {
     is_quadratic: bool,
     /// How many times as many iterations its cells take as those of a cube.
     distortion: f64,
+    has_contact: bool,
     /// Largest Poisson's ratio at rest.
     poisson: f64,
 }
@@ -133,6 +135,7 @@ impl Features {
             layers: (of_a_cell * numbering.n_levels()) as f64,
             is_quadratic,
             distortion: distortion(body),
+            has_contact: !body.contact_pairs().is_empty(),
             poisson: poisson.fold(0.0, f64::max).min(0.4999),
         }
     }
@@ -216,10 +219,11 @@ impl Features {
         match fastest {
             Some(Candidate { preconditioner, solution, iteration }) if risk * solution < direct => {
                 let budget = (PATIENCE * SOLUTIONS * direct / iteration).ceil() as usize;
+                let parts = if self.has_contact { LONGEST_IN_CONTACT } else { LONGEST };
                 let method = Method::ConjugateGradients(ConjugateGradients {
                     preconditioner,
                     tolerance: TOLERANCE,
-                    max_iterations: budget.div_ceil(LONGEST),
+                    max_iterations: budget.div_ceil(parts),
                     ..ConjugateGradients::default()
                 });
                 let shifts = risk == 1.0 || CLEARLY * solution < direct;
