@@ -229,6 +229,12 @@ impl Contact {
         self.tools.iter_mut().flatten().for_each(|held| held.add_stiffness(curvature, blocks));
     }
 
+    /// Whether anything touched last.
+    pub fn touches(&self) -> bool {
+        self.tools.iter().flatten().any(|tool| !tool.touching.is_empty())
+            || self.pairs.iter().any(ActivePair::touches)
+    }
+
     /// Whether anything slides.
     pub fn slides(&self) -> bool {
         let tools = self.tools.iter().flatten();

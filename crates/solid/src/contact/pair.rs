@@ -251,6 +251,11 @@ impl ActivePair {
         }
     }
 
+    /// Whether a sample touches.
+    pub fn touches(&self) -> bool {
+        !self.touching.is_empty()
+    }
+
     /// Whether a sample slides.
     pub fn slides(&self) -> bool {
         self.touching.iter().any(Meeting::slides)

@@ -105,7 +105,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
     /// the last step tells, and no less than what is asked for in the end (Eisenstat and Walker, SIAM J. Sci. Comput. 17
     /// (1996) 16, choice 2).
     fn forcing(&self) -> f64 {
-        if !self.run.contact.is_empty() {
+        if self.run.contact.touches() {
             return IN_CONTACT;
         }
         if !self.norm.is_finite() || self.steps == 1 {
