@@ -35,8 +35,8 @@ fn forces_change_by_the_tangent_and_by_what_friction_follows() {
     assert!(without > 0.2 * whole && with < 0.02 * whole, "{with} {without} {whole}");
 }
 
-/// A sphere dragged through a surface needs half as many iterations more as one without friction; it needs twice as many where a bound is
-/// that of the pressure before each step.
+/// A sphere that is dragged through a surface takes at most half as many iterations more than one without friction. It takes
+/// twice as many where bounds are those of the pressures before each step.
 #[test]
 fn frames_in_which_all_slides_settle_nearly_as_soon_as_those_without_friction() {
     let body = cube(8);
