@@ -6,7 +6,7 @@
 //! on a plane the distance of `a` from `y`. Its forces lie on the lines from `x` to `a` and from `x` to `y`, so force and
 //! torque on both surfaces cancel.
 
-use super::friction::spring;
+use super::friction::{Friction, spring};
 use crate::mesh::{dot, norm, sub};
 
 /// Cosine between the directions of a slide in two iterations above which they count as the same.
@@ -152,19 +152,20 @@ impl Meeting {
         }
     }
 
-    /// Calls with each corner and what its force changes by along a step if it slides: `moved` tells the step of a corner,
-    /// `bound` the bound of friction for a change of the force across the surfaces.
+    /// Calls with each corner and what its force changes by along a step, which `moved` tells, if the sample slides: the bound
+    /// of friction follows the pressure.
     pub fn each_change_of_friction(
         &self,
+        friction: Friction,
         moved: impl Fn(u32) -> [f64; 3],
-        bound: impl Fn(f64) -> f64,
         add: impl FnMut(u32, [f64; 3]),
     ) {
-        let Some(tie) = &self.tie else { return };
+        let Some(tie) = self.tie.as_ref().filter(|_| self.slides()) else { return };
         let corners = self.corners.iter().zip(self.weights);
         let opening: f64 = corners.map(|(&c, w)| w * dot(self.normal, moved(c))).sum();
-        let change = bound(-self.stiffness * opening).max(-tie.bound) / tie.stretch;
-        self.each_force_of(change * self.gap, change, add);
+        let across = self.area * self.pressure - self.stiffness * opening;
+        let pull = (friction.bound(across.max(0.0)) - tie.bound) / tie.stretch;
+        self.each_force_of(pull * self.gap, pull, add);
     }
 
     /// The same without what is not positive semidefinite in its derivative: the rotation of the normal.

@@ -22,6 +22,7 @@ mod solid;
 #[cfg(test)]
 mod tests;
 mod tool;
+mod weighted_nodes;
 
 pub use distance::Distance;
 pub use friction::Friction;
@@ -237,8 +238,7 @@ impl Contact {
 
     /// Whether anything slides.
     pub fn slides(&self) -> bool {
-        let tools = self.tools.iter().flatten();
-        tools.flat_map(|tool| &tool.touching).any(|touching| touching.slide != [0.0; 3])
+        self.tools.iter().flatten().any(ActiveTool::slides)
             || self.pairs.iter().any(ActivePair::slides)
     }
 

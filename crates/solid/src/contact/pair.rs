@@ -5,7 +5,6 @@
 //! the common pieces of both surfaces, so that the nodal forces of a uniform pressure are consistent on both sides. The
 //! pieces are found anew while a step converges.
 
-mod carriers;
 mod pieces;
 mod rubbing;
 mod steps;
@@ -17,10 +16,10 @@ use super::layer::Layer;
 use super::meeting::{Meeting, stretch};
 use super::samples::{Height, cells_behind, modulus};
 use super::tool::Report;
+use super::weighted_nodes::WeightedNodes;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::{cross, diagonal, norm, sub};
-use carriers::Carriers;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
@@ -29,7 +28,7 @@ const SHALLOW: f64 = 1e-4;
 pub(super) struct ActivePair {
     /// Corners of both surfaces, the nodes that carry them, their places at rest and at the displacement found last.
     corners: Vec<u32>,
-    carriers: Carriers,
+    carriers: WeightedNodes,
     rest: Vec<[f64; 3]>,
     places: Vec<[f64; 3]>,
     /// The sampled surface and the other, by the place of their corners in `corners`.
@@ -102,10 +101,12 @@ impl ActivePair {
             triangles.iter().map(layer).collect()
         });
         let areas = sampled.triangles().iter().map(|triangle| area(&rest, triangle)).collect();
+        let mut carriers = WeightedNodes::default();
+        corners.iter().for_each(|&corner| carriers.push(pair.nodes_of(corner)));
         ActivePair {
             places: rest.clone(),
             start: rest.clone(),
-            carriers: Carriers::new(pair, &corners),
+            carriers,
             corners,
             rest,
             sampled,
@@ -233,7 +234,7 @@ impl ActivePair {
     /// Adds the last forces on both surfaces [N].
     pub fn add_force(&self, force: &mut [f64]) {
         for meeting in &self.touching {
-            meeting.each_force(|corner, f| self.carriers.add_force(corner, f, force));
+            meeting.each_force(|corner, f| self.carriers.add_force(corner as usize, f, force));
         }
     }
 
@@ -249,11 +250,11 @@ impl ActivePair {
 
     /// Adds what the forces of friction change by along a step: the bound of what slides follows its pressure.
     pub fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
-        for meeting in self.touching.iter().filter(|meeting| meeting.slides()) {
+        for meeting in &self.touching {
             meeting.each_change_of_friction(
-                |corner| self.carriers.mean(corner, step),
-                |fall| self.friction.bound(fall),
-                |corner, f| self.carriers.add_force(corner, f, force),
+                self.friction,
+                |corner| self.carriers.mean(corner as usize, step),
+                |corner, f| self.carriers.add_force(corner as usize, f, force),
             );
         }
     }
@@ -268,7 +269,7 @@ impl ActivePair {
         }));
         for meeting in &self.in_tangent {
             meeting.each_block(|row, column, block| {
-                self.carriers.each_pair([row, column], |[row, column], weight| {
+                self.carriers.each_pair(row as usize, column as usize, |[row, column], weight| {
                     if row <= column {
                         let position = blocks.pattern().position(row, column);
                         let block = block.map(|k| weight * k);
@@ -287,10 +288,10 @@ impl ActivePair {
     pub fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
         for meeting in &self.in_tangent {
             meeting.each_block(|row, column, block| {
-                let x = self.carriers.mean(column, x);
+                let x = self.carriers.mean(column as usize, x);
                 let product = |i: usize| (0..3).map(|k| block[3 * i + k] * x[k]).sum::<f64>();
                 let products = std::array::from_fn(|i| factor * product(i));
-                self.carriers.add_force(row, products, out);
+                self.carriers.add_force(row as usize, products, out);
             });
         }
     }
@@ -308,7 +309,9 @@ impl ActivePair {
                 let mut is_beyond = false;
                 let mut look = |[a, b]: [u32; 2], _| is_beyond |= pattern.position(a, b).is_none();
                 for &a in own {
-                    other.iter().for_each(|&b| self.carriers.each_pair([a, b], &mut look));
+                    other
+                        .iter()
+                        .for_each(|&b| self.carriers.each_pair(a as usize, b as usize, &mut look));
                 }
                 is_beyond
             };
@@ -351,11 +354,11 @@ impl ActivePair {
     }
 
     fn places_at(&self, u: &[f64]) -> Vec<[f64; 3]> {
-        let place = |(corner, rest): (u32, &[f64; 3])| {
+        let place = |(corner, rest): (usize, &[f64; 3])| {
             let moved = self.carriers.mean(corner, u);
             std::array::from_fn(|i| rest[i] + moved[i])
         };
-        (0..).zip(&self.rest).map(place).collect()
+        self.rest.iter().enumerate().map(place).collect()
     }
 }
 

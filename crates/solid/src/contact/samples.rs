@@ -6,6 +6,7 @@ mod rule;
 mod sides;
 
 use super::layer::Layer;
+use super::weighted_nodes::WeightedNodes;
 use crate::body::Body;
 use crate::mesh::{cell_volume, diagonal, norm};
 use face::{Border, Face, faces_of};
@@ -22,7 +23,7 @@ const THICKEST: f64 = 0.015;
 pub(super) struct Samples {
     samples: Vec<Sample>,
     /// Nodes with their weights in the place of a sample, by sample.
-    nodes: Vec<(u32, f64)>,
+    nodes: WeightedNodes,
     /// Those on sharp edges.
     sharp: BTreeMap<usize, Sides>,
     faces: Vec<Face>,
@@ -34,8 +35,6 @@ pub(super) struct Samples {
 }
 
 struct Sample {
-    /// Where its nodes begin and end.
-    range: [u32; 2],
     /// Place at rest [m].
     rest: [f64; 3],
     /// Its share of the surface at rest [m^2].
@@ -53,7 +52,7 @@ impl Samples {
         let faces = faces_of(body);
         let mut samples = Samples {
             samples: Vec::new(),
-            nodes: Vec::new(),
+            nodes: WeightedNodes::default(),
             sharp: BTreeMap::new(),
             parts: parts(&longest_edges(&faces), spacing),
             on: Vec::with_capacity(faces.len()),
@@ -114,15 +113,13 @@ impl Samples {
     }
 
     fn push(&mut self, points: &[[f64; 3]], nodes: &[(u32, f64)]) -> usize {
-        let start = self.nodes.len() as u32;
-        self.nodes.extend(nodes);
+        self.nodes.push(nodes.iter().copied());
         let mut rest = [0.0; 3];
         for &(node, weight) in nodes {
             (0..3).for_each(|i| rest[i] += weight * points[node as usize][i]);
         }
-        let range = [start, self.nodes.len() as u32];
         let (area, modulus, height, thickness) = (0.0, 0.0, 0.0, 0.0);
-        self.samples.push(Sample { range, rest, area, modulus, height, thickness });
+        self.samples.push(Sample { rest, area, modulus, height, thickness });
         self.samples.len() - 1
     }
 
@@ -149,10 +146,9 @@ impl Samples {
         self.faces.first().map_or(1.0, Face::bulge)
     }
 
-    /// Nodes and weights of a sample.
-    pub fn nodes(&self, sample: usize) -> &[(u32, f64)] {
-        let [start, end] = self.samples[sample].range;
-        &self.nodes[start as usize..end as usize]
+    /// The nodes that carry the samples.
+    pub fn nodes(&self) -> &WeightedNodes {
+        &self.nodes
     }
 
     /// Its share of the surface at rest, of all sides [m^2].
@@ -174,11 +170,7 @@ impl Samples {
 
     /// A nodal field at a sample.
     pub fn mean(&self, sample: usize, u: &[f64]) -> [f64; 3] {
-        let mut mean = [0.0; 3];
-        for &(node, weight) in self.nodes(sample) {
-            (0..3).for_each(|i| mean[i] += weight * u[3 * node as usize + i]);
-        }
-        mean
+        self.nodes.mean(sample, u)
     }
 
     /// Where a sample is under a displacement [m].

@@ -191,10 +191,16 @@ impl ActiveTool {
     /// Finds the samples that touch at `u`. Those that did not touch at the start of the step are tied to the point of
     /// the tool where they were then.
     pub fn linearize(&mut self, u: &[f64], start: &[f64]) {
-        self.meet_near(u, start);
+        let beyond = self.find_near(u);
+        let near = std::mem::take(&mut self.near);
+        self.meet_on(near.faces(), u, start);
+        if self.gap > beyond {
+            self.meet_on(0..self.samples.n_faces(), u, start);
+        }
+        self.near = near;
     }
 
-    /// Finds what touches at `u` on some faces.
+    /// Finds what touches at `u` on some faces, and the smallest gap on them.
     fn meet_on(&mut self, faces: impl Iterator<Item = usize>, u: &[f64], start: &[f64]) {
         let samples = self.samples.clone();
         self.touching.clear();
@@ -400,7 +406,7 @@ impl ActiveTool {
             report.area += self.areas[touching.sample];
             report.energy += touching.energy;
             report.touching += 1;
-            report.sliding += usize::from(touching.slide != [0.0; 3]);
+            report.sliding += usize::from(touching.slides());
         }
         report
     }
@@ -415,7 +421,7 @@ impl ActiveTool {
         let mut sums = vec![[0.0; 2]; n_nodes];
         for touching in &self.touching {
             let area = self.areas[touching.sample];
-            for &(node, weight) in self.samples.nodes(touching.sample) {
+            for &(node, weight) in self.samples.nodes().of(touching.sample) {
                 let [force, whole] = &mut sums[node as usize];
                 *force += weight.abs() * area * touching.pressure;
                 *whole += weight.abs() * area;

@@ -48,7 +48,7 @@ impl ActivePair {
 
     /// How the nodes of both surfaces move, but for what they all do: that brings nothing together.
     fn motion(&self, step: &[f64]) -> Vec<[f64; 3]> {
-        let corners = 0..self.corners.len() as u32;
+        let corners = 0..self.corners.len();
         let motion: Vec<[f64; 3]> =
             corners.map(|corner| self.carriers.mean(corner, step)).collect();
         let count = motion.len() as f64;

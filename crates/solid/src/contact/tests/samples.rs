@@ -32,7 +32,7 @@ fn nodal_areas(body: &Body, spacing: f64) -> Vec<f64> {
     let samples = Samples::new(body, spacing);
     let mut areas = vec![0.0; body.points().len()];
     for sample in 0..samples.len() {
-        for &(node, weight) in samples.nodes(sample) {
+        for &(node, weight) in samples.nodes().of(sample) {
             areas[node as usize] += weight * samples.area(sample);
         }
     }

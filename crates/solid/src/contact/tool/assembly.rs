@@ -2,7 +2,7 @@
 
 use super::super::friction::spring;
 use super::ActiveTool;
-use super::touching::{STEADY, along};
+use super::touching::{STEADY, Touching, along};
 use crate::body::{Curvature, SymmetricBlocks};
 use crate::mesh::{dot, norm, sub};
 
@@ -41,24 +41,23 @@ impl ActiveTool {
     /// Adds the last forces on the body [N].
     pub(in super::super) fn add_force(&self, force: &mut [f64]) {
         for touching in &self.touching {
-            for &(node, weight) in self.samples.nodes(touching.sample) {
-                (0..3).for_each(|i| force[3 * node as usize + i] += weight * touching.force[i]);
-            }
+            self.samples.nodes().add_force(touching.sample, touching.force, force);
         }
+    }
+
+    /// Whether a sample slides.
+    pub(in super::super) fn slides(&self) -> bool {
+        self.touching.iter().any(Touching::slides)
     }
 
     /// Adds what the forces of friction change by along a step: the bound of what slides follows its pressure.
     pub(in super::super) fn add_change_of_friction(&self, step: &[f64], force: &mut [f64]) {
-        for touching in self.touching.iter().filter(|touching| touching.slide != [0.0; 3]) {
-            let approach = -dot(self.samples.mean(touching.sample, step), touching.normal);
-            let across = self.areas[touching.sample] * touching.pressure + touching.fall * approach;
-            let change = self.tool.friction.bound(across.max(0.0)) - touching.bound;
-            for &(node, weight) in self.samples.nodes(touching.sample) {
-                let own = &mut force[3 * node as usize..3 * node as usize + 3];
-                own.iter_mut()
-                    .zip(touching.slide)
-                    .for_each(|(f, along)| *f -= weight * change * along);
-            }
+        for touching in self.touching.iter().filter(|touching| touching.slides()) {
+            let Touching { sample, normal, pressure, fall, bound, slide, .. } = *touching;
+            let opening = dot(self.samples.mean(sample, step), normal);
+            let across = self.areas[sample] * pressure - fall * opening;
+            let change = self.tool.friction.bound(across.max(0.0)) - bound;
+            self.samples.nodes().add_force(sample, slide.map(|along| -change * along), force);
         }
     }
 
@@ -76,7 +75,7 @@ impl ActiveTool {
                     sum.iter_mut().zip(row).for_each(|(sum, k)| *sum += k);
                 }
             }
-            let nodes = self.samples.nodes(touching.sample);
+            let nodes = self.samples.nodes().of(touching.sample);
             for &(row, a) in nodes {
                 for &(column, b) in nodes.iter().filter(|(column, _)| *column >= row) {
                     let block = std::array::from_fn(|k| a * b * touching.stiffness[k / 3][k % 3]);
@@ -91,12 +90,8 @@ impl ActiveTool {
     pub(in super::super) fn add_product(&self, factor: f64, x: &[f64], out: &mut [f64]) {
         for touching in &self.in_tangent {
             let at = self.samples.mean(touching.sample, x);
-            for &(node, weight) in self.samples.nodes(touching.sample) {
-                for (i, row) in touching.stiffness.iter().enumerate() {
-                    let force = row.iter().zip(&at).map(|(k, x)| k * x).sum::<f64>();
-                    out[3 * node as usize + i] += factor * weight * force;
-                }
-            }
+            let product = touching.stiffness.map(|row| factor * dot(row, at));
+            self.samples.nodes().add_force(touching.sample, product, out);
         }
     }
 

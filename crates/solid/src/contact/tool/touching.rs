@@ -36,6 +36,11 @@ pub struct Touching {
 }
 
 impl Touching {
+    /// Whether it slides.
+    pub fn slides(&self) -> bool {
+        self.slide != [0.0; 3]
+    }
+
     /// Adds friction, with the stiffness of a chord, which never makes a step too long.
     pub fn rub(&mut self, stiffness: f64, slid: [f64; 3]) {
         let n = self.normal;
