@@ -179,18 +179,20 @@ impl Contact {
         self.each(|held| held.end(u));
     }
 
-    /// The body has gone on by this part of its last motion, as its tools have; zero if it has not. What is linearized next is
-    /// then rubbed as hard as pressures that go on as they went say: those of a layer where the body is not yet in
-    /// equilibrium are far from what they will be.
-    pub fn foresee(&mut self, part: f64) {
-        self.each(|held| held.ahead = part);
-    }
-
     /// Finds the contacts at a displacement, and their forces.
     pub fn linearize(&mut self, u: &[f64]) {
         self.pairs.iter_mut().for_each(|pair| pair.linearize(u));
         let start = &self.start;
         self.tools.iter_mut().flatten().for_each(|held| held.linearize(u, start));
+    }
+
+    /// As [`Contact::linearize`], for the first step of a frame whose start is extrapolated by the part `part` of the last
+    /// motion. There the layer is not in equilibrium yet, and its pressures are far from those at the end of the frame. The
+    /// bounds of a tool's friction are therefore taken from its last pressures, extrapolated like the motion.
+    pub fn linearize_ahead(&mut self, u: &[f64], part: f64) {
+        self.each(|held| held.extrapolated = part);
+        self.linearize(u);
+        self.each(|held| held.extrapolated = 0.0);
     }
 
     /// As [`Contact::linearize`], for the first step of a frame at its start, after one in equilibrium: tools are taken to

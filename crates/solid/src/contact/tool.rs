@@ -96,10 +96,10 @@ pub(super) struct ActiveTool {
     gap: f64,
     near: Near,
     dissipation: f64,
-    /// Pressures of the samples at the ends of the last two steps [Pa]; none without friction.
+    /// Pressures of the samples at the ends of the last two steps, the last one first [Pa]; none without friction.
     pressures: Vec<[f64; 2]>,
-    /// The part of the last motion by which the body has gone on as it went; zero if it has not.
-    pub ahead: f64,
+    /// The part of the last motion by which pressures are extrapolated for the bounds of friction; zero for those that are.
+    pub extrapolated: f64,
     /// See [`spine`].
     spine: Vec<[f64; 3]>,
     /// See [`depth`].
@@ -153,7 +153,7 @@ impl ActiveTool {
             tool,
             slides: vec![[0.0; 3]; anchors.len()],
             pressures: vec![[0.0; 2]; anchors.len()],
-            ahead: 0.0,
+            extrapolated: 0.0,
             anchors,
             areas: (0..n).map(|sample| samples.area(sample)).collect(),
             kept: Vec::new(),
@@ -309,7 +309,7 @@ impl ActiveTool {
             let point = anchor.map_or_else(|| self.before.inward(from), |anchor| anchor.point);
             touching.anchor = self.pose.outward(point);
             touching.bound =
-                area * self.tool.friction.bound(self.foreseen(sample, pressure.max(0.0)));
+                area * self.tool.friction.bound(self.expected(sample, pressure.max(0.0)));
             if touching.bound > 0.0 {
                 touching.rub(area * layer.stiffness, self.slides[sample]);
             }
@@ -317,11 +317,12 @@ impl ActiveTool {
         touching
     }
 
-    /// The pressure that a sample will end with, if it is where the last motion leads by the part [`ActiveTool::ahead`].
-    fn foreseen(&self, sample: usize, pressure: f64) -> f64 {
+    /// The pressure that a sample is expected to end the step with: that which it has or, at an extrapolated start, the last
+    /// one extrapolated.
+    fn expected(&self, sample: usize, pressure: f64) -> f64 {
         match self.pressures.get(sample) {
-            Some([last, before]) if self.ahead > 0.0 && *last > 0.0 => {
-                (last + self.ahead * (last - before)).max(0.0)
+            Some([last, before]) if self.extrapolated > 0.0 && *last > 0.0 => {
+                (last + self.extrapolated * (last - before)).max(0.0)
             }
             _ => pressure,
         }

@@ -18,7 +18,7 @@ const AT: f64 = 1e-6;
 const NEXT_TO: f64 = 0.02;
 
 /// Part of the residual expected after a step that its linear system may leave, and the bounds of what it may leave. In contact
-/// an inexact step touches elsewhere, so that what it leaves cannot be expected.
+/// it always leaves the same: what a step leaves there depends on what it comes to touch, and the last step does not tell.
 const FORCED: f64 = 0.3;
 const TIGHTEST: f64 = 2e-5;
 const LOOSEST: f64 = 1e-3;
@@ -101,9 +101,9 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         }
     }
 
-    /// Residual to which conjugate gradients that were chosen automatically solve: what Newton's step will leave, as far as
-    /// the last step tells, and no less than what is asked for in the end (Eisenstat and Walker, SIAM J. Sci. Comput. 17
-    /// (1996) 16, choice 2).
+    /// Relative residual to which conjugate gradients that were chosen automatically solve a linear system: part of what
+    /// Newton's step is expected to leave, by the last step, or of what the solution may leave in the end (Eisenstat and
+    /// Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice 2).
     fn forcing(&self) -> f64 {
         if self.run.contact.touches() {
             return IN_CONTACT;
@@ -193,7 +193,7 @@ impl Iteration for LoadStep<'_, '_> {
         let mut unstable = self.run.factorize()?;
         self.run.go_on()?;
         if self.run.budget.is_some() {
-            self.run.solver.aim(self.forcing());
+            self.run.solver.set_tolerance(self.forcing());
         }
         let clock = Instant::now();
         let mut solved = self.run.newton_step(&self.u, &self.residual, self.load, is_first);

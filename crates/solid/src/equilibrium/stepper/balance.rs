@@ -1,5 +1,6 @@
 //! The residual before a step, with the motion of the hands and inertia, and after it.
 
+use super::pressed::Outset;
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
@@ -93,7 +94,7 @@ impl Stepper {
     /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
     /// tools feel, and the motion that a frame would end with.
     pub(super) fn measure(&mut self, body: &Body, is_cut: bool) -> f64 {
-        self.press(body, false);
+        self.press(body, Outset::Here);
         let mut scale = square(&self.internal).max(square(&self.external));
         self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {
@@ -128,11 +129,11 @@ impl Stepper {
     }
 
     /// Keeps what the step of a number has left out of balance, relative to all nodal forces.
-    pub(super) fn keep_left(&mut self, number: usize, residual: f64) {
-        if self.left.len() <= number {
-            self.left.resize(number + 1, 0.0);
+    pub(super) fn keep_residual(&mut self, number: usize, residual: f64) {
+        if self.residuals.len() <= number {
+            self.residuals.resize(number + 1, 0.0);
         }
-        self.left[number] = residual * self.magnitude;
+        self.residuals[number] = residual * self.magnitude;
     }
 
     /// Ends a frame: the motion is that of the last measurement, and what is remembered becomes the past.

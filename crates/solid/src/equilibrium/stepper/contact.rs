@@ -17,12 +17,12 @@ pub(super) const MAX_RETURNS: usize = 6;
 /// a stiff layer may have a power hundreds of times as large.
 pub(super) const LEAST_PART: f64 = 0.1;
 
-/// What a change of friction must exceed to be followed: this part of the residual at which a frame is settled, and this part
-/// of what the step of the same number left in the last frame. How often it is followed at most, and to what part of it.
+/// A change of friction is followed if it exceeds this part of the residual at which a frame is settled, and this part of the
+/// residual that the step of the same number left in the last frame.
 const FELT: f64 = 0.8;
 const FELT_BESIDE: f64 = 0.2;
+/// How often a step is followed up at most.
 const MAX_FOLLOWED: usize = 3;
-const FOLLOWED: f64 = 0.4;
 
 impl Stepper {
     /// Adds a tool, from the next frame on; returns its number.
@@ -53,9 +53,9 @@ impl Stepper {
         &self.contact
     }
 
-    /// Adds to a step what friction answers to it: what slides is held by the pressure at the end of the step, of which the
-    /// tangent, which is symmetric, knows nothing. What that changes is balanced with the factor that there is. Returns the
-    /// iterations of the linear solver.
+    /// Corrects a step for friction. The tangent, which is symmetric, holds the bounds of friction; at the end of the step the
+    /// pressures give others. What that changes of the forces is balanced with the factor that there is, until it is too small
+    /// to matter. Returns the iterations of the linear solver.
     pub(super) fn follow_friction(
         &mut self,
         number: usize,
@@ -65,8 +65,8 @@ impl Stepper {
         if !self.follows_friction || !self.contact.slides() {
             return Ok(iterations);
         }
-        let left = self.left.get(number).copied().unwrap_or(0.0);
-        let felt = (FELT * self.settings.settled * self.magnitude).max(FELT_BESIDE * left);
+        let last_frame = self.residuals.get(number).copied().unwrap_or(0.0);
+        let felt = (FELT * self.settings.settled * self.magnitude).max(FELT_BESIDE * last_frame);
         let n = self.step.len();
         let [mut known, mut change, mut answer] = [(); 3].map(|()| vec![0.0; n]);
         let mut last = f64::INFINITY;
@@ -78,7 +78,7 @@ impl Stepper {
             if size <= felt || size >= last {
                 break;
             }
-            iterations += self.solver.respond(&known, FOLLOWED, &mut answer, deadline)?;
+            iterations += self.solver.respond(&known, &mut answer, deadline)?;
             self.step.iter_mut().zip(&answer).for_each(|(step, by)| *step += by);
             self.increment.iter_mut().zip(&answer).for_each(|(free, by)| *free += by);
             last = size;

@@ -113,10 +113,10 @@ pub struct Stepper {
     step: Vec<f64>,
     /// Power of the residual along the last step, per step [J]; used with tools.
     descent: f64,
-    /// Whether steps of this frame follow friction: until one leaves more than there was.
+    /// Whether the steps of this frame follow friction: until one has increased the residual.
     follows_friction: bool,
-    /// Norm of the residual after each step of the last frame, as far as this one has not come so far [N].
-    left: Vec<f64>,
+    /// Norm of the residual after each step, by its number: of this frame, then of the last one [N].
+    residuals: Vec<f64>,
     trial: Vec<f64>,
     forces: Vec<f64>,
 }
@@ -215,7 +215,7 @@ impl Stepper {
             step: vec![0.0; n],
             descent: 0.0,
             follows_friction: true,
-            left: Vec::new(),
+            residuals: Vec::new(),
             trial: vec![0.0; n],
             forces: Vec::new(),
         })

@@ -8,6 +8,17 @@ use crate::body::Body;
 use crate::equilibrium::Pressure;
 use crate::error::Error;
 
+/// How the tools of a frame are linearized.
+#[derive(Clone, Copy)]
+pub(super) enum Outset {
+    /// Where body and tools are.
+    Here,
+    /// Tools lead what they touched: the first step from the last state.
+    Led,
+    /// Ahead by this part of the last motion: the first step from where that leads.
+    Ahead(f64),
+}
+
 impl Stepper {
     /// This pressure, and no other, acts from the next frame on. It may change with every frame, as in a beating heart.
     ///
@@ -23,18 +34,17 @@ impl Stepper {
         Ok(())
     }
 
-    /// The external forces at the displacement, those of tools and torques among them; with `leads` those of tools that
-    /// lead what they touch.
-    pub(super) fn press(&mut self, body: &Body, leads: bool) {
+    /// The external forces at the displacement, those of tools and torques among them.
+    pub(super) fn press(&mut self, body: &Body, outset: Outset) {
         self.external.copy_from_slice(&self.dead);
         self.pressure.add_force(body, &self.displacement, 1.0, &mut self.external);
         for torque in &self.torques {
             torque.add_force(body, &self.displacement, &mut self.external);
         }
-        if leads {
-            self.contact.lead(&self.displacement);
-        } else {
-            self.contact.linearize(&self.displacement);
+        match outset {
+            Outset::Here => self.contact.linearize(&self.displacement),
+            Outset::Led => self.contact.lead(&self.displacement),
+            Outset::Ahead(part) => self.contact.linearize_ahead(&self.displacement, part),
         }
         self.contact.add_force(&mut self.external);
     }

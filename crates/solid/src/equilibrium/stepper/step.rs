@@ -3,6 +3,7 @@
 //! all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
 use super::contact::{LEAST_PART, MAX_RETURNS, OVERSHOT};
+use super::pressed::Outset;
 use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
@@ -130,7 +131,7 @@ impl Iteration for FrameIteration<'_> {
         progress.steps += 1;
         stepper.adapt(taken, is_unstable, solved.indefinite.is_some());
         progress.residual = stepper.measure(body, progress.is_cut);
-        stepper.keep_left(number, progress.residual);
+        stepper.keep_residual(number, progress.residual);
         stepper.follows_friction &= progress.residual < before;
         if !stepper.contact.is_empty() && !stepper.hands_move {
             // A step that contact cut has still led into the layer; one that cells cut has not met its end.
@@ -200,9 +201,12 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        self.contact.foresee(if is_first { self.ahead } else { 0.0 });
-        self.press(body, is_first && self.was_settled && self.ahead == 0.0);
-        self.contact.foresee(0.0);
+        let outset = match is_first {
+            true if self.ahead > 0.0 => Outset::Ahead(self.ahead),
+            true if self.was_settled => Outset::Led,
+            _ => Outset::Here,
+        };
+        self.press(body, outset);
         self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();

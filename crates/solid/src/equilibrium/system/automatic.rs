@@ -234,8 +234,7 @@ impl Features {
     }
 }
 
-/// How many times as many iterations irregular cells take as regular ones: by how slim they are, and how unequal. An organ's
-/// mesh takes 1.5 to 3 times as many as a cube cut into equal cells.
+/// How many times as many iterations irregular cells take as regular ones, by how slim and how unequal they are.
 fn distortion(body: &Body) -> f64 {
     let every = body.cells().len().div_ceil(LOOKED_AT);
     let shapes = body.cells().iter().step_by(every).map(|cell| shape(body.points(), *cell));

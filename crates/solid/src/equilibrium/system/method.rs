@@ -1,4 +1,4 @@
-//! The methods that solve linear systems, and what they need of each other.
+//! The methods that solve linear systems, and which of their settings go together.
 
 use super::{ConjugateGradients, Preconditioner};
 use crate::body::Body;

@@ -291,28 +291,27 @@ impl ConstrainedSystem {
     }
 
     /// Conjugate gradients solve to this residual from now on, relative to the right-hand side; a factor is exact anyway.
-    pub fn aim(&mut self, tolerance: f64) {
+    pub fn set_tolerance(&mut self, tolerance: f64) {
         if let Solver::Iterative(iterative) = &mut self.solver {
-            iterative.aim(tolerance);
+            iterative.set_tolerance(tolerance);
         }
     }
 
-    /// Solves for the step that a further force asks for, the means of the patches staying where they are, as far as that
-    /// leaves `tolerance` of it; returns the iterations that took. What conjugate gradients remember of a motion, they keep.
+    /// The step by which a further force changes the last one, the means of the patches staying where they are: conjugate
+    /// gradients leave part of the force unanswered. Returns their iterations.
     ///
     /// # Errors
     /// Those of [`solve`](Self::solve).
     pub fn respond(
         &mut self,
         b: &[f64],
-        tolerance: f64,
         step: &mut [f64],
         deadline: Option<Instant>,
     ) -> Result<usize, FactorError> {
         let mut b = b.to_vec();
         b.iter_mut().zip(&self.is_held).for_each(|(b, &held)| *b = if held { 0.0 } else { *b });
         if let Solver::Iterative(iterative) = &mut self.solver {
-            return iterative.respond(&b, tolerance, step, deadline);
+            return iterative.respond(&b, step, deadline);
         }
         let still = self.border.zeros();
         self.solve(&mut b, &still, step, &mut Vec::new(), deadline).map(|_| 0)

@@ -131,25 +131,24 @@ impl Numbered {
         Ok(solved)
     }
 
-    /// Solves to this tolerance from now on.
-    pub fn aim(&mut self, tolerance: f64) {
+    /// See [`ConstrainedSystem::set_tolerance`](super::ConstrainedSystem::set_tolerance).
+    pub fn set_tolerance(&mut self, tolerance: f64) {
         self.iterative.set_tolerance(tolerance);
     }
 
-    /// Solves for the step that a further force asks for; see [`Iterative::respond`].
+    /// See [`Iterative::respond`].
     pub fn respond(
         &mut self,
         b: &[f64],
-        tolerance: f64,
         step: &mut [f64],
         deadline: Option<Instant>,
     ) -> Result<usize, FactorError> {
         let Numbered { iterative, border, numbering, load, step: own, .. } = self;
         let Some(numbering) = numbering else {
-            return iterative.respond(border, b, tolerance, step, deadline);
+            return iterative.respond(border, b, step, deadline);
         };
         numbering.gather(b, load);
-        let iterations = iterative.respond(border, load, tolerance, own, deadline)?;
+        let iterations = iterative.respond(border, load, own, deadline)?;
         numbering.scatter(own, step);
         Ok(iterations)
     }

@@ -7,6 +7,9 @@ use crate::linear::conjugate_gradients::{self as cg, Error, Operator, Settings};
 use crate::number::norm;
 use crate::threads::among_threads;
 
+/// Part of a further force that the answer may leave. With a lagged factor that mostly takes one iteration.
+const UNANSWERED: f64 = 0.4;
+
 impl Iterative {
     /// The correction that balances the residual without moving the patches.
     pub(super) fn iterate(
@@ -35,13 +38,12 @@ impl Iterative {
         self.conjugate(border, tolerance, deadline)
     }
 
-    /// Solves for a further force without a guess, and leaves what the last steps tell as it is; on a device that has the
-    /// matrix to itself not at all. Returns the iterations.
+    /// The step that a further force asks for, from zero; what is kept of the last steps stays as it is. None on a device
+    /// that has the matrix to itself. Returns the iterations.
     pub fn respond(
         &mut self,
         border: &Border,
         b: &[f64],
-        tolerance: f64,
         step: &mut [f64],
         deadline: Option<Instant>,
     ) -> Result<usize, FactorError> {
@@ -52,7 +54,7 @@ impl Iterative {
         self.residual.copy_from_slice(b);
         border.project(&mut self.residual);
         self.correction.fill(0.0);
-        let solved = self.conjugate(border, tolerance, deadline)?;
+        let solved = self.conjugate(border, UNANSWERED, deadline)?;
         if solved.indefinite.is_none() {
             step.copy_from_slice(&self.correction);
         }
