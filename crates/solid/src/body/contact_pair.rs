@@ -1,15 +1,15 @@
 //! Two surfaces of a body that may touch each other, as contact needs them of the body: their triangles, and the blocks
 //! that the pattern of the tangent reserves between their nodes.
 //!
-//! A quadratic face is cut into four triangles. Those with their corners in the middles of its edges would turn an even
-//! pressure into other nodal forces than the element: a third on each middle, none on its corners. With corners that bulge
-//! a third farther than the middles,
+//! A quadratic face is cut into four flat triangles. With their corners in the middles of its edges they would turn a uniform
+//! pressure into other nodal forces than the element does, which are a third on each middle and none on the corners of the
+//! face. With corners that lie a third farther out than the middles,
 //!   `y = x_m + (x_m - (x_a + x_b) / 2) / 3`,
-//! the forces are those, and what the triangles enclose is what the faces enclose.
+//! the forces are those of the element where the face is flat, and near them where it is curved.
 
 use crate::error::Error;
 use crate::mesh::{Boxes, norm, quadratic_surface, sub};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Weights of the middle of an edge and of its ends in the place of a corner.
 const BULGE: [f64; 3] = [4.0 / 3.0, -1.0 / 6.0, -1.0 / 6.0];
@@ -85,8 +85,8 @@ impl ContactPair {
         Ok(pair)
     }
 
-    /// Cuts the faces of quadratic cells into four, with corners at these points and at the middles of these edges, whose
-    /// numbers follow. Those that are cut already stay as they are.
+    /// Cuts the faces of quadratic cells into four triangles, with corners at these points: those of the cells, then the middles
+    /// of these edges. Faces that are cut already stay as they are.
     pub(super) fn cut(&mut self, points: &[[f64; 3]], edges: &[[u32; 2]]) {
         if !self.ends.is_empty() {
             return;
@@ -116,6 +116,20 @@ impl ContactPair {
         corners.sort_unstable();
         corners.dedup();
         std::array::from_fn(|i| corners[i])
+    }
+
+    /// # Errors
+    /// A triangle that is no face of the surface of these cells.
+    pub(super) fn check(&self, number: usize, faces: &HashSet<[u32; 3]>) -> Result<(), Error> {
+        let stray =
+            self.surfaces.iter().flatten().find(|triangle| !faces.contains(&ascending(triangle)));
+        match stray {
+            Some(triangle) => Err(Error::input(format!(
+                "contact pair {number}: the points {triangle:?} are no face of the surface; a pair takes triangles of the \
+                 surface"
+            ))),
+            None => Ok(()),
+        }
     }
 
     /// Couples what is at most `reach` apart at these points, beside what is coupled already.
@@ -155,4 +169,11 @@ impl ContactPair {
         };
         usize::from(mean(&self.surfaces[1]) < mean(&self.surfaces[0]))
     }
+}
+
+/// The corners of a triangle in ascending order.
+pub(super) fn ascending(triangle: &[u32; 3]) -> [u32; 3] {
+    let mut corners = *triangle;
+    corners.sort_unstable();
+    corners
 }

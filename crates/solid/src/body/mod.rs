@@ -112,7 +112,7 @@ impl Body {
     /// As [`Body::with_element`], with elastic supports and bonds; their nodes are those of the element.
     ///
     /// # Errors
-    /// As there, and those of [`Ties::check`].
+    /// As there, and those of [`Ties::check`]; a contact pair with a triangle that is no face of the surface.
     pub fn tied(
         element: Element,
         points: Vec<[f64; 3]>,
@@ -125,6 +125,7 @@ impl Body {
         check::parameter_rows(&material, cells.len())?;
         let edges = if element.is_quadratic() { mesh::edges(&cells).len() } else { 0 };
         ties.check(points.len() + edges)?;
+        ties.check_pairs(&points, &cells)?;
         Ok(Self::assemble(element, points, cells, geometry, (material, ties), Partition::new))
     }
 

@@ -7,11 +7,13 @@
 //! ([`ContactPair`]) ties know the pairs of nodes; their forces are those of [`contact`](crate::contact).
 
 use super::blocks::{BlockPattern, SymmetricBlocks, add_block_product};
-use super::contact_pair::ContactPair;
+use super::contact_pair::{ContactPair, ascending};
 use super::curvature::Curvature;
 use super::links::Link;
 use crate::error::Error;
+use crate::mesh::surface;
 use crate::tensor::Mat3;
+use std::collections::HashSet;
 
 /// The samples of ties, in compressed rows.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,6 +89,17 @@ impl Ties {
             ))),
             None => Ok(()),
         }
+    }
+
+    /// # Errors
+    /// A contact pair with a triangle that is no face of the surface of these cells.
+    pub(super) fn check_pairs(&self, points: &[[f64; 3]], cells: &[[u32; 4]]) -> Result<(), Error> {
+        if self.contact_pairs.is_empty() {
+            return Ok(());
+        }
+        let faces: HashSet<[u32; 3]> = surface(points, cells).iter().map(ascending).collect();
+        let mut pairs = self.contact_pairs.iter().enumerate();
+        pairs.try_for_each(|(number, pair)| pair.check(number, &faces))
     }
 
     /// The pairs of nodes that they couple.

@@ -389,6 +389,10 @@ impl ActiveTool {
             self.anchors[sample] = Some(Anchor { point: self.pose.inward(point), is_bond });
             self.pressures[sample][0] = touching.pressure;
         }
+        // What has let go has no past when it touches again.
+        for &sample in before.iter().filter(|&&sample| self.anchors[sample].is_none()) {
+            self.pressures[sample] = [0.0; 2];
+        }
     }
 
     pub fn report(&self) -> Report {

@@ -315,3 +315,51 @@ fn pairs_that_cannot_be_are_refused() {
     assert!(refusal([one.clone(), two.clone()], 0.1, 0.0, 0.0).contains("stiffness"));
     assert!(refusal([one.clone(), two], 0.1, 30.0, -0.1).contains("friction coefficient"));
 }
+
+#[test]
+fn triangles_that_are_no_faces_of_the_surface_are_refused() {
+    let (points, cells) = block([2; 3], [SIDE; 3]);
+    let inside = vec![[0, 1, 13]];
+    let faces =
+        vec![surface(&points, &cells).into_iter().find(|t| t.iter().all(|n| *n > 13)).unwrap()];
+    for element in [Element::P1, Element::P2] {
+        let pair = ContactPair::new(&points, [faces.clone(), inside.clone()], 0.01, STIFFNESS, 0.0)
+            .unwrap();
+        let ties = Ties { contact_pairs: vec![pair], ..Ties::default() };
+        let material = Material::new("neo_hookean", vec![vec![4e3, 6e3]]).unwrap();
+        let refused = Body::tied(element, points.clone(), cells.clone(), material, ties).err();
+        let words = refused.unwrap().to_string();
+        assert!(words.contains("contact pair 0: the points [0, 1, 13] are no face"), "{words}");
+    }
+}
+
+/// Just below the top and closer to a side of a block, which does not push back what came in from above.
+#[test]
+fn what_is_behind_a_face_has_its_gap_though_a_side_is_closer() {
+    use crate::contact::facets::Facets;
+    let (points, cells) = block([1; 3], [SIDE; 3]);
+    let triangles = surface(&points, &cells);
+    let facets = Facets::new(triangles.clone());
+    let placed = facets.at(&points);
+    let is_top = |t: &[u32; 3]| t.iter().all(|&n| points[n as usize][2] == SIDE);
+    let x = [1e-6, 0.03, SIDE - 1e-4];
+    let closest = placed.gap(x, 0.01).unwrap();
+    assert!(
+        (closest.gap + 1e-6).abs() < 1e-12 && closest.normal == [-1.0, 0.0, 0.0],
+        "{closest:?}"
+    );
+    let tops = (0..triangles.len()).filter(|&k| is_top(&triangles[k]));
+    let found: Vec<_> = tops.filter_map(|k| placed.behind(k, x, 0.01)).collect();
+    assert_eq!(found.len(), 1, "of two triangles it is behind one");
+    assert!((found[0].gap + 1e-4).abs() < 1e-12 && found[0].normal[2] > 0.999, "{found:?}");
+    let at: f64 = (0..3)
+        .map(|i| {
+            let corner = points[triangles[found[0].triangle][i] as usize];
+            found[0].weights[i] * corner[1]
+        })
+        .sum();
+    assert!((at - 0.03).abs() < 1e-12, "{at}");
+    let [above, deep] =
+        [SIDE + 1e-4, SIDE - 0.02].map(|z| placed.behind(found[0].triangle, [1e-6, 0.03, z], 0.01));
+    assert!(above.is_none() && deep.is_none());
+}
