@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -56,10 +57,20 @@ class Bond:
         self.reach = reach
 
     def __repr__(self) -> str:
-        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in (self.first, self.second)]
+        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in self.sides]
         return f"Bond({', '.join(words)}{', sliding' if self.sliding else ''})"
 
-    def _samples(self, mesh: Mesh, faces: tuple[Indices, Indices], modulus: Floats, reach: float) -> Ties:
+    @property
+    def sides(self) -> tuple[tuple[str, Where | None], ...]:
+        """Name and place of both sides.
+
+        >>> import viscera as vs
+        >>> vs.Bond(("liver", "bed"), "gallbladder").sides
+        (('liver', 'bed'), ('gallbladder', None))
+        """
+        return self.first, self.second
+
+    def _samples(self, mesh: Mesh, faces: Sequence[Indices], modulus: Floats, reach: float) -> Ties:
         """Its samples between the faces of both sides: points of a rule that is exact for products of shape functions.
 
         mesh: of the scene; faces: (f, 3) or (f, 6) of each side; modulus (m,): plane strain modulus of the cells [Pa].

@@ -1,6 +1,8 @@
-"""Two surfaces of a scene that may touch each other: how they are asked for, and what the core takes."""
+"""Surfaces of a scene that may touch each other or themselves: how they are asked for, and what the core takes."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,15 +10,17 @@ from viscera.bond import Side, side_of
 from viscera.contact import BONDED, FRICTION, STIFFNESS
 from viscera.errors import VisceraError
 from viscera.loads import name_of
-from viscera.mesh import Indices
+from viscera.mesh import Indices, Where
 from viscera.quantity import Number
 from viscera.ties import NONE, Surfaces, Ties
 
 FACTOR = Number(above=0)
+REACH, OWN_REACH = "5%", "2%"
+"""How near two surfaces, and one that touches itself, are looked at."""
 
 
 class ContactPair:
-    """Two organs, or two places of their surfaces, that press on each other, slide, and part again.
+    """Two organs, or two places of their surfaces, that press on each other, slide, and part again; or one on itself.
 
     Both places may be of one organ: lobes that fold onto each other, walls of a vessel that collapses. The layer
     between them is that of a `Tool`, with the softer side's `E / (1 - nu^2) / h`. The surface with the shorter edges is
@@ -25,8 +29,14 @@ class ContactPair:
     first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
         rest by more than rounding. Contact at the rim of a place does not count. Two places of one organ have no node
         in common, and see each other from outside: the front and the back of a thin part are no pair.
+        Without `second`, all of the first that may come to touch itself: what looks at each other from outside at
+        rest; beside that, what is more than twice the reach apart, or four times through the tissue. Neighbours, and
+        the inside of a fold sharper than that, do not touch. Half of each contact is counted on either side, so the
+        force of the pair, a sum over both, is zero; its area, gap and pressures tell what touches. It takes longer
+        than two places, as the whole surface is watched.
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
-        the smaller organ. What is farther apart at rest may touch too; the solver then analyses its matrix anew.
+        the smaller organ; by default 5 %, of one surface 2 %. What is farther apart at rest may touch too; the solver
+        then analyses its matrix anew.
     stiffness: of the layer, as in `Tool`.
     friction: Coulomb's coefficient, 0 for none. In `solve` it is integrated from load step to load step. For surfaces
         that stick to each other take a `Bond`.
@@ -36,30 +46,45 @@ class ContactPair:
     ContactPair(liver at 'bed', gallbladder)
     >>> vs.ContactPair(("liver", "left lobe"), ("liver", "right lobe"), friction=0.1)
     ContactPair(liver at 'left lobe', liver at 'right lobe')
+    >>> vs.ContactPair("liver")
+    ContactPair(liver)
     """
 
     def __init__(
         self,
         first: Side,
-        second: Side,
+        second: Side | None = None,
         *,
-        reach: float | str = "5%",
+        reach: float | str | None = None,
         stiffness: float = STIFFNESS,
         friction: float = 0.0,
     ) -> None:
-        self.first, self.second = (side_of(side, "a contact pair") for side in (first, second))
-        """Pairs of a name and a place; the place is None for the whole surface."""
-        self.reach = reach
+        self.first = side_of(first, "a contact pair")
+        """Name and place; the place is None for the whole surface."""
+        self.second = None if second is None else side_of(second, "a contact pair")
+        """The same of the other side; None for a surface that touches itself."""
+        self.reach = reach if reach is not None else OWN_REACH if second is None else REACH
         self.stiffness = FACTOR(stiffness, "the stiffness of a contact pair")
         if isinstance(friction, str) and friction == BONDED:
             raise VisceraError("the friction of a contact pair is a coefficient; where organs stick, take a Bond")
         self.friction = FRICTION(friction, "the friction of a contact pair")
 
     def __repr__(self) -> str:
-        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in (self.first, self.second)]
+        words = [name if where is None else f"{name} at {name_of(where)}" for name, where in self.sides]
         return f"ContactPair({', '.join(words)})"
 
-    def _ties(self, faces: tuple[Indices, Indices], reach: float) -> Ties:
-        """As the core takes it: faces (f, 3) of both sides in the numbering of the scene, reach [m]."""
-        first, second = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
+    @property
+    def sides(self) -> tuple[tuple[str, Where | None], ...]:
+        """Name and place of both sides, or of the one that there is.
+
+        >>> import viscera as vs
+        >>> vs.ContactPair("liver").sides
+        (('liver', None),)
+        """
+        return (self.first,) if self.second is None else (self.first, self.second)
+
+    def _ties(self, faces: Sequence[Indices], reach: float) -> Ties:
+        """As the core takes it: faces (f, 3) of its sides in the numbering of the scene, reach [m]."""
+        first, *rest = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
+        second = rest[0] if rest else None
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))

@@ -44,8 +44,7 @@ class Scene(Organ):
     bodies: rigid bodies, as the tools of `Organ.solve(contact=)`: a table, a retractor. They act in every solve and in
         every stepper. They touch all organs.
     bonds: what holds organs together: `Bond` of two surfaces, `Spring` between places, such as "liver/hilum".
-    contacts: what may touch: each a `ContactPair` of two organs, or of two places of one. They are elements with nodes
-        at corners only, "P1" or "P1 mean volume".
+    contacts: what may touch: each a `ContactPair` of two organs, of two places of one, or of one with itself.
     Raises `VisceraError` for organs of several elements, for names that are unknown, for a bond of surfaces that do not
     lie on each other, for a contact pair of surfaces that overlap or have a node in common, and if nothing holds an
     organ.
@@ -221,7 +220,7 @@ class Scene(Organ):
         if not isinstance(pair, ContactPair):
             raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", pair)
         sides, diagonal = self._sides(pair)
-        if pair.first[0] == pair.second[0]:
+        if pair.second is not None and pair.first[0] == pair.second[0]:
             self._refuse_shared(pair, np.intersect1d(*sides))
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
         if reach <= 0.0:
@@ -231,10 +230,10 @@ class Scene(Organ):
     def _refuse_shared(self, pair: ContactPair, shared: Indices) -> None:
         """Raise `VisceraError` if the sides of a pair of one organ have nodes of the scene in common."""
         name = pair.first[0]
-        if pair.first[1] is None or pair.second[1] is None:
+        if any(where is None for _, where in pair.sides):
             raise VisceraError(
-                f"{pair!r}: an organ touches itself between two of its places; name both, such as "
-                f"ContactPair(({name!r}, 'x < 40%'), ({name!r}, 'x > 60%'))"
+                f"{pair!r}: an organ touches itself between two of its places, such as "
+                f"ContactPair(({name!r}, 'x < 40%'), ({name!r}, 'x > 60%')), or all over, as ContactPair({name!r})"
             )
         if len(shared):
             own = np.flatnonzero(np.isin(self._numbers[name], shared)).tolist()
@@ -244,10 +243,10 @@ class Scene(Organ):
                 "organ touches itself between places without a common node, so leave such nodes out of one of the two"
             )
 
-    def _sides(self, pair: Bond | ContactPair) -> tuple[tuple[Indices, Indices], float]:
-        """The faces of both sides, in the numbering of the scene, and the diagonal of the smaller organ [m]."""
+    def _sides(self, pair: Bond | ContactPair) -> tuple[list[Indices], float]:
+        """The faces of its sides, in the numbering of the scene, and the diagonal of the smaller organ [m]."""
         sides = []
-        for name, where in (pair.first, pair.second):
+        for name, where in pair.sides:
             organ = self.organ(name).mesh
             nodes = organ.surface_nodes if where is None else organ.nodes(where)
             faces = faces_within(organ, nodes)
@@ -256,8 +255,8 @@ class Scene(Organ):
                     f"{pair!r}: the place of {name!r} holds no triangle of its surface; take a larger one"
                 )
             sides.append(self._numbers[name][faces].astype(np.uint32))
-        diagonal = min(self.organ(name).mesh.diagonal for name, _ in (pair.first, pair.second))
-        return (sides[0], sides[1]), diagonal
+        diagonal = min(self.organ(name).mesh.diagonal for name, _ in pair.sides)
+        return sides, diagonal
 
 
 @dataclass(frozen=True, eq=False)

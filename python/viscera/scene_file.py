@@ -107,7 +107,7 @@ def _pair(pair: ContactPair, places: _ScenePlaces) -> dict[str, Any]:
 
 
 def _sides(pair: Bond | ContactPair, places: _ScenePlaces, name: str) -> dict[str, str]:
-    return {"first": places.side(pair.first, name), "second": places.side(pair.second, name)}
+    return {end: places.side(side, name) for end, side in zip(("first", "second"), pair.sides, strict=False)}
 
 
 def _spring(spring: Spring, places: _ScenePlaces) -> dict[str, Any]:

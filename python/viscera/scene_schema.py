@@ -200,10 +200,15 @@ SPRING = Table(
 )
 CONTACT = Table(
     "[contacts]",
-    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), of two organs or of one.",
+    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), of two organs or of one, or one that may touch "
+    "itself.",
     {
-        **_ends("surface", Key(Side(), "the other", is_required=True)),
-        "reach": Key(Length(), "distance within which surfaces are looked at; per cent of the smaller organ", '"5%"'),
+        **_ends("surface", Key(Side(), "the other", "none: the one touches itself")),
+        "reach": Key(
+            Length(),
+            "distance within which surfaces are looked at; per cent of the smaller organ",
+            f'"{contact_pair.REACH}", of one surface "{contact_pair.OWN_REACH}"',
+        ),
         "stiffness": Key(contact_pair.FACTOR, "factor of the layer between them", f"{contact.STIFFNESS:g}"),
         "friction": Key(contact.FRICTION, "Coulomb's coefficient", "0"),
     },

@@ -46,11 +46,12 @@ class Link:
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Two surfaces that may touch, whose forces are those of contact."""
+    """Two surfaces that may touch, or one that may touch itself; their forces are those of contact."""
 
     first: Indices
     """Triangles (t, 3)."""
-    second: Indices
+    second: Indices | None
+    """Those of the other; None if the first may touch itself."""
     reach: float
     """How near they are looked at [m]."""
     stiffness: float

@@ -1,4 +1,5 @@
-"""Contact of an organ with itself: jaws that meet, in solves, frames and case files, and refusals."""
+"""Contact of an organ with itself, at two of its places or all over: jaws that meet, in solves, frames and case files,
+and refusals."""
 
 import itertools
 import pickle
@@ -156,11 +157,94 @@ def test_a_case_file_keeps_the_pair(tmp_path: Path) -> None:
     assert np.array_equal(copy.solve(displacement=closing(), steps=2).displacement, state.displacement)
 
 
+@pytest.mark.parametrize("element", ["P1", "P2"])
+def test_a_surface_touches_itself_as_its_places_touch_each_other(element: str) -> None:
+    """Without names the jaws bear what they bear between their walls: by both solvers and in frames."""
+    walls, own = vs.ContactPair(*WALLS), vs.ContactPair("jaws")
+    between = scene(walls, element=element).solve(displacement=closing())
+    one = scene(own, element=element)
+    state = one.solve(displacement=closing())
+    assert state.is_converged
+    press = between.reaction("jaws/west")[0]
+    assert state.reaction("jaws/west")[0] == pytest.approx(press, rel=0.01)
+    told, named = state.contact(own), between.contact(walls)
+    assert told.area == pytest.approx(named.area, rel=0.05)
+    assert -1e-3 * SIDE < told.gap < 0.0
+    assert not np.any(told.force)
+    touched = told.pressures > 0.0
+    assert set(np.flatnonzero(touched)) <= set(one.mesh.nodes("jaws/left")) | set(one.mesh.nodes("jaws/right"))
+    iterative = one.solve(displacement=closing(), solver="cg")
+    assert abs(iterative.displacement - state.displacement).max() < 1e-6 * SIDE
+    stepper = one.stepper(closing(0.0), iterations=40, settled=1e-7)
+    for part in CLOSING:
+        frame = stepper.frame(closing(0.012 * part))
+    assert frame.is_settled
+    assert abs(frame.displacement - state.displacement).max() < 1e-5 * SIDE
+
+
+def test_a_surface_that_only_bends_does_not_touch_itself() -> None:
+    """A thin plate rolled half up: front, back and neighbours are near each other, and none of them touches."""
+    points = np.array([(x, y, z) for z in (0.0, 0.002) for y in (0.0, 0.01, 0.02) for x in np.linspace(0, 0.1, 31)])
+    corner = np.array([i + 31 * (j + 3 * 0) for j in range(2) for i in range(30)])
+    cells = np.vstack(
+        [
+            np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1)
+            for order in itertools.permutations((1, 31, 93))
+        ]
+    )
+    organ = vs.Organ(vs.mesh(points, cells, {"end": points[:, 0] > 0.0999}), SOFT, fixed="x < 1%")
+    pair = vs.ContactPair("plate", reach="4 mm")
+    one = vs.Scene({"plate": organ}, contacts=[pair])
+    bend = {"plate/end": (-0.03, None, 0.05)}
+    state, free = one.solve(displacement=bend, steps=8), vs.Scene({"plate": organ}).solve(displacement=bend, steps=8)
+    assert state.is_converged
+    assert state.contact(pair).touching == 0
+    assert abs(state.displacement - free.displacement).max() < 1e-8
+
+
+def test_a_lobe_that_slides_on_the_other_dissipates_without_names() -> None:
+    pair = vs.ContactPair("jaws", friction=0.3)
+    stepper = scene(pair).stepper(closing(0.0, slide=0.0), iterations=60, settled=1e-6)
+    for part in CLOSING:
+        stepper.frame(closing(0.012 * part, slide=0.0))
+    for slide in np.linspace(0.0, 0.006, 7):
+        frame = stepper.frame(closing(slide=slide))
+        assert frame.is_settled, slide
+    told = frame.contact(pair)
+    assert told.sliding > 0.5 * told.touching > 0
+    assert told.dissipation > 0.0
+
+
+def test_a_case_file_keeps_a_surface_that_touches_itself(tmp_path: Path) -> None:
+    pair = vs.ContactPair("jaws", reach="3 mm")
+    one = scene(pair)
+    written = one.to_case(tmp_path / "jaws.toml", loads={"displacement": closing()})
+    assert isinstance(written, SceneCase)
+    assert "second" not in written.contacts[0]
+    again = written.organ()
+    assert again.contacts[0].second is None
+    state, other = one.solve(displacement=closing()), written.solve(again)
+    assert abs(state.displacement - other.displacement).max() < 1e-9
+    (told,) = written.facts(again, other)["contacts"]
+    assert told["first"] == "jaws"
+    assert told["area"] == pytest.approx(state.contact(pair).area, rel=1e-6)
+    copy = pickle.loads(pickle.dumps(one))
+    assert repr(copy.contacts[0]) == "ContactPair(jaws)"
+
+
+def test_a_mesh_that_crosses_itself_is_refused() -> None:
+    one = jaws()
+    moved = one.points * [1.0, 0.9, 1.0] + [0.05, 0.0, 0.013]
+    mesh = vs.mesh(np.vstack([one.points, moved]), np.vstack([one.cells, one.cells + len(one.points)]))
+    with pytest.raises(vs.VisceraError, match=r"the surface of ContactPair\(jaws\) crosses itself at rest at the point"):
+        vs.Scene({"jaws": vs.Organ(mesh, SOFT, fixed="z < 20%")}, contacts=[vs.ContactPair("jaws")])
+
+
 @pytest.mark.parametrize(
     ("first", "second", "words"),
     [
-        ("jaws", "jaws", r"ContactPair\(jaws, jaws\): an organ touches itself between two of its places; name both"),
-        ("jaws", WALLS[1], "name both, such as"),
+        ("jaws", "jaws", r"ContactPair\(jaws, jaws\): an organ touches itself between two of its places, such as"),
+        ("jaws", WALLS[1], r"or all over, as ContactPair\('jaws'\)"),
         (("jaws", "x < 70%"), ("jaws", "x > 50%"), r"faces at node 3, 9, 15, 21, 27 and 31 more of 'jaws'; .* without"),
         (("jaws", "west"), WALLS[0], r"overlap at rest: the point \(0.0.* inside the other.* faces each other from"),
         (("jaws", "0, 1"), WALLS[0], "the place of 'jaws' holds no triangle of its surface"),

@@ -30,7 +30,8 @@ type Responses<'py> =
 type Link = (Vec<(u32, f64)>, [f64; 3], f64, f64, bool);
 
 /// Surfaces that may touch: the triangles of both, reach, stiffness, and the coefficient of friction.
-type ContactPair<'py> = (PyReadonlyArray2<'py, u32>, PyReadonlyArray2<'py, u32>, f64, f64, f64);
+type ContactPair<'py> =
+    (PyReadonlyArray2<'py, u32>, Option<PyReadonlyArray2<'py, u32>>, f64, f64, f64);
 
 /// Elastic supports and bonds: where the nodes of each sample start, nodes, weights, and stiffness (s, 9); springs;
 /// contact pairs.
@@ -48,9 +49,15 @@ impl Ties<'_> {
     fn arrays(&self, points: &[[f64; 3]]) -> PyResult<body::Ties> {
         let rows = self.3.as_array();
         let pair = |(first, second, reach, stiffness, friction): &ContactPair| {
-            let surfaces = [convert::triangles(first)?, convert::triangles(second)?];
-            body::ContactPair::new(points, surfaces, *reach, *stiffness, *friction)
-                .map_err(convert::error)
+            let first = convert::triangles(first)?;
+            match second {
+                Some(second) => {
+                    let surfaces = [first, convert::triangles(second)?];
+                    body::ContactPair::new(points, surfaces, *reach, *stiffness, *friction)
+                }
+                None => body::ContactPair::of_one(points, first, *reach, *stiffness, *friction),
+            }
+            .map_err(convert::error)
         };
         Ok(body::Ties {
             start: self.0.as_array().to_vec(),

@@ -17,7 +17,7 @@ mod surface;
 pub use boxes::Boxes;
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
 pub use locate::{Located, Locator};
-pub use overlap::{Piece, overlap};
+pub use overlap::{Piece, overlap, overlap_of};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};

@@ -27,17 +27,31 @@ pub fn overlap(
     second: &[[u32; 3]],
     reach: f64,
 ) -> Vec<Piece> {
-    let corners = |triangle: &[u32; 3]| triangle.map(|node| points[node as usize]);
-    let others: Vec<[Vector; 3]> = second.iter().map(corners).collect();
     let boxes = Boxes::new(points, second);
-    let (mut pieces, mut near) = (Vec::new(), Vec::new());
+    let mut near = Vec::new();
     for (number, triangle) in (0u32..).zip(first) {
-        let plane = Plane::new(corners(triangle));
-        near.clear();
-        boxes.each_near(&plane.corners, reach, |other| near.push(other));
-        near.sort_unstable();
-        for &other in &near {
-            plane.add_pieces([number, other as u32], others[other], reach, &mut pieces);
+        let start = near.len();
+        let corners = triangle.map(|node| points[node as usize]);
+        boxes.each_near(&corners, reach, |other| near.push([number, other as u32]));
+        near[start..].sort_unstable();
+    }
+    overlap_of(points, first, second, &near, reach)
+}
+
+/// [`overlap`] of these pairs of a triangle of the first and one of the second surface, those of one triangle together.
+pub fn overlap_of(
+    points: &[Vector],
+    first: &[[u32; 3]],
+    second: &[[u32; 3]],
+    pairs: &[[u32; 2]],
+    reach: f64,
+) -> Vec<Piece> {
+    let corners = |triangle: &[u32; 3]| triangle.map(|node| points[node as usize]);
+    let mut pieces = Vec::new();
+    for pairs in pairs.chunk_by(|one, other| one[0] == other[0]) {
+        let plane = Plane::new(corners(&first[pairs[0][0] as usize]));
+        for &pair in pairs {
+            plane.add_pieces(pair, corners(&second[pair[1] as usize]), reach, &mut pieces);
         }
     }
     pieces

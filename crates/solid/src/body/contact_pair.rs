@@ -1,5 +1,5 @@
-//! Two surfaces of a body that may touch each other, as contact needs them of the body: their triangles, and the blocks
-//! that the pattern of the tangent reserves between their nodes.
+//! Two surfaces of a body that may touch each other, or one that may touch itself, as contact needs them of the body: their
+//! triangles, and the blocks that the pattern of the tangent reserves between their nodes.
 //!
 //! A quadratic face is cut into four flat triangles. With their corners in the middles of its edges they would turn a uniform
 //! pressure into other nodal forces than the element does, which are a third on each middle and none on the corners of the
@@ -7,6 +7,7 @@
 //!   `y = x_m + (x_m - (x_a + x_b) / 2) / 3`,
 //! the forces are those of the element where the face is flat, and near them where it is curved.
 
+use super::self_contact::SelfContact;
 use crate::error::Error;
 use crate::mesh::{Boxes, norm, quadratic_surface, sub};
 use std::collections::{HashMap, HashSet};
@@ -14,7 +15,7 @@ use std::collections::{HashMap, HashSet};
 /// Weights of the middle of an edge and of its ends in the place of a corner.
 const BULGE: [f64; 3] = [4.0 / 3.0, -1.0 / 6.0, -1.0 / 6.0];
 
-/// Two surfaces that may touch each other.
+/// Two surfaces that may touch each other, or one that may touch itself: then both are the same.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPair {
     /// The triangles of the one and of the other, seen anticlockwise from outside. Their corners are nodes, but for those with
@@ -26,6 +27,8 @@ pub struct ContactPair {
     pub stiffness: f64,
     /// Coulomb's coefficient of friction between them; zero for none.
     pub friction: f64,
+    /// Which triangles of one surface may touch.
+    own: Option<SelfContact>,
     /// The pairs of nodes that the tangent couples.
     reserved: Vec<[u32; 2]>,
     /// The ends of the edges whose middles are corners.
@@ -45,28 +48,32 @@ impl ContactPair {
         stiffness: f64,
         friction: f64,
     ) -> Result<Self, Error> {
-        let mut owner = vec![2; points.len()];
-        for (side, triangles) in surfaces.iter().enumerate() {
-            if triangles.is_empty() {
-                return Err(Error::input(format!("side {side} of a contact pair has no triangle")));
-            }
-            for &node in triangles.iter().flatten() {
-                match owner.get_mut(node as usize) {
-                    Some(known) if *known == 2 || *known == side => *known = side,
-                    Some(_) => {
-                        return Err(Error::input(format!(
-                            "point {node} is on both sides of a contact pair; its sides must have no point in common"
-                        )));
-                    }
-                    None => {
-                        return Err(Error::input(format!(
-                            "a contact pair has point {node}; there are {} points",
-                            points.len()
-                        )));
-                    }
-                }
-            }
-        }
+        check_sides(points.len(), &surfaces)?;
+        Self::checked(points, surfaces, false, [reach, stiffness, friction])
+    }
+
+    /// Of one surface that may touch itself. Within four times the reach at rest touches only what looks at each other from
+    /// outside; triangles that look past each other touch if they are twice the reach apart, neighbours never.
+    ///
+    /// # Errors
+    /// As [`ContactPair::new`].
+    pub fn of_one(
+        points: &[[f64; 3]],
+        surface: Vec<[u32; 3]>,
+        reach: f64,
+        stiffness: f64,
+        friction: f64,
+    ) -> Result<Self, Error> {
+        check_sides(points.len(), std::slice::from_ref(&surface))?;
+        Self::checked(points, [surface.clone(), surface], true, [reach, stiffness, friction])
+    }
+
+    fn checked(
+        points: &[[f64; 3]],
+        surfaces: [Vec<[u32; 3]>; 2],
+        is_of_one: bool,
+        [reach, stiffness, friction]: [f64; 3],
+    ) -> Result<Self, Error> {
         for (what, value) in [("reach", reach), ("stiffness", stiffness)] {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::input(format!(
@@ -79,8 +86,9 @@ impl ContactPair {
                 "the friction coefficient of a contact pair is {friction}; it must be finite and not negative"
             )));
         }
+        let own = is_of_one.then(|| SelfContact::new(points, &surfaces[0], reach));
         let (reserved, ends) = (Vec::new(), HashMap::new());
-        let mut pair = ContactPair { surfaces, reach, stiffness, friction, reserved, ends };
+        let mut pair = ContactPair { surfaces, reach, stiffness, friction, own, reserved, ends };
         pair.reserve(points);
         Ok(pair)
     }
@@ -98,7 +106,15 @@ impl ContactPair {
             let middles = corners.filter(|&&corner| corner as usize >= n_corners);
             self.ends.extend(middles.map(|&node| (node, edges[node as usize - n_corners])));
         }
+        if let Some(own) = &mut self.own {
+            *own = SelfContact::new(points, &self.surfaces[0], self.reach);
+        }
         self.reserve(points);
+    }
+
+    /// Which triangles may touch, if both surfaces are the same.
+    pub fn own(&self) -> Option<&SelfContact> {
+        self.own.as_ref()
     }
 
     /// The nodes, with their weights, in the place of a corner.
@@ -137,16 +153,19 @@ impl ContactPair {
         let mut reserved = std::mem::take(&mut self.reserved);
         let [one, other] = &self.surfaces;
         let near = Boxes::new(points, other);
-        let nodes = |triangle: &[u32; 3]| -> Vec<u32> {
+        let carriers = |triangle: &[u32; 3]| -> Vec<u32> {
             let of_corners = triangle.iter().flat_map(|&corner| self.nodes_of(corner));
             of_corners.map(|(node, _)| node).collect()
         };
-        let nodes_of_other: Vec<Vec<u32>> = other.iter().map(nodes).collect();
-        for triangle in one {
+        let nodes_of_other: Vec<Vec<u32>> = other.iter().map(carriers).collect();
+        for (number, triangle) in (0u32..).zip(one) {
             let corners = triangle.map(|node| points[node as usize]);
-            let own = nodes(triangle);
+            let nodes = carriers(triangle);
             near.each_near(&corners, self.reach, |k| {
-                for &a in &own {
+                if self.own.as_ref().is_some_and(|own| !own.may_touch(number, k as u32)) {
+                    return;
+                }
+                for &a in &nodes {
                     reserved.extend(nodes_of_other[k].iter().map(|&b| [a.min(b), a.max(b)]));
                 }
             });
@@ -169,6 +188,33 @@ impl ContactPair {
         };
         usize::from(mean(&self.surfaces[1]) < mean(&self.surfaces[0]))
     }
+}
+
+/// # Errors
+/// A side without triangles; nodes out of range or of several sides.
+fn check_sides(n_points: usize, sides: &[Vec<[u32; 3]>]) -> Result<(), Error> {
+    let mut owner = vec![usize::MAX; n_points];
+    for (side, triangles) in sides.iter().enumerate() {
+        if triangles.is_empty() {
+            return Err(Error::input(format!("side {side} of a contact pair has no triangle")));
+        }
+        for &node in triangles.iter().flatten() {
+            match owner.get_mut(node as usize) {
+                Some(known) if *known == usize::MAX || *known == side => *known = side,
+                Some(_) => {
+                    return Err(Error::input(format!(
+                        "point {node} is on both sides of a contact pair; its sides must have no point in common"
+                    )));
+                }
+                None => {
+                    return Err(Error::input(format!(
+                        "a contact pair has point {node}; there are {n_points} points"
+                    )));
+                }
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The corners of a triangle in ascending order.

@@ -1,6 +1,8 @@
 //! The gap between a point and a surface of triangles that moves, with its derivatives by the point and by the corners.
 
-use crate::mesh::{TriangleTree, cross, dot, norm, sub};
+use crate::body::SelfContact;
+use crate::mesh::{Closest, TriangleTree, closest_point_on_triangle, cross, dot, norm, sub};
+use std::cell::OnceCell;
 use std::collections::HashMap;
 
 /// Distance, relative to the size of the surface, below which its direction is rounding.
@@ -19,8 +21,26 @@ pub(super) struct Facets {
 pub(super) struct Placed<'a> {
     facets: &'a Facets,
     points: &'a [[f64; 3]],
-    tree: TriangleTree,
+    /// Made when it is needed.
+    tree: OnceCell<TriangleTree>,
     size: f64,
+}
+
+/// Which triangles of a surface a point may touch.
+#[derive(Clone, Copy)]
+pub(super) enum Candidates<'a> {
+    All,
+    /// Those that the triangle of the point may touch, and the pairs of it and these that are near.
+    Near { rule: &'a SelfContact, triangle: u32, pairs: &'a [[u32; 2]] },
+}
+
+impl Candidates<'_> {
+    fn may_touch(&self, other: u32) -> bool {
+        match self {
+            Candidates::All => true,
+            Candidates::Near { rule, triangle, .. } => rule.may_touch(*triangle, other),
+        }
+    }
 }
 
 /// The gap at a point: its signed distance `g` from the closest point `y = sum_j b_j y_j` of the surface.
@@ -58,7 +78,7 @@ impl Facets {
     /// The surface with its corners at these points.
     pub fn at<'a>(&'a self, points: &'a [[f64; 3]]) -> Placed<'a> {
         let size = self.around.keys().map(|&node| norm(points[node as usize])).fold(0.0, f64::max);
-        Placed { facets: self, points, tree: TriangleTree::new(points, &self.triangles), size }
+        Placed { facets: self, points, tree: OnceCell::new(), size }
     }
 
     /// Whether the surface ends at an edge.
@@ -68,16 +88,17 @@ impl Facets {
 }
 
 impl Placed<'_> {
-    /// The gap at a point; none farther than `reach` away, or where the closest point is on the border of the surface.
-    pub fn gap(&self, x: [f64; 3], reach: f64) -> Option<Gap> {
-        let closest = self.tree.closest_within(self.points, &self.facets.triangles, x, reach)?;
+    /// The gap at a point to what it may touch; none farther than `reach` away, or where the closest point is on the border of
+    /// that.
+    pub fn gap(&self, x: [f64; 3], reach: f64, candidates: Candidates) -> Option<Gap> {
+        let closest = self.closest(x, reach, candidates)?;
         let (triangle, weights) = (closest.triangle as usize, closest.barycentric);
         let nodes = self.facets.triangles[triangle];
         let on: Vec<u32> = (0..3).filter(|&i| weights[i] > 0.0).map(|i| nodes[i]).collect();
         let offset = sub(x, closest.point);
         let outward = match on[..] {
-            [corner] => self.corner_normal(corner)?,
-            [a, b] => self.edge_normal(ascending(a, b))?,
+            [corner] => self.corner_normal(corner, candidates)?,
+            [a, b] => self.edge_normal(ascending(a, b), candidates)?,
             _ => {
                 let normal = self.normal(triangle);
                 let slopes = self.slopes(triangle, normal);
@@ -105,16 +126,28 @@ impl Placed<'_> {
         is_behind.then_some(Gap { gap, normal, triangle, weights, slopes })
     }
 
-    /// The triangle and the weights of the point closest to a point; none if it is farther away than `reach`.
-    pub fn closest(&self, x: [f64; 3], reach: f64) -> Option<(usize, [f64; 3])> {
-        let closest = self.tree.closest_within(self.points, &self.facets.triangles, x, reach)?;
-        Some((closest.triangle as usize, closest.barycentric))
+    /// The closest point to a point of what it may touch; none if it is farther away than `reach`.
+    pub fn closest(&self, x: [f64; 3], reach: f64, candidates: Candidates) -> Option<Closest> {
+        match candidates {
+            Candidates::All => {
+                let triangles = &self.facets.triangles;
+                let tree = self.tree.get_or_init(|| TriangleTree::new(self.points, triangles));
+                tree.closest_within(self.points, triangles, x, reach)
+            }
+            Candidates::Near { pairs, .. } => {
+                let all = pairs.iter().map(|pair| self.closest_on(pair[1], x));
+                let nearest = all.min_by(|a, b| a.distance.total_cmp(&b.distance));
+                nearest.filter(|closest| closest.distance < reach)
+            }
+        }
     }
 
-    /// How far a point is from the surface, inside or out [m].
-    pub fn distance(&self, x: [f64; 3]) -> f64 {
-        let closest = self.tree.closest(self.points, &self.facets.triangles, x);
-        closest.map_or(f64::INFINITY, |closest| closest.distance)
+    fn closest_on(&self, triangle: u32, x: [f64; 3]) -> Closest {
+        let corners @ [a, b, c] = self.corners(triangle as usize);
+        let barycentric = closest_point_on_triangle(x, a, b, c);
+        let at = |i: usize| (0..3).map(|k| barycentric[k] * corners[k][i]).sum();
+        let point = std::array::from_fn(at);
+        Closest { triangle, barycentric, point, distance: norm(sub(x, point)) }
     }
 
     fn corners(&self, triangle: usize) -> [[f64; 3]; 3] {
@@ -137,17 +170,20 @@ impl Placed<'_> {
         })
     }
 
-    fn edge_normal(&self, edge: [u32; 2]) -> Option<[f64; 3]> {
+    fn edge_normal(&self, edge: [u32; 2], candidates: Candidates) -> Option<[f64; 3]> {
         match self.facets.edges[&edge][..] {
-            [one, other] => Some(sum(self.normal(one as usize), self.normal(other as usize))),
+            [one, other] if candidates.may_touch(one) && candidates.may_touch(other) => Some(sum(self.normal(one as usize), self.normal(other as usize))),
             _ => None,
         }
     }
 
     /// The normal of a corner, weighted by the angles around it.
-    fn corner_normal(&self, corner: u32) -> Option<[f64; 3]> {
+    fn corner_normal(&self, corner: u32, candidates: Candidates) -> Option<[f64; 3]> {
         let mut whole = [0.0; 3];
         for &triangle in &self.facets.around[&corner] {
+            if !candidates.may_touch(triangle) {
+                return None;
+            }
             let nodes = self.facets.triangles[triangle as usize];
             let i = nodes.iter().position(|&node| node == corner)?;
             let others = [nodes[(i + 1) % 3], nodes[(i + 2) % 3]];

@@ -1,16 +1,18 @@
-//! Two surfaces of a body that touch each other.
+//! Two surfaces of a body that touch each other, or one that touches itself.
 //!
 //! The finer surface is sampled, the gap `g` of a sample is its signed distance from the other surface where that is
 //! now, and the layer between them is that of tools: `sum A e(g)`, with the areas `A` at rest. The samples are points of
 //! the common pieces of both surfaces, so that the nodal forces of a uniform pressure are consistent on both sides. The
-//! pieces are found anew while a step converges.
+//! pieces are found anew while a step converges. A surface that touches itself is both: each of two triangles is sampled, with
+//! half the area.
 
+mod own;
 mod pieces;
 mod rubbing;
 mod steps;
 
 use super::carried::Carried;
-use super::facets::Facets;
+use super::facets::{Candidates, Facets};
 use super::friction::{Friction, spring};
 use super::layer::Layer;
 use super::meeting::{Meeting, stretch};
@@ -20,6 +22,7 @@ use super::weighted_nodes::WeightedNodes;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
 use crate::mesh::{cross, diagonal, norm, sub};
+use own::{Own, crossing};
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
@@ -34,12 +37,14 @@ pub(super) struct ActivePair {
     /// The sampled surface and the other, by the place of their corners in `corners`.
     sampled: Facets,
     other: Facets,
-    /// Areas at rest [m^2] of the triangles of the sampled surface.
+    /// If they are the same.
+    own: Option<Own>,
+    /// Areas at rest [m^2] of the triangles of the sampled surface, half of them if both surfaces are the same.
     areas: Vec<f64>,
     /// The layers on the triangles of both.
     layers: [Vec<Layer>; 2],
     reach: f64,
-    /// 1 if the first surface is the sampled one, else -1.
+    /// 1 if the first surface is the sampled one, -1 if it is the second, 0 if both are the same.
     sign: f64,
     samples: Vec<Sample>,
     renewals: usize,
@@ -100,7 +105,14 @@ impl ActivePair {
             };
             triangles.iter().map(layer).collect()
         });
-        let areas = sampled.triangles().iter().map(|triangle| area(&rest, triangle)).collect();
+        let own = pair.own().map(|rule| Own::new(rule.clone(), pair.reach));
+        let (share, sign) = match (&own, finer) {
+            (Some(_), _) => (0.5, 0.0),
+            (None, 0) => (1.0, 1.0),
+            (None, _) => (1.0, -1.0),
+        };
+        let areas =
+            sampled.triangles().iter().map(|triangle| share * area(&rest, triangle)).collect();
         let mut carriers = WeightedNodes::default();
         corners.iter().for_each(|&corner| carriers.push(pair.nodes_of(corner)));
         ActivePair {
@@ -111,10 +123,11 @@ impl ActivePair {
             rest,
             sampled,
             other,
+            own,
             areas,
             layers,
             reach: pair.reach,
-            sign: if finer == 0 { 1.0 } else { -1.0 },
+            sign,
             samples: Vec::new(),
             renewals: 0,
             renewed: Vec::new(),
@@ -131,9 +144,19 @@ impl ActivePair {
     }
 
     /// # Errors
-    /// Surfaces that overlap at rest.
+    /// Surfaces that overlap at rest, or one that crosses itself.
     pub fn check(&self, number: usize) -> Result<(), Error> {
         let allowed = SHALLOW * diagonal(&self.rest);
+        if self.own.is_some() {
+            return match crossing(self.sampled.triangles(), &self.rest, allowed) {
+                Some(x) => Err(Error::input(format!(
+                    "the surface of contact pair {number} crosses itself at rest at the point ({:.6}, {:.6}, {:.6}) m; \
+                     correct the mesh",
+                    x[0], x[1], x[2]
+                ))),
+                None => Ok(()),
+            };
+        }
         let [one, other] = [&self.sampled, &self.other].map(|facets| facets.at(&self.rest));
         let mut deepest = (allowed, None);
         for (facets, into) in [(&self.sampled, other), (&self.other, one)] {
@@ -141,7 +164,8 @@ impl ActivePair {
                 let x = triangle.map(|node| self.rest[node as usize]);
                 let centre = std::array::from_fn(|i| x.iter().map(|x| x[i]).sum::<f64>() / 3.0);
                 for place in [x[0], x[1], x[2], centre] {
-                    let depth = into.gap(place, f64::INFINITY).map_or(0.0, |gap| -gap.gap);
+                    let depth = into.gap(place, f64::INFINITY, Candidates::All);
+                    let depth = depth.map_or(0.0, |gap| -gap.gap);
                     if depth > deepest.0 {
                         deepest = (depth, Some(place));
                     }
@@ -176,7 +200,10 @@ impl ActivePair {
         (self.places, self.is_placed) = (places, true);
         self.touching.clear();
         self.gap = f64::INFINITY;
-        if self.separation(&self.places) > self.reach {
+        if let Some(own) = &mut self.own {
+            own.list(self.sampled.triangles(), &self.places);
+        }
+        if self.are_apart(&self.places) {
             self.samples.clear();
             self.renewed.clear();
             return;
@@ -211,7 +238,7 @@ impl ActivePair {
     /// Energy at a displacement [J]: that of the layer, and that of friction with the last bounds.
     pub fn energy(&self, u: &[f64]) -> f64 {
         let places = self.places_at(u);
-        if self.samples.is_empty() || self.separation(&places) > self.reach {
+        if self.samples.is_empty() || self.are_apart(&places) {
             return 0.0;
         }
         let other = self.other.at(&places);
@@ -321,7 +348,7 @@ impl ActivePair {
         })
     }
 
-    /// Force of the second surface on the first, and torque about the origin of space.
+    /// Force of the second surface on the first, and torque about the origin of space; none of a surface on itself.
     pub fn report(&self) -> Report {
         let mut report =
             Report { gap: self.gap, dissipation: self.dissipation, ..Report::default() };

@@ -6,6 +6,7 @@ mod lead;
 mod pair_friction;
 mod pairs;
 mod samples;
+mod self_contact;
 mod shapes;
 mod tool_steps;
 

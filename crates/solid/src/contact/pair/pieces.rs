@@ -1,7 +1,7 @@
 //! The samples of a pair: where they are on the common pieces of both surfaces, and what they meet.
 
 use super::{ActivePair, Sample, area, mean};
-use crate::contact::facets::{Gap, Placed};
+use crate::contact::facets::{Candidates, Gap, Placed};
 use crate::contact::layer::Layer;
 use crate::contact::meeting::Meeting;
 use crate::mesh::{cross, dot, norm, overlap, sub};
@@ -39,7 +39,11 @@ impl ActivePair {
         let (places, own) = (&self.places, self.sampled.triangles());
         let mut is_covered = vec![false; own.len()];
         let mut samples = Vec::new();
-        for piece in overlap(places, own, self.other.triangles(), self.reach) {
+        let pieces = match &self.own {
+            Some(surface) => surface.pieces(own, places),
+            None => overlap(places, own, self.other.triangles(), self.reach),
+        };
+        for piece in pieces {
             let [triangle, other] = piece.triangles.map(|t| t as usize);
             is_covered[triangle] = true;
             let part = piece.area / area(places, &own[triangle]);
@@ -60,7 +64,11 @@ impl ActivePair {
             }
         }
         let softest = self.layers[1].iter().copied().reduce(softer);
-        for triangle in (0..own.len()).filter(|&triangle| !is_covered[triangle]) {
+        let near: Vec<usize> = match &self.own {
+            Some(surface) => surface.near().collect(),
+            None => (0..own.len()).collect(),
+        };
+        for triangle in near.into_iter().filter(|&triangle| !is_covered[triangle]) {
             let layer =
                 softest.map_or(self.layers[0][triangle], |s| softer(s, self.layers[0][triangle]));
             let area = self.areas[triangle] / 3.0;
@@ -86,7 +94,7 @@ impl ActivePair {
         other: &Placed,
     ) -> Option<([f64; 3], Gap)> {
         let place = self.place_of(sample, places);
-        let closest = other.gap(place, self.reach)?;
+        let closest = other.gap(place, self.reach, self.candidates(sample))?;
         let faces = |gap: &Gap| {
             let [a, b, c] = self.sampled.triangles()[sample.triangle as usize]
                 .map(|corner| places[corner as usize]);
@@ -100,6 +108,11 @@ impl ActivePair {
             _ => closest,
         };
         Some((place, gap))
+    }
+
+    /// What a sample may touch.
+    pub(super) fn candidates(&self, sample: &Sample) -> Candidates<'_> {
+        self.own.as_ref().map_or(Candidates::All, |own| own.candidates(sample.triangle))
     }
 
     pub(super) fn place_of(&self, sample: &Sample, places: &[[f64; 3]]) -> [f64; 3] {

@@ -39,7 +39,8 @@ impl ActivePair {
             let sample = &self.samples[number];
             let behind = self.stretches.nearest(sample.triangle, sample.weights);
             let place = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
-            found.push(other.closest(place, self.reach));
+            let closest = other.closest(place, self.reach, self.candidates(sample));
+            found.push(closest.map(|closest| (closest.triangle as usize, closest.barycentric)));
         }
         drop(other);
         for (number, tied) in new.into_iter().zip(found) {

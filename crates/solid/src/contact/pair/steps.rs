@@ -18,20 +18,22 @@ impl ActivePair {
         };
         let (own_speed, its_speed) = (fastest(&self.sampled), fastest(&self.other));
         let (deeper, speed) = (DEEPER * self.reach, own_speed + its_speed);
-        let apart = self.separation(&places);
-        if speed <= deeper || apart > self.reach {
-            return (apart.max(0.0) + deeper) / speed;
+        let most = (self.apart(&places).max(0.0) + deeper) / speed;
+        if speed <= deeper || self.are_apart(&places) {
+            return most;
         }
         let other = self.other.at(&places);
-        let mut longest = f64::INFINITY;
+        let mut longest = if self.own.is_some() { most } else { f64::INFINITY };
         for sample in &self.samples {
             let place = self.place_of(sample, &places);
             let own =
                 self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
             let own = mean(&own, sample.weights);
-            let Some(gap) = other.gap(place, self.reach) else {
+            let candidates = self.candidates(sample);
+            let Some(gap) = other.gap(place, self.reach, candidates) else {
                 // Wherever it goes, it meets nothing before it has gone so far.
-                let free = other.distance(place);
+                let closest = other.closest(place, f64::INFINITY, candidates);
+                let free = closest.map_or(f64::INFINITY, |closest| closest.distance);
                 longest = longest.min((free + deeper) / (norm(own) + its_speed));
                 continue;
             };
@@ -56,8 +58,24 @@ impl ActivePair {
         motion.into_iter().map(|w| sub(w, mean)).collect()
     }
 
+    /// Whether the surfaces are too far apart to touch.
+    pub(super) fn are_apart(&self, places: &[[f64; 3]]) -> bool {
+        match &self.own {
+            Some(own) => own.is_apart(),
+            None => self.separation(places) > self.reach,
+        }
+    }
+
+    /// How far apart the surfaces are at least, or what of one surface is not listed as near [m].
+    fn apart(&self, places: &[[f64; 3]]) -> f64 {
+        match &self.own {
+            Some(own) => own.apart(places),
+            None => self.separation(places),
+        }
+    }
+
     /// How far apart the boxes around both surfaces are along an axis; negative where they overlap along all.
-    pub(super) fn separation(&self, places: &[[f64; 3]]) -> f64 {
+    fn separation(&self, places: &[[f64; 3]]) -> f64 {
         let [one, other] = [&self.sampled, &self.other].map(|facets| {
             let corners = facets.triangles().iter().flatten().map(|&node| places[node as usize]);
             let mut ends = [[f64::MAX; 3], [f64::MIN; 3]];

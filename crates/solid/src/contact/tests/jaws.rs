@@ -17,6 +17,8 @@ const LOW: f64 = 0.0375;
 const HEIGHT: f64 = 0.1;
 const DEEP: f64 = 0.03;
 
+const REACH: f64 = 0.008;
+
 const LAW: [f64; 2] = [4e3, 6e3];
 
 /// Two jaws that walls of one cell hold on a floor below both, so that nothing is between them. The nodes of the right jaw
@@ -40,16 +42,28 @@ fn u_shaped() -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
 
 /// The jaws may touch; the law of what holds them is `base` times theirs.
 fn jaws(base: f64, friction: f64) -> Body {
+    body(base, |points, surface| {
+        let sides = [false, true].map(|is_right| {
+            let is_on = |&node: &u32| {
+                let x = points[node as usize];
+                x[2] > 0.999 * LOW && is_right == (x[0] > 0.5 * WIDTH)
+            };
+            surface.iter().filter(|triangle| triangle.iter().all(is_on)).copied().collect()
+        });
+        ContactPair::new(points, sides, REACH, STIFFNESS, friction).unwrap()
+    })
+}
+
+/// The same, where all of the surface may touch itself.
+pub(super) fn own_jaws(friction: f64) -> Body {
+    body(1.0, |points, surface| {
+        ContactPair::of_one(points, surface, REACH, STIFFNESS, friction).unwrap()
+    })
+}
+
+fn body(base: f64, pair: impl FnOnce(&[[f64; 3]], Vec<[u32; 3]>) -> ContactPair) -> Body {
     let (points, cells) = u_shaped();
-    let surface = surface(&points, &cells);
-    let sides = [false, true].map(|is_right| {
-        let is_on = |&node: &u32| {
-            let x = points[node as usize];
-            x[2] > 0.999 * LOW && is_right == (x[0] > 0.5 * WIDTH)
-        };
-        surface.iter().filter(|triangle| triangle.iter().all(is_on)).copied().collect()
-    });
-    let pair = ContactPair::new(&points, sides, 0.008, STIFFNESS, friction).unwrap();
+    let pair = pair(&points, surface(&points, &cells));
     let law = |cell: &[u32; 4]| {
         let height = cell.iter().map(|&node| points[node as usize][2]).sum::<f64>() / 4.0;
         LAW.map(|modulus| if height < LOW { base * modulus } else { modulus }).to_vec()
@@ -59,9 +73,12 @@ fn jaws(base: f64, friction: f64) -> Body {
     Body::tied(Element::P1, points, cells, material, ties).unwrap()
 }
 
+pub(super) fn closed(friction: f64) -> (Body, Vec<f64>) {
+    pressed(jaws(1.0, friction))
+}
+
 /// The jaws moved together until they press, all of it shaken; the body, with a tangent that couples them.
-fn closed(friction: f64) -> (Body, Vec<f64>) {
-    let body = jaws(1.0, friction);
+pub(super) fn pressed(body: Body) -> (Body, Vec<f64>) {
     let mut u: Vec<f64> = noise(body.n_dofs(), 3).iter().map(|u| 5e-5 * u).collect();
     for (x, u) in body.points().iter().zip(u.chunks_mut(3)) {
         let part = if x[2] > 0.999 * LOW { 0.5 * APART + 1e-4 } else { 0.0 };
@@ -84,18 +101,23 @@ fn jaws_that_meet_are_coupled_and_their_forces_and_tangent_are_derivatives() {
 fn forces_and_torques_of_jaws_cancel() {
     for friction in [0.0, 0.3] {
         let (body, mut u) = closed(friction);
-        let mut contact = with_pieces_at(&body, &u);
-        contact.end(&u);
-        contact.begin(&u);
-        // The right jaw is moved along the left one.
-        for (x, u) in body.points().iter().zip(u.chunks_mut(3)) {
-            u[1] += if x[0] > 0.5 * WIDTH { 1e-3 } else { 0.0 };
-        }
-        contact.linearize(&u);
+        let contact = dragged(&body, &mut u);
         let report = contact.pair_report(0).unwrap();
         assert_eq!(report.sliding > report.touching / 2, friction > 0.0, "{report:?}");
         cancels(&body, &contact, &u, 1e-12);
     }
+}
+
+/// In contact at a displacement, the right jaw then moved along the left one.
+pub(super) fn dragged(body: &Body, u: &mut [f64]) -> Contact {
+    let mut contact = with_pieces_at(body, u);
+    contact.end(u);
+    contact.begin(u);
+    for (x, u) in body.points().iter().zip(u.chunks_mut(3)) {
+        u[1] += if x[0] > 0.5 * WIDTH { 1e-3 } else { 0.0 };
+    }
+    contact.linearize(u);
+    contact
 }
 
 /// Held by what is too soft to be felt, between walls without friction: uniaxial strain.

@@ -343,7 +343,7 @@ fn what_is_behind_a_face_has_its_gap_though_a_side_is_closer() {
     let placed = facets.at(&points);
     let is_top = |t: &[u32; 3]| t.iter().all(|&n| points[n as usize][2] == SIDE);
     let x = [1e-6, 0.03, SIDE - 1e-4];
-    let closest = placed.gap(x, 0.01).unwrap();
+    let closest = placed.gap(x, 0.01, facets::Candidates::All).unwrap();
     assert!(
         (closest.gap + 1e-6).abs() < 1e-12 && closest.normal == [-1.0, 0.0, 0.0],
         "{closest:?}"

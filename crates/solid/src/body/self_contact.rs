@@ -1,0 +1,70 @@
+//! Which triangles of one surface may touch each other.
+//!
+//! Near each other in the tissue are triangles that never touch: neighbours, and the front and the back of a thin part. They
+//! look at each other through the tissue, or past each other. What looks at each other from outside may touch, however
+//! close it is at rest; so may all that is far apart.
+
+use crate::mesh::{cross, dot, norm, sub};
+
+/// Cosine between the normals of two triangles below which they look at each other, or away from each other.
+const OPPOSITE: f64 = -0.5;
+
+/// How far apart at rest triangles may touch which do not look at each other from outside, over the reach: two that look
+/// past each other, and two that look away from each other. A part as thick as the latter would have to be pressed to a
+/// quarter before its back was found at its front.
+const BESIDE: f64 = 2.0;
+const BEHIND: f64 = 4.0;
+
+/// The triangles of a surface at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SelfContact {
+    triangles: Vec<Triangle>,
+    reach: f64,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Triangle {
+    corners: [u32; 3],
+    centre: [f64; 3],
+    normal: [f64; 3],
+    /// Largest distance of a corner from the centre [m].
+    radius: f64,
+}
+
+impl SelfContact {
+    /// For triangles with these points at rest, that are looked at within this reach [m].
+    pub(super) fn new(points: &[[f64; 3]], triangles: &[[u32; 3]], reach: f64) -> Self {
+        let triangles = triangles.iter().map(|&corners| Triangle::new(points, corners)).collect();
+        SelfContact { triangles, reach }
+    }
+
+    /// Whether two triangles, by their numbers, may touch.
+    pub fn may_touch(&self, one: u32, other: u32) -> bool {
+        let [one, other] = [one, other].map(|number| &self.triangles[number as usize]);
+        let between = sub(other.centre, one.centre);
+        let apart = (norm(between) - one.radius - other.radius) / self.reach;
+        if apart > BEHIND {
+            return true;
+        }
+        if one.corners.iter().any(|corner| other.corners.contains(corner)) {
+            return false;
+        }
+        let is_opposite = dot(one.normal, other.normal) < OPPOSITE;
+        match (dot(between, one.normal) > 0.0, dot(between, other.normal) < 0.0) {
+            (true, true) if is_opposite => true,
+            (false, false) if is_opposite => false,
+            _ => apart > BESIDE,
+        }
+    }
+}
+
+impl Triangle {
+    fn new(points: &[[f64; 3]], corners: [u32; 3]) -> Self {
+        let x = corners.map(|corner| points[corner as usize]);
+        let centre = std::array::from_fn(|i| x.iter().map(|x| x[i]).sum::<f64>() / 3.0);
+        let area = cross(sub(x[1], x[0]), sub(x[2], x[0]));
+        let size = norm(area);
+        let radius = x.iter().map(|&x| norm(sub(x, centre))).fold(0.0, f64::max);
+        Triangle { corners, centre, normal: area.map(|a| a / size), radius }
+    }
+}
