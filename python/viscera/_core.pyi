@@ -193,8 +193,8 @@ Tool = tuple[Shape, float | None, float, list[list[float]], list[float], list[fl
 Link = tuple[list[tuple[int, float]], list[float], float, float, bool]
 """Ends, rest vector, stiffness, length and kind of a spring."""
 
-ContactPair = tuple[Indices, Indices, float, float, float]
-"""Triangles (t, 3) of both surfaces, reach [m], stiffness of the layer, coefficient of friction."""
+ContactPair = tuple[Indices, Indices | None, float, float, float]
+"""Triangles (t, 3) of both surfaces, or of one that may touch itself, reach [m], stiffness of the layer, coefficient of friction."""
 
 Ties = tuple[Indices, Indices, Floats, Floats, list[Link], list[ContactPair]]
 """Starts, nodes, weights and stiffnesses of samples; springs; contact pairs."""

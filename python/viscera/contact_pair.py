@@ -29,11 +29,10 @@ class ContactPair:
     first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
         rest by more than rounding. Contact at the rim of a place does not count. Two places of one organ have no node
         in common, and see each other from outside: the front and the back of a thin part are no pair.
-        Without `second`, all of the first that may come to touch itself: what looks at each other from outside at
-        rest; beside that, what is more than twice the reach apart, or four times through the tissue. Neighbours, and
-        the inside of a fold sharper than that, do not touch. Half of each contact is counted on either side, so the
-        force of the pair, a sum over both, is zero; its area, gap and pressures tell what touches. It takes longer
-        than two places, as the whole surface is watched.
+        Without `second`, the first may touch itself wherever it folds: what looks at each other from outside at rest,
+        and all that is more than twice the reach apart, or four times through the tissue. Neighbours and the two
+        sides of a sharp crease do not touch. The force of a surface on itself is zero; area, gap and pressures tell
+        what touches.
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
         the smaller organ; by default 5 %, of one surface 2 %. What is farther apart at rest may touch too; the solver
         then analyses its matrix anew.

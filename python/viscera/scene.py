@@ -221,7 +221,7 @@ class Scene(Organ):
             raise refused("a contact of a scene", "a ContactPair, such as ContactPair('liver', 'stomach')", pair)
         sides, diagonal = self._sides(pair)
         if pair.second is not None and pair.first[0] == pair.second[0]:
-            self._refuse_shared(pair, np.intersect1d(*sides))
+            self._refuse_shared(pair, np.intersect1d(sides[0], sides[1]))
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
         if reach <= 0.0:
             raise refused("the reach of a contact pair", "a length above 0 [m]", pair.reach)

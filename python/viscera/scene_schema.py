@@ -200,8 +200,8 @@ SPRING = Table(
 )
 CONTACT = Table(
     "[contacts]",
-    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), of two organs or of one, or one that may touch "
-    "itself.",
+    "Two surfaces that may [touch each other](scenes.md#organs-that-touch), of two organs or of one, or one that may "
+    "touch itself.",
     {
         **_ends("surface", Key(Side(), "the other", "none: the one touches itself")),
         "reach": Key(

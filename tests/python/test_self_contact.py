@@ -236,7 +236,9 @@ def test_a_mesh_that_crosses_itself_is_refused() -> None:
     one = jaws()
     moved = one.points * [1.0, 0.9, 1.0] + [0.05, 0.0, 0.013]
     mesh = vs.mesh(np.vstack([one.points, moved]), np.vstack([one.cells, one.cells + len(one.points)]))
-    with pytest.raises(vs.VisceraError, match=r"the surface of ContactPair\(jaws\) crosses itself at rest at the point"):
+    with pytest.raises(
+        vs.VisceraError, match=r"the surface of ContactPair\(jaws\) crosses itself at rest at the point"
+    ):
         vs.Scene({"jaws": vs.Organ(mesh, SOFT, fixed="z < 20%")}, contacts=[vs.ContactPair("jaws")])
 
 

@@ -12,6 +12,7 @@ mod patch;
 mod quadratic;
 mod report;
 pub mod samples;
+mod sphere;
 mod surface;
 
 pub use boxes::Boxes;
@@ -21,6 +22,7 @@ pub use overlap::{Piece, overlap, overlap_of};
 pub use patch::Patch;
 pub use quadratic::{EDGES, edges, quadratic_cells, quadratic_surface, with_midpoints};
 pub use report::{Report, cell_volume, index_out_of_range, inspect};
+pub use sphere::Sphere;
 pub use surface::{FACES, Surface, surface};
 
 /// A point or a vector of three components.

@@ -4,7 +4,7 @@
 //! look at each other through the tissue, or past each other. What looks at each other from outside may touch, however
 //! close it is at rest; so may all that is far apart.
 
-use crate::mesh::{cross, dot, norm, sub};
+use crate::mesh::{Sphere, cross, dot, norm, sub};
 
 /// Cosine between the normals of two triangles below which they look at each other, or away from each other.
 const OPPOSITE: f64 = -0.5;
@@ -25,10 +25,8 @@ pub struct SelfContact {
 #[derive(Clone, Debug, PartialEq)]
 struct Triangle {
     corners: [u32; 3],
-    centre: [f64; 3],
+    around: Sphere,
     normal: [f64; 3],
-    /// Largest distance of a corner from the centre [m].
-    radius: f64,
 }
 
 impl SelfContact {
@@ -41,14 +39,14 @@ impl SelfContact {
     /// Whether two triangles, by their numbers, may touch.
     pub fn may_touch(&self, one: u32, other: u32) -> bool {
         let [one, other] = [one, other].map(|number| &self.triangles[number as usize]);
-        let between = sub(other.centre, one.centre);
-        let apart = (norm(between) - one.radius - other.radius) / self.reach;
+        let apart = one.around.apart(&other.around) / self.reach;
         if apart > BEHIND {
             return true;
         }
         if one.corners.iter().any(|corner| other.corners.contains(corner)) {
             return false;
         }
+        let between = sub(other.around.centre, one.around.centre);
         let is_opposite = dot(one.normal, other.normal) < OPPOSITE;
         match (dot(between, one.normal) > 0.0, dot(between, other.normal) < 0.0) {
             (true, true) if is_opposite => true,
@@ -61,10 +59,9 @@ impl SelfContact {
 impl Triangle {
     fn new(points: &[[f64; 3]], corners: [u32; 3]) -> Self {
         let x = corners.map(|corner| points[corner as usize]);
-        let centre = std::array::from_fn(|i| x.iter().map(|x| x[i]).sum::<f64>() / 3.0);
         let area = cross(sub(x[1], x[0]), sub(x[2], x[0]));
         let size = norm(area);
-        let radius = x.iter().map(|&x| norm(sub(x, centre))).fold(0.0, f64::max);
-        Triangle { corners, centre, normal: area.map(|a| a / size), radius }
+        let around = Sphere::around(points, &corners);
+        Triangle { corners, around, normal: area.map(|a| a / size) }
     }
 }

@@ -1,7 +1,9 @@
 //! The gap between a point and a surface of triangles that moves, with its derivatives by the point and by the corners.
 
 use crate::body::SelfContact;
-use crate::mesh::{Closest, TriangleTree, closest_point_on_triangle, cross, dot, norm, sub};
+use crate::mesh::{
+    Closest, Sphere, TriangleTree, closest_point_on_triangle, cross, dot, norm, sub,
+};
 use std::cell::OnceCell;
 use std::collections::HashMap;
 
@@ -21,8 +23,9 @@ pub(super) struct Facets {
 pub(super) struct Placed<'a> {
     facets: &'a Facets,
     points: &'a [[f64; 3]],
-    /// Made when it is needed.
+    /// Made when they are needed.
     tree: OnceCell<TriangleTree>,
+    spheres: OnceCell<Vec<Sphere>>,
     size: f64,
 }
 
@@ -31,7 +34,11 @@ pub(super) struct Placed<'a> {
 pub(super) enum Candidates<'a> {
     All,
     /// Those that the triangle of the point may touch, and the pairs of it and these that are near.
-    Near { rule: &'a SelfContact, triangle: u32, pairs: &'a [[u32; 2]] },
+    Near {
+        rule: &'a SelfContact,
+        triangle: u32,
+        pairs: &'a [[u32; 2]],
+    },
 }
 
 impl Candidates<'_> {
@@ -78,7 +85,7 @@ impl Facets {
     /// The surface with its corners at these points.
     pub fn at<'a>(&'a self, points: &'a [[f64; 3]]) -> Placed<'a> {
         let size = self.around.keys().map(|&node| norm(points[node as usize])).fold(0.0, f64::max);
-        Placed { facets: self, points, tree: OnceCell::new(), size }
+        Placed { facets: self, points, tree: OnceCell::new(), spheres: OnceCell::new(), size }
     }
 
     /// Whether the surface ends at an edge.
@@ -134,12 +141,26 @@ impl Placed<'_> {
                 let tree = self.tree.get_or_init(|| TriangleTree::new(self.points, triangles));
                 tree.closest_within(self.points, triangles, x, reach)
             }
-            Candidates::Near { pairs, .. } => {
-                let all = pairs.iter().map(|pair| self.closest_on(pair[1], x));
-                let nearest = all.min_by(|a, b| a.distance.total_cmp(&b.distance));
-                nearest.filter(|closest| closest.distance < reach)
+            Candidates::Near { pairs, .. } => self.closest_among(pairs, x, reach),
+        }
+    }
+
+    /// The closest point on the second triangles of pairs, if it is nearer than `reach`.
+    fn closest_among(&self, pairs: &[[u32; 2]], x: [f64; 3], reach: f64) -> Option<Closest> {
+        let triangles = self.facets.triangles.iter();
+        let spheres = self
+            .spheres
+            .get_or_init(|| triangles.map(|t| Sphere::around(self.points, t)).collect());
+        let (mut best, mut nearest) = (None, reach);
+        for &[_, triangle] in pairs {
+            if spheres[triangle as usize].distance(x) < nearest {
+                let closest = self.closest_on(triangle, x);
+                if closest.distance < nearest {
+                    (best, nearest) = (Some(closest), closest.distance);
+                }
             }
         }
+        best
     }
 
     fn closest_on(&self, triangle: u32, x: [f64; 3]) -> Closest {
@@ -172,7 +193,9 @@ impl Placed<'_> {
 
     fn edge_normal(&self, edge: [u32; 2], candidates: Candidates) -> Option<[f64; 3]> {
         match self.facets.edges[&edge][..] {
-            [one, other] if candidates.may_touch(one) && candidates.may_touch(other) => Some(sum(self.normal(one as usize), self.normal(other as usize))),
+            [one, other] if candidates.may_touch(one) && candidates.may_touch(other) => {
+                Some(sum(self.normal(one as usize), self.normal(other as usize)))
+            }
             _ => None,
         }
     }

@@ -115,7 +115,8 @@ impl Newton {
     ) -> Result<Equilibrium, Error> {
         self.check()?;
         problem.check()?;
-        self.solve_by(Choice::of(self.method, problem.body), problem, contact, progress)
+        let choice = Choice::of(self.method, problem.body, !contact.is_empty());
+        self.solve_by(choice, problem, contact, progress)
     }
 
     fn solve_by(
@@ -140,13 +141,17 @@ impl Newton {
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(Cut::Solver(error)) => return Err(error),
-                Err(_) if run.budget.is_some() => run.hand_over().map_err(Error::Factor)?,
+                Err(cut) if run.is_for_a_factor(&cut) => run.hand_over().map_err(Error::Factor)?,
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
                     run.follows_series = true;
                     last_cut = Some(cut);
                     if step < self.smallest_step {
-                        break;
+                        if run.budget.is_none() {
+                            break;
+                        }
+                        run.hand_over().map_err(Error::Factor)?;
+                        step = 1.0 / self.steps.max(1) as f64;
                     }
                 }
             }

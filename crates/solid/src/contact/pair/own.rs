@@ -2,7 +2,7 @@
 
 use crate::body::SelfContact;
 use crate::contact::facets::Candidates;
-use crate::mesh::{Boxes, Piece, cross, dot, norm, overlap_of, sub};
+use crate::mesh::{Boxes, Piece, Sphere, cross, dot, norm, overlap_of, sub};
 
 /// How much farther than the reach triangles are listed, over the reach: the list serves until they have moved half as far.
 const MARGIN: f64 = 1.0;
@@ -36,14 +36,17 @@ impl Own {
             return;
         }
         let boxes = Boxes::new(places, triangles);
+        let spheres: Vec<Sphere> = triangles.iter().map(|t| Sphere::around(places, t)).collect();
+        let far = (1.0 + MARGIN) * self.reach;
         self.near.clear();
         self.starts.clear();
         self.starts.push(0);
         for (one, triangle) in (0u32..).zip(triangles) {
             let start = self.near.len();
             let corners = triangle.map(|corner| places[corner as usize]);
-            boxes.each_near(&corners, (1.0 + MARGIN) * self.reach, |other| {
-                if self.rule.may_touch(one, other as u32) {
+            boxes.each_near(&corners, far, |other| {
+                let apart = spheres[one as usize].apart(&spheres[other]);
+                if apart <= far && self.rule.may_touch(one, other as u32) {
                     self.near.push([one, other as u32]);
                 }
             });
@@ -110,11 +113,7 @@ pub(super) fn crossing(
 }
 
 /// Where a line between two points crosses a triangle.
-fn crossing_of(
-    [a, b, c]: [[f64; 3]; 3],
-    ends: [[f64; 3]; 2],
-    allowed: f64,
-) -> Option<[f64; 3]> {
+fn crossing_of([a, b, c]: [[f64; 3]; 3], ends: [[f64; 3]; 2], allowed: f64) -> Option<[f64; 3]> {
     let area = cross(sub(b, a), sub(c, a));
     let heights = ends.map(|end| dot(sub(end, a), area) / norm(area));
     if heights[0] * heights[1] >= 0.0 || heights.iter().any(|height| height.abs() < allowed) {

@@ -86,7 +86,8 @@ impl ActivePair {
     }
 
     /// Place and gap of a sample, if the other surface is near. Just inside a sharp edge the side behind it may be closer
-    /// than the face that has come in, and does not push it out: that face is the one which counts.
+    /// than the face that has come in, and does not push it out: that face is the one which counts. A surface meets itself
+    /// only where it faces itself: in a sharp crease its two sides look past each other.
     pub(super) fn gap_at(
         &self,
         sample: &Sample,
@@ -107,6 +108,9 @@ impl ActivePair {
             }
             _ => closest,
         };
+        if self.own.is_some() && !faces(&gap) {
+            return None;
+        }
         Some((place, gap))
     }
 

@@ -58,7 +58,12 @@ fn a_surface_presses_on_itself_as_its_places_do() {
     let [(own, report), (between, other)] = forces;
     assert!(between < -0.1 && (own / between - 1.0).abs() < 0.02, "{own} {between}");
     assert!((report.area / other.area - 1.0).abs() < 0.02, "{} {}", report.area, other.area);
-    assert!((report.energy / other.energy - 1.0).abs() < 0.05, "{} {}", report.energy, other.energy);
+    assert!(
+        (report.energy / other.energy - 1.0).abs() < 0.05,
+        "{} {}",
+        report.energy,
+        other.energy
+    );
 }
 
 /// A thin plate: its front is near its back, and neighbours are near each other, however it is bent.
@@ -91,7 +96,8 @@ fn what_lies_close_together_at_rest_may_touch() {
     let body = body_of(points, cells, 0.04 * SIDE);
     let mut contact = Contact::new(&body);
     contact.check().unwrap();
-    let press = |x: &[f64; 3]| if x[2] > 0.21 * SIDE { [0.0, 0.0, -0.021 * SIDE] } else { [0.0; 3] };
+    let press =
+        |x: &[f64; 3]| if x[2] > 0.21 * SIDE { [0.0, 0.0, -0.021 * SIDE] } else { [0.0; 3] };
     let u: Vec<f64> = body.points().iter().flat_map(press).collect();
     contact.begin(&u);
     contact.linearize(&u);

@@ -22,7 +22,7 @@ const NEXT_TO: f64 = 0.02;
 const FORCED: f64 = 0.3;
 const TIGHTEST: f64 = 2e-5;
 const LOOSEST: f64 = 1e-3;
-const IN_CONTACT: f64 = 1e-4;
+const IN_CONTACT: f64 = 1e-3;
 
 /// A load step in progress.
 struct LoadStep<'r, 'a> {
@@ -131,7 +131,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         if !has_series || is_sound {
             return Ok(false);
         }
-        if run.budget.is_some() {
+        if run.is_wary() {
             // A body that bends so far needs many solves that are exact.
             return Err(Cut::Doubtful);
         }

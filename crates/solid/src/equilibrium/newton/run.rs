@@ -164,9 +164,21 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// Whether conjugate gradients that were chosen automatically only do what they do well. Where something touches, tangents
+    /// that are not positive definite and load steps that are cut are common, and with a factor there would be as many.
+    pub(super) fn is_wary(&self) -> bool {
+        self.budget.is_some() && self.contact.is_empty()
+    }
+
+    /// Whether a factor goes on after a cut: always where conjugate gradients are to be wary, else where they cannot tell
+    /// whether an equilibrium is stable.
+    pub(super) fn is_for_a_factor(&self, cut: &Cut) -> bool {
+        self.is_wary() || self.budget.is_some() && matches!(cut, Cut::Doubtful)
+    }
+
     /// Whether a tangent that is not positive definite is a matter for a factor.
     pub(super) fn doubts(&self) -> bool {
-        self.budget.is_some() && (self.is_near || !self.shifts)
+        self.is_wary() && (self.is_near || !self.shifts)
     }
 
     /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen

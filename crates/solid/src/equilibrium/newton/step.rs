@@ -124,10 +124,12 @@ impl Run<'_> {
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         if let Some(budget) = self.budget {
-            if solved.indefinite.is_some() {
+            if solved.indefinite.is_some() && self.is_wary() {
                 return Err(Cut::Doubtful);
             }
-            if !solved.is_complete || self.spent > budget {
+            // After a direction of negative curvature it has none to complete.
+            let is_short = !solved.is_complete && solved.indefinite.is_none();
+            if is_short || self.spent > budget {
                 return Err(Cut::Spent);
             }
         }

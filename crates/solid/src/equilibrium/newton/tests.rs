@@ -54,7 +54,7 @@ fn largest_gap(a: &Equilibrium, b: &Equilibrium) -> f64 {
 fn a_factor_goes_on_where_the_budget_ends() {
     let body = column();
     let problem = pushed(&body, 0.002);
-    let exact = solved(Choice::of(Method::Cholesky, &body), &problem);
+    let exact = solved(Choice::of(Method::Cholesky, &body, false), &problem);
     assert_eq!(exact.solvers, ["cholesky"]);
     let names = [("multigrid", 500, false), ("incomplete_cholesky", 3, true)];
     for (name, budget, is_handed_over) in names {
@@ -72,7 +72,7 @@ fn the_verdict_on_a_column_is_that_of_a_factor() {
     let body = column();
     for (part, status) in [(0.002, Status::Converged), (0.05, Status::ConvergedPastInstability)] {
         let problem = pushed(&body, part);
-        let exact = solved(Choice::of(Method::Cholesky, &body), &problem);
+        let exact = solved(Choice::of(Method::Cholesky, &body, false), &problem);
         assert_eq!(exact.status, status, "{part}: {}", exact.message);
         for preconditioner in [Preconditioner::IncompleteCholesky, Preconditioner::Multigrid] {
             let found = solved(iterative(preconditioner, 5_000), &problem);
@@ -87,7 +87,7 @@ fn a_probe_finds_an_eigenvalue_that_is_hardly_negative() {
     let body = column();
     let is_stable =
         |part: f64, choice| solved(choice, &pushed(&body, part)).status == Status::Converged;
-    let factor = Choice::of(Method::Cholesky, &body);
+    let factor = Choice::of(Method::Cholesky, &body, false);
     let (mut low, mut high) = (0.002, 0.05);
     for _ in 0..12 {
         let middle = 0.5 * (low + high);

@@ -13,8 +13,9 @@ use crate::mesh::{cell_volume, cross, norm, sub};
 /// Nodes up to which nothing is faster than a factor by more than it takes to find out.
 const SMALL: usize = 150;
 
-/// Newton iterations of a solution over which what is done once counts.
+/// Newton iterations of a solution over which what is done once counts; where something touches there are many more.
 const SOLUTIONS: f64 = 5.0;
+const SOLUTIONS_IN_CONTACT: f64 = 25.0;
 
 /// Analysis, for each block; factor, for each unit of `n w^1.5`; a solve with a factor in single precision, for each of
 /// `n w`.
@@ -103,10 +104,12 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// The method that was asked for; if that is automatic, what suits a body's whole solution.
-    pub fn of(method: Method, body: &Body) -> Self {
+    /// The method that was asked for; if that is automatic, what suits a body's whole solution, in which something may touch.
+    pub fn of(method: Method, body: &Body, has_contact: bool) -> Self {
         match method {
-            Method::Automatic if body.points().len() > SMALL => Features::of(body).choose(),
+            Method::Automatic if body.points().len() > SMALL => {
+                Features::of(body, has_contact).choose()
+            }
             Method::Automatic => Self::given(Method::Cholesky),
             given => Self::given(given),
         }
@@ -118,7 +121,7 @@ impl Choice {
 }
 
 impl Features {
-    fn of(body: &Body) -> Self {
+    fn of(body: &Body, has_contact: bool) -> Self {
         let n = body.points().len();
         let n_corners = body.n_corners();
         let numbering = Numbering::reverse_cuthill_mckee(n_corners, edges(body));
@@ -135,9 +138,14 @@ impl Features {
             layers: (of_a_cell * numbering.n_levels()) as f64,
             is_quadratic,
             distortion: distortion(body),
-            has_contact: !body.contact_pairs().is_empty(),
+            has_contact,
             poisson: poisson.fold(0.0, f64::max).min(0.4999),
         }
+    }
+
+    /// Newton iterations of a solution.
+    fn solutions(&self) -> f64 {
+        if self.has_contact { SOLUTIONS_IN_CONTACT } else { SOLUTIONS }
     }
 
     /// Nodes of a cross-section.
@@ -205,20 +213,20 @@ impl Features {
         let once = analysis + SINGLE * factors * factor;
         Candidate {
             preconditioner: Preconditioner::LaggedCholesky,
-            solution: once / SOLUTIONS + iterations * self.slenderness() * iteration,
+            solution: once / self.solutions() + iterations * self.slenderness() * iteration,
             iteration,
         }
     }
 
     fn choose(&self) -> Choice {
         let [analysis, factor] = self.factor();
-        let direct = analysis / SOLUTIONS + factor;
+        let direct = analysis / self.solutions() + factor;
         let candidates = [self.incomplete(), self.multigrid(), self.lagged()];
         let fastest = candidates.into_iter().min_by(|a, b| a.solution.total_cmp(&b.solution));
         let risk = (self.slenderness() / SLENDER).max(1.0).powi(2);
         match fastest {
             Some(Candidate { preconditioner, solution, iteration }) if risk * solution < direct => {
-                let budget = (PATIENCE * SOLUTIONS * direct / iteration).ceil() as usize;
+                let budget = (PATIENCE * self.solutions() * direct / iteration).ceil() as usize;
                 let parts = if self.has_contact { LONGEST_IN_CONTACT } else { LONGEST };
                 let method = Method::ConjugateGradients(ConjugateGradients {
                     preconditioner,
