@@ -6,9 +6,9 @@ those without.
 A sphere goes 10 mm into the lobe in 20 quasi-static frames of at most 8 Newton iterations; beside it the contact patch
 of about its size goes the same way. Then a soft block does, an organ whose back is moved, with the pair of their
 surfaces and, as if the liver were not there, without. The patch goes its way once more on a liver that may touch
-itself, and does not. Milliseconds are medians of the time of the processor, the least of three runs. `layer` is the stiffness of the layer between tool and organ in units of the plane strain modulus over
-the height of a cell, 30 by default. Whole solutions of the same are timed by each solver beside the one that is
-chosen automatically.
+itself, and does not. Milliseconds are medians of the time of the processor, the least of three runs. `layer` is the
+stiffness of the layer between tool and organ in units of the plane strain modulus over the height of a cell, 30 by
+default. Whole solutions of the same are timed by each solver beside the one that is chosen automatically.
 """
 
 from __future__ import annotations

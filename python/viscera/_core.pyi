@@ -194,7 +194,8 @@ Link = tuple[list[tuple[int, float]], list[float], float, float, bool]
 """Ends, rest vector, stiffness, length and kind of a spring."""
 
 ContactPair = tuple[Indices, Indices | None, float, float, float]
-"""Triangles (t, 3) of both surfaces, or of one that may touch itself, reach [m], stiffness of the layer, coefficient of friction."""
+"""Triangles (t, 3) of both surfaces, or of one that may touch itself, reach [m], stiffness of the layer, coefficient of
+friction."""
 
 Ties = tuple[Indices, Indices, Floats, Floats, list[Link], list[ContactPair]]
 """Starts, nodes, weights and stiffnesses of samples; springs; contact pairs."""

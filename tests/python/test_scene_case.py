@@ -173,7 +173,7 @@ def test_mesh_files_of_odd_names_stay_apart(bar: vs.Mesh, folder: Path) -> None:
         ("upper = 1000", "uper = 1000", "the density: no organ is called 'uper'"),
         (", upper = 1000", "", r"density in \[loads\] has none for the organ 'upper'"),
         ("lower = 900", "lower = -900", "of 'lower' must be a number above 0"),
-        ('second = "upper"\n', "", r"the key 'second' is missing in \[\[contacts\]\] \(number 1 of contacts\)"),
+        ('first = "lower/z > 99%"\n', "", r"the key 'first' is missing in \[\[contacts\]\] \(number 1 of contacts\)"),
         ("[[contacts]]", "[contacts]", r"'contacts' is a list of tables, each under \[\[contacts\]\]"),
         ("cable = true", "cable = 1", r"cable in \[\[springs\]\] must be true or false, got 1"),
         ("point = [", "points = [", r"unknown key 'points' in \[\[springs\]\]"),

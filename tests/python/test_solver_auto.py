@@ -72,7 +72,7 @@ def test_what_touches_is_solved_by_conjugate_gradients_to_the_end(friction: floa
     """Its tangents are not always positive definite, and its load steps are shortened: with every solver."""
     liver = vs.Organ(vs.organs.liver(), vs.NeoHookean(young=5e3, poisson=0.45), fixed="hilum")
     top = liver.mesh.points[liver.mesh.points[:, 2].argmax()]
-    tool = vs.Tool(vs.Sphere(0.015), top + (0, 0, 0.015), friction=friction, displacement=(0, 0, -0.01))
+    tool = vs.Tool(vs.Sphere(0.015), top + np.array((0, 0, 0.015)), friction=friction, displacement=(0, 0, -0.01))
     found, exact = (liver.solve(contact=[tool], solver=name) for name in ("auto", "cholesky"))
     assert (found.status, found.solver) == ("converged", "lagged_cholesky")
     assert abs(found.displacement - exact.displacement).max() < 1e-8
