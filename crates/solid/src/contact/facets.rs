@@ -98,7 +98,11 @@ impl Placed<'_> {
     /// The gap at a point to what it may touch; none farther than `reach` away, or where the closest point is on the border of
     /// that.
     pub fn gap(&self, x: [f64; 3], reach: f64, candidates: Candidates) -> Option<Gap> {
-        let closest = self.closest(x, reach, candidates)?;
+        self.gap_to(x, self.closest(x, reach, candidates)?, candidates)
+    }
+
+    /// The gap at a point to the closest point of what it may touch; none where that is on the border.
+    pub fn gap_to(&self, x: [f64; 3], closest: Closest, candidates: Candidates) -> Option<Gap> {
         let (triangle, weights) = (closest.triangle as usize, closest.barycentric);
         let nodes = self.facets.triangles[triangle];
         let on: Vec<u32> = (0..3).filter(|&i| weights[i] > 0.0).map(|i| nodes[i]).collect();

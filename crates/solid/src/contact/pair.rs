@@ -47,6 +47,8 @@ pub(super) struct ActivePair {
     /// 1 if the first surface is the sampled one, -1 if it is the second, 0 if both are the same.
     sign: f64,
     samples: Vec<Sample>,
+    /// The triangles of the sampled surface that were so far from the other that they have no samples.
+    far: Vec<u32>,
     renewals: usize,
     /// The places for which the samples were found.
     renewed: Vec<[f64; 3]>,
@@ -129,6 +131,7 @@ impl ActivePair {
             reach: pair.reach,
             sign,
             samples: Vec::new(),
+            far: Vec::new(),
             renewals: 0,
             renewed: Vec::new(),
             is_placed: false,
@@ -210,7 +213,7 @@ impl ActivePair {
         }
         if self.is_due() {
             self.renewals += 1;
-            self.samples = self.pieces();
+            self.find_samples();
             self.renewed.clone_from(&self.places);
         }
         let other = self.other.at(&self.places);

@@ -2,7 +2,7 @@
 
 use crate::body::SelfContact;
 use crate::contact::facets::Candidates;
-use crate::mesh::{Boxes, Piece, Sphere, cross, dot, norm, overlap_of, sub};
+use crate::mesh::{Boxes, Sphere, cross, dot, norm, sub};
 
 /// How much farther than the reach triangles are listed, over the reach: the list serves until they have moved half as far.
 const MARGIN: f64 = 1.0;
@@ -76,14 +76,14 @@ impl Own {
         self.near.is_empty()
     }
 
-    /// The common pieces of what is near.
-    pub fn pieces(&self, triangles: &[[u32; 3]], places: &[[f64; 3]]) -> Vec<Piece> {
-        overlap_of(places, triangles, triangles, &self.near, self.reach)
+    /// The pairs of triangles that are near each other, in the order of the first.
+    pub fn pairs(&self) -> &[[u32; 2]] {
+        &self.near
     }
 
     /// The triangles that something is near to, ascending.
-    pub fn near(&self) -> impl Iterator<Item = usize> + '_ {
-        self.near.chunk_by(|a, b| a[0] == b[0]).map(|pairs| pairs[0][0] as usize)
+    pub fn near(&self) -> Vec<u32> {
+        self.near.chunk_by(|a, b| a[0] == b[0]).map(|pairs| pairs[0][0]).collect()
     }
 }
 

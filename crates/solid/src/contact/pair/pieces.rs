@@ -4,18 +4,23 @@ use super::{ActivePair, Sample, area, mean};
 use crate::contact::facets::{Candidates, Gap, Placed};
 use crate::contact::layer::Layer;
 use crate::contact::meeting::Meeting;
-use crate::mesh::{cross, dot, norm, overlap, sub};
+use crate::mesh::{Boxes, cross, dot, norm, overlap_of, sub};
 
 /// How often a step finds the pieces anew at most, and how far, relative to the reach, a surface moves before it does:
-/// where they stay, the iteration ends as Newton's does.
+/// where they stay, the iteration ends as Newton's does. If one moves as far as `GONE`, it does so in any case.
 const RENEWALS: usize = 20;
 const STILL: f64 = 1e-5;
+const GONE: f64 = 0.25;
+
+/// How far from the other surface triangles are sampled, over the reach: if both have moved as far as `GONE`, the others are still
+/// out of reach.
+const SAMPLED: f64 = 1.0 + 2.0 * GONE;
 
 /// Cosine of the angle to the opposite direction below which normals of two surfaces face each other.
 const FACING: f64 = 0.5;
 
 /// A rule of degree 2 on a triangle: three points of equal weight.
-const RULE: [[f64; 3]; 3] = [
+pub(super) const RULE: [[f64; 3]; 3] = [
     [2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0],
     [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0],
     [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0],
@@ -24,26 +29,24 @@ const RULE: [[f64; 3]; 3] = [
 impl ActivePair {
     /// Whether the samples are to be found anew.
     pub(super) fn is_due(&self) -> bool {
-        !self.is_kept && self.renewals < RENEWALS && self.has_moved()
+        let may_stay = self.is_kept || self.renewals >= RENEWALS;
+        self.has_moved(if may_stay { GONE } else { STILL })
     }
 
-    /// Whether a surface has moved since its samples were found.
-    fn has_moved(&self) -> bool {
-        let still = STILL * self.reach;
-        let pairs = self.places.iter().zip(&self.renewed);
-        self.renewed.is_empty() || pairs.into_iter().any(|(x, y)| norm(sub(*x, *y)) > still)
+    /// Whether a surface has moved as far since its samples were found, over the reach.
+    fn has_moved(&self, far: f64) -> bool {
+        let mut pairs = self.places.iter().zip(&self.renewed);
+        self.renewed.is_empty() || pairs.any(|(x, y)| norm(sub(*x, *y)) > far * self.reach)
     }
 
-    /// The samples where the surfaces are now: on their common pieces, and on whole triangles that have none.
-    pub(super) fn pieces(&self) -> Vec<Sample> {
+    /// Finds the samples where the surfaces are now: on their common pieces, and on whole triangles near the other surface
+    /// that have none.
+    pub(super) fn find_samples(&mut self) {
         let (places, own) = (&self.places, self.sampled.triangles());
         let mut is_covered = vec![false; own.len()];
         let mut samples = Vec::new();
-        let pieces = match &self.own {
-            Some(surface) => surface.pieces(own, places),
-            None => overlap(places, own, self.other.triangles(), self.reach),
-        };
-        for piece in pieces {
+        let (near, pairs) = self.near();
+        for piece in overlap_of(places, own, self.other.triangles(), &pairs, self.reach) {
             let [triangle, other] = piece.triangles.map(|t| t as usize);
             is_covered[triangle] = true;
             let part = piece.area / area(places, &own[triangle]);
@@ -64,11 +67,8 @@ impl ActivePair {
             }
         }
         let softest = self.layers[1].iter().copied().reduce(softer);
-        let near: Vec<usize> = match &self.own {
-            Some(surface) => surface.near().collect(),
-            None => (0..own.len()).collect(),
-        };
-        for triangle in near.into_iter().filter(|&triangle| !is_covered[triangle]) {
+        let is_bare = |&&triangle: &&u32| !is_covered[triangle as usize];
+        for triangle in near.iter().filter(is_bare).map(|&triangle| triangle as usize) {
             let layer =
                 softest.map_or(self.layers[0][triangle], |s| softer(s, self.layers[0][triangle]));
             let area = self.areas[triangle] / 3.0;
@@ -82,7 +82,30 @@ impl ActivePair {
             };
             samples.extend(RULE.map(sample));
         }
-        samples
+        let mut is_far = vec![self.own.is_none(); own.len()];
+        near.iter().for_each(|&triangle| is_far[triangle as usize] = false);
+        self.far = (0u32..).zip(is_far).filter(|(_, is_far)| *is_far).map(|(t, _)| t).collect();
+        self.samples = samples;
+    }
+
+    /// The triangles of the sampled surface that are near the other, ascending, and the pairs of them and of triangles of the
+    /// other that may have common pieces.
+    fn near(&self) -> (Vec<u32>, Vec<[u32; 2]>) {
+        if let Some(own) = &self.own {
+            return (own.near(), own.pairs().to_vec());
+        }
+        let boxes = Boxes::new(&self.places, self.other.triangles());
+        let (mut near, mut pairs) = (Vec::new(), Vec::new());
+        for (number, triangle) in (0u32..).zip(self.sampled.triangles()) {
+            let corners = triangle.map(|corner| self.places[corner as usize]);
+            if boxes.are_near(&corners, SAMPLED * self.reach) {
+                near.push(number);
+                let start = pairs.len();
+                boxes.each_near(&corners, self.reach, |other| pairs.push([number, other as u32]));
+                pairs[start..].sort_unstable();
+            }
+        }
+        (near, pairs)
     }
 
     /// Place and gap of a sample, if the other surface is near. Just inside a sharp edge the side behind it may be closer

@@ -1,7 +1,8 @@
 //! How far a step may go before a surface is much deeper in the other than it was.
 
+use super::pieces::RULE;
 use super::{ActivePair, mean};
-use crate::contact::facets::Facets;
+use crate::contact::facets::{Candidates, Facets};
 use crate::mesh::{dot, norm, sub};
 
 /// How much deeper a step may lead one surface into the other, over the reach: the tangent knows no more than its face.
@@ -23,18 +24,20 @@ impl ActivePair {
             return most;
         }
         let other = self.other.at(&places);
-        let mut longest = if self.own.is_some() { most } else { f64::INFINITY };
+        let mut longest = if self.own.is_some() { most.min(1.0) } else { 1.0 };
         for sample in &self.samples {
             let place = self.place_of(sample, &places);
             let own =
                 self.sampled.triangles()[sample.triangle as usize].map(|n| motion[n as usize]);
             let own = mean(&own, sample.weights);
             let candidates = self.candidates(sample);
-            let Some(gap) = other.gap(place, self.reach, candidates) else {
-                // Wherever it goes, it meets nothing before it has gone so far.
-                let closest = other.closest(place, f64::INFINITY, candidates);
-                let free = closest.map_or(f64::INFINITY, |closest| closest.distance);
-                longest = longest.min((free + deeper) / (norm(own) + its_speed));
+            let Some(closest) = other.closest(place, self.reach, candidates) else {
+                let free = || other.closest(place, f64::INFINITY, candidates).map(|c| c.distance);
+                longest = self.before_touch(longest, norm(own) + its_speed, deeper, free);
+                continue;
+            };
+            let Some(gap) = other.gap_to(place, closest, candidates) else {
+                longest = longest.min((closest.distance + deeper) / (norm(own) + its_speed));
                 continue;
             };
             let its = self.other.triangles()[gap.triangle].map(|n| motion[n as usize]);
@@ -45,7 +48,34 @@ impl ActivePair {
                 longest = longest.min((free + deeper) / -away);
             }
         }
+        // What has no samples is to come no nearer than to touch: a step does not see its energy.
+        for &far in &self.far {
+            let triangle = self.sampled.triangles()[far as usize];
+            let own = triangle.iter().map(|&n| norm(motion[n as usize])).fold(0.0, f64::max);
+            let corners = triangle.map(|n| places[n as usize]);
+            let distance = |point| {
+                let place = mean(&corners, point);
+                other.closest(place, f64::INFINITY, Candidates::All).map(|c| c.distance)
+            };
+            let free = || RULE.into_iter().filter_map(distance).reduce(f64::min);
+            longest = self.before_touch(longest, own + its_speed, 0.0, free);
+        }
         longest
+    }
+
+    /// The part of a step, at most `longest`, in which something out of reach goes no farther than it is away, and as deep. It
+    /// is asked how far that is only if it matters.
+    fn before_touch(
+        &self,
+        longest: f64,
+        speed: f64,
+        deeper: f64,
+        free: impl FnOnce() -> Option<f64>,
+    ) -> f64 {
+        if (self.reach + deeper) / speed >= longest {
+            return longest;
+        }
+        free().map_or(longest, |free| longest.min((free + deeper) / speed))
     }
 
     /// How the nodes of both surfaces move, but for what they all do: that brings nothing together.
