@@ -212,6 +212,13 @@ impl Contact {
         !self.pairs.is_empty()
     }
 
+    /// Whether there is friction.
+    pub fn has_friction(&self) -> bool {
+        let of_tool = |held: &ActiveTool| !held.tool.friction.is_none();
+        self.pairs.iter().any(|pair| !pair.friction().is_none())
+            || self.tools.iter().flatten().any(of_tool)
+    }
+
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));

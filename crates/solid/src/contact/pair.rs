@@ -268,6 +268,10 @@ impl ActivePair {
         }
     }
 
+    pub fn friction(&self) -> Friction {
+        self.friction
+    }
+
     /// Whether a sample touches.
     pub fn touches(&self) -> bool {
         !self.touching.is_empty()

@@ -14,6 +14,10 @@ use crate::number::norm;
 const NEAR: f64 = 0.02;
 const AT: f64 = 1e-6;
 
+/// Smallest part of the motion of prescribed displacements that a step takes, as far as contact lets it: another one follows.
+/// Friction, which depends on the path, takes none but the whole; the load step is cut in place of that.
+const SHORTEST: f64 = 0.1;
+
 /// Last increment, relative to the displacement, up to which the tangent before it speaks for the equilibrium after it.
 const NEXT_TO: f64 = 0.02;
 
@@ -43,7 +47,7 @@ struct LoadStep<'r, 'a> {
     passed: Option<usize>,
     /// It began with a linear step, not with a series.
     is_linear: bool,
-    /// Whether its first step moves prescribed displacements to their values, regardless of the energy.
+    /// Whether prescribed displacements are still to be moved to their values, regardless of the energy.
     is_led: bool,
 }
 
@@ -117,11 +121,14 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         left.max(enough).clamp(TIGHTEST, LOOSEST)
     }
 
-    /// The first step, which moves prescribed displacements. If it would stretch the body out of proportion, the series
-    /// of the path replaces it; returns whether it did.
-    fn lead(&mut self, step: &[f64]) -> Result<bool, Cut> {
+    /// The first step, which moves prescribed displacements or a part of them. If it would stretch the body out of
+    /// proportion, the series of the path replaces it; returns whether it did.
+    fn lead(&mut self, step: &[f64], part: f64) -> Result<bool, Cut> {
         let LoadStep { run, u, load, force, .. } = self;
         run.note_slope(step, *load);
+        if part < 1.0 {
+            return Ok(false);
+        }
         if self.unstable.is_some() {
             run.check_inversion(u, step)?;
             return Ok(false);
@@ -175,7 +182,7 @@ impl Iteration for LoadStep<'_, '_> {
         run.add_stiffness_of_loads(u, *load);
         run.seconds.assembly += clock.elapsed().as_secs_f64();
         (self.residual, self.norm) = run.residual(force, &external, &self.multipliers);
-        if self.steps == 0 {
+        if self.steps == 0 || self.is_led {
             return Ok(f64::INFINITY); // an equilibrium, but of another load
         }
         self.history.push(self.norm);
@@ -184,7 +191,7 @@ impl Iteration for LoadStep<'_, '_> {
 
     fn step(&mut self) -> Result<(), Cut> {
         self.run.go_on()?;
-        let is_first = self.steps == 0;
+        let (is_first, is_leading) = (self.steps == 0, self.is_led);
         self.steps += 1;
         self.run.iterations += 1;
         self.run.is_near = !is_first && self.norm <= NEAR;
@@ -196,17 +203,17 @@ impl Iteration for LoadStep<'_, '_> {
             self.run.solver.set_tolerance(self.forcing());
         }
         let clock = Instant::now();
-        let mut solved = self.run.newton_step(&self.u, &self.residual, self.load, is_first);
+        let mut solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
         while let Err(Cut::Doubtful) = solved
             && !self.run.doubts()
         {
             self.run.lift(last_shift)?;
-            solved = self.run.newton_step(&self.u, &self.residual, self.load, is_first);
+            solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
         }
         if let Err(Cut::Spent) = solved {
             self.run.hand_over().map_err(Cut::Factor)?;
             unstable = self.run.factorize()?;
-            solved = self.run.newton_step(&self.u, &self.residual, self.load, is_first);
+            solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
         }
         let (step, change, indefinite) = solved?;
         self.unstable = unstable.or(indefinite);
@@ -214,15 +221,16 @@ impl Iteration for LoadStep<'_, '_> {
             self.passed = self.passed.or(self.unstable);
         }
         self.run.seconds.solve += clock.elapsed().as_secs_f64();
-        let is_leading = is_first && self.is_led;
-        if is_leading && self.run.contact.longest(&self.u, &step) < 1.0 {
-            return Err(Cut::NoDescent { residual: self.norm });
-        }
-        if is_leading && self.lead(&step)? {
-            return Ok(());
-        }
         let length = if is_leading {
-            1.0
+            let part = self.run.contact.longest(&self.u, &step);
+            if part < if self.run.contact.has_friction() { 1.0 } else { SHORTEST } {
+                return Err(Cut::NoDescent { residual: self.norm });
+            }
+            self.is_led = part < 1.0;
+            if is_first && self.lead(&step, part)? {
+                return Ok(());
+            }
+            part
         } else {
             self.run.line_search(&self.u, &step, self.load, &self.residual, self.norm)?
         };

@@ -165,7 +165,7 @@ impl<'a> Run<'a> {
     }
 
     /// Whether conjugate gradients that were chosen automatically only do what they do well. Where something touches, tangents
-    /// that are not positive definite and load steps that are cut are common, and with a factor there would be as many.
+    /// that are to be shifted and load steps that are cut are common, and with a factor there would be as many.
     pub(super) fn is_wary(&self) -> bool {
         self.budget.is_some() && self.contact.is_empty()
     }

@@ -124,12 +124,10 @@ impl Run<'_> {
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         if let Some(budget) = self.budget {
-            if solved.indefinite.is_some() && self.is_wary() {
+            if solved.indefinite.is_some() {
                 return Err(Cut::Doubtful);
             }
-            // After a direction of negative curvature it has none to complete.
-            let is_short = !solved.is_complete && solved.indefinite.is_none();
-            if is_short || self.spent > budget {
+            if !solved.is_complete || self.spent > budget {
                 return Err(Cut::Spent);
             }
         }
