@@ -126,10 +126,16 @@ def test_software_in_place_of_a_device_is_not_chosen(look_with_gpu: Look, cube: 
 
 
 @pytest.mark.parametrize(
-    "lacking", ["WebAssembly.Suspending = undefined;", "GPU.prototype.requestAdapter = async () => null;"]
+    ("lacking", "reason"),
+    [
+        ("WebAssembly.Suspending = undefined;", "this browser has no JavaScript promise integration"),
+        ("GPU.prototype.requestAdapter = async () => null;", "the browser offers none"),
+        ("GPUAdapter.prototype.requestDevice = async () => { throw new Error('it is busy'); };", "it is busy"),
+        ("Object.defineProperty(WorkerNavigator.prototype, 'gpu', { value: undefined });", "this browser has no WebGPU"),
+    ],
 )
-def test_a_browser_without_what_it_takes_steps_on_the_processor(
-    look_with_gpu: Look, file_server: Offer, cube: vs.Mesh, tmp_path: Path, lacking: str
+def test_a_browser_without_what_it_takes_steps_on_the_processor_and_says_why(
+    look_with_gpu: Look, file_server: Offer, cube: vs.Mesh, tmp_path: Path, lacking: str, reason: str
 ) -> None:
     """The worker begins with what a lesser browser would have."""
     export_case(case_of(cube, tmp_path), tmp_path / "site", "Cube")
@@ -137,6 +143,17 @@ def test_a_browser_without_what_it_takes_steps_on_the_processor(
     worker.write_text(lacking + worker.read_text())
     viewer = look_with_gpu(f"{file_server(tmp_path / 'site')}?gpu=always", viewport=SMALL)
     assert viewer.state["device"] is None
+    assert viewer.page.get_by_text(f"no graphics processor: {reason}").count() == 1
     assert held(viewer)[0]["isSettled"]
     assert viewer.complaints == []
     viewer.close()
+
+
+def test_a_wish_that_is_none_is_named(look_with_gpu: Look, cube: vs.Mesh, tmp_path: Path) -> None:
+    with serve_live(case_of(cube, tmp_path), "Cube", in_page=True) as running:
+        viewer = look_with_gpu(f"{running.url}?gpu=fast", viewport=SMALL)
+        assert viewer.page.get_by_text('"?gpu=fast" is unknown: always or never').count() == 1
+        viewer.close()
+        viewer = look_with_gpu(f"{running.url}?gpu=never", viewport=SMALL)
+        assert viewer.page.get_by_text("graphics processor").count() == 0
+        viewer.close()

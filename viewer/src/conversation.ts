@@ -14,6 +14,8 @@ export interface Hello extends Partial<Around> {
   gravity: Vec3 | null;
   /** The graphics processor that steps it, if one does. */
   device?: string | null;
+  /** What the page's address asks for of it in vain. */
+  refusal?: string | null;
   /** Whether it is a solved state, which no hand can move. */
   is_still?: boolean;
   rest: number[];

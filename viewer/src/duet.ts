@@ -2,7 +2,7 @@
 import type { Body, Hit } from "./body";
 import { Conversation, introduction } from "./conversation";
 import type { Display } from "./display";
-import { element } from "./dom";
+import { element, write } from "./dom";
 import type { Vec3 } from "./evaluator";
 import { load } from "./files";
 import { lawName } from "./lawname";
@@ -14,6 +14,7 @@ import type { Stage } from "./stage";
 import type { Told, TouchState } from "./touchstate";
 import { forces, trouble } from "./verdict";
 
+const WORDS = "With two hands the organ itself is stepped; the reduced model has one contact.";
 /** Frames after which the stepped organ is shown even if it has not settled. */
 const PATIENCE = 20;
 /** Below this residual, with nothing new wanted, no more frames are asked for. */
@@ -68,8 +69,9 @@ export class Duet {
     this.conversation.onComplaint = (sentence) => (this.complaint = sentence);
     specimen.place.visible = false;
     stage.world.add(specimen.place);
-    const words = "With two hands the organ itself is stepped; the reduced model has one contact.";
-    this.root = element("section", { class: "panel readings live", "aria-label": "two hands" }, specimen.root, element("p", {}, words));
+    const words = element("p", {}, WORDS);
+    this.conversation.onNews = (sentence) => write(words, `${WORDS} Now ${sentence}; the processor goes on.`);
+    this.root = element("section", { class: "panel readings live", "aria-label": "two hands" }, specimen.root, words);
     this.root.hidden = true;
   }
 

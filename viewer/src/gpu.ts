@@ -5,7 +5,7 @@
 /** From so many cells on, a graphics processor steps an organ faster than one thread of the processor (docs/gpu.md). */
 const WORTHWHILE = 10_000;
 
-/** What the page's address asks for: `?gpu=always` or `?gpu=never`; nothing for where it pays. */
+/** What the page's address asks for: `?gpu=always` or `?gpu=never`; nothing, or what is neither, for where it pays. */
 export type Wish = string | null;
 
 /** Kinds of faults, as the module counts them. */
@@ -59,6 +59,8 @@ export class Device {
   private device: GPUDevice | null = null;
   private isSoftware = false;
   private name = "";
+  /** Why there is none, where one was asked for. */
+  private lacks = "";
   /** The first fault, and its kind. */
   private fault: [string, number] | null = null;
   private readonly buffers = new Numbered<Held>();
@@ -73,6 +75,16 @@ export class Device {
   /** Whether the browser has what it takes. */
   private get isPossible(): boolean {
     return Suspending !== undefined && navigator.gpu !== undefined && this.wish !== "never";
+  }
+
+  /** What the page's address asks for and does not get, in words. */
+  get refusal(): string | null {
+    const { wish, lacks } = this;
+    if (wish === null || wish === "never" || this.inUse) return null;
+    if (wish !== "always") return `"?gpu=${wish}" is unknown: always or never`;
+    if (navigator.gpu === undefined) return "no graphics processor: this browser has no WebGPU here";
+    if (Suspending === undefined) return "no graphics processor: this browser has no JavaScript promise integration";
+    return `no graphics processor: ${lacks || "the organ cannot use it"}`;
   }
 
   /** From so many cells on, the module asks for the device. */
@@ -125,13 +137,17 @@ export class Device {
     // What is lost stays lost: the module goes on without.
     if (this.device) return 0;
     const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" }).catch(() => null);
+    this.lacks = "the browser offers none";
     if (!adapter) return 0;
     const { info, limits } = adapter;
     this.isSoftware = info.isFallbackAdapter;
     if (this.isSoftware && this.wish !== "always") return 0;
     const { maxStorageBufferBindingSize, maxBufferSize } = limits;
     const request = adapter.requestDevice({ requiredLimits: { maxStorageBufferBindingSize, maxBufferSize } });
-    const device = await request.catch(() => null);
+    const device = await request.catch((error: unknown) => {
+      this.lacks = error instanceof Error ? error.message : String(error);
+      return null;
+    });
     if (!device) return 0;
     device.addEventListener("uncapturederror", ({ error }) => {
       const kind = error instanceof GPUOutOfMemoryError ? MEMORY : REFUSED;

@@ -102,6 +102,7 @@ export class LiveView implements Touched, Keyed, Shared {
     this.hint = new Hint(this.stage, () => this.pointer.near(this.middle));
     const stepped = this.device ? `stepped ${link.place} on ${this.device}` : `stepped ${link.place}`;
     const facts = [`${hello.rest.length / 3} surface nodes`, hello.is_still ? "a solved state" : stepped];
+    if (hello.refusal) facts.push(hello.refusal);
     this.tools = new LiveTools(this, hello.organs ?? [], facts, hello.gravity, headsetButton(this.stage, this.row, this));
     const side = element("div", { class: "side" }, this.readings, this.clock);
     this.plan.fill(

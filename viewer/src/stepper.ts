@@ -39,7 +39,7 @@ class Stepper {
     const stepped = await withinMemory(wasm, () => withBytes(wasm, bytes, (at) => open(at, bytes.length, device.leastCells)));
     if (stepped === 0) throw new Error(message(wasm));
     const hello = message(wasm);
-    const introduction = device.inUse ? JSON.stringify({ ...JSON.parse(hello), device: device.inUse }) : hello;
+    const introduction = JSON.stringify({ ...JSON.parse(hello), device: device.inUse, refusal: device.refusal });
     return [new Stepper(wasm, stepped, device.waiting(wasm.case_answer)), introduction];
   }
 
