@@ -9,7 +9,7 @@ use crate::equilibrium::iteration::Rounding;
 use crate::equilibrium::outcome::{Equilibrium, Seconds};
 use crate::equilibrium::predictor::Predictor;
 use crate::equilibrium::problem::{Problem, patch_mean};
-use crate::equilibrium::system::{Choice, ConstrainedSystem, Method, waves};
+use crate::equilibrium::system::{Choice, ConstrainedSystem, Method, NegativeCurvature, waves};
 use crate::equilibrium::tangent::Tangent;
 use crate::error::Error;
 use crate::linear::FactorError;
@@ -53,8 +53,8 @@ pub(super) struct Run<'a> {
     pub(super) budget: Option<usize>,
     /// Those that this one has taken.
     pub(super) spent: usize,
-    /// They may shift a tangent that is not positive definite far from equilibrium.
-    pub(super) shifts: bool,
+    /// What they do where a tangent far from equilibrium is not positive definite.
+    pub(super) negative_curvature: NegativeCurvature,
     /// Whether the iterate is close to an equilibrium, whose stability counts.
     pub(super) is_near: bool,
     pub(super) solvers: Vec<&'static str>,
@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
             linear_iterations: 0,
             budget: choice.budget,
             spent: 0,
-            shifts: choice.shifts,
+            negative_curvature: choice.negative_curvature,
             is_near: false,
             solvers: vec![settings.method.name()],
             seconds: Seconds::default(),
@@ -178,7 +178,12 @@ impl<'a> Run<'a> {
 
     /// Whether a tangent that is not positive definite is a matter for a factor.
     pub(super) fn doubts(&self) -> bool {
-        self.is_wary() && (self.is_near || !self.shifts)
+        self.is_wary() && (self.is_near || self.negative_curvature == NegativeCurvature::Refused)
+    }
+
+    /// Whether the line search follows a direction of negative curvature.
+    pub(super) fn follows(&self) -> bool {
+        self.is_wary() && !self.is_near && self.negative_curvature == NegativeCurvature::Followed
     }
 
     /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen

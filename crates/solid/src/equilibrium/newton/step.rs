@@ -124,10 +124,10 @@ impl Run<'_> {
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         if let Some(budget) = self.budget {
-            if solved.indefinite.is_some() {
+            if solved.indefinite.is_some() && !self.follows() {
                 return Err(Cut::Doubtful);
             }
-            if !solved.is_complete || self.spent > budget {
+            if !solved.is_complete && solved.indefinite.is_none() || self.spent > budget {
                 return Err(Cut::Spent);
             }
         }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::body::Body;
+use crate::equilibrium::system::NegativeCurvature;
 use crate::equilibrium::{ConjugateGradients, Preconditioner, Pressure, Status};
 use crate::law::Material;
 use crate::mesh::samples::block;
@@ -37,7 +38,11 @@ fn iterative(preconditioner: Preconditioner, budget: usize) -> Choice {
         max_iterations: budget,
         ..ConjugateGradients::default()
     };
-    Choice { method: Method::ConjugateGradients(settings), budget: Some(10 * budget), shifts: true }
+    Choice {
+        method: Method::ConjugateGradients(settings),
+        budget: Some(10 * budget),
+        negative_curvature: NegativeCurvature::Shifted,
+    }
 }
 
 fn solved(choice: Choice, problem: &Problem) -> Equilibrium {

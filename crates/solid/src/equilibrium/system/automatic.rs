@@ -99,8 +99,19 @@ pub struct Choice {
     /// Iterations of conjugate gradients in a load step beyond which it is a factor's turn; none where the caller
     /// chose, and for a factor.
     pub budget: Option<usize>,
-    /// Conjugate gradients may shift a tangent that is not positive definite far from equilibrium.
-    pub shifts: bool,
+    /// Of conjugate gradients that were chosen automatically.
+    pub negative_curvature: NegativeCurvature,
+}
+
+/// What conjugate gradients do where a tangent far from equilibrium is not positive definite.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NegativeCurvature {
+    /// They leave it to a factor.
+    Refused,
+    /// They shift it.
+    Shifted,
+    /// They follow the direction that shows it: a lagged factor would be renewed for every shift.
+    Followed,
 }
 
 impl Choice {
@@ -116,7 +127,7 @@ impl Choice {
     }
 
     fn given(method: Method) -> Self {
-        Choice { method, budget: None, shifts: false }
+        Choice { method, budget: None, negative_curvature: NegativeCurvature::Refused }
     }
 }
 
@@ -234,8 +245,12 @@ impl Features {
                     max_iterations: budget.div_ceil(parts),
                     ..ConjugateGradients::default()
                 });
-                let shifts = risk == 1.0 || CLEARLY * solution < direct;
-                Choice { method, budget: Some(budget), shifts }
+                let negative_curvature = match preconditioner {
+                    _ if risk > 1.0 && CLEARLY * solution >= direct => NegativeCurvature::Refused,
+                    Preconditioner::LaggedCholesky => NegativeCurvature::Followed,
+                    _ => NegativeCurvature::Shifted,
+                };
+                Choice { method, budget: Some(budget), negative_curvature }
             }
             _ => Choice::given(Method::Cholesky),
         }

@@ -26,7 +26,7 @@ use crate::clock::Instant;
 use crate::error::Error;
 use crate::linear::FactorError;
 use crate::mesh::Patch;
-pub use automatic::{Choice, waves};
+pub use automatic::{Choice, NegativeCurvature, waves};
 use border::Border;
 pub use border::{Row, mean_rows};
 pub use conjugate_gradients::{ConjugateGradients, Preconditioner};
