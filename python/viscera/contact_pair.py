@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -87,3 +88,11 @@ class ContactPair:
         first, *rest = (np.ascontiguousarray(side[:, :3], dtype=np.uint32) for side in faces)
         second = rest[0] if rest else None
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))
+
+
+def unknown(tool: Any, of: str, remedy: str) -> VisceraError:
+    """For a tool or a contact pair that a solve or a frame does not know."""
+    if isinstance(tool, ContactPair):
+        remedy = "take the one in the contacts of its scene; a pickled one is another, so pickle the scene beside the rest"
+        return VisceraError(f"{tool!r} is no contact pair of this {of}; {remedy}")
+    return VisceraError(f"{tool!r} was no tool of this {of}; {remedy}")

@@ -28,6 +28,8 @@ from viscera.ties import Tied, Ties
 if TYPE_CHECKING:
     from viscera.scene_case import SceneCase
 
+LEAST_REACH = 1e-3
+"""Smallest reach of a contact pair, over the diagonal of its smaller organ."""
 LISTED = 5
 """How many nodes an error lists."""
 
@@ -69,10 +71,11 @@ class Scene(Organ):
     ) -> None:
         self.organs = _checked(organs)
         """The organs by name."""
-        self.bonds = tuple(bonds)
+        self.bonds = _list_of(bonds, "bonds", "Bond and Spring, such as [Bond('liver', 'gallbladder')]")
         """The bonds."""
-        self.contacts = tuple(contacts)
+        self.contacts = _list_of(contacts, "contacts", "ContactPair, such as [ContactPair('liver', 'stomach')]")
         """The contact pairs."""
+        bodies = _list_of(bodies, "bodies", "tools and shapes, such as [Tool(HalfSpace())]")
         first = next(iter(self.organs.values()))
         self._numbers = _numbers(self.organs)
         mesh, law = _joined_mesh(self.organs), _joined_law(self.organs)
@@ -223,8 +226,9 @@ class Scene(Organ):
         if pair.second is not None and pair.first[0] == pair.second[0]:
             self._refuse_shared(pair, np.intersect1d(sides[0], sides[1]))
         reach = length(pair.reach, diagonal, "the reach of a contact pair")
-        if reach <= 0.0:
-            raise refused("the reach of a contact pair", "a length above 0 [m]", pair.reach)
+        if reach < LEAST_REACH * diagonal:
+            least = f"at least {LEAST_REACH:.1%} of the diagonal of its smaller organ, {LEAST_REACH * diagonal:.3g} m"
+            raise refused(f"the reach of {pair!r}", f"a length of {least}; steps are shorter than it", pair.reach)
         return pair._ties(sides, reach)
 
     def _refuse_shared(self, pair: ContactPair, shared: Indices) -> None:
@@ -257,6 +261,13 @@ class Scene(Organ):
             sides.append(self._numbers[name][faces].astype(np.uint32))
         diagonal = min(self.organ(name).mesh.diagonal for name, _ in pair.sides)
         return sides, diagonal
+
+
+def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:
+    """What a scene holds together, or raise `VisceraError` if it is no list."""
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise refused(f"the {name} of a scene", f"a list of {what}", given)
+    return tuple(given)
 
 
 @dataclass(frozen=True, eq=False)

@@ -166,6 +166,9 @@ def test_organs_lie_on_a_table() -> None:
             lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[vs.Bond(("a", "base"), "b")]),
             "no triangle of the one surface",
         ),
+        (lambda a, b: vs.Scene({"a": a}, contacts=vs.ContactPair("a")), r"a list of ContactPair.*, got ContactPair\(a\)"),
+        (lambda a, b: vs.Scene({"a": a}, bonds=vs.Bond("a", "b")), "the bonds of a scene must be a list"),
+        (lambda a, b: vs.Scene({"a": a}, bodies=None), "the bodies of a scene must be a list of tools and shapes"),  # type: ignore[arg-type]
         (lambda a, b: vs.Bond("a", WRONG), "a side of a bond must be the name of an organ"),
         (lambda a, b: vs.Bond("a", "b", stiffness=0), "the stiffness of a bond must be a number above 0"),
         (lambda a, b: vs.Scene({"a": a, "b": b}).solve(density={"a": 1e3}, gravity=(0, 0, -1)), "have no density"),
@@ -296,6 +299,38 @@ def test_friction_holds_from_load_step_to_load_step() -> None:
     assert np.hypot(*rough[:2]) < 0.3 * -rough[2]
 
 
+def test_friction_begins_where_surfaces_first_touch() -> None:
+    """A block is driven down and aside, from farther away than the reach: where it lands it sticks, in one step as in many."""
+    soft = vs.ElasticSupport("top", stiffness=2e3)
+    lower, upper = (vs.Organ(block(2), SOFT, fixed="base"), vs.Organ(block(3, 1.3 * SIDE), SOFT, supports=[soft]))
+    pair = vs.ContactPair("lower", "upper", friction=0.5, reach="1 cm")
+    scene = vs.Scene({"lower": lower, "upper": upper}, contacts=[pair])
+    top = scene.place("upper", "top")
+    push = {top: (0.4, 0.0, -1.6)}
+    drifts = []
+    for steps in (1, 32):
+        state = scene.solve(force=push, steps=steps)
+        assert state.is_converged
+        drifts.append(state.displacement[list(top), 0].mean())
+    free = vs.Scene(scene.organs, contacts=[vs.ContactPair("lower", "upper")]).solve(force=push)
+    frame = scene.stepper(iterations=40).frame(force=push)
+    assert drifts[0] == pytest.approx(drifts[1], rel=0.1)
+    assert free.displacement[list(top), 0].mean() > 1.5 * drifts[1]
+    assert frame.force(pair)[0] > 0.1 * -frame.force(pair)[2]
+
+
+def test_a_pair_is_that_of_its_scene() -> None:
+    scene = pile()
+    (pair,) = scene.contacts
+    state, frame = scene.solve(displacement=held(scene)), scene.stepper(held(scene)).frame(held(scene))
+    other = pickle.loads(pickle.dumps(pair))
+    for told in (state, frame):
+        with pytest.raises(vs.VisceraError, match="no contact pair of this (solve|frame); take the one in the contacts"):
+            told.contact(other)
+    copy, again = pickle.loads(pickle.dumps((scene, state)))
+    assert again.contact(copy.contacts[0]).gap == state.contact(pair).gap
+
+
 def test_organs_apart_move_as_if_alone() -> None:
     scene = pile(apart=0.05)
     state = scene.solve(displacement=held(scene), force={"lower/top": (0.0, 0.0, 1.0)})
@@ -316,8 +351,9 @@ def test_contacts_that_cannot_be_are_refused() -> None:
         vs.VisceraError, match=r"of ContactPair\(lower at 'top', upper\) .*0\.1\d*\) m .* 2\.000e-3 m inside"
     ):
         pile(apart=-2e-3)
-    with pytest.raises(vs.VisceraError, match="a length above 0"):
-        pile(reach=0.0)
+    for reach in (0.0, 1e-5):
+        with pytest.raises(vs.VisceraError, match=r"reach of ContactPair\(.*\) must be a length of at least 0\.1% of the"):
+            pile(reach=reach)
     with pytest.raises(vs.VisceraError, match="the friction of a contact pair"):
         pile(friction=-0.1)
     with pytest.raises(vs.VisceraError, match="take a Bond"):

@@ -3,6 +3,7 @@ and refusals."""
 
 import itertools
 import pickle
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import viscera as vs
+from viscera.cli import main
 from viscera.scene_case import SceneCase
 
 SIDE, BASE, JAW = 0.1, 0.02, 0.04
@@ -255,3 +257,34 @@ def test_a_mesh_that_crosses_itself_is_refused() -> None:
 def test_places_that_are_no_pair_are_refused(first: Any, second: Any, words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         scene(vs.ContactPair(first, second))
+
+
+def test_the_command_tells_what_touches_itself(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene(vs.ContactPair("jaws")).to_case(tmp_path / "jaws.toml", loads={"displacement": closing()})
+    assert main(["solve", str(tmp_path / "jaws.toml"), "-o", str(tmp_path / "jaws.vtu")]) == 0
+    assert re.search(r"'jaws' and itself: 0, 0, 0 N over \d.* cm2, smallest gap -0.0\d+ mm", capsys.readouterr().out)
+    assert (tmp_path / "jaws.vtu").exists()
+
+
+def test_the_sides_of_a_cut_bear_each_other() -> None:
+    """Two blocks of one mesh that lie on each other at rest, node on node: as between two places."""
+    points = np.array([(x, y, z) for z in (0.0, 0.05, 0.1) for y in (0.0, 0.1) for x in (0.0, 0.1)])
+    corner = np.array([0, 4])
+    cells = np.vstack(
+        [
+            np.stack([corner, *(corner + sum(order[: k + 1]) for k in range(3))], axis=1)
+            for order in itertools.permutations((1, 2, 4))
+        ]
+    )
+    n = len(points)
+    sets = {"below": np.arange(n), "above": n + np.arange(n), "top": n + np.flatnonzero(points[:, 2] > 0.09)}
+    mesh = vs.mesh(np.vstack([points, points + [0.0, 0.0, 0.1]]), np.vstack([cells, cells + n]), sets)
+    organ = vs.Organ(mesh, SOFT, fixed="z < 1%", supports=[vs.ElasticSupport("top", 1.0)])
+    held = []
+    for pair in (vs.ContactPair("o"), vs.ContactPair(("o", "below"), ("o", "above"))):
+        state = vs.Scene({"o": organ}, contacts=[pair]).solve(displacement={"o/top": (0, 0, -0.02)})
+        assert state.is_converged
+        assert state.contact(pair).gap < 0.0
+        held.append(state.reaction("o/top")[2])
+    assert held[0] < -5.0
+    assert held[0] == pytest.approx(held[1], rel=1e-3)

@@ -7,6 +7,7 @@ is a scene of several organs, solved together.
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
 import numpy as np
@@ -48,14 +49,17 @@ def _say_between(facts: dict[str, Any], output: Output) -> None:
             between = each.get("shape") or f"{each['first']!r} and {_end(each)}"
             area = f" over {1e4 * each['area']:.4g} cm2" if "area" in each else ""
             force = ", ".join(f"{component:.4g}" for component in each["force"])
-            output.say(f"  {WORDS[kind]} {between}: {force} N{area}")
+            gap = f", smallest gap {1e3 * each['gap']:.3g} mm" if math.isfinite(each.get("gap", math.inf)) else ""
+            output.say(f"  {WORDS[kind]} {between}: {force} N{area}{gap}")
 
 
 def _end(each: dict[str, Any]) -> str:
-    """The second end of what lies between two."""
+    """The second end of what lies between two, or of what touches itself."""
     if "second" in each:
         return repr(each["second"])
-    return f"({', '.join(f'{metres:g}' for metres in each['point'])}) m"
+    if "point" in each:
+        return f"({', '.join(f'{metres:g}' for metres in each['point'])}) m"
+    return "itself"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -15,6 +15,9 @@ const OPPOSITE: f64 = -0.5;
 const BESIDE: f64 = 2.0;
 const BEHIND: f64 = 4.0;
 
+/// How far behind each other triangles lie on each other, over their size: rounding of a mesh.
+const ON_IT: f64 = 1e-3;
+
 /// The triangles of a surface at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SelfContact {
@@ -48,7 +51,9 @@ impl SelfContact {
         }
         let between = sub(other.around.centre, one.around.centre);
         let is_opposite = dot(one.normal, other.normal) < OPPOSITE;
-        match (dot(between, one.normal) > 0.0, dot(between, other.normal) < 0.0) {
+        // What lies on each other looks at each other: of a cut, or of two lobes that touch.
+        let on_it = -ON_IT * (one.around.radius + other.around.radius);
+        match (dot(between, one.normal) > on_it, dot(between, other.normal) < -on_it) {
             (true, true) if is_opposite => true,
             (false, false) if is_opposite => false,
             _ => apart > BESIDE,

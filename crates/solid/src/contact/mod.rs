@@ -219,6 +219,12 @@ impl Contact {
             || self.tools.iter().flatten().any(of_tool)
     }
 
+    /// Whether something with friction touched in this step that was out of reach at its start: a shorter step tells better
+    /// where it came down.
+    pub fn is_late(&self) -> bool {
+        self.pairs.iter().any(ActivePair::is_late)
+    }
+
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.
     pub fn longest(&self, u: &[f64], step: &[f64]) -> f64 {
         let of_pairs = self.pairs.iter().map(|pair| pair.longest(u, step));

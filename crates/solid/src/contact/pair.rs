@@ -56,6 +56,8 @@ pub(super) struct ActivePair {
     /// Whether the samples stay, wherever the surfaces move.
     is_kept: bool,
     friction: Friction,
+    /// Whether a sample touched in this step that was out of reach at its start: where it came down is not known well.
+    is_late: bool,
     /// The places at the start of the step.
     start: Vec<[f64; 3]>,
     /// The stretch of the springs at the end of the last step, and which way samples slid in the last tangent.
@@ -137,6 +139,7 @@ impl ActivePair {
             is_placed: false,
             is_kept: false,
             friction: Friction::Coulomb(pair.friction),
+            is_late: false,
             stretches: Carried::default(),
             slides: Carried::default(),
             touching: Vec::new(),
@@ -190,6 +193,7 @@ impl ActivePair {
     pub fn begin(&mut self, u: &[f64]) {
         self.start = self.places_at(u);
         self.renewals = 0;
+        self.is_late = false;
         self.is_placed = false;
         self.renewed.clear();
     }
@@ -270,6 +274,10 @@ impl ActivePair {
 
     pub fn friction(&self) -> Friction {
         self.friction
+    }
+
+    pub fn is_late(&self) -> bool {
+        self.is_late
     }
 
     /// Whether a sample touches.

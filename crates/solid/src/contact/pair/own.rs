@@ -87,7 +87,8 @@ impl Own {
     }
 }
 
-/// A point at which an edge crosses a triangle of the same surface, with both its ends farther from it than `allowed`.
+/// A point at which an edge crosses a triangle of the same surface, farther than `allowed` from the ends of the edge and from
+/// the border of the triangle.
 pub(super) fn crossing(
     triangles: &[[u32; 3]],
     points: &[[f64; 3]],
@@ -121,6 +122,10 @@ fn crossing_of([a, b, c]: [[f64; 3]; 3], ends: [[f64; 3]; 2], allowed: f64) -> O
     }
     let part = heights[0] / (heights[0] - heights[1]);
     let x = std::array::from_fn(|i| ends[0][i] + part * (ends[1][i] - ends[0][i]));
-    let is_left = |from, to| dot(cross(sub(to, from), sub(x, from)), area) >= 0.0;
-    (is_left(a, b) && is_left(b, c) && is_left(c, a)).then_some(x)
+    let is_inside = |from, to| {
+        let along = sub(to, from);
+        let twice = dot(cross(along, sub(x, from)), area) / norm(area);
+        twice > allowed * norm(along)
+    };
+    (is_inside(a, b) && is_inside(b, c) && is_inside(c, a)).then_some(x)
 }

@@ -25,7 +25,8 @@ impl ActivePair {
         self.stretches = Carried::new(samples.map(|(s, stretch)| (s.triangle, s.weights, stretch)));
     }
 
-    /// Ties the samples that touch, as far as they are new, to the points of the other surface that they stick to.
+    /// Ties the samples that touch, as far as they are new, to the points of the other surface that they stick to. One that
+    /// was out of reach at the start of the step is tied to the point that it touches first.
     pub(super) fn tie(&mut self, touching: &[Meeting]) {
         let is_new = |meeting: &&Meeting| self.samples[meeting.sample].tied.is_none();
         let new: Vec<usize> =
@@ -33,22 +34,27 @@ impl ActivePair {
         if new.is_empty() {
             return;
         }
-        let other = self.other.at(&self.start);
-        let mut found = Vec::with_capacity(new.len());
+        let (before, now) = (self.other.at(&self.start), self.other.at(&self.places));
+        let (mut found, mut n_late) = (Vec::with_capacity(new.len()), 0);
         for &number in &new {
             let sample = &self.samples[number];
             let behind = self.stretches.nearest(sample.triangle, sample.weights);
-            let place = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
-            let closest = other.closest(place, self.reach, self.candidates(sample));
+            let start = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
+            let candidates = self.candidates(sample);
+            let closest = before.closest(start, self.reach, candidates).or_else(|| {
+                n_late += 1;
+                now.closest(self.place_of(sample, &self.places), self.reach, candidates)
+            });
             found.push(closest.map(|closest| (closest.triangle as usize, closest.barycentric)));
         }
-        drop(other);
+        drop((before, now));
+        self.is_late |= n_late > 0;
         for (number, tied) in new.into_iter().zip(found) {
             self.samples[number].tied = tied;
         }
     }
 
-    /// Adds friction to a sample that touches. One that was far away at the start of the step is not tied yet.
+    /// Adds friction to a sample that touches.
     pub(super) fn rub(&self, meeting: &mut Meeting) {
         let sample = &self.samples[meeting.sample];
         let Some((triangle, weights)) = sample.tied else { return };

@@ -14,12 +14,12 @@ fn body_of(points: Vec<[f64; 3]>, cells: Vec<[u32; 4]>, reach: f64) -> Body {
     Body::tied(crate::element::Element::P1, points, cells, material, ties).unwrap()
 }
 
-/// Two blocks as one body, the one above the other.
-fn stacked(apart: f64) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
+/// Two blocks as one body, the one above the other and beside it.
+fn stacked(apart: f64, aside: f64) -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
     let (mut points, mut cells) = block([4, 4, 2], [SIDE, SIDE, 0.2 * SIDE]);
     let (above, others) = block([3, 3, 2], [SIDE, SIDE, 0.2 * SIDE]);
     let start = points.len() as u32;
-    points.extend(above.iter().map(|x| [x[0], x[1], x[2] + 0.2 * SIDE + apart]));
+    points.extend(above.iter().map(|x| [x[0] + aside, x[1] + aside, x[2] + 0.2 * SIDE + apart]));
     cells.extend(others.iter().map(|cell| cell.map(|node| start + node)));
     (points, cells)
 }
@@ -92,7 +92,7 @@ fn the_two_sides_of_a_wall_and_neighbours_do_not_touch() {
 /// Half the reach apart at rest, and looking at each other from outside.
 #[test]
 fn what_lies_close_together_at_rest_may_touch() {
-    let (points, cells) = stacked(0.02 * SIDE);
+    let (points, cells) = stacked(0.02 * SIDE, 0.0);
     let body = body_of(points, cells, 0.04 * SIDE);
     let mut contact = Contact::new(&body);
     contact.check().unwrap();
@@ -108,17 +108,33 @@ fn what_lies_close_together_at_rest_may_touch() {
 
 #[test]
 fn a_surface_that_crosses_itself_at_rest_is_refused() {
-    let (points, cells) = stacked(-0.05 * SIDE);
+    let (points, cells) = stacked(-0.05 * SIDE, 0.1 * SIDE);
     let said = Contact::new(&body_of(points, cells, 0.04 * SIDE)).check().unwrap_err().to_string();
     assert!(said.contains("contact pair 0 crosses itself at rest at the point"), "{said}");
-    let (points, cells) = stacked(0.0); // lies on itself
-    Contact::new(&body_of(points, cells, 0.04 * SIDE)).check().unwrap();
+}
+
+/// What lies on itself at rest, such as the sides of a cut, crosses nothing and may touch.
+#[test]
+fn what_lies_on_itself_at_rest_may_touch() {
+    for aside in [0.0, 0.1 * SIDE] {
+        let (points, cells) = stacked(0.0, aside);
+        let body = body_of(points, cells, 0.04 * SIDE);
+        let mut contact = Contact::new(&body);
+        contact.check().unwrap();
+        let mut u = vec![0.0; body.n_dofs()];
+        u.chunks_mut(3).skip(5 * 5 * 3).for_each(|u| u[2] = -1e-3 * SIDE); // the upper block
+        contact.begin(&u);
+        contact.linearize(&u);
+        let report = contact.pair_report(0).unwrap();
+        let both = (SIDE - aside).powi(2);
+        assert!((report.area / both - 1.0).abs() < 0.02, "{aside}: {report:?}");
+    }
 }
 
 /// No step brings what was far apart deeper than a tenth of the reach, and one that moves the whole is as long as it is.
 #[test]
 fn a_step_ends_where_parts_of_a_surface_come_together() {
-    let (points, cells) = stacked(2.0 * SIDE);
+    let (points, cells) = stacked(2.0 * SIDE, 0.0);
     let body = body_of(points, cells, 0.04 * SIDE);
     let mut contact = Contact::new(&body);
     let mut u = vec![0.0; body.n_dofs()];

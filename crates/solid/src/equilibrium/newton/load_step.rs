@@ -14,6 +14,9 @@ use crate::number::norm;
 const NEAR: f64 = 0.02;
 const AT: f64 = 1e-6;
 
+/// Load steps above this part of the load are cut where something rubs that was out of reach at their start.
+const SHORT: f64 = 1.0 / 64.0;
+
 /// Smallest part of the motion of prescribed displacements that a step takes, as far as contact lets it: another one follows.
 /// Friction, which depends on the path, takes none but the whole; the load step is cut in place of that.
 const SHORTEST: f64 = 0.1;
@@ -68,6 +71,9 @@ impl<'a> Run<'a> {
         let stop = iterate(&mut step, limits)?;
         if stop != Stop::Converged {
             return Err(Cut::Iterations { residual: step.norm });
+        }
+        if step.run.contact.is_late() && step.run.tried > SHORT {
+            return Err(Cut::Late);
         }
         let unstable = step.verdict()?;
         let LoadStep { load, u, multipliers, history, steps, passed, .. } = step;

@@ -39,7 +39,7 @@ impl Stepper {
                 motion.mass.accelerations(&self.residual, &|dof| solver.is_held(dof));
             motion.has_started = true;
         }
-        motion.begin(|dof| solver.is_held(dof));
+        motion.begin(self.contact.touches(), |dof| solver.is_held(dof));
     }
 
     /// The increment of what is held, in `step`; and with it the motion that the frame would end with.
@@ -143,6 +143,10 @@ impl Stepper {
             relaxation.end(body.material(), &self.displacement);
         }
         if let Some(motion) = &mut self.motion {
+            if self.contact.touches() {
+                let (u, start) = (&self.displacement, &self.start);
+                motion.land(|dof| u[dof] - start[dof]);
+            }
             motion.end();
             self.internal.iter_mut().zip(&self.inertia).for_each(|(f, i)| *f += i);
         }

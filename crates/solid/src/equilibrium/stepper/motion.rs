@@ -5,7 +5,9 @@
 //!   Newmark:         c_a = 1/(beta h^2), c_v = gamma/(beta h), a* = v/(beta h) + (1/(2 beta) - 1) a,
 //!                    v* = (gamma/beta - 1) v + h (gamma/(2 beta) - 1) a.
 //! What is held moves with the mean velocity of the frame: a hand's motion is given, and the trapezoidal rule would
-//! make its velocity swing.
+//! make its velocity swing. Newmark's rule would gain energy from every touch, since the forces of contact are those of
+//! the end of a frame. So a frame that begins in touch follows backward Euler, and one that ends in it ends with its mean
+//! velocity.
 
 use super::mass::MassMatrix;
 use super::{Dynamics, Integration};
@@ -14,7 +16,9 @@ use super::{Dynamics, Integration};
 pub(super) struct Motion {
     pub mass: MassMatrix,
     pub damping: [f64; 2],
+    /// That which was asked for, and that of the frame.
     integration: Integration,
+    rule: Integration,
     time_step: f64,
     pub velocity: Vec<f64>,
     pub acceleration: Vec<f64>,
@@ -34,6 +38,7 @@ impl Motion {
             mass,
             damping: dynamics.damping,
             integration: dynamics.integration,
+            rule: dynamics.integration,
             time_step,
             velocity: zeros(),
             acceleration: zeros(),
@@ -48,7 +53,7 @@ impl Motion {
     /// `[c_a, c_v]`.
     fn rates(&self) -> [f64; 2] {
         let h = self.time_step;
-        match self.integration {
+        match self.rule {
             Integration::BackwardEuler => [1.0 / (h * h), 1.0 / h],
             Integration::Newmark { beta, gamma } => [1.0 / (beta * h * h), gamma / (beta * h)],
         }
@@ -60,12 +65,13 @@ impl Motion {
         [ca + cv * alpha, 1.0 + cv * beta]
     }
 
-    /// Sets out on a frame.
-    pub fn begin(&mut self, is_held: impl Fn(usize) -> bool) {
+    /// Sets out on a frame, in touch with something or not.
+    pub fn begin(&mut self, touches: bool, is_held: impl Fn(usize) -> bool) {
+        self.rule = if touches { Integration::BackwardEuler } else { self.integration };
         let h = self.time_step;
         for dof in 0..self.velocity.len() {
             let (v, a) = (self.velocity[dof], self.acceleration[dof]);
-            let (velocity, acceleration) = match self.integration {
+            let (velocity, acceleration) = match self.rule {
                 Integration::Newmark { beta, gamma } if !is_held(dof) => (
                     (gamma / beta - 1.0) * v + h * (gamma / (2.0 * beta) - 1.0) * a,
                     v / (beta * h) + (0.5 / beta - 1.0) * a,
@@ -85,6 +91,13 @@ impl Motion {
             let [ca, cv] = if is_held(dof) { [1.0 / (h * h), 1.0 / h] } else { free };
             self.trial_velocity[dof] = cv * increment(dof) - self.velocity_offset[dof];
             self.trial_acceleration[dof] = ca * increment(dof) - self.acceleration_offset[dof];
+        }
+    }
+
+    /// Ends a frame of Newmark's rule in touch.
+    pub fn land(&mut self, increment: impl Fn(usize) -> f64) {
+        if self.rule != Integration::BackwardEuler {
+            self.soften(increment);
         }
     }
 
