@@ -93,6 +93,6 @@ class ContactPair:
 def unknown(tool: Any, of: str, remedy: str) -> VisceraError:
     """For a tool or a contact pair that a solve or a frame does not know."""
     if isinstance(tool, ContactPair):
-        remedy = "take the one in the contacts of its scene; a pickled one is another, so pickle the scene beside the rest"
+        remedy = "take the one in the contacts of its scene; a pickled one is another: pickle the scene with it"
         return VisceraError(f"{tool!r} is no contact pair of this {of}; {remedy}")
     return VisceraError(f"{tool!r} was no tool of this {of}; {remedy}")

@@ -166,9 +166,9 @@ def test_organs_lie_on_a_table() -> None:
             lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[vs.Bond(("a", "base"), "b")]),
             "no triangle of the one surface",
         ),
-        (lambda a, b: vs.Scene({"a": a}, contacts=vs.ContactPair("a")), r"a list of ContactPair.*, got ContactPair\(a\)"),
+        (lambda a, b: vs.Scene({"a": a}, contacts=vs.ContactPair("a")), r"list of ContactPair.*, got ContactPair\(a\)"),
         (lambda a, b: vs.Scene({"a": a}, bonds=vs.Bond("a", "b")), "the bonds of a scene must be a list"),
-        (lambda a, b: vs.Scene({"a": a}, bodies=None), "the bodies of a scene must be a list of tools and shapes"),  # type: ignore[arg-type]
+        (lambda a, b: vs.Scene({"a": a}, bodies=None), "the bodies of a scene must be a list"),  # type: ignore[arg-type]
         (lambda a, b: vs.Bond("a", WRONG), "a side of a bond must be the name of an organ"),
         (lambda a, b: vs.Bond("a", "b", stiffness=0), "the stiffness of a bond must be a number above 0"),
         (lambda a, b: vs.Scene({"a": a, "b": b}).solve(density={"a": 1e3}, gravity=(0, 0, -1)), "have no density"),
@@ -300,7 +300,7 @@ def test_friction_holds_from_load_step_to_load_step() -> None:
 
 
 def test_friction_begins_where_surfaces_first_touch() -> None:
-    """A block is driven down and aside, from farther away than the reach: where it lands it sticks, in one step as in many."""
+    """A block is driven down and aside, from farther away than the reach: where it lands it sticks, in any steps."""
     soft = vs.ElasticSupport("top", stiffness=2e3)
     lower, upper = (vs.Organ(block(2), SOFT, fixed="base"), vs.Organ(block(3, 1.3 * SIDE), SOFT, supports=[soft]))
     pair = vs.ContactPair("lower", "upper", friction=0.5, reach="1 cm")
@@ -325,7 +325,7 @@ def test_a_pair_is_that_of_its_scene() -> None:
     state, frame = scene.solve(displacement=held(scene)), scene.stepper(held(scene)).frame(held(scene))
     other = pickle.loads(pickle.dumps(pair))
     for told in (state, frame):
-        with pytest.raises(vs.VisceraError, match="no contact pair of this (solve|frame); take the one in the contacts"):
+        with pytest.raises(vs.VisceraError, match=r"no contact pair of this (solve|frame); take the one in"):
             told.contact(other)
     copy, again = pickle.loads(pickle.dumps((scene, state)))
     assert again.contact(copy.contacts[0]).gap == state.contact(pair).gap
@@ -352,7 +352,7 @@ def test_contacts_that_cannot_be_are_refused() -> None:
     ):
         pile(apart=-2e-3)
     for reach in (0.0, 1e-5):
-        with pytest.raises(vs.VisceraError, match=r"reach of ContactPair\(.*\) must be a length of at least 0\.1% of the"):
+        with pytest.raises(vs.VisceraError, match=r"reach of ContactPair\(.*\) must be a length of at least 0\.1%"):
             pile(reach=reach)
     with pytest.raises(vs.VisceraError, match="the friction of a contact pair"):
         pile(friction=-0.1)

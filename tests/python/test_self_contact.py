@@ -278,7 +278,7 @@ def test_the_sides_of_a_cut_bear_each_other() -> None:
     )
     n = len(points)
     sets = {"below": np.arange(n), "above": n + np.arange(n), "top": n + np.flatnonzero(points[:, 2] > 0.09)}
-    mesh = vs.mesh(np.vstack([points, points + [0.0, 0.0, 0.1]]), np.vstack([cells, cells + n]), sets)
+    mesh = vs.mesh(np.vstack([points, points + np.array((0.0, 0.0, 0.1))]), np.vstack([cells, cells + n]), sets)
     organ = vs.Organ(mesh, SOFT, fixed="z < 1%", supports=[vs.ElasticSupport("top", 1.0)])
     held = []
     for pair in (vs.ContactPair("o"), vs.ContactPair(("o", "below"), ("o", "above"))):
