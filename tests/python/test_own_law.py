@@ -128,6 +128,14 @@ def test_parameters_of_a_formula_may_differ_from_cell_to_cell(cube: vs.Mesh) -> 
         (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1, "kk": 1}), "has no parameter 'kk'; did you mean 'k'"),
         (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": "soft", "k": 1}), "mu must be one number or an array"),
         (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": [1, -1], "k": 1}), "mu = -1, k = 1: shear modulus -2"),
+        (
+            ("mu*(I1bar - 3) + k*(J - 1)**2 + mu*(I1bar - 3)**2.5", {"mu": 1, "k": 1}),
+            r"no value beside rest.* write max\(",
+        ),
+        (
+            ("mu*(I1bar - 3) + k*log(J)**2 - q*(I4 - 1)**2", {"mu": 1, "k": 9, "q": 9, "fibres": FIBRES}),
+            "lowers the energy, so a body is not stable at rest|both must be positive",
+        ),
         (("mu*(I4 - 1)**2 + mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1}), "uses I4 or I6: give two directions"),
         (("mu*(I1bar - 3) + k*(J - 1)**2", {"mu": 1, "k": 1, "fibres": FIBRES}), "uses no I4 and no I6"),
     ],
@@ -135,6 +143,24 @@ def test_parameters_of_a_formula_may_differ_from_cell_to_cell(cube: vs.Mesh) -> 
 def test_what_is_no_law_is_refused(arguments: tuple[Any, dict[str, Any]], words: str) -> None:
     with pytest.raises(vs.VisceraError, match=words):
         vs.StrainEnergy(arguments[0], **arguments[1])
+
+
+def test_fibres_that_soften_are_refused_along_their_strain() -> None:
+    """Along a fibre in x, where the moduli that are told do not look."""
+    law = "mu/2*(I1 - 3) - mu*log(J) + k/2*log(J)**2 - q*(I4 - 1)**2"
+    with pytest.raises(vs.VisceraError, match=r"a small strain .* along \[1\.00, .*lowers the energy"):
+        vs.StrainEnergy(law, mu=1e3, k=9e3, q=1e4, fibres=[[1, 0, 0], [0, 1, 0]])
+
+
+def test_the_energy_of_a_formula_counts_from_rest(bar: vs.Mesh) -> None:
+    own, offset = (
+        vs.StrainEnergy(f"mu/2*{first} - mu*log(J) + k/2*log(J)**2", mu=1e4, k=2e4) for first in ("(I1 - 3)", "I1")
+    )
+    energies = [
+        vs.Organ(bar, law, fixed="root").solve(gravity=(0, 0, -9.81), density=1e3).energy for law in (own, offset)
+    ]
+    assert energies[0] > 0.0
+    assert energies[1] == pytest.approx(energies[0], rel=1e-6)
 
 
 def test_an_energy_that_stays_bounded_is_told_of(caplog: pytest.LogCaptureFixture) -> None:

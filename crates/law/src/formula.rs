@@ -70,12 +70,12 @@ pub struct Formula {
 const COMPONENTS: [&str; 6] = ["a0x", "a0y", "a0z", "a1x", "a1y", "a1z"];
 
 impl Formula {
-    /// The law of a text, see [`Expression::parse`].
+    /// The law of a text, see [`Expression::parse`]. Its energy counts from rest, whatever the text gives there.
     ///
     /// # Errors
     /// A text that is no formula, has no parameter or no invariant.
     pub fn new(text: &str) -> Result<Self, Error> {
-        let expression = Expression::parse(text)?;
+        let mut expression = Expression::parse(text)?;
         if expression.parameters.is_empty() {
             return Err(Error::input(
                 "the formula has no parameter: name a modulus at least, as in mu/2*(I1bar - 3) + kappa/2*(J - 1)**2",
@@ -92,6 +92,7 @@ impl Formula {
                 "the formula depends on no deformation: use I1, I2, J, I1bar, I2bar, I4 or I6",
             ));
         }
+        expression.count_from_rest();
         Self::of_expression(&expression)
     }
 

@@ -13,10 +13,18 @@ const ROUNDING: f64 = 1e-14;
 /// The energy at the smaller strain is a hundredth of that at the larger one, and a tenth where the stress jumps.
 const LARGEST_PART: f64 = 0.03;
 
+/// Smallest pivot of the stiffness at rest that is positive, as a part of the moduli.
+const LEAST_PIVOT: f64 = 1e-9;
+
+/// Turns and strains beside rest at which a law has to have values: rounding takes the invariants to either side of 3 and 1.
+const TURNS: u32 = 16;
+const BESIDE: [f64; 4] = [0.0, 1e-15, 1e-12, 1e-9];
+
 /// Checks a formula with its parameters.
 ///
 /// # Errors
-/// Moduli that are not positive or no numbers; a stress at rest, or one that jumps there; an energy that jumps there.
+/// Moduli that are not positive or no numbers; a stress at rest, or one that jumps there; an energy that jumps there; no
+/// value beside rest; small strains that lower the energy.
 #[allow(non_snake_case)]
 pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     let refuse = |what: String| {
@@ -43,8 +51,22 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     let largest = P.iter().flatten().fold(0.0f64, |max, p| max.max(p.abs()));
     if !(largest <= AT_REST * (shear + bulk)) {
         return refuse(format!(
-            "the stress at rest is {largest} Pa; it must vanish, so take a term off, such as mu*log(J) or with I1bar"
+            "the stress at rest is {largest} Pa; it must vanish, so take a term off, such as mu*log(J), \
+             write I1bar for I1, or square I4 - 1"
         ));
+    }
+    if let Some(strain) = lowers(material, row) {
+        return refuse(format!(
+            "a small strain (xx, yy, zz, yz, xz, xy) along {strain:.2?} lowers the energy, so a body is not stable at rest; \
+             look at the signs of the terms, those of fibres too"
+        ));
+    }
+    if !has_values(material, row) {
+        return refuse(
+            "it has no value beside rest, where rounding takes I1 - 3 or J - 1 below zero; in a root or a power that is no \
+             whole number write max(I1bar - 3, 0)**2.5 for (I1bar - 3)**2.5"
+                .into(),
+        );
     }
     if let Some(strain) = jump(material, row) {
         return refuse(format!(
@@ -53,6 +75,78 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
         ));
     }
     Ok(())
+}
+
+/// A small strain that lowers the energy: the first whose pivot of the stiffness at rest is not positive, with those before
+/// it as they yield to it.
+#[allow(non_snake_case)]
+fn lowers(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
+    let [shear, bulk] = material.moduli(row);
+    let (_, A) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
+    let strain = |k: usize| -> [f64; 6] { std::array::from_fn(|i| f64::from(u8::from(i == k))) };
+    let unit = |k: usize| -> Mat3<f64> {
+        let with = stretched(&strain(k), 1.0);
+        std::array::from_fn(|i| std::array::from_fn(|j| with[i][j] - f64::from(u8::from(i == j))))
+    };
+    let tangent = |[i, j, k, l]: [usize; 4]| if j <= l { A[j][l][i][k] } else { A[l][j][k][i] };
+    let entry = |a: usize, b: usize| -> f64 {
+        let (left, right) = (unit(a), unit(b));
+        let all = (0..81).map(|n| [n / 27, n / 9 % 3, n / 3 % 3, n % 3]);
+        all.map(|at| left[at[0]][at[1]] * tangent(at) * right[at[2]][at[3]]).sum()
+    };
+    let mut stiffness: [[f64; 6]; 6] =
+        std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b)));
+    let full = stiffness;
+    for k in 0..6 {
+        if !(stiffness[k][k] > LEAST_PIVOT * (shear + bulk)) {
+            return Some(yielding(&full, k));
+        }
+        for i in k + 1..6 {
+            let factor = stiffness[i][k] / stiffness[k][k];
+            for j in k..6 {
+                stiffness[i][j] -= factor * stiffness[k][j];
+            }
+        }
+    }
+    None
+}
+
+/// The strain of 1 in component `k` with those before it such that they bear nothing.
+fn yielding(stiffness: &[[f64; 6]; 6], k: usize) -> [f64; 6] {
+    let mut strain: [f64; 6] = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+    // Gauss and Seidel; the block before `k` is positive definite.
+    for i in (0..200 * k).map(|n| n % k.max(1)) {
+        let rest: f64 = (0..=k).filter(|&j| j != i).map(|j| stiffness[i][j] * strain[j]).sum();
+        strain[i] = -rest / stiffness[i][i];
+    }
+    strain
+}
+
+/// Whether energy and stress are numbers for turns of the body at rest and for strains of the size of rounding.
+fn has_values(material: &Material, row: &[f64]) -> bool {
+    let beside = |turn: u32| {
+        let odd = |k: u32| (f64::from(turn * 7 + k) * 12.9898).sin();
+        let strain = std::array::from_fn(|k| odd(k as u32));
+        let turned = rotation(f64::from(turn), odd(6));
+        BESIDE.map(|by| multiplied(&turned, &stretched(&strain, by)))
+    };
+    let all: Vec<Mat3<f64>> = (0..TURNS).flat_map(beside).collect();
+    material.energy_and_stress(row, &all).iter().all(|(energy, stress)| {
+        energy.is_finite() && stress.iter().flatten().all(|p| p.is_finite())
+    })
+}
+
+/// A turn about z, then one about x.
+fn rotation(first: f64, second: f64) -> Mat3<f64> {
+    let ((s, c), (t, d)) = (first.sin_cos(), second.sin_cos());
+    multiplied(
+        &[[1.0, 0.0, 0.0], [0.0, d, -t], [0.0, t, d]],
+        &[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
+    )
+}
+
+fn multiplied(a: &Mat3<f64>, b: &Mat3<f64>) -> Mat3<f64> {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
 /// A small strain with which the energy does not grow as its square.

@@ -29,6 +29,14 @@ pub enum Variable {
 }
 
 impl Variable {
+    /// Its value at rest.
+    pub fn at_rest(self) -> f64 {
+        match self {
+            Variable::I1 | Variable::I2 => 3.0,
+            Variable::J | Variable::I4 | Variable::I6 => 1.0,
+        }
+    }
+
     /// All of them, in the order in which they are given to a tape.
     pub const ALL: [Variable; 5] =
         [Variable::I1, Variable::I2, Variable::J, Variable::I4, Variable::I6];
@@ -376,6 +384,16 @@ impl Expression {
     pub fn has_traces(&self) -> bool {
         let nodes = self.graph.reached(&[self.energy]);
         nodes.iter().any(|&id| matches!(self.graph.node(id), Node::TraceOfPower(..)))
+    }
+
+    /// Takes the energy at rest off.
+    pub fn count_from_rest(&mut self) {
+        let image = |graph: &mut Graph, leaf: Node| match leaf {
+            Node::Variable(variable) => graph.number(variable.at_rest()),
+            _ => graph.insert(leaf),
+        };
+        let rest = self.graph.substitute(self.energy, &image);
+        self.energy = self.graph.sub(self.energy, rest);
     }
 
     /// The energy of a pure dilatation, a function of `J` alone: `I1 = 3 J^(2/3)`, `I2 = 3 J^(4/3)`, `I4 = J^(2/3)`.
