@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viscera.atomic import replacing
+from viscera.filekind import check_picture
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats
 
@@ -89,6 +90,7 @@ def draw(
 
     from viscera.picture import INK, PAPER
 
+    check_picture(path)
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
     FigureCanvasAgg(figure)
     names = Counter(type(law).__name__ for law in laws)

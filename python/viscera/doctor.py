@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 import platform
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from viscera import _core, gpu
@@ -14,6 +17,8 @@ from viscera.errors import VisceraError
 
 VECTOR_UNITS = ("sse4_2", "avx2", "fma", "avx512f", "asimd", "sve")
 """The vector units that matter here, by their names in Linux."""
+RUNTIME_FOLDER = "XDG_RUNTIME_DIR"
+"""The variable that names the folder where a session keeps the sockets of its screen."""
 BESIDE = {"h5py": "to write .xdmf files", "mpi4py": "to reduce on an MPI cluster"}
 """Useful packages that belong to no extra."""
 
@@ -128,9 +133,31 @@ def _gpus() -> list[str]:
 def _gpu() -> tuple[str | None, str | None]:
     """What `solver="gpu"` computes on, or why it does not."""
     try:
-        return gpu.describe(), None
+        with _runtime_folder():
+            return gpu.describe(), None
     except VisceraError as error:
         return None, str(error)
+
+
+@contextmanager
+def _runtime_folder() -> Iterator[None]:
+    """Where a session has no folder for its sockets, an empty one stands in.
+
+    Without it the graphics libraries print on standard error that there is none, which is no fault of a machine without
+    a screen. Everything else that they print is seen.
+    """
+    given = os.environ.get(RUNTIME_FOLDER)
+    if given:
+        yield
+        return
+    with TemporaryDirectory() as folder:
+        os.environ[RUNTIME_FOLDER] = folder
+        try:
+            yield
+        finally:
+            del os.environ[RUNTIME_FOLDER]
+            if given is not None:
+                os.environ[RUNTIME_FOLDER] = given
 
 
 def _viewer() -> list[str]:

@@ -166,8 +166,11 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
     """Points, node indices of the cells by kind, node sets and cell sets."""
     # Each reader directly: `meshio.read` prints and leaves the process where a file is damaged.
     with path.open("rb") as file:
-        is_first_gmsh = ending == ".msh" and file.read(1000).lstrip().startswith(b"$NOD")
+        head = file.read(1000).lstrip() if ending == ".msh" else b""
+    is_first_gmsh = head.startswith(b"$NOD")
     reader = importlib.import_module("viscera.gmsh1" if is_first_gmsh else f"meshio.{MESHIO_MODULES[ending]}")
+    if binary := re.search(rb"^\$MeshFormat\s+4(?!\.0)[\d.]*\s+1\s+([48])\s", head, re.MULTILINE):
+        _refuse_false_tags(path.read_bytes(), int(binary[1]))
     found = reader.read(path)
     declared = re.search(rb"^CELL_TYPES\s+(\d+)", path.read_bytes(), re.MULTILINE) if ending == ".vtk" else None
     if declared and int(declared[1]) != sum(len(block) for block in found.cells):  # meshio takes what it finds
@@ -177,6 +180,29 @@ def _read_meshio(path: Path, ending: str) -> tuple[NDArray[Any], Arrays, Arrays,
     sets = {name: np.unique(nodes) for name, nodes in found.point_sets.items() if len(nodes)}
     sets |= _sets_of_point_arrays(found) | _sets_of_cell_groups(found)
     return np.asarray(found.points, dtype=np.float64), blocks, sets, _cell_sets(found)
+
+
+def _refuse_false_tags(data: bytes, size: int) -> None:
+    """Refuses a binary Gmsh file of version 4.1 with damaged node tags: meshio makes room for the largest."""
+    nodes = data.partition(b"$Nodes\n")[2]
+    unsigned = np.dtype(f"u{size}")
+    if not nodes:
+        return
+    n_blocks, declared, _, largest = np.frombuffer(nodes, unsigned, 4).tolist()
+    at, held = 4 * size, 0
+    for _ in range(n_blocks):
+        if np.frombuffer(nodes, np.int32, 3, at)[2]:  # parameters follow the coordinates, which meshio refuses
+            return
+        (count,) = np.frombuffer(nodes, unsigned, 1, at + 12).tolist()
+        at += 12 + size
+        tag = int(np.frombuffer(nodes, unsigned, count, at).max(initial=0))
+        # Some programs state the largest tag wrongly; one below the size of the file takes little memory.
+        if tag > max(largest, len(data)):
+            raise VisceraError(f"damaged: a node has the tag {tag}, and its header states {largest} as the largest")
+        at += count * (size + 24)
+        held += count
+    if held != declared:
+        raise VisceraError(f"damaged: its header declares {declared} nodes, and its blocks hold {held}")
 
 
 def _tetrahedra(blocks: Mapping[str, NDArray[Any]]) -> NDArray[Any]:

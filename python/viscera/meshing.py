@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import re
+import string
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viscera import _core
+from viscera import _core, surfacefile
 from viscera.errors import VisceraError, did_you_mean
 from viscera.mesh import Floats, Indices, Mesh, mesh
-from viscera.meshfile import metres_per_unit
-from viscera.quantity import Number
-from viscera.select import length
+from viscera.meshfile import METRES, metres_per_unit
+from viscera.quantity import Number, brief
+from viscera.select import BOUND, length
 
 Progress = Callable[[int, int, str], None]
 Edges = float | str | Mapping[str, float | str]
@@ -94,14 +95,13 @@ def edge_lengths(edge: Edges, parts: Sequence[str]) -> list[float]:
     >>> edge_lengths({"vein": "3 mm", "liver": 0.008}, ["liver", "vein"]), edge_lengths("5 mm", ["a", "b"])
     ([0.008, 0.003], [0.005, 0.005])
     """
-    above_zero = Number("m", above=0)
     if not isinstance(edge, Mapping):
-        return [above_zero(length(edge, 0.0, "edge"), "edge")] * len(parts)
+        return [_edge(edge, "edge")] * len(parts)
     if unknown := [name for name in edge if name not in parts]:
         raise VisceraError(f"edge {unknown[0]!r} is of no part; {did_you_mean(unknown[0], parts)}")
     if missing := [name for name in parts if name not in edge]:
         raise VisceraError(f"edge has no length for {missing[0]!r}; give one for every part")
-    return [above_zero(length(edge[name], 0.0, f"edge of {name!r}"), f"edge of {name!r}") for name in parts]
+    return [_edge(edge[name], f"edge of {name!r}") for name in parts]
 
 
 def mesh_surface(
@@ -124,7 +124,7 @@ def mesh_surface(
     >>> vs.mesh_surface((beam.points, beam.surface), edge=0.1).messages
     ()
     """
-    size = Number("m", above=0)(length(edge, 0.0, "edge"), "edge")
+    size = _edge(edge, "edge")
     points, triangles, axes = _surface(surface, units)
     points, triangles, messages = _mended(points, triangles)
     step = size / VOXELS_PER_EDGE
@@ -176,6 +176,18 @@ def least_angles(points: Floats, cells: Indices) -> Floats:
         sine, cosine = np.linalg.norm(np.cross(n, m), axis=1), np.einsum("ij,ij->i", n, m)
         least = np.minimum(least, np.degrees(np.arctan2(sine, cosine)))
     return least
+
+
+def _edge(value: Any, what: str) -> float:
+    """An edge [m], in whose words a percentage would have nothing to refer to."""
+    if isinstance(value, str):
+        words = value.strip()
+        if "%" in words:
+            raise VisceraError(f"{what}: a percentage of what? write {brief(value)} with its unit, such as '8 mm'")
+        unit = words[len(words.rstrip(string.ascii_letters)) :]
+        if not re.fullmatch(BOUND, words) or unit not in METRES:
+            raise VisceraError(f"{what} {brief(value)} is not a length; write it as '8 mm' (in {', '.join(METRES)})")
+    return Number("m", above=0)(length(value, 0.0, what), what)
 
 
 def _check_edge(name: str, volume: float, edge: float) -> None:
@@ -236,40 +248,31 @@ def _surface(surface: Any, units: str | float) -> tuple[Floats, Indices, str]:
     """Points [m], triangles and world axes of a surface."""
     factor = metres_per_unit(units)
     if isinstance(surface, str | os.PathLike):
-        points, triangles, axes = _read_surface(Path(surface))
+        (points, triangles, axes), place = _read_surface(Path(surface)), f"{surface}: "
     else:
-        (points, triangles), axes = surface, ""
+        (points, triangles), axes, place = surface, "", ""
     points, triangles = np.asarray(points, dtype=np.float64), np.asarray(triangles)
-    if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-        raise VisceraError(f"a surface needs points (n, 3) that are finite, not {points.shape}")
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise VisceraError(f"a surface needs points (n, 3), not {points.shape}")
+    if len(wrong := np.flatnonzero(~np.isfinite(points).all(axis=1))):
+        raise VisceraError(f"point {wrong[0]} of the surface is {points[wrong[0]].tolist()}; it must be finite")
     if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.size == 0:
         raise VisceraError(f"a surface needs triangles (t, 3), not {triangles.shape}")
     if triangles.min() < 0 or triangles.max() >= len(points):
-        raise VisceraError(f"a triangle names a point that is not one of {len(points)}")
+        raise VisceraError(f"{place}a triangle names a point that is not one of {len(points)}")
     return factor * points, triangles.astype(np.uint32), axes
 
 
-def _read_surface(path: Path) -> tuple[NDArray[Any], NDArray[Any], str]:
+def _read_surface(path: Path) -> tuple[Floats, NDArray[np.int64], str]:
     """Points and triangles of a file, and the world axes that 3D Slicer states in it."""
-    import meshio
-
     if path.is_dir() or not path.exists():
         raise VisceraError(f"{path}: {'is a folder, not a surface' if path.is_dir() else 'no such file'}")
     if path.suffix.lower() not in SURFACES:
         raise VisceraError(f"{path}: unknown surface format; the formats are {', '.join(SURFACES)}")
-    try:
-        module = {".stl": meshio.stl, ".obj": meshio.obj, ".ply": meshio.ply}[path.suffix.lower()]
-        with np.errstate(over="ignore"):  # of what an ASCII file would mean were it binary
-            found = module.read(str(path))
-    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
-        raise VisceraError(f"{path}: not a readable {path.suffix} file ({type(error).__name__}: {error})") from error
-    triangles = [block.data for block in found.cells if block.type == "triangle"]
-    triangles += [block.data[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3) for block in found.cells if block.type == "quad"]
-    if not triangles:
+    points, triangles, axes = surfacefile.read(path)
+    if not len(triangles):
         raise VisceraError(f"{path}: it has no triangles")
-    with path.open("rb") as file:
-        stated = re.search(rb"SPACE=(RAS|LPS)", file.read(1000))
-    return found.points, np.concatenate(triangles), stated[1].decode() if stated else ""
+    return points, triangles, axes
 
 
 def _mended(points: Floats, triangles: Indices) -> tuple[Floats, Indices, list[str]]:

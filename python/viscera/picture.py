@@ -22,6 +22,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from viscera.atomic import replacing
+from viscera.filekind import check_picture
 from viscera.mesh import Floats, Indices
 
 INK, PAPER, ACCENT = "#22262e", "#ffffff", "#0b4f6c"
@@ -58,6 +59,7 @@ def draw(
     lengths of displacements without, and what they are, one of `COLOURS`; force: where it acts (3,) [m] and the force
     (3,) [N]; view: elevation and azimuth of the eye [degrees].
     """
+    check_picture(path)
     axes = view_axes(*view)
     rest, shape = 1e3 * points @ axes.T, 1e3 * (points + displacement) @ axes.T
     label, factor = COLOURS[colour]
@@ -84,6 +86,7 @@ def draw_side_by_side(
     path: str | os.PathLike[str] | None = None,
 ) -> Figure:
     """Several deformations of one organ by title, in one scale of colours and lengths; otherwise as `draw`."""
+    check_picture(path)
     axes = view_axes(*view)
     rest = 1e3 * points @ axes.T
     shapes = {title: 1e3 * (points + displacement) @ axes.T for title, displacement in displacements.items()}
@@ -146,6 +149,7 @@ def draw_rest(
 
     points (n, 3) [m]; surface (t, 3), outward; fixed: node indices; parts: the surfaces of named parts within.
     """
+    check_picture(path)
     axes = view_axes(*view)
     rest = 1e3 * points @ axes.T
     figure = Figure(figsize=(9.0, 6.5), dpi=150, facecolor=PAPER, layout="constrained")
@@ -169,10 +173,7 @@ def draw_rest(
     plot.set_aspect("equal")
     plot.set_axis_off()
     plot.autoscale_view()
-    if path is not None:
-        with replacing(path) as scratch:
-            figure.savefig(scratch, format="png", facecolor=PAPER)
-    return figure
+    return _saved(figure, path)
 
 
 def view_axes(elevation: float, azimuth: float) -> Floats:

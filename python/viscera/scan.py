@@ -7,7 +7,7 @@ a mesh has the axes of its scan, in metres.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,7 @@ from viscera.errors import VisceraError
 from viscera.imagefile import FORMATS, ending_of, read_image, read_segmentation, write_labels
 from viscera.mesh import Floats, Indices, Mesh
 from viscera.meshing import Edges, Progress, Region, mesh_regions
-from viscera.quantity import Choice, Number, Whole, path_of
+from viscera.quantity import Choice, Number, Whole, path_of, refused
 from viscera.select import length
 
 AXES = ("RAS", "LPS")
@@ -111,7 +111,7 @@ class Scan:
         (['left', 'right'], ['fixed'])
         """
         regions = self.regions(labels)
-        supports = [fixed] if isinstance(fixed, str) else list(fixed)
+        supports = _texts(fixed)
         places = [self._place(where) for where in supports]
         found = mesh_regions(self.values, self.affine, regions, edge, axes=self.axes, progress=progress)
         if not places:
@@ -145,18 +145,25 @@ class Scan:
         if isinstance(labels, Mapping):
             named = dict(labels)
         else:
-            several = [labels] if isinstance(labels, int | str | np.integer) else list(labels)
-            numbers = [self._number(label) for label in several]
+            numbers = [self._number(label) for label in _several(labels, "labels")]
             named = {(self.names or {}).get(number, f"label_{number}"): number for number in numbers}
         if not named:
             raise VisceraError(f"name the labels to mesh; the image has {self._listing()}")
-        regions = [Region(name, tuple(self._number(n) for n in _several(numbers))) for name, numbers in named.items()]
+        regions = [self._region(name, numbers) for name, numbers in named.items()]
         seen: dict[int, str] = {}
         for region in regions:
             for number in region.numbers:
                 if seen.setdefault(number, region.name) != region.name:
                     raise VisceraError(f"label {number} is given twice, as {seen[number]!r} and as {region.name!r}")
         return regions
+
+    def _region(self, name: Any, numbers: Any) -> Region:
+        if not isinstance(name, str) or not name:
+            raise refused("the name of a part", "a text that is not empty", name)
+        found = tuple(self._number(number) for number in _several(numbers, f"part {name!r}"))
+        if not found:
+            raise VisceraError(f"part {name!r} has no label; give one or several of {self._listing()}")
+        return Region(name, found)
 
     def _number(self, label: Any) -> int:
         if isinstance(label, str) and not label.lstrip("-").isdigit():
@@ -429,5 +436,17 @@ def _labels_of(values: NDArray[Any]) -> NDArray[np.uint16]:
     return np.ascontiguousarray(values.astype(np.uint16))
 
 
-def _several(numbers: Any) -> list[Any]:
-    return [numbers] if isinstance(numbers, int | str | np.integer) else list(numbers)
+def _several(numbers: Any, what: str) -> list[Any]:
+    given = numbers.tolist() if isinstance(numbers, np.ndarray) else numbers
+    if isinstance(given, int | str | np.integer):
+        return [given]
+    if isinstance(given, bytes) or not isinstance(given, Iterable):
+        raise refused(what, "a label's number, or several", numbers)
+    return list(given)
+
+
+def _texts(places: Any) -> list[str]:
+    found = [places] if isinstance(places, str) or not isinstance(places, Iterable) else list(places)
+    if not all(isinstance(place, str) for place in found):
+        raise refused("fixed", "one place or several in words, such as 'z > 90%' or 'label:63'", places)
+    return found

@@ -20,6 +20,7 @@ from viscera.answer import Answer
 from viscera.atomic import replacing
 from viscera.display import Pictured
 from viscera.errors import VisceraError, refuse_case_file
+from viscera.filekind import model_path
 from viscera.mesh import Floats, Indices, Mesh, mesh
 from viscera.parts import cell_sets
 from viscera.quantity import Number, Whole, path_of, vector
@@ -80,6 +81,8 @@ class Touch(Pictured):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model file (safetensors, see docs/model-file.md). If writing fails, no partial file is left.
 
+        Raises `VisceraError` for a name with the ending of something else: a mesh, a surface, an image or a case.
+
         >>> import viscera as vs
         >>> beam = vs.Organ(vs.organs.beam(), vs.NeoHookean(young=1e5, poisson=0.3), fixed="clamp")
         >>> touch = beam.reduce("tip", depth="2%", order=2)
@@ -87,7 +90,7 @@ class Touch(Pictured):
         >>> vs.load("beam.viscera")
         Touch(525 points, order 2, depth 0.0207846 m)
         """
-        with replacing(path) as scratch:
+        with replacing(model_path(path)) as scratch:
             scratch.write_bytes(self._model.to_bytes())
 
     def at(self, value: float) -> Touch:

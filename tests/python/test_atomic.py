@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 import subprocess
@@ -121,6 +122,35 @@ def test_a_full_standard_output_is_named(words: str, tmp_path: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.endswith(f"viscera{verb}: standard output: could not be written (No space left on device)\n")
     assert done.stderr.count("viscera") == 1, "once, and without a traceback"
+
+
+@pytest.mark.parametrize("words", PRINTING)
+def test_a_closed_standard_output_is_named_before_the_work(words: str, tmp_path: Path) -> None:
+    done = shell(f'"$@" {words} >&-', tmp_path)
+    verb = "" if words == "--help" else f" {words.split()[0]}"
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"viscera{verb}: standard output: could not be written (it is closed); ")
+    assert done.stderr.count("\n") == 1, "once, and without a traceback"
+    assert shell(f'"$@" {words} >&- 2>&-', tmp_path).returncode == 2
+
+
+def test_a_command_that_prints_nothing_needs_no_standard_output(tmp_path: Path) -> None:
+    done = shell('"$@" inspect organ:beam --quiet --json seen.json >&-', tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert '"status": "sound"' in (tmp_path / "seen.json").read_text()
+
+
+def test_without_standard_error_nothing_is_said_there(tmp_path: Path) -> None:
+    """Nor on standard output, where progress and messages would be among the JSON."""
+    (tmp_path / "case.toml").write_text(
+        'mesh = "organ:beam"\nfixed = "x < 1%"\nmaterial = {law = "NeoHookean", young = 1e5, poisson = 0.3}\n'
+    )
+    done = shell('"$@" solve case.toml --json - 2>&-', tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["status"] == "converged"
+    for words in ("inspect none.vtu", "inspect"):
+        done = shell(f'"$@" {words} 2>&-', tmp_path)
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", "")
 
 
 @pytest.mark.parametrize("words", PRINTING)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import pytest
 
 import viscera as vs
 from viscera import _core, statefile
-from viscera.cli import demo, main
+from viscera.cli import VERBS, demo, main
 from viscera.cli import touch as touch_verb
 from viscera.select import length, offset
 from viscera.select import point as point_of
@@ -307,6 +308,21 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
     assert stopped.value.code == 0
     out = capsys.readouterr().out
     assert all(option in out for option in ("--json", "--quiet"))
+
+
+@pytest.mark.parametrize("verb", [verb.__name__.rpartition(".")[2] for verb in VERBS])
+def test_help_fits_the_terminal(verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its paragraphs and its examples stay what they are."""
+    monkeypatch.setenv("COLUMNS", "50")
+    with pytest.raises(SystemExit):
+        main([verb, "--help"])
+    told = (import_module(f"viscera.cli.{verb}").__doc__ or "").strip()
+    described = capsys.readouterr().out.split("\n\n", 1)[1]
+    examples = [line for line in told.splitlines() if line.startswith("viscera ")]
+    assert [line for line in described.splitlines() if line in examples] == examples
+    paragraphs = described.split("\n\n")[: told.count("\n\n") + 1]
+    assert [" ".join(each.split()) for each in paragraphs] == [" ".join(each.split()) for each in told.split("\n\n")]
+    assert all(len(line) <= 48 or line in examples for each in paragraphs for line in each.splitlines())
 
 
 def test_quiet_says_nothing(model: Path, capsys: pytest.CaptureFixture[str]) -> None:

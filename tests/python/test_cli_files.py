@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 import viscera as vs
+from viscera import picture
 from viscera.cli import main
 
 CASE = """
@@ -151,7 +153,89 @@ def test_a_model_does_not_take_the_name_of_something_else(
 ) -> None:
     assert main(["reduce", "case.toml", "-o", name]) == 2
     assert f"{name}: that is the name of a " in capsys.readouterr().err
+    with pytest.raises(vs.VisceraError, match=f"{name}: that is the name of a .* end it in .viscera"):
+        vs.load("bar.viscera").save(name)
     assert not (folder / name).exists()
+
+
+@pytest.mark.parametrize("name", ["x", "x.viscera", "x.VISCERA", "x.model"])
+def test_a_model_takes_every_other_name(folder: Path, name: str) -> None:
+    vs.load("bar.viscera").save(name)
+    assert (folder / name).read_bytes() == (folder / "bar.viscera").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["x.pdf", "x.vtu", "x.viscera", "x.jpg"])
+def test_a_picture_does_not_take_the_name_of_something_else(
+    folder: Path, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sentence = f"{name}: a picture is written as PNG; end its name in .png, not in {Path(name).suffix}"
+    assert main(["touch", "bar.viscera", *AT, "--picture", name]) == 2
+    assert main(["fit", "test.csv", "--plot", name]) == 2
+    assert capsys.readouterr() == ("", f"viscera touch: {sentence}\nviscera fit: {sentence}\n")
+    touch, found = vs.load("bar.viscera"), vs.fit("NeoHookean", vs.MaterialTest("uniaxial", [1, 1.1], [0, 1]))
+    organ = touch.organ()
+    state, mesh = organ.solve(force={"x > 99%": (0, 0, -1)}), organ.mesh
+    monkeypatch.setattr(picture, "Figure", lambda **_: pytest.fail("it was drawn first"))
+    calls: tuple[Callable[[], object], ...] = (
+        lambda: touch.plot((0.4, 0.05, 0.1), (0, 0, -1e-3), name),
+        lambda: organ.plot(name),
+        lambda: mesh.plot(name),
+        lambda: state.plot(name),
+        lambda: picture.draw_side_by_side(mesh.points, mesh.surface, {"": state.displacement}, path=name),
+        lambda: found.plot(name),
+    )
+    for call in calls:
+        with pytest.raises(vs.VisceraError, match=sentence):
+            call()
+    assert not (folder / name).exists()
+
+
+@pytest.mark.parametrize("name", ["x.PNG", "x"])
+def test_a_picture_is_written_under_its_own_name(folder: Path, name: str) -> None:
+    assert main(["touch", "bar.viscera", *AT, "--picture", name]) == 0
+    assert (folder / name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["reduce", "none.vtu"], "none.vtu: no such file"),
+        (["reduce", "site"], "site: is a folder, not a case file or a mesh"),
+        (["reduce", "bar.viscera"], "bar.viscera: is a model, not a case file or a mesh; `viscera check`, `touch`"),
+        (["reduce", "body.stl"], "body.stl: is a surface, not a case file or a mesh; `viscera mesh`"),
+        (["reduce", "laws.json"], "laws.json: is no case file, which ends in .toml, and no mesh: .vtu, "),
+        (["solve", "bar.viscera"], "bar.viscera: is a model, not a case file; `viscera check`, `touch`"),
+        (["solve", "bar.vtu"], "bar.vtu: is a mesh, not a case file; `viscera inspect` and `reduce` take meshes"),
+        (["compare", "bar.vtu"], "bar.vtu: is a mesh, not a case file; "),
+        (["register", "bar.viscera", "cloud.csv"], "bar.viscera: is a model, not a case file; "),
+        (["check", "site"], "site: is a folder, not a model"),
+        (["check", "bar.vtu"], "bar.vtu: is a mesh, not a model; "),
+        (["touch", "site", *AT], "site: is a folder, not a model"),
+        (["view", "site"], "site: is a folder, not a model or a case file"),
+        (["view", "bar.vtu"], "bar.vtu: is a mesh, not a model or a case file; "),
+        (["mesh", "bar.vtu", "--edge", "8mm"], "bar.vtu: is a mesh, not an image or a surface; label maps end in .nii"),
+        (["mesh", "test.csv", "--edge", "8mm"], "test.csv: unknown format; label maps end in .nii, "),
+        (["mesh", "case.toml", "--edge", "8mm"], ".dcm, surfaces in .stl, .obj, .ply"),
+        (["mesh", "site", "--edge", "8mm"], "site: is a folder, not an image or a surface"),
+        (["mesh", "none.vtu", "--edge", "8mm"], "none.vtu: no such file"),
+    ],
+)
+def test_a_file_of_the_wrong_kind_is_named(
+    folder: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = contents(folder)
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert (printed.out, printed.err.count("\n")) == ("", 1)
+    assert contents(folder) == before
+
+
+def test_the_error_of_a_wrong_file_is_not_written_over_it(folder: Path) -> None:
+    before = contents(folder)
+    for verb, name in (("solve", "bar.vtu"), ("reduce", "bar.viscera"), ("check", "bar.vtu"), ("view", "bar.vtu")):
+        assert main([verb, name, "--json", name]) == 2
+    assert contents(folder) == before
 
 
 @pytest.mark.parametrize(

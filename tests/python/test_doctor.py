@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
+import sys
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from typing import Any
 import pytest
 
 import viscera as vs
-from viscera import cli, doctor
+from viscera import cli, doctor, gpu
 
 
 def answered(tmp_path: Path) -> tuple[int, dict[str, Any]]:
@@ -72,6 +74,34 @@ def test_a_core_that_does_not_solve_is_a_problem(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(vs.Organ, "solve", broken)
     assert answered(tmp_path)[1]["problems"] == ["the compiled core does not solve: no vector units"]
+
+
+@pytest.mark.parametrize("given", [None, "", "/somewhere"])
+def test_a_machine_without_a_screen_is_no_finding(given: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The graphics libraries print an error where no folder for sockets is named."""
+    monkeypatch.delenv(doctor.RUNTIME_FOLDER, raising=False)
+    if given is not None:
+        monkeypatch.setenv(doctor.RUNTIME_FOLDER, given)
+    seen = list[str]()
+
+    def look() -> str:
+        seen.append(os.environ[doctor.RUNTIME_FOLDER])
+        assert given or Path(seen[0]).is_dir()
+        raise vs.VisceraError("there is none")
+
+    monkeypatch.setattr(gpu, "describe", look)
+    assert doctor._gpu() == (None, "there is none")
+    assert os.environ.get(doctor.RUNTIME_FOLDER) == given
+    assert (seen == [given]) if given else not Path(seen[0]).exists()
+
+
+def test_the_doctor_prints_nothing_beside_its_findings() -> None:
+    """Nor does a library that it loads, on a machine without a screen."""
+    around = {name: value for name, value in os.environ.items() if name != doctor.RUNTIME_FOLDER}
+    done = subprocess.run(
+        [sys.executable, "-m", "viscera", "doctor"], env=around, capture_output=True, text=True, check=False
+    )
+    assert done.stderr == ""
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh"])

@@ -166,6 +166,30 @@ def test_the_verb_ranks_laws_of_a_recorded_compression(tmp_path: Path, capsys: p
     assert "best by AIC: Yeoh(c10=5" in capsys.readouterr().out
 
 
+def test_the_verb_ranks_the_laws_that_a_short_test_determines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    curve, report = tmp_path / "a.csv", tmp_path / "r.json"
+    curve.write_text("stretch,stress\n1,0\n1.1,100\n1.2,200\n1.3,300\n")
+    assert main(["fit", str(curve), "--json", str(report)]) in {0, 1}
+    printed, facts = capsys.readouterr().out, json.loads(report.read_text())
+    assert [len(found["parameters"]) for found in facts["fits"]].count(2) == 3
+    assert facts["left_out"] == [
+        f"Ogden has {count} parameters; 4 measured points cannot determine them" for count in (4, 6)
+    ]
+    assert all(f"left out: {reason}\n" in printed for reason in facts["left_out"])
+    assert main(["fit", str(curve), "--law", "Ogden", "--terms", "2"]) == 2
+
+
+def test_the_verb_says_that_no_law_follows_a_test(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "a.csv").write_text("stretch,stress\n1,0\n1.1,-100\n1.2,-250\n")
+    assert main(["fit", str(tmp_path / "a.csv")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("viscera fit: these tests determine none of the laws: NeoHookean cannot follow these")
+    assert all(f"{law} cannot follow these curves: " in error for law in ("MooneyRivlin", "Yeoh", "Ogden"))
+    assert error.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("header", "words"),
     [

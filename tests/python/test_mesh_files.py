@@ -130,6 +130,27 @@ def test_physical_groups_of_gmsh_are_sets(bar: vs.Mesh, tmp_path: Path, version:
     assert len(again.nodes("organ")) == len(bar.points)
 
 
+def test_a_damaged_node_tag_of_gmsh_takes_no_memory(bar: vs.Mesh, tmp_path: Path) -> None:
+    """meshio makes room for the largest tag: a flipped byte, and it took gigabytes."""
+    path = tmp_path / "bar.msh"
+    meshio.gmsh.write(str(path), meshio.Mesh(bar.points, [("tetra", bar.cells.astype(int))]), "4.1", binary=True)
+    data = bytearray(path.read_bytes())
+    start = data.index(b"$Nodes\n") + len(b"$Nodes\n")
+    first = start + 4 * 8 + 3 * 4 + 8
+    assert int.from_bytes(data[first : first + 8], "little") == 1
+    data[first + 3] = 4
+    path.write_bytes(data)
+    tag, largest = 1 + 4 * 2**24, len(bar.points)
+    words = f"bar.msh: damaged: a node has the tag {tag}, and its header states {largest} as the largest"
+    with pytest.raises(VisceraError, match=words):
+        vs.read(path)
+    data[first + 3] = 0
+    data[start + 8] += 1
+    path.write_bytes(data)
+    with pytest.raises(VisceraError, match=f"its header declares {largest + 1} nodes, and its blocks hold {largest}"):
+        vs.read(path)
+
+
 def test_groups_without_a_name_are_called_by_dimension_and_number(bar: vs.Mesh, tmp_path: Path) -> None:
     found = gmsh_mesh(bar)
     found.field_data = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import meshio
 import numpy as np
@@ -188,6 +189,50 @@ def test_refusals_say_what_to_do(liver: vs.Scan) -> None:
         vs.Scan.of(vs.organs.beam(), margin=-1)
     with pytest.raises(vs.VisceraError, match=r"voxels of 0.01 mm would be .*e\+\d\d; take larger ones"):
         vs.Scan.of(vs.organs.beam(), voxel="0.01 mm")
+
+
+@pytest.mark.parametrize(
+    ("labels", "words"),
+    [
+        ({"b": 1.5}, "part 'b' must be a label's number, or several, got 1.5"),
+        ({"b": None}, "part 'b' must be a label's number, or several, got None"),
+        ({"b": []}, "part 'b' has no label; give one or several of the labels 1 'liver'"),
+        ({"b": [1.5]}, "a label is a whole number, got 1.5"),
+        ({"": 1}, "the name of a part must be a text that is not empty, got ''"),
+        ({3: 1}, "the name of a part must be a text that is not empty, got 3"),
+        (1.5, "labels must be a label's number, or several, got 1.5"),
+        (np.array(1.5), "labels must be a label's number, or several, got array(1.5)"),
+    ],
+)
+def test_labels_that_are_none_are_refused(liver: vs.Scan, labels: Any, words: str) -> None:
+    with pytest.raises(vs.VisceraError, match=re.escape(words)):
+        liver.mesh(labels, edge="12 mm")
+
+
+@pytest.mark.parametrize("fixed", [3, None, [3], ["z > 90%", 0.1]])
+def test_fixed_is_in_words(liver: vs.Scan, fixed: Any) -> None:
+    with pytest.raises(vs.VisceraError, match="fixed must be one place or several in words, such as 'z > 90%'"):
+        liver.mesh({"liver": 1}, edge="12 mm", fixed=fixed)
+
+
+@pytest.mark.parametrize(
+    ("edge", "words"),
+    [
+        ("8 m m", "edge{} '8 m m' is not a length; write it as '8 mm' (in m, cm, mm, um, inch)"),
+        ("8 ells", "edge{} '8 ells' is not a length; write it as '8 mm'"),
+        ("8", "edge{} '8' is not a length; write it as '8 mm'"),
+        ("10%", "edge{}: a percentage of what? write '10%' with its unit, such as '8 mm'"),
+        ("0 mm", "edge{} must be a number above 0"),
+    ],
+)
+def test_an_edge_is_a_length(liver: vs.Scan, edge: str, words: str) -> None:
+    beam = vs.organs.beam()
+    with pytest.raises(vs.VisceraError, match=re.escape(words.format(""))):
+        liver.mesh({"liver": 1}, edge=edge)
+    with pytest.raises(vs.VisceraError, match=re.escape(words.format(" of 'liver'"))):
+        liver.mesh({"liver": 1}, edge={"liver": edge})
+    with pytest.raises(vs.VisceraError, match=re.escape(words.format(""))):
+        vs.mesh_surface((beam.points, beam.surface), edge=edge)
 
 
 def test_whoever_watches_can_end_it(liver: vs.Scan) -> None:

@@ -131,7 +131,10 @@ def test_software_in_place_of_a_device_is_not_chosen(look_with_gpu: Look, cube: 
         ("WebAssembly.Suspending = undefined;", "this browser has no JavaScript promise integration"),
         ("GPU.prototype.requestAdapter = async () => null;", "the browser offers none"),
         ("GPUAdapter.prototype.requestDevice = async () => { throw new Error('it is busy'); };", "it is busy"),
-        ("Object.defineProperty(WorkerNavigator.prototype, 'gpu', { value: undefined });", "this browser has no WebGPU"),
+        (
+            "Object.defineProperty(WorkerNavigator.prototype, 'gpu', { value: undefined });",
+            "this browser has no WebGPU",
+        ),
     ],
 )
 def test_a_browser_without_what_it_takes_steps_on_the_processor_and_says_why(

@@ -11,6 +11,8 @@ import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import groupby
+from textwrap import wrap
 from time import perf_counter
 from typing import Any, NoReturn
 
@@ -33,7 +35,7 @@ from viscera.cli import (
     view,
     warp,
 )
-from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, put
+from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, heard, put
 from viscera.errors import VisceraError
 
 VERBS = (
@@ -53,14 +55,27 @@ class _Parser(argparse.ArgumentParser):
         put(message, is_error=file is not sys.stdout)
 
 
+class _Wrapped(argparse.HelpFormatter):
+    """Wraps every paragraph of a description to the terminal; lines that are commands stay as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        pieces: list[str] = []
+        for is_whole, group in groupby(text.strip().splitlines(), lambda line: not line or line.startswith("viscera ")):
+            lines = list(group)
+            words = " ".join(lines)
+            pieces += lines if is_whole else wrap(words, width, break_long_words=False, break_on_hyphens=False)
+        return "\n".join(indent + piece for piece in pieces)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
-    try:
-        return _run(sys.argv[1:] if argv is None else list(argv))
-    except ReaderGone:
-        return NO_READER
-    except VisceraError as error:  # help, or a script for the shell, on a full device
-        return _refused("", error)
+    with heard():
+        try:
+            return _run(sys.argv[1:] if argv is None else list(argv))
+        except ReaderGone:
+            return NO_READER
+        except VisceraError as error:  # help, or a script for the shell, on a full device
+            return _refused("", error)
 
 
 def _refused(verb: str, error: object) -> int:
@@ -104,9 +119,7 @@ def command_line() -> argparse.ArgumentParser:
     for verb in VERBS:
         name = verb.__name__.rpartition(".")[2]
         summary = (verb.__doc__ or "").strip().partition("\n")[0]
-        options = verbs.add_parser(
-            name, help=summary, description=verb.__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
+        options = verbs.add_parser(name, help=summary, description=verb.__doc__, formatter_class=_Wrapped)
         verb.add_arguments(options)
         options.add_argument("--json", metavar="FILE", help="write the result there for machines; - is standard output")
         options.add_argument("--quiet", action="store_true", help="no text and no progress bar")

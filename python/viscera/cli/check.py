@@ -12,6 +12,7 @@ from viscera import progress
 from viscera.check import Check, Row, allowed_error
 from viscera.cli.options import number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.filekind import MODEL, require
 from viscera.touch import Touch, load
 
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Check, print the table."""
     output.spare([args.model])
+    require(args.model, MODEL)
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     with progress.bar(output.is_quiet) as bar:
         result = touch.check(args.touches, args.seed, args.depths, progress=bar)

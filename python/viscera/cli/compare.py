@@ -15,6 +15,7 @@ from viscera.case import read_case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.comparison import REFERENCE, compare, models
 from viscera.errors import VisceraError, did_you_mean
+from viscera.filekind import CASE, require
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +38,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     picture, differences = (Path(args.output, name) for name in ("compare.png", "compare.csv"))
     written = (("-o", picture), ("-o", differences))
     output.spare([args.case], *written)
+    require(args.case, CASE)
     case = read_case(args.case)
     output.spare(case.files, *written)
     case.require_unloaded("compare")

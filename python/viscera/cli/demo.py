@@ -98,7 +98,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     title = f"Liver, pushed in {depth:.0f} mm: reduced model, estimated error {100 * estimate:.2g} %"
     touch.plot(point, push, picture, title=title)
     output.say(f"picture: {picture}")
-    if sys.stdout.isatty() and not (args.no_view or output.is_quiet):
+    if not (args.no_view or output.is_quiet) and sys.stdout.isatty():
         show(str(model), output)
     facts |= {"reduce_seconds": reduced, "picture": str(picture), **result.to_json()}
     return Outcome(result.verdict, DONE if result.is_passed else FAILED, facts)

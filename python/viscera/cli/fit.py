@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from viscera.atomic import writable
 from viscera.cli.options import metres
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.curves import MODES
 from viscera.errors import VisceraError
+from viscera.filekind import check_picture
 from viscera.fitting import Fit, MaterialTest, SpecimenTest, fit
 from viscera.fitting.families import FAMILIES
+from viscera.fitting.fit import Undetermined
 from viscera.fitting.materialtest import read_columns
 from viscera.mesh import Floats
 
@@ -59,21 +60,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--compression", action="store_true", help="displacement and force are positive in compression")
     parser.add_argument("--poisson", type=float, default=0.499, help="Poisson's ratio of the law (default 0.499)")
-    parser.add_argument("--plot", metavar="PNG", help="draw the points and the best law")
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the points and the best law")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read the curves, fit, rank, print."""
     output.spare(args.curves, ("--plot", args.plot))
-    if args.plot is not None:
-        writable(args.plot)
+    check_picture(args.plot)
     tests = [_test(Path(path), args) for path in args.curves]
-    wanted = CANDIDATES if args.law == "all" else ((args.law, args.terms),)
-    if args.law == "all" and args.terms is not None:
-        raise VisceraError("--terms belongs to one law; name it with --law")
-    fits = sorted((fit(law, tests, terms=terms, poisson=args.poisson) for law, terms in wanted), key=lambda f: f.aic)
+    fits, left_out = _ranked(tests, args)
     output.say("\n".join(map(repr, tests)))
     output.say(_table(fits))
+    output.say_all(f"left out: {reason}" for reason in left_out)
     best = fits[0]
     output.say(f"best by AIC: {best.law!r}")
     output.say("\n".join(_intervals(best)))
@@ -87,8 +85,25 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     return Outcome(
         "fitted" if best.is_stable else "not stable",
         DONE if best.is_stable else FAILED,
-        {"fits": [_json(f) for f in fits]},
+        {"fits": [_json(f) for f in fits], "left_out": left_out},
     )
+
+
+def _ranked(tests: list[MaterialTest], args: argparse.Namespace) -> tuple[list[Fit], list[str]]:
+    """The fit of the law asked for; or those of all laws, the best first, and why some of them are left out."""
+    if args.law != "all":
+        return [fit(args.law, tests, terms=args.terms, poisson=args.poisson)], []
+    if args.terms is not None:
+        raise VisceraError("--terms belongs to one law; name it with --law")
+    fits, left_out = list[Fit](), list[str]()
+    for law, terms in CANDIDATES:
+        try:
+            fits.append(fit(law, tests, terms=terms, poisson=args.poisson))
+        except Undetermined as error:
+            left_out.append(str(error))
+    if not fits:
+        raise VisceraError(f"these tests determine none of the laws: {'; '.join(dict.fromkeys(left_out))}")
+    return sorted(fits, key=lambda found: found.aic), left_out
 
 
 def _test(path: Path, args: argparse.Namespace) -> MaterialTest:

@@ -16,6 +16,8 @@ import numpy as np
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import Outcome, Output
 from viscera.errors import VisceraError, did_you_mean
+from viscera.filekind import IMAGE, SURFACE, kind_of, require
+from viscera.imagefile import FORMATS
 from viscera.mesh import Mesh
 from viscera.meshfile import checked
 from viscera.meshing import SURFACES, edge_means, least_angles, mesh_surface
@@ -50,10 +52,20 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     painted = [place for place in args.fixed if Path(place).is_file()]
     output.spare([args.source, *painted], ("-o", args.output))
     target = checked(args.output)
-    is_surface = Path(args.source).suffix.lower() in SURFACES
-    found, voxels = _from_surface(args, output) if is_surface else _from_labels(args, output)
+    found, voxels = _from_surface(args, output) if _is_surface(args.source) else _from_labels(args, output)
     found.write(target)
     return Outcome("done", facts=_told(found, voxels, target, output))
+
+
+def _is_surface(source: str) -> bool:
+    """Whether a surface was named, and not a label map; it is an error if neither was."""
+    formats = f"label maps end in {', '.join(FORMATS)}, surfaces in {', '.join(SURFACES)}"
+    require(source, IMAGE, SURFACE, advice=formats)
+    if Path(source).suffix.lower() in SURFACES:
+        return True
+    if kind_of(source) != IMAGE:
+        raise VisceraError(f"{source}: unknown format; {formats}")
+    return False
 
 
 def _from_labels(args: argparse.Namespace, output: Output) -> tuple[Mesh, dict[str, float]]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 from viscera import defaults
 from viscera.case import Case, read_case
 from viscera.errors import VisceraError
+from viscera.filekind import CASE, MESH, kind_of
+from viscera.meshfile import FORMATS
 from viscera.select import length
 
 MATERIAL = ("law", "young", "poisson")
@@ -82,11 +83,14 @@ def case_of(args: argparse.Namespace) -> Case:
         for name in ("touchable", "radius", "depth", "order", "tolerance")
         if getattr(args, name, None) is not None
     }
-    if Path(args.case).suffix == ".toml":
+    kind = kind_of(args.case)
+    if kind == CASE:
         if given:
             raise VisceraError(f"{args.case} describes the organ; change it there, and leave out --{next(iter(given))}")
         case = read_case(args.case)
         return _with_reduction(case, reduction)
+    if kind != MESH and not args.case.startswith("organ:"):
+        raise VisceraError(f"{args.case}: is no case file, which ends in .toml, and no mesh: {', '.join(FORMATS)}")
     for name in ("fixed", "young", "poisson"):
         if name not in given:
             raise VisceraError(f"{args.case} is a mesh: it needs --{name} as well (see --help), or write a case file")

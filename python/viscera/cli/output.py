@@ -6,8 +6,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, redirect_stderr, suppress
 from dataclasses import dataclass, field
 from typing import Any, TextIO
 
@@ -41,7 +41,11 @@ class Output:
         self.is_quiet = is_quiet
 
     def check(self) -> None:
-        """Raises `VisceraError` if the JSON could not be written: asked before the work."""
+        """Raises `VisceraError` if the JSON or the text could not be written: asked before the work."""
+        if self.json_path == "-":
+            _require_open("write the JSON to a file")
+        elif not self.is_quiet:
+            _require_open("open it, or print nothing with --quiet")
         if self.json_path not in (None, "-"):
             writable(self.json_path)
 
@@ -98,8 +102,26 @@ def _spare_what_is_no_json(path: str | None) -> None:
         raise VisceraError(f"--json {path} would replace {path!r}, which holds no JSON; name another file")
 
 
+def _require_open(advice: str) -> None:
+    """Raises `VisceraError` with the advice if standard output is closed: Python then has no stream for it."""
+    if sys.stdout is None:
+        raise VisceraError(f"standard output: could not be written (it is closed); {advice}")
+
+
+@contextmanager
+def heard() -> Iterator[None]:
+    """Messages have somewhere to go while this lasts: nowhere, if standard error is closed."""
+    if sys.stderr is not None:
+        yield
+        return
+    with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stderr(nowhere):
+        yield
+
+
 def put(text: str, *, is_error: bool = False) -> None:
     """Writes to standard output or standard error at once; raises `ReaderGone` or `VisceraError` if it cannot."""
+    if not is_error:
+        _require_open("open it")
     stream, name = (sys.stderr, "standard error") if is_error else (sys.stdout, "standard output")
     try:
         stream.write(text)

@@ -10,20 +10,11 @@ import argparse
 from pathlib import Path
 from time import perf_counter
 
-from viscera import progress, statefile
-from viscera.atomic import writable
+from viscera import progress
 from viscera.checkpoint import SUFFIX, Checkpoint
 from viscera.cli.options import add_organ, add_reduction, case_of
 from viscera.cli.output import Outcome, Output
-from viscera.errors import VisceraError
-from viscera.meshfile import FORMATS
-
-OTHERS = {
-    ".toml": "a case",
-    **dict.fromkeys(statefile.SURFACES, "a surface"),
-    **dict.fromkeys((*FORMATS, *statefile.VOLUMES), "a mesh"),
-}
-"""Endings that say that a file is something else than a model."""
+from viscera.filekind import CASE, MESH, model_path, require
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,12 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Reduce, save, print."""
+    output.spare([args.case], ("-o", args.output))
+    if not args.case.startswith("organ:"):
+        require(args.case, CASE, MESH)
     default = Path(args.case.removeprefix("organ:")).with_suffix(".viscera").name
     wanted = default if args.output is None else args.output
     output.spare([args.case], ("-o", wanted))
     case = case_of(args)
     output.spare(case.files, ("-o", wanted))
-    target = _checked(wanted)
+    target = model_path(wanted)
     organ = case.organ()
     output.say_all(organ.mesh.messages)
     began = perf_counter()
@@ -62,10 +56,3 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
         f"{perf_counter() - began:.1f} s"
     )
     return Outcome("reduced", facts=facts)
-
-
-def _checked(path: str) -> Path:
-    """The path of a model; an ending that belongs to other files is refused."""
-    if other := OTHERS.get(Path(path).suffix.lower()):
-        raise VisceraError(f"{path}: that is the name of {other}, and a model is written; end it in .viscera")
-    return writable(path)

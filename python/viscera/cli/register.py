@@ -17,6 +17,7 @@ from viscera.case import read_case
 from viscera.cli.options import metres, number_or_words
 from viscera.cli.output import DONE, FAILED, Outcome, Output
 from viscera.errors import VisceraError
+from viscera.filekind import CASE, require
 from viscera.registration import Registered
 from viscera.registration.measured import CLOUDS, read_cloud, read_landmarks
 
@@ -59,6 +60,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Read, register, print, write."""
     written = (("-o", args.output), ("--shape", args.shape))
     output.spare([args.case, args.cloud, args.landmarks], *written)
+    require(args.case, CASE)
     case = read_case(args.case)
     output.spare(case.files, *written)
     for path in (args.output, args.shape):

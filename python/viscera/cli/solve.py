@@ -15,6 +15,7 @@ import numpy as np
 from viscera import progress, statefile
 from viscera.case import Case
 from viscera.cli.output import DONE, FAILED, Outcome, Output
+from viscera.filekind import CASE, require
 from viscera.navigation import Unloaded
 from viscera.scene_case import SceneCase, read_any
 from viscera.state import State
@@ -75,6 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Solve, print, write."""
     output.spare([args.case], ("-o", args.output))
+    require(args.case, CASE)
     case = read_any(args.case)
     output.spare(case.files, ("-o", args.output))
     if args.output is not None:

@@ -8,9 +8,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from viscera.atomic import writable
 from viscera.cli.options import number_or_words
 from viscera.cli.output import Outcome, Output
+from viscera.filekind import MODEL, check_picture, require
 from viscera.touch import load
 
 
@@ -22,14 +22,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--at", **words, help="contact point: metres, 12mm, or 80%% of the bounding box")
     parser.add_argument("--push", **words, help="contact displacement: metres, 12mm, or 5%% of the diagonal")
     parser.add_argument("--value", type=float, help="value of the model's parameter, within its range")
-    parser.add_argument("--picture", metavar="FILE", help="write a PNG of the touched organ")
+    parser.add_argument("--picture", metavar="FILE.png", help="draw the touched organ")
 
 
 def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Touch once, print."""
     output.spare([args.model], ("--picture", args.picture))
-    if args.picture is not None:
-        writable(args.picture)
+    check_picture(args.picture)
+    require(args.model, MODEL)
     touch = load(args.model) if args.value is None else load(args.model).at(args.value)
     answer = touch(args.at, args.push)
     if args.picture is not None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from viscera import progress
 from viscera.cli.output import Outcome, Output
+from viscera.filekind import CASE, MODEL, kind_of, require
 from viscera.scene_case import read_any
 from viscera.touch import load
 
@@ -38,6 +39,7 @@ def run(args: argparse.Namespace, output: Output) -> Outcome:
     """Serve until Ctrl-C, or export."""
     written = [("--export", path) for path in _exported(args.export)]
     output.spare([args.model], *written)
+    require(args.model, MODEL, CASE)
     if is_case(args.model):
         output.spare(read_any(args.model).files, *written)
     if args.export is not None:
@@ -110,7 +112,7 @@ def show(model: str, output: Output, port: int = 0, *, opens_browser: bool = Tru
 
 def is_case(path: str) -> bool:
     """Whether a path names a case file."""
-    return Path(path).suffix == ".toml"
+    return kind_of(path) == CASE
 
 
 def name_of(model: str) -> str:

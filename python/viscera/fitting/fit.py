@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 CONFIDENCE = 0.95
 
 
+class Undetermined(VisceraError):
+    """The tests do not determine the parameters of this law; they may determine those of another."""
+
+
 @dataclass(frozen=True)
 class Fit:
     """A law fitted to material tests.
@@ -126,7 +130,7 @@ def fit(
     problem = make(kind, curves, np.sqrt(np.asarray(weights, dtype=float)), poisson, incompressible)
     n, p = len(problem.target), len(kind.names)
     if n <= p:
-        raise VisceraError(f"{kind.name} has {p} parameters; {n} measured points cannot determine them")
+        raise Undetermined(f"{kind.name} has {p} parameters; {n} measured points cannot determine them")
     return _result(problem)
 
 
@@ -154,16 +158,22 @@ def _result(problem: Problem) -> Fit:
 
     found = problem.best()
     coefficients, exponents = problem.split(found)
-    if not (np.isfinite(coefficients).all() and np.abs(coefficients).max() > 0.0):
-        raise VisceraError(
+    free = problem.free(found)
+    is_any = np.abs(coefficients).max() > 0.0 and free[: len(coefficients)].any()
+    if not (np.isfinite(coefficients).all() and is_any):
+        raise Undetermined(
             f"{problem.kind.name} cannot follow these curves: all coefficients vanish within their bounds"
         )
     values = np.concatenate([coefficients, exponents])
-    law = problem.law(found)
+    try:
+        law = problem.law(found)
+    except VisceraError as error:  # at the end of a bound that is open
+        raise Undetermined(
+            f"{problem.kind.name} cannot follow these curves: the best would be none ({error})"
+        ) from None
     stress, jacobian = problem.derivatives(found)
     n, p = len(problem.target), len(values)
     sse = float(((stress - problem.target) ** 2).sum())
-    free = problem.free(found)
     half = np.full(p, np.nan)
     spread = _spread(problem.weight[:, None] * jacobian[:, free], problem.weight * (stress - problem.target), n - p)
     if spread is not None:

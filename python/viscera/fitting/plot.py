@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from viscera.atomic import replacing
 from viscera.curves import COLOURS, MODES
+from viscera.filekind import check_picture
 from viscera.picture import INK, PAPER
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 def draw(fit: Fit, path: str | os.PathLike[str] | None = None) -> Figure:
     """A panel for each deformation: points measured, line fitted."""
+    check_picture(path)
     modes = list(dict.fromkeys(test.mode for test in fit.tests))
     figure = Figure(figsize=(4.8 * len(modes), 3.8), dpi=150, facecolor=PAPER, layout="constrained")
     FigureCanvasAgg(figure)

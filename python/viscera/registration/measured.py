@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from viscera import surfacefile
 from viscera.errors import VisceraError
 from viscera.mesh import Floats
 from viscera.meshfile import metres_per_unit
@@ -35,7 +36,7 @@ def read_cloud(path: str | os.PathLike[str], units: str | float = "m") -> Floats
     ending = path.suffix.lower()
     if ending not in CLOUDS:
         raise VisceraError(f"{path}: unknown format of a cloud; the formats are {', '.join(CLOUDS)}")
-    points = _positions(path)[1] if ending == ".csv" else _points_of(path, ending)
+    points = _positions(path)[1] if ending == ".csv" else np.unique(surfacefile.read(path)[0], axis=0)
     if not len(points):
         raise VisceraError(f"{path}: it has no points")
     if not np.isfinite(points).all():
@@ -71,13 +72,3 @@ def _positions(path: Path, *others: str) -> tuple[list[str], Floats]:
     places = [[number(path, line, names[k], row[k]) for k in where] for line, row in rows]
     words = [row[names.index(name)] for _, row in rows for name in others]
     return words, np.array(places, dtype=float).reshape(-1, 3)
-
-
-def _points_of(path: Path, ending: str) -> Floats:
-    import meshio
-
-    try:
-        found = {".ply": meshio.ply, ".obj": meshio.obj, ".stl": meshio.stl}[ending].read(str(path))
-    except (Exception, SystemExit) as error:  # the readers of meshio raise whatever their parser meets
-        raise VisceraError(f"{path}: not a readable {ending} file ({type(error).__name__}: {error})") from error
-    return np.unique(np.asarray(found.points, dtype=np.float64).reshape(-1, 3), axis=0)
