@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viscera.atomic import replacing
-from viscera.filekind import check_picture
 from viscera.errors import VisceraError, did_you_mean
+from viscera.filekind import check_picture
 from viscera.mesh import Floats
 
 if TYPE_CHECKING:

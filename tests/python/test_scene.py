@@ -171,7 +171,7 @@ def test_organs_lie_on_a_table() -> None:
             lambda a, b: vs.Scene({"a": a, "b": b}, bonds=[vs.Bond(("a", "base"), "b")]),
             "no triangle of the one surface",
         ),
-        (lambda a, b: vs.Scene({"a": a}, contacts=wrong(vs.ContactPair("a"))), r"list of ContactPair.*, got ContactPair\(a\)"),
+        (lambda a, b: vs.Scene({"a": a}, contacts=wrong(vs.ContactPair("a"))), r"ContactPair.*, got ContactPair\(a\)"),
         (lambda a, b: vs.Scene({"a": a}, bonds=wrong(vs.Bond("a", "b"))), "the bonds of a scene must be a list"),
         (lambda a, b: vs.Scene({"a": a}, bodies=wrong(None)), "the bodies of a scene must be a list"),
         (lambda a, b: vs.Bond("a", WRONG), "a side of a bond must be the name of an organ"),
