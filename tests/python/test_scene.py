@@ -324,6 +324,18 @@ def test_friction_begins_where_surfaces_first_touch() -> None:
     assert frame.force(pair)[0] > 0.1 * -frame.force(pair)[2]
 
 
+def test_short_load_steps_settle_with_friction() -> None:
+    """The stretch that a short step leaves of the springs of friction is not lost in the rounding of places."""
+    soft = vs.ElasticSupport("top", stiffness=2e3)
+    lower, upper = (vs.Organ(block(2), SOFT, fixed="base"), vs.Organ(block(3, 1.05 * SIDE), SOFT, supports=[soft]))
+    scene = vs.Scene({"lower": lower, "upper": upper}, contacts=[vs.ContactPair("lower", "upper", friction=0.3)])
+    push = {scene.place("upper", "top"): (0.4, 0.0, -1.6)}
+    states = [scene.solve(force=push, steps=steps) for steps in (16, 256)]
+    assert all(state.is_converged for state in states)
+    moved = states[1].max_displacement
+    assert abs(states[1].displacement - states[0].displacement).max() < 0.02 * moved
+
+
 def test_a_pair_is_that_of_its_scene() -> None:
     scene = pile()
     (pair,) = scene.contacts

@@ -12,6 +12,9 @@ use crate::mesh::{dot, norm, sub};
 /// Cosine between the directions of a slide in two iterations above which they count as the same.
 const STEADY: f64 = 0.5;
 
+/// Rise over a plane, relative to the distance from the origin, that is rounding.
+const FLAT: f64 = 8.0 * f64::EPSILON;
+
 /// How far below its bound, relative to it, friction is at the bound.
 const ROUNDING: f64 = 1e-6;
 
@@ -89,18 +92,26 @@ impl Tie {
     }
 }
 
-/// The stretch of a tie with this offset, at this gap.
-pub(super) fn stretch(offset: [f64; 3], gap: f64) -> f64 {
-    let size = norm(offset);
-    ((size + gap) * (size - gap)).max(0.0).sqrt()
+/// The tie of a sample at a place, `offset` away from the point that it is tied to, with the gap along the normal: `y - a`, and
+/// the stretch `s^2 = |y - a|^2 + 2 g n . (y - a)`. On a plane the last product is rounding of the place, which would be most of
+/// what is left of a small stretch.
+pub(super) fn stretch(
+    place: [f64; 3],
+    offset: [f64; 3],
+    normal: [f64; 3],
+    gap: f64,
+) -> ([f64; 3], f64) {
+    let along = sub(offset, normal.map(|n| gap * n));
+    let rise = dot(normal, along);
+    let rise = if rise.abs() > FLAT * norm(place) { rise } else { 0.0 };
+    (along, (dot(along, along) + 2.0 * gap * rise).max(0.0).sqrt())
 }
 
 impl Meeting {
     /// Ties the sample, `offset` away from the point it is tied to; it slid this way in the tangent before.
     pub fn tie(&mut self, mut tie: Tie, offset: [f64; 3], slid: [f64; 3]) {
         tie.offset = offset;
-        tie.along = sub(offset, self.normal.map(|n| self.gap * n));
-        tie.stretch = stretch(offset, self.gap);
+        (tie.along, tie.stretch) = stretch(self.place, offset, self.normal, self.gap);
         let [energy, _, pull] = spring(tie.stretch, tie.stiffness, tie.bound);
         let size = norm(tie.along);
         let is_steady = dot(tie.along, slid) > STEADY * size;

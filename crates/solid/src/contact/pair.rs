@@ -258,8 +258,9 @@ impl ActivePair {
             let Some((_, tie)) = ties.next_if(|&(of, _)| of == number) else { continue };
             let Some((triangle, weights)) = sample.tied else { continue };
             let (_, tied) = self.point_of_other(triangle, weights, &places);
-            let offset = sub(self.place_of(sample, &places), tied);
-            let stretch = stretch(offset, found.map_or(0.0, |(_, gap)| gap.gap));
+            let place = self.place_of(sample, &places);
+            let (normal, gap) = found.map_or(([0.0; 3], 0.0), |(_, gap)| (gap.normal, gap.gap));
+            let (_, stretch) = stretch(place, sub(place, tied), normal, gap);
             energy += spring(stretch, tie.stiffness, tie.bound)[0];
         }
         energy
