@@ -2,7 +2,7 @@
 
 use super::Material;
 use crate::error::Error;
-use viscera_number::tensor::Mat3;
+use viscera_number::tensor::{Mat3, sub, transpose_mul};
 
 /// Stress at rest that is rounding, as a part of the moduli.
 const AT_REST: f64 = 1e-9;
@@ -77,29 +77,19 @@ pub(super) fn check(material: &Material, row: &[f64]) -> Result<(), Error> {
     Ok(())
 }
 
-/// A small strain that lowers the energy: the first whose pivot of the stiffness at rest is not positive, with those before
-/// it as they yield to it.
-#[allow(non_snake_case)]
+/// A small strain that lowers the energy: the strain of 1 in the first component whose pivot of the stiffness at rest is not
+/// positive, with those before it such that they bear nothing.
 fn lowers(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
     let [shear, bulk] = material.moduli(row);
-    let (_, A) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
-    let strain = |k: usize| -> [f64; 6] { std::array::from_fn(|i| f64::from(u8::from(i == k))) };
-    let unit = |k: usize| -> Mat3<f64> {
-        let with = stretched(&strain(k), 1.0);
-        std::array::from_fn(|i| std::array::from_fn(|j| with[i][j] - f64::from(u8::from(i == j))))
-    };
-    let tangent = |[i, j, k, l]: [usize; 4]| if j <= l { A[j][l][i][k] } else { A[l][j][k][i] };
-    let entry = |a: usize, b: usize| -> f64 {
-        let (left, right) = (unit(a), unit(b));
-        let all = (0..81).map(|n| [n / 27, n / 9 % 3, n / 3 % 3, n % 3]);
-        all.map(|at| left[at[0]][at[1]] * tangent(at) * right[at[2]][at[3]]).sum()
-    };
-    let mut stiffness: [[f64; 6]; 6] =
-        std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b)));
-    let full = stiffness;
+    let mut stiffness = stiffness_at_rest(material, row);
     for k in 0..6 {
         if !(stiffness[k][k] > LEAST_PIVOT * (shear + bulk)) {
-            return Some(yielding(&full, k));
+            let mut strain = component(k);
+            for i in (0..k).rev() {
+                let rest: f64 = (i + 1..=k).map(|j| stiffness[i][j] * strain[j]).sum();
+                strain[i] = -rest / stiffness[i][i];
+            }
+            return Some(strain);
         }
         for i in k + 1..6 {
             let factor = stiffness[i][k] / stiffness[k][k];
@@ -111,15 +101,23 @@ fn lowers(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
     None
 }
 
-/// The strain of 1 in component `k` with those before it such that they bear nothing.
-fn yielding(stiffness: &[[f64; 6]; 6], k: usize) -> [f64; 6] {
-    let mut strain: [f64; 6] = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-    // Gauss and Seidel; the block before `k` is positive definite.
-    for i in (0..200 * k).map(|n| n % k.max(1)) {
-        let rest: f64 = (0..=k).filter(|&j| j != i).map(|j| stiffness[i][j] * strain[j]).sum();
-        strain[i] = -rest / stiffness[i][i];
-    }
-    strain
+/// `e_a : A : e_b` at rest, with the strains `e` of single components [Pa].
+#[allow(non_snake_case)]
+fn stiffness_at_rest(material: &Material, row: &[f64]) -> [[f64; 6]; 6] {
+    let (_, A) = material.tangent(row, &stretched(&[0.0; 6], 0.0));
+    let tangent = |[i, j, k, l]: [usize; 4]| if j <= l { A[j][l][i][k] } else { A[l][j][k][i] };
+    let strain = |a: usize| sub(&stretched(&component(a), 1.0), &stretched(&[0.0; 6], 0.0));
+    let entry = |a: usize, b: usize| -> f64 {
+        let (left, right) = (strain(a), strain(b));
+        let all = (0..81).map(|n| [n / 27, n / 9 % 3, n / 3 % 3, n % 3]);
+        all.map(|at| left[at[0]][at[1]] * tangent(at) * right[at[2]][at[3]]).sum()
+    };
+    std::array::from_fn(|a| std::array::from_fn(|b| entry(a, b)))
+}
+
+/// The strain of 1 in one component.
+fn component(k: usize) -> [f64; 6] {
+    std::array::from_fn(|i| f64::from(u8::from(i == k)))
 }
 
 /// Whether energy and stress are numbers for turns of the body at rest and for strains of the size of rounding.
@@ -128,7 +126,7 @@ fn has_values(material: &Material, row: &[f64]) -> bool {
         let odd = |k: u32| (f64::from(turn * 7 + k) * 12.9898).sin();
         let strain = std::array::from_fn(|k| odd(k as u32));
         let turned = rotation(f64::from(turn), odd(6));
-        BESIDE.map(|by| multiplied(&turned, &stretched(&strain, by)))
+        BESIDE.map(|by| transpose_mul(&turned, &stretched(&strain, by)))
     };
     let all: Vec<Mat3<f64>> = (0..TURNS).flat_map(beside).collect();
     material.energy_and_stress(row, &all).iter().all(|(energy, stress)| {
@@ -139,22 +137,15 @@ fn has_values(material: &Material, row: &[f64]) -> bool {
 /// A turn about z, then one about x.
 fn rotation(first: f64, second: f64) -> Mat3<f64> {
     let ((s, c), (t, d)) = (first.sin_cos(), second.sin_cos());
-    multiplied(
-        &[[1.0, 0.0, 0.0], [0.0, d, -t], [0.0, t, d]],
-        &[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]],
-    )
-}
-
-fn multiplied(a: &Mat3<f64>, b: &Mat3<f64>) -> Mat3<f64> {
-    std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
+    let about_z = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
+    transpose_mul(&[[1.0, 0.0, 0.0], [0.0, d, t], [0.0, -t, d]], &about_z)
 }
 
 /// A small strain with which the energy does not grow as its square.
 fn jump(material: &Material, row: &[f64]) -> Option<[f64; 6]> {
     let [shear, bulk] = material.moduli(row);
     let energy = |strain: &[f64; 6], by: f64| energy(material, row, stretched(strain, by));
-    let of_axis = |k: usize| -> [f64; 6] { std::array::from_fn(|i| f64::from(u8::from(i == k))) };
-    let strains = (0..6).map(of_axis).chain([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]]);
+    let strains = (0..6).map(component).chain([[1.0, 1.0, 1.0, 0.0, 0.0, 0.0]]);
     let both = strains.flat_map(|strain| [strain, strain.map(|part| -part)]);
     both.into_iter().find(|strain| {
         let [large, small] = STRAINS.map(|by| (energy(strain, by) - energy(strain, 0.0)).abs());

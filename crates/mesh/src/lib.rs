@@ -6,6 +6,7 @@
 mod boxes;
 mod closest;
 mod conformity;
+mod crossing;
 mod locate;
 mod overlap;
 mod patch;
@@ -17,6 +18,7 @@ mod surface;
 
 pub use boxes::Boxes;
 pub use closest::{Closest, TriangleTree, closest_point_on_triangle};
+pub use crossing::crossing;
 pub use locate::{Located, Locator};
 pub use overlap::{Piece, overlap, overlap_of};
 pub use patch::Patch;

@@ -28,7 +28,7 @@ pub struct ContactPair {
     /// Coulomb's coefficient of friction between them; zero for none.
     pub friction: f64,
     /// Which triangles of one surface may touch.
-    own: Option<SelfContact>,
+    self_contact: Option<SelfContact>,
     /// The pairs of nodes that the tangent couples.
     reserved: Vec<[u32; 2]>,
     /// The ends of the edges whose middles are corners.
@@ -86,9 +86,10 @@ impl ContactPair {
                 "the friction coefficient of a contact pair is {friction}; it must be finite and not negative"
             )));
         }
-        let own = is_of_one.then(|| SelfContact::new(points, &surfaces[0], reach));
+        let self_contact = is_of_one.then(|| SelfContact::new(points, &surfaces[0], reach));
         let (reserved, ends) = (Vec::new(), HashMap::new());
-        let mut pair = ContactPair { surfaces, reach, stiffness, friction, own, reserved, ends };
+        let mut pair =
+            ContactPair { surfaces, reach, stiffness, friction, self_contact, reserved, ends };
         pair.reserve(points);
         Ok(pair)
     }
@@ -106,15 +107,15 @@ impl ContactPair {
             let middles = corners.filter(|&&corner| corner as usize >= n_corners);
             self.ends.extend(middles.map(|&node| (node, edges[node as usize - n_corners])));
         }
-        if let Some(own) = &mut self.own {
-            *own = SelfContact::new(points, &self.surfaces[0], self.reach);
+        if let Some(rule) = &mut self.self_contact {
+            *rule = SelfContact::new(points, &self.surfaces[0], self.reach);
         }
         self.reserve(points);
     }
 
     /// Which triangles may touch, if both surfaces are the same.
-    pub fn own(&self) -> Option<&SelfContact> {
-        self.own.as_ref()
+    pub fn self_contact(&self) -> Option<&SelfContact> {
+        self.self_contact.as_ref()
     }
 
     /// The nodes, with their weights, in the place of a corner.
@@ -162,7 +163,8 @@ impl ContactPair {
             let corners = triangle.map(|node| points[node as usize]);
             let nodes = carriers(triangle);
             near.each_near(&corners, self.reach, |k| {
-                if self.own.as_ref().is_some_and(|own| !own.may_touch(number, k as u32)) {
+                if self.self_contact.as_ref().is_some_and(|rule| !rule.may_touch(number, k as u32))
+                {
                     return;
                 }
                 for &a in &nodes {

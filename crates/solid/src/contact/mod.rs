@@ -221,8 +221,8 @@ impl Contact {
 
     /// Whether something with friction touched in this step that was out of reach at its start: a shorter step tells better
     /// where it came down.
-    pub fn is_late(&self) -> bool {
-        self.pairs.iter().any(ActivePair::is_late)
+    pub fn was_out_of_reach(&self) -> bool {
+        self.pairs.iter().any(ActivePair::was_out_of_reach)
     }
 
     /// The part of a step from `u`, at most 1, that leads no surface much deeper into a tool or into the other of its pair.

@@ -6,7 +6,7 @@
 //! pieces are found anew while a step converges. A surface that touches itself is both: each of two triangles is sampled, with
 //! half the area.
 
-mod own;
+mod candidate_list;
 mod pieces;
 mod rubbing;
 mod steps;
@@ -21,8 +21,8 @@ use super::tool::Report;
 use super::weighted_nodes::WeightedNodes;
 use crate::body::{BlockPattern, Body, ContactPair, Curvature, SymmetricBlocks};
 use crate::error::Error;
-use crate::mesh::{cross, diagonal, norm, sub};
-use own::{Own, crossing};
+use crate::mesh::{cross, crossing, diagonal, norm, sub};
+use candidate_list::CandidateList;
 
 /// Largest depth of one surface in the other at rest, over the diagonal of both: rounding of a mesh.
 const SHALLOW: f64 = 1e-4;
@@ -37,8 +37,8 @@ pub(super) struct ActivePair {
     /// The sampled surface and the other, by the place of their corners in `corners`.
     sampled: Facets,
     other: Facets,
-    /// If they are the same.
-    own: Option<Own>,
+    /// If both are the same.
+    self_contact: Option<CandidateList>,
     /// Areas at rest [m^2] of the triangles of the sampled surface, half of them if both surfaces are the same.
     areas: Vec<f64>,
     /// The layers on the triangles of both.
@@ -57,7 +57,7 @@ pub(super) struct ActivePair {
     is_kept: bool,
     friction: Friction,
     /// Whether a sample touched in this step that was out of reach at its start: where it came down is not known well.
-    is_late: bool,
+    was_out_of_reach: bool,
     /// The places at the start of the step.
     start: Vec<[f64; 3]>,
     /// The stretch of the springs at the end of the last step, and which way samples slid in the last tangent.
@@ -109,8 +109,9 @@ impl ActivePair {
             };
             triangles.iter().map(layer).collect()
         });
-        let own = pair.own().map(|rule| Own::new(rule.clone(), pair.reach));
-        let (share, sign) = match (&own, finer) {
+        let self_contact =
+            pair.self_contact().map(|rule| CandidateList::new(rule.clone(), pair.reach));
+        let (share, sign) = match (&self_contact, finer) {
             (Some(_), _) => (0.5, 0.0),
             (None, 0) => (1.0, 1.0),
             (None, _) => (1.0, -1.0),
@@ -127,7 +128,7 @@ impl ActivePair {
             rest,
             sampled,
             other,
-            own,
+            self_contact,
             areas,
             layers,
             reach: pair.reach,
@@ -139,7 +140,7 @@ impl ActivePair {
             is_placed: false,
             is_kept: false,
             friction: Friction::Coulomb(pair.friction),
-            is_late: false,
+            was_out_of_reach: false,
             stretches: Carried::default(),
             slides: Carried::default(),
             touching: Vec::new(),
@@ -153,8 +154,8 @@ impl ActivePair {
     /// Surfaces that overlap at rest, or one that crosses itself.
     pub fn check(&self, number: usize) -> Result<(), Error> {
         let allowed = SHALLOW * diagonal(&self.rest);
-        if self.own.is_some() {
-            return match crossing(self.sampled.triangles(), &self.rest, allowed) {
+        if self.self_contact.is_some() {
+            return match crossing(&self.rest, self.sampled.triangles(), allowed) {
                 Some(x) => Err(Error::input(format!(
                     "the surface of contact pair {number} crosses itself at rest at the point ({:.6}, {:.6}, {:.6}) m; \
                      correct the mesh",
@@ -193,7 +194,7 @@ impl ActivePair {
     pub fn begin(&mut self, u: &[f64]) {
         self.start = self.places_at(u);
         self.renewals = 0;
-        self.is_late = false;
+        self.was_out_of_reach = false;
         self.is_placed = false;
         self.renewed.clear();
     }
@@ -207,8 +208,8 @@ impl ActivePair {
         (self.places, self.is_placed) = (places, true);
         self.touching.clear();
         self.gap = f64::INFINITY;
-        if let Some(own) = &mut self.own {
-            own.list(self.sampled.triangles(), &self.places);
+        if let Some(candidates) = &mut self.self_contact {
+            candidates.update(self.sampled.triangles(), &self.places);
         }
         if self.are_apart(&self.places) {
             self.samples.clear();
@@ -277,8 +278,8 @@ impl ActivePair {
         self.friction
     }
 
-    pub fn is_late(&self) -> bool {
-        self.is_late
+    pub fn was_out_of_reach(&self) -> bool {
+        self.was_out_of_reach
     }
 
     /// Whether a sample touches.

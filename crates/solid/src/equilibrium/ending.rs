@@ -24,7 +24,7 @@ pub(super) enum Cut {
         shape: &'static str,
     },
     /// Surfaces rub that were out of reach at the start of the load step.
-    Late,
+    OutOfReach,
     /// None could be made for the wider pattern of surfaces that have come to touch.
     Solver(Error),
     /// Conjugate gradients would take longer than a factor.
@@ -132,7 +132,9 @@ impl Cut {
                 "tool {tool}, {shape}, goes into the organ between the samples of its surface; give the surface \
                  shorter edges there, or take a blunter tool"
             ),
-            Cut::Late => "surfaces rub that were out of reach at the start of the load step".into(),
+            Cut::OutOfReach => {
+                "surfaces rub that were out of reach at the start of the load step".into()
+            }
             Cut::Factor(error) => error.to_string(),
             Cut::Solver(error) => error.to_string(),
             Cut::Spent | Cut::Doubtful => "conjugate gradients did not converge".into(),

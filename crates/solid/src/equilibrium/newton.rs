@@ -141,7 +141,7 @@ impl Newton {
                 }
                 Err(Cut::Cancelled) => return Err(Error::Cancelled),
                 Err(Cut::Solver(error)) => return Err(error),
-                Err(cut) if run.is_for_a_factor(&cut) => run.hand_over().map_err(Error::Factor)?,
+                Err(cut) if run.needs_factor(&cut) => run.hand_over().map_err(Error::Factor)?,
                 Err(cut) => {
                     step = 0.5 * step.min(run.tried);
                     run.follows_series = true;

@@ -82,7 +82,7 @@ impl ActivePair {
             };
             samples.extend(RULE.map(sample));
         }
-        let mut is_far = vec![self.own.is_none(); own.len()];
+        let mut is_far = vec![self.self_contact.is_none(); own.len()];
         near.iter().for_each(|&triangle| is_far[triangle as usize] = false);
         self.far = (0u32..).zip(is_far).filter(|(_, is_far)| *is_far).map(|(t, _)| t).collect();
         self.samples = samples;
@@ -91,8 +91,8 @@ impl ActivePair {
     /// The triangles of the sampled surface that are near the other, ascending, and the pairs of them and of triangles of the
     /// other that may have common pieces.
     fn near(&self) -> (Vec<u32>, Vec<[u32; 2]>) {
-        if let Some(own) = &self.own {
-            return (own.near(), own.pairs().to_vec());
+        if let Some(candidates) = &self.self_contact {
+            return (candidates.triangles(), candidates.pairs().to_vec());
         }
         let boxes = Boxes::new(&self.places, self.other.triangles());
         let (mut near, mut pairs) = (Vec::new(), Vec::new());
@@ -131,7 +131,7 @@ impl ActivePair {
             }
             _ => closest,
         };
-        if self.own.is_some() && !faces(&gap) {
+        if self.self_contact.is_some() && !faces(&gap) {
             return None;
         }
         Some((place, gap))
@@ -139,7 +139,8 @@ impl ActivePair {
 
     /// What a sample may touch.
     pub(super) fn candidates(&self, sample: &Sample) -> Candidates<'_> {
-        self.own.as_ref().map_or(Candidates::All, |own| own.candidates(sample.triangle))
+        let list = self.self_contact.as_ref();
+        list.map_or(Candidates::All, |list| list.candidates(sample.triangle))
     }
 
     pub(super) fn place_of(&self, sample: &Sample, places: &[[f64; 3]]) -> [f64; 3] {

@@ -35,20 +35,20 @@ impl ActivePair {
             return;
         }
         let (before, now) = (self.other.at(&self.start), self.other.at(&self.places));
-        let (mut found, mut n_late) = (Vec::with_capacity(new.len()), 0);
+        let (mut found, mut n_far) = (Vec::with_capacity(new.len()), 0);
         for &number in &new {
             let sample = &self.samples[number];
             let behind = self.stretches.nearest(sample.triangle, sample.weights);
             let start = sub(self.place_of(sample, &self.start), behind.unwrap_or([0.0; 3]));
             let candidates = self.candidates(sample);
             let closest = before.closest(start, self.reach, candidates).or_else(|| {
-                n_late += 1;
+                n_far += 1;
                 now.closest(self.place_of(sample, &self.places), self.reach, candidates)
             });
             found.push(closest.map(|closest| (closest.triangle as usize, closest.barycentric)));
         }
         drop((before, now));
-        self.is_late |= n_late > 0;
+        self.was_out_of_reach |= n_far > 0;
         for (number, tied) in new.into_iter().zip(found) {
             self.samples[number].tied = tied;
         }

@@ -24,7 +24,7 @@ impl ActivePair {
             return most;
         }
         let other = self.other.at(&places);
-        let mut longest = if self.own.is_some() { most.min(1.0) } else { 1.0 };
+        let mut longest = if self.self_contact.is_some() { most.min(1.0) } else { 1.0 };
         for sample in &self.samples {
             let place = self.place_of(sample, &places);
             let own =
@@ -90,16 +90,16 @@ impl ActivePair {
 
     /// Whether the surfaces are too far apart to touch.
     pub(super) fn are_apart(&self, places: &[[f64; 3]]) -> bool {
-        match &self.own {
-            Some(own) => own.is_apart(),
+        match &self.self_contact {
+            Some(candidates) => candidates.is_empty(),
             None => self.separation(places) > self.reach,
         }
     }
 
     /// How far apart the surfaces are at least, or what of one surface is not listed as near [m].
     fn apart(&self, places: &[[f64; 3]]) -> f64 {
-        match &self.own {
-            Some(own) => own.apart(places),
+        match &self.self_contact {
+            Some(candidates) => candidates.clearance(places),
             None => self.separation(places),
         }
     }

@@ -15,7 +15,7 @@ const NEAR: f64 = 0.02;
 const AT: f64 = 1e-6;
 
 /// Load steps above this part of the load are cut where something rubs that was out of reach at their start.
-const SHORT: f64 = 1.0 / 64.0;
+const FINE: f64 = 1.0 / 64.0;
 
 /// Smallest part of the motion of prescribed displacements that a step takes, as far as contact lets it: another one follows.
 /// Friction, which depends on the path, takes none but the whole; the load step is cut in place of that.
@@ -72,8 +72,8 @@ impl<'a> Run<'a> {
         if stop != Stop::Converged {
             return Err(Cut::Iterations { residual: step.norm });
         }
-        if step.run.contact.is_late() && step.run.tried > SHORT {
-            return Err(Cut::Late);
+        if step.run.contact.was_out_of_reach() && step.run.tried > FINE {
+            return Err(Cut::OutOfReach);
         }
         let unstable = step.verdict()?;
         let LoadStep { load, u, multipliers, history, steps, passed, .. } = step;
@@ -144,7 +144,7 @@ impl<'r, 'a> LoadStep<'r, 'a> {
         if !has_series || is_sound {
             return Ok(false);
         }
-        if run.is_wary() {
+        if run.defers_to_factor() {
             // A body that bends so far needs many solves that are exact.
             return Err(Cut::Doubtful);
         }
@@ -211,7 +211,7 @@ impl Iteration for LoadStep<'_, '_> {
         let clock = Instant::now();
         let mut solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
         while let Err(Cut::Doubtful) = solved
-            && !self.run.doubts()
+            && !self.run.is_doubtful()
         {
             self.run.lift(last_shift)?;
             solved = self.run.newton_step(&self.u, &self.residual, self.load, is_leading);
@@ -229,7 +229,8 @@ impl Iteration for LoadStep<'_, '_> {
         self.run.seconds.solve += clock.elapsed().as_secs_f64();
         let length = if is_leading {
             let part = self.run.contact.longest(&self.u, &step);
-            if part < if self.run.contact.has_friction() { 1.0 } else { SHORTEST } {
+            let least = if self.run.contact.has_friction() { 1.0 } else { SHORTEST };
+            if part < least {
                 return Err(Cut::NoDescent { residual: self.norm });
             }
             self.is_led = part < 1.0;

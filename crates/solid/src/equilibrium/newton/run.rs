@@ -164,26 +164,29 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Whether conjugate gradients that were chosen automatically only do what they do well. Where something touches, tangents
-    /// that are to be shifted and load steps that are cut are common, and with a factor there would be as many.
-    pub(super) fn is_wary(&self) -> bool {
+    /// Whether conjugate gradients that were chosen automatically leave a difficult load step to a factor. In contact they do
+    /// not: tangents that need a shift and load steps that are cut are as common there with a factor.
+    pub(super) fn defers_to_factor(&self) -> bool {
         self.budget.is_some() && self.contact.is_empty()
     }
 
-    /// Whether a factor goes on after a cut: always where conjugate gradients are to be wary, else where they cannot tell
+    /// Whether a factor goes on after a cut: after any one outside contact, in contact where conjugate gradients cannot tell
     /// whether an equilibrium is stable.
-    pub(super) fn is_for_a_factor(&self, cut: &Cut) -> bool {
-        self.is_wary() || self.budget.is_some() && matches!(cut, Cut::Doubtful)
+    pub(super) fn needs_factor(&self, cut: &Cut) -> bool {
+        self.defers_to_factor() || self.budget.is_some() && matches!(cut, Cut::Doubtful)
     }
 
     /// Whether a tangent that is not positive definite is a matter for a factor.
-    pub(super) fn doubts(&self) -> bool {
-        self.is_wary() && (self.is_near || self.negative_curvature == NegativeCurvature::Refused)
+    pub(super) fn is_doubtful(&self) -> bool {
+        self.defers_to_factor()
+            && (self.is_near || self.negative_curvature == NegativeCurvature::Refused)
     }
 
     /// Whether the line search follows a direction of negative curvature.
-    pub(super) fn follows(&self) -> bool {
-        self.is_wary() && !self.is_near && self.negative_curvature == NegativeCurvature::Followed
+    pub(super) fn follows_negative_curvature(&self) -> bool {
+        self.defers_to_factor()
+            && !self.is_near
+            && self.negative_curvature == NegativeCurvature::Followed
     }
 
     /// Whether the last tangent is positive definite, as far as conjugate gradients can tell that were chosen

@@ -34,7 +34,7 @@ impl Run<'_> {
             else {
                 return Err(Cut::Factor(error));
             };
-            if self.doubts() {
+            if self.is_doubtful() {
                 return Err(Cut::Doubtful);
             }
             unstable = unstable.or(Some(row));
@@ -124,7 +124,7 @@ impl Run<'_> {
         self.linear_iterations += solved.iterations;
         self.spent += solved.iterations;
         if let Some(budget) = self.budget {
-            if solved.indefinite.is_some() && !self.follows() {
+            if solved.indefinite.is_some() && !self.follows_negative_curvature() {
                 return Err(Cut::Doubtful);
             }
             if !solved.is_complete && solved.indefinite.is_none() || self.spent > budget {

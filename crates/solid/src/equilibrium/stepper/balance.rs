@@ -1,6 +1,6 @@
 //! The residual before a step, with the motion of the hands and inertia, and after it.
 
-use super::pressed::Outset;
+use super::pressed::Linearization;
 use super::{Input, Stepper};
 use crate::body::{Body, Curvature};
 
@@ -94,7 +94,7 @@ impl Stepper {
     /// What is out of balance where the body is, in `residual`, and its size relative to all nodal forces; with what the
     /// tools feel, and the motion that a frame would end with.
     pub(super) fn measure(&mut self, body: &Body, is_cut: bool) -> f64 {
-        self.press(body, Outset::Here);
+        self.press(body, Linearization::Here);
         let mut scale = square(&self.internal).max(square(&self.external));
         self.inertia.fill(0.0);
         if let Some(motion) = &mut self.motion {
@@ -145,7 +145,7 @@ impl Stepper {
         if let Some(motion) = &mut self.motion {
             if self.contact.touches() {
                 let (u, start) = (&self.displacement, &self.start);
-                motion.land(|dof| u[dof] - start[dof]);
+                motion.end_in_contact(|dof| u[dof] - start[dof]);
             }
             motion.end();
             self.internal.iter_mut().zip(&self.inertia).for_each(|(f, i)| *f += i);

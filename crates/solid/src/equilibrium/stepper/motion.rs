@@ -5,9 +5,9 @@
 //!   Newmark:         c_a = 1/(beta h^2), c_v = gamma/(beta h), a* = v/(beta h) + (1/(2 beta) - 1) a,
 //!                    v* = (gamma/beta - 1) v + h (gamma/(2 beta) - 1) a.
 //! What is held moves with the mean velocity of the frame: a hand's motion is given, and the trapezoidal rule would
-//! make its velocity swing. Newmark's rule would gain energy from every touch, since the forces of contact are those of
-//! the end of a frame. So a frame that begins in touch follows backward Euler, and one that ends in it ends with its mean
-//! velocity.
+//! make its velocity swing. With Newmark's rule every impact would add energy, since the stiff forces of contact are those at
+//! the end of a frame. So a frame that begins in contact follows backward Euler, and one in which contact begins ends with
+//! its mean velocity.
 
 use super::mass::MassMatrix;
 use super::{Dynamics, Integration};
@@ -65,7 +65,7 @@ impl Motion {
         [ca + cv * alpha, 1.0 + cv * beta]
     }
 
-    /// Sets out on a frame, in touch with something or not.
+    /// Begins a frame, in contact with something or not.
     pub fn begin(&mut self, touches: bool, is_held: impl Fn(usize) -> bool) {
         self.rule = if touches { Integration::BackwardEuler } else { self.integration };
         let h = self.time_step;
@@ -94,8 +94,8 @@ impl Motion {
         }
     }
 
-    /// Ends a frame of Newmark's rule in touch.
-    pub fn land(&mut self, increment: impl Fn(usize) -> f64) {
+    /// Ends a frame of Newmark's rule in which contact began.
+    pub fn end_in_contact(&mut self, increment: impl Fn(usize) -> f64) {
         if self.rule != Integration::BackwardEuler {
             self.soften(increment);
         }

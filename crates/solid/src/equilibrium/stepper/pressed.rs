@@ -10,7 +10,7 @@ use crate::error::Error;
 
 /// How the tools of a frame are linearized.
 #[derive(Clone, Copy)]
-pub(super) enum Outset {
+pub(super) enum Linearization {
     /// Where body and tools are.
     Here,
     /// Tools lead what they touched: the first step from the last state.
@@ -35,16 +35,16 @@ impl Stepper {
     }
 
     /// The external forces at the displacement, those of tools and torques among them.
-    pub(super) fn press(&mut self, body: &Body, outset: Outset) {
+    pub(super) fn press(&mut self, body: &Body, linearization: Linearization) {
         self.external.copy_from_slice(&self.dead);
         self.pressure.add_force(body, &self.displacement, 1.0, &mut self.external);
         for torque in &self.torques {
             torque.add_force(body, &self.displacement, &mut self.external);
         }
-        match outset {
-            Outset::Here => self.contact.linearize(&self.displacement),
-            Outset::Led => self.contact.lead(&self.displacement),
-            Outset::Ahead(part) => self.contact.linearize_ahead(&self.displacement, part),
+        match linearization {
+            Linearization::Here => self.contact.linearize(&self.displacement),
+            Linearization::Led => self.contact.lead(&self.displacement),
+            Linearization::Ahead(part) => self.contact.linearize_ahead(&self.displacement, part),
         }
         self.contact.add_force(&mut self.external);
     }

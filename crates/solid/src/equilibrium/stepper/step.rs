@@ -3,7 +3,7 @@
 //! all the same are held by a barrier, see [`VolumeBarrier`](super::barrier::VolumeBarrier).
 
 use super::contact::{LEAST_PART, MAX_RETURNS, OVERSHOT};
-use super::pressed::Outset;
+use super::pressed::Linearization;
 use super::{Input, Stepper, StepperSettings};
 use crate::body::{Body, Curvature};
 use crate::clock::Instant;
@@ -201,12 +201,12 @@ impl Stepper {
             self.barrier.add_force(body, &mut self.internal);
             self.barrier.add_stiffness(body, self.tangent.blocks_mut());
         }
-        let outset = match is_first {
-            true if self.ahead > 0.0 => Outset::Ahead(self.ahead),
-            true if self.was_settled => Outset::Led,
-            _ => Outset::Here,
+        let linearization = match is_first {
+            true if self.ahead > 0.0 => Linearization::Ahead(self.ahead),
+            true if self.was_settled => Linearization::Led,
+            _ => Linearization::Here,
         };
-        self.press(body, outset);
+        self.press(body, linearization);
         self.stiffen(body);
         if curvature == Curvature::Projected {
             self.convex = clock.elapsed();

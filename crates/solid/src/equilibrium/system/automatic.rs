@@ -99,18 +99,18 @@ pub struct Choice {
     /// Iterations of conjugate gradients in a load step beyond which it is a factor's turn; none where the caller
     /// chose, and for a factor.
     pub budget: Option<usize>,
-    /// Of conjugate gradients that were chosen automatically.
+    /// What chosen conjugate gradients do far from equilibrium where a tangent is not positive definite.
     pub negative_curvature: NegativeCurvature,
 }
 
-/// What conjugate gradients do where a tangent far from equilibrium is not positive definite.
+/// What is done about a direction of negative curvature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum NegativeCurvature {
-    /// They leave it to a factor.
+    /// A factor takes over.
     Refused,
-    /// They shift it.
+    /// The tangent is shifted.
     Shifted,
-    /// They follow the direction that shows it: a lagged factor would be renewed for every shift.
+    /// The line search follows the direction: a lagged factor would be renewed for every shift.
     Followed,
 }
 

@@ -1,14 +1,15 @@
-//! One surface that may touch itself: which of its triangles are near each other.
+//! Candidates for self-contact: which triangles of one surface may touch and are near each other. The list is made for more
+//! than the reach, and serves until the surface has moved (Verlet, Phys. Rev. 159 (1967) 98).
 
 use crate::body::SelfContact;
 use crate::contact::facets::Candidates;
-use crate::mesh::{Boxes, Sphere, cross, dot, norm, sub};
+use crate::mesh::{Boxes, Sphere, norm, sub};
 
 /// How much farther than the reach triangles are listed, over the reach: the list serves until they have moved half as far.
 const MARGIN: f64 = 1.0;
 
-/// A surface that may touch itself.
-pub(super) struct Own {
+/// Candidates for self-contact of a surface.
+pub(super) struct CandidateList {
     rule: SelfContact,
     reach: f64,
     /// Pairs of triangles that may touch and are near each other, each pair both ways, in the order of the first.
@@ -19,9 +20,10 @@ pub(super) struct Own {
     listed: Vec<[f64; 3]>,
 }
 
-impl Own {
+impl CandidateList {
     pub fn new(rule: SelfContact, reach: f64) -> Self {
-        Own { rule, reach, near: Vec::new(), starts: Vec::new(), listed: Vec::new() }
+        let (near, starts, listed) = (Vec::new(), Vec::new(), Vec::new());
+        CandidateList { rule, reach, near, starts, listed }
     }
 
     /// What a point on a triangle may touch.
@@ -30,8 +32,8 @@ impl Own {
         Candidates::Near { rule: &self.rule, triangle, pairs: &self.near[near] }
     }
 
-    /// Lists what is near at these places, if the surface has moved so far that it may be something else.
-    pub fn list(&mut self, triangles: &[[u32; 3]], places: &[[f64; 3]]) {
+    /// Makes the list anew if the surface has moved so far that it may lack something at these places.
+    pub fn update(&mut self, triangles: &[[u32; 3]], places: &[[f64; 3]]) {
         if self.slack(places) >= 0.0 {
             return;
         }
@@ -57,8 +59,8 @@ impl Own {
         self.listed.extend_from_slice(places);
     }
 
-    /// How far apart what is not listed is at these places, at least [m].
-    pub fn apart(&self, places: &[[f64; 3]]) -> f64 {
+    /// How far apart triangles that are not listed are at these places, at least [m].
+    pub fn clearance(&self, places: &[[f64; 3]]) -> f64 {
         self.reach + 2.0 * self.slack(places)
     }
 
@@ -71,8 +73,8 @@ impl Own {
         0.5 * MARGIN * self.reach - moved.fold(0.0, f64::max)
     }
 
-    /// Whether nothing that may touch is near.
-    pub fn is_apart(&self) -> bool {
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
         self.near.is_empty()
     }
 
@@ -81,51 +83,8 @@ impl Own {
         &self.near
     }
 
-    /// The triangles that something is near to, ascending.
-    pub fn near(&self) -> Vec<u32> {
+    /// The triangles that have a candidate, ascending.
+    pub fn triangles(&self) -> Vec<u32> {
         self.near.chunk_by(|a, b| a[0] == b[0]).map(|pairs| pairs[0][0]).collect()
     }
-}
-
-/// A point at which an edge crosses a triangle of the same surface, farther than `allowed` from the ends of the edge and from
-/// the border of the triangle.
-pub(super) fn crossing(
-    triangles: &[[u32; 3]],
-    points: &[[f64; 3]],
-    allowed: f64,
-) -> Option<[f64; 3]> {
-    let boxes = Boxes::new(points, triangles);
-    let mut found = None;
-    for triangle in triangles {
-        let corners = triangle.map(|corner| points[corner as usize]);
-        boxes.each_near(&corners, 0.0, |other| {
-            let other = triangles[other];
-            if found.is_some() || other.iter().any(|corner| triangle.contains(corner)) {
-                return;
-            }
-            let ends = |k: usize| [other[k], other[(k + 1) % 3]].map(|end| points[end as usize]);
-            found = (0..3).find_map(|k| crossing_of(corners, ends(k), allowed));
-        });
-        if found.is_some() {
-            break;
-        }
-    }
-    found
-}
-
-/// Where a line between two points crosses a triangle.
-fn crossing_of([a, b, c]: [[f64; 3]; 3], ends: [[f64; 3]; 2], allowed: f64) -> Option<[f64; 3]> {
-    let area = cross(sub(b, a), sub(c, a));
-    let heights = ends.map(|end| dot(sub(end, a), area) / norm(area));
-    if heights[0] * heights[1] >= 0.0 || heights.iter().any(|height| height.abs() < allowed) {
-        return None;
-    }
-    let part = heights[0] / (heights[0] - heights[1]);
-    let x = std::array::from_fn(|i| ends[0][i] + part * (ends[1][i] - ends[0][i]));
-    let is_inside = |from, to| {
-        let along = sub(to, from);
-        let twice = dot(cross(along, sub(x, from)), area) / norm(area);
-        twice > allowed * norm(along)
-    };
-    (is_inside(a, b) && is_inside(b, c) && is_inside(c, a)).then_some(x)
 }
