@@ -30,10 +30,10 @@ class ContactPair:
     first, second: the name of an organ of the scene, or a pair (name, place of its surface). They must not overlap at
         rest by more than rounding. Contact at the rim of a place does not count. Two places of one organ have no node
         in common, and see each other from outside: the front and the back of a thin part are no pair.
-        Without `second`, the first may touch itself wherever it folds: what looks at each other from outside at rest,
-        and all that is more than twice the reach apart, or four times through the tissue. Neighbours and the two
-        sides of a sharp crease do not touch. The force of a surface on itself is zero; area, gap and pressures tell
-        what touches.
+        Without `second`, the first may touch itself: triangles that face each other from outside at rest, however
+        close; the front and the back of a part if they are more than four times the reach apart at rest, all others
+        if more than twice. Neighbours and the two sides of a sharp crease do not touch. The force of a surface on
+        itself is zero; area, gap and pressures tell what touches.
     reach: surfaces that come closer than this are looked at [m], or in words such as "1 cm" or "5%" of the diagonal of
         the smaller organ; by default 5 %, of one surface 2 %. What is farther apart at rest may touch too; the solver
         then analyses its matrix anew.
@@ -90,7 +90,7 @@ class ContactPair:
         return Ties(*NONE.arrays, surfaces=(Surfaces(first, second, reach, self.stiffness, self.friction),))
 
 
-def unknown(tool: Any, of: str, remedy: str) -> VisceraError:
+def unknown_contact(tool: Any, of: str, remedy: str) -> VisceraError:
     """For a tool or a contact pair that a solve or a frame does not know."""
     if isinstance(tool, ContactPair):
         remedy = "take the one in the contacts of its scene; a pickled one is another: pickle the scene with it"

@@ -10,7 +10,7 @@ import numpy as np
 
 from viscera import _core
 from viscera.contact import Contact, Instrument, Tool
-from viscera.contact_pair import ContactPair, unknown
+from viscera.contact_pair import ContactPair, unknown_contact
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -154,7 +154,7 @@ class Frame(Deformed, Pictured):
         for pair, contact in self._pairs:
             if pair.is_same(tool):
                 return contact
-        raise unknown(tool, "frame", "make it by Stepper.tool")
+        raise unknown_contact(tool, "frame", "make it by Stepper.tool")
 
     def force(self, tool: Instrument | Forceps | Hand | ContactPair) -> Floats:
         """Force (3,) of a tool, of both jaws of forceps, or of a hand on the organ [N].

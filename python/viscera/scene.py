@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -265,7 +265,7 @@ class Scene(Organ):
 
 def _list_of(given: Any, name: str, what: str) -> tuple[Any, ...]:
     """What a scene holds together, or raise `VisceraError` if it is no list."""
-    if not isinstance(given, Sequence) or isinstance(given, str):
+    if not isinstance(given, Iterable) or isinstance(given, str):
         raise refused(f"the {name} of a scene", f"a list of {what}", given)
     return tuple(given)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from viscera import _core, statefile
 from viscera.contact import AnyShape, Contact, Tool, contacts
-from viscera.contact_pair import ContactPair, unknown
+from viscera.contact_pair import ContactPair, unknown_contact
 from viscera.deformed import Deformed
 from viscera.display import Pictured
 from viscera.errors import VisceraError
@@ -137,7 +137,7 @@ class State(Deformed, Pictured):
         for pair, contact in self._pairs:
             if pair.is_same(tool):
                 return contact
-        raise unknown(tool, "solve", "name it in contact=[...]")
+        raise unknown_contact(tool, "solve", "name it in contact=[...]")
 
     def force(self, tool: Tool | AnyShape | ContactPair) -> Floats:
         """Force (3,) of a tool on the organ [N]; of a contact pair, see `contact`.

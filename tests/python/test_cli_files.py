@@ -71,6 +71,17 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
+def refuses(folder: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command says one sentence, with this in it, before any work, and leaves the folder as it was."""
+    before = contents(folder)
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert sentence in printed.err
+    assert printed.out == "", "the work had begun"
+    assert printed.err.count("\n") == 1
+    assert contents(folder) == before
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -115,13 +126,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_what_is_read_is_never_replaced(
     folder: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = contents(folder)
-    assert main(words) == 2
-    printed = capsys.readouterr()
-    assert sentence in printed.err
-    assert printed.out == "", "the work had begun"
-    assert printed.err.count("\n") == 1
-    assert contents(folder) == before
+    refuses(folder, words, sentence, capsys)
 
 
 def test_a_file_is_the_same_by_whatever_path_it_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -223,12 +228,7 @@ def test_a_picture_is_written_under_its_own_name(folder: Path, name: str) -> Non
 def test_a_file_of_the_wrong_kind_is_named(
     folder: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = contents(folder)
-    assert main(words) == 2
-    printed = capsys.readouterr()
-    assert sentence in printed.err
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    assert contents(folder) == before
+    refuses(folder, words, sentence, capsys)
 
 
 def test_the_error_of_a_wrong_file_is_not_written_over_it(folder: Path) -> None:

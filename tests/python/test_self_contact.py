@@ -56,6 +56,14 @@ def closing(by: float = 0.012, slide: float | None = None) -> dict[str, Any]:
     return {"jaws/west": (by, None, None), "jaws/east": (-by, slide, None)}
 
 
+def closed(pair: vs.ContactPair) -> vs.Stepper:
+    """In frames, the jaws pressed on each other."""
+    stepper = scene(pair).stepper(closing(0.0, slide=0.0), iterations=60, settled=1e-6)
+    for part in CLOSING:
+        stepper.frame(closing(0.012 * part, slide=0.0))
+    return stepper
+
+
 @pytest.mark.parametrize("element", ["P1", "P1 mean volume", "P2"])
 def test_jaws_that_meet_press_on_each_other(element: str) -> None:
     """Farther apart at rest than the reach: with every solver and in frames they bear the same."""
@@ -89,9 +97,7 @@ def test_jaws_that_meet_press_on_each_other(element: str) -> None:
 def test_jaws_slide_along_each_other_with_friction() -> None:
     """One is dragged along the other: at the cone it slides, and the drag is dissipated."""
     pair = vs.ContactPair(*WALLS, friction=0.3)
-    stepper = scene(pair).stepper(closing(0.0, slide=0.0), iterations=60, settled=1e-6)
-    for part in CLOSING:
-        stepper.frame(closing(0.012 * part, slide=0.0))
+    stepper = closed(pair)
     for slide in np.linspace(0.0, 0.006, 7):
         frame = stepper.frame(closing(slide=slide))
         assert frame.is_settled, slide
@@ -206,9 +212,7 @@ def test_a_surface_that_only_bends_does_not_touch_itself() -> None:
 
 def test_a_lobe_that_slides_on_the_other_dissipates_without_names() -> None:
     pair = vs.ContactPair("jaws", friction=0.3)
-    stepper = scene(pair).stepper(closing(0.0, slide=0.0), iterations=60, settled=1e-6)
-    for part in CLOSING:
-        stepper.frame(closing(0.012 * part, slide=0.0))
+    stepper = closed(pair)
     for slide in np.linspace(0.0, 0.006, 7):
         frame = stepper.frame(closing(slide=slide))
         assert frame.is_settled, slide

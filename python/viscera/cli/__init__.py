@@ -35,7 +35,7 @@ from viscera.cli import (
     view,
     warp,
 )
-from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, heard, put
+from viscera.cli.output import BAD_INPUT, INTERRUPTED, NO_READER, Outcome, Output, ReaderGone, put, standard_error
 from viscera.errors import VisceraError
 
 VERBS = (
@@ -69,7 +69,7 @@ class _Wrapped(argparse.HelpFormatter):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code."""
-    with heard():
+    with standard_error():
         try:
             return _run(sys.argv[1:] if argv is None else list(argv))
         except ReaderGone:

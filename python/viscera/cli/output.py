@@ -109,8 +109,8 @@ def _require_open(advice: str) -> None:
 
 
 @contextmanager
-def heard() -> Iterator[None]:
-    """Messages have somewhere to go while this lasts: nowhere, if standard error is closed."""
+def standard_error() -> Iterator[None]:
+    """While this lasts, what is written to a closed standard error is dropped, and does not fail."""
     if sys.stderr is not None:
         yield
         return

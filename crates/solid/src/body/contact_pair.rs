@@ -52,8 +52,7 @@ impl ContactPair {
         Self::checked(points, surfaces, false, [reach, stiffness, friction])
     }
 
-    /// Of one surface that may touch itself. Within four times the reach at rest touches only what looks at each other from
-    /// outside; triangles that look past each other touch if they are twice the reach apart, neighbours never.
+    /// Of one surface that may touch itself; [`SelfContact`] says which of its triangles may.
     ///
     /// # Errors
     /// As [`ContactPair::new`].

@@ -1,21 +1,20 @@
 //! Which triangles of one surface may touch each other.
 //!
-//! Near each other in the tissue are triangles that never touch: neighbours, and the front and the back of a thin part. They
-//! look at each other through the tissue, or past each other. What looks at each other from outside may touch, however
-//! close it is at rest; so may all that is far apart.
+//! Some triangles that are close at rest never touch: neighbours, and the front and the back of a thin part. Triangles that face
+//! each other from outside may touch, however close they are at rest. All others may touch only if they are far apart at rest.
 
 use crate::mesh::{Sphere, cross, dot, norm, sub};
 
-/// Cosine between the normals of two triangles below which they look at each other, or away from each other.
+/// Cosine between the normals of two triangles below which they face each other, or face away from each other.
 const OPPOSITE: f64 = -0.5;
 
-/// How far apart at rest triangles may touch which do not look at each other from outside, over the reach: two that look
-/// past each other, and two that look away from each other. A part as thick as the latter would have to be pressed to a
-/// quarter before its back was found at its front.
+/// Least distances at rest, over the reach, of triangles that may touch although they do not face each other from outside: of
+/// two with other normals, and of two that face away from each other. A part as thick as the latter would have to be pressed
+/// to a quarter before its front found its back.
 const BESIDE: f64 = 2.0;
 const BEHIND: f64 = 4.0;
 
-/// How far behind each other triangles lie on each other, over their size: rounding of a mesh.
+/// How far behind each other two triangles are, over their size, that count as lying on each other: rounding of a mesh.
 const ON_IT: f64 = 1e-3;
 
 /// The triangles of a surface at rest.
@@ -51,7 +50,7 @@ impl SelfContact {
         }
         let between = sub(other.around.centre, one.around.centre);
         let is_opposite = dot(one.normal, other.normal) < OPPOSITE;
-        // What lies on each other looks at each other: of a cut, or of two lobes that touch.
+        // Triangles that lie on each other face each other: those of a cut, or of two lobes that touch.
         let on_it = -ON_IT * (one.around.radius + other.around.radius);
         match (dot(between, one.normal) > on_it, dot(between, other.normal) < -on_it) {
             (true, true) if is_opposite => true,
