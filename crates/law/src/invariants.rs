@@ -28,6 +28,10 @@ impl<E: StrainEnergy> Law for E {
         Some(Template::of_energy(self, part))
     }
 
+    fn dilatation_template(&self, part: f64) -> Option<Template> {
+        Some(Template::of_dilatation(self, part))
+    }
+
     #[inline(always)]
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S {
         let Z = cofactor(F);

@@ -73,6 +73,9 @@ pub trait LawKernels: SeriesKernels + Send + Sync {
     /// The law of a row, recorded, see [`Law::template`].
     fn template(&self, row: &[f64], part: Option<f64>) -> Option<Template>;
 
+    /// Its energy of dilatation, recorded, see [`Law::dilatation_template`].
+    fn dilatation_template(&self, row: &[f64], part: f64) -> Option<Template>;
+
     /// Strain energy per unit reference volume [J/m^3], that of the dilatation counting but for a part.
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]);
 
@@ -144,6 +147,10 @@ impl<M: Family> LawKernels for M {
 
     fn template(&self, row: &[f64], part: Option<f64>) -> Option<Template> {
         self.law(row).template(part)
+    }
+
+    fn dilatation_template(&self, row: &[f64], part: f64) -> Option<Template> {
+        self.law(row).dilatation_template(part)
     }
 
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {

@@ -162,6 +162,12 @@ pub trait Law: Copy + Send + Sync {
         None
     }
 
+    /// A part of the energy of dilatation recorded for a [`Program`], `s U(J)`. Where the law resists `(I1 - 1) / 2` rather
+    /// than `J`, a function of `I1`. None if no program has it.
+    fn dilatation_template(&self, _part: f64) -> Option<Template> {
+        None
+    }
+
     /// Strain energy per unit reference volume [J/m^3].
     fn energy<S: Scalar>(&self, F: &Mat3<S>) -> S;
 

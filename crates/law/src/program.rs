@@ -8,6 +8,7 @@
 use super::StrainEnergy;
 use super::expression::{Expression, Graph, Id, Node, PRESSURE, Symbol};
 use super::material::Material;
+use viscera_number::Scalar;
 
 /// A law with one row of parameters, as it is recorded.
 #[derive(Clone, Debug)]
@@ -49,11 +50,25 @@ impl Template {
         let (expression, values) = Symbol::record_apart(|[I1, I2, J, _, _], pressure| {
             let psi = law.psi(I1.clone(), I2, J.clone());
             let Some(part) = part else { return psi };
-            let ratio = if E::VOLUME_IS_TRACE { (I1 - 1.0) * 0.5 } else { J };
+            let ratio = ratio::<E, _>(I1, J);
             psi - law.volumetric(ratio.clone()) * part + ratio * pressure
         });
         Template::Energy(expression, values)
     }
+
+    /// The recorded energy of dilatation, see [`Law::dilatation_template`](super::Law::dilatation_template).
+    #[allow(non_snake_case)]
+    pub(crate) fn of_dilatation<E: StrainEnergy>(law: &E, part: f64) -> Self {
+        let (expression, values) =
+            Symbol::record_apart(|[I1, _, J, _, _], _| law.volumetric(ratio::<E, _>(I1, J)) * part);
+        Template::Energy(expression, values)
+    }
+}
+
+/// The volume ratio that a law resists.
+#[allow(non_snake_case)]
+fn ratio<E: StrainEnergy, S: Scalar>(I1: S, J: S) -> S {
+    if E::VOLUME_IS_TRACE { (I1 - 1.0) * 0.5 } else { J }
 }
 
 impl Material {
@@ -81,6 +96,17 @@ impl Material {
         }
         let rows = moduli.into_iter().map(|(_, row)| row).collect();
         Ok(Program { model, nodes: Vec::new(), rows })
+    }
+
+    /// The energy of dilatation as a program, `s U(J)`, or a function of `I1` where the law resists `(I1 - 1) / 2`; `parts`
+    /// by row as in [`Material::program`].
+    ///
+    /// # Errors
+    /// Why there is none, after "the law".
+    pub fn dilatation_program(&self, parts: &[f64]) -> Result<Program, &'static str> {
+        let template = |(cell, &part)| self.law().dilatation_template(self.row(cell), part);
+        let templates: Option<Vec<Template>> = parts.iter().enumerate().map(template).collect();
+        merged(templates.ok_or("is no function of invariants")?)
     }
 }
 

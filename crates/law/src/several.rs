@@ -52,6 +52,11 @@ impl LawKernels for Several {
         law.template(row, part)
     }
 
+    fn dilatation_template(&self, row: &[f64], part: f64) -> Option<Template> {
+        let (law, row) = self.of(row);
+        law.dilatation_template(row, part)
+    }
+
     fn energy(&self, row: &[f64], F: &[Mat3<Lane>], part: f64, psi: &mut [Lane]) {
         let (law, row) = self.of(row);
         law.energy(row, F, part, psi);

@@ -10,9 +10,14 @@ use viscera_number::{LANES, Lane, Lanes};
 const PARTS: [f64; 3] = [0.3, 0.6, 0.8];
 const OF_CLUSTER: f64 = 450.0;
 
-/// The energy of a program.
+/// The energy of a program at a deformation gradient.
 fn energy(program: &Program, row: &[f64], F: &Mat3<f64>) -> f64 {
     let Z = cofactor(F);
+    energy_of(program, row, [double_dot(F, F), double_dot(&Z, &Z), determinant(F, &Z)])
+}
+
+/// The energy of a program at `I1`, `I2`, `J`.
+fn energy_of(program: &Program, row: &[f64], invariants: [f64; 3]) -> f64 {
     let mut values: Vec<f64> = Vec::new();
     for &node in &program.nodes {
         let at = |id: u32| values[id as usize];
@@ -20,9 +25,9 @@ fn energy(program: &Program, row: &[f64], F: &Mat3<f64>) -> f64 {
             Node::Number(x) => x,
             Node::Parameter(PRESSURE) => OF_CLUSTER,
             Node::Parameter(k) => row[k as usize],
-            Node::Variable(Variable::I1) => double_dot(F, F),
-            Node::Variable(Variable::I2) => double_dot(&Z, &Z),
-            Node::Variable(Variable::J) => determinant(F, &Z),
+            Node::Variable(Variable::I1) => invariants[0],
+            Node::Variable(Variable::I2) => invariants[1],
+            Node::Variable(Variable::J) => invariants[2],
             Node::Add(a, b) => at(a) + at(b),
             Node::Sub(a, b) => at(a) - at(b),
             Node::Mul(a, b) => at(a) * at(b),
@@ -81,11 +86,33 @@ fn programs_are_the_laws() {
                     "{name}: {found} {exact}"
                 );
             }
+            if !parts.is_empty() {
+                holds_the_dilatation(&law, parts);
+            }
             let same = Material::new(name, vec![parameters(name, 1.0); 3]).unwrap();
             assert!(same.program(&[]).unwrap().rows.iter().all(Vec::is_empty));
         }
     }
     assert_eq!(count, 20);
+}
+
+/// `s U` of the volume ratio that the law resists, as the law itself computes it.
+fn holds_the_dilatation(law: &Material, parts: &[f64]) {
+    let program = law.dilatation_program(parts).unwrap();
+    let is_trace = program.nodes.contains(&Node::Variable(Variable::I1));
+    for (cell, part) in parts.iter().enumerate() {
+        for ratio in [0.8, 1.0, 1.3] {
+            let mut exact = [Lane::default()];
+            law.law().dilatation(law.row(cell), &[Lanes([ratio; LANES])], &mut exact);
+            // What the program does not read must not matter.
+            let invariants =
+                if is_trace { [2.0 * ratio + 1.0, f64::NAN] } else { [f64::NAN, ratio] };
+            let [i1, j] = invariants;
+            let found = energy_of(&program, &program.rows[cell], [i1, f64::NAN, j]);
+            let exact = part * exact[0][0];
+            assert!((found - exact).abs() < 1e-12 * exact.abs().max(1e3), "{found} {exact}");
+        }
+    }
 }
 
 #[test]
